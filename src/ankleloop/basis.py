@@ -1,0 +1,129 @@
+"""Basis functions of the static nonlinearity of the reflex path (Eq. 9, 10)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from ankleloop.errors import DataError
+
+__all__ = ["BASES", "Basis", "fit_basis"]
+
+BASES = ("chebyshev", "rectifier", "spline")
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Basis functions whose scale or knots are settled: the same functions serve any other record.
+
+    Parameters
+    ----------
+    kind : {"chebyshev", "rectifier", "spline"}
+        Kind of basis.
+    degree : int
+        Number of terms.
+    scale : float
+        Largest velocity magnitude [rad/s]; the Chebyshev polynomials take the velocity divided by it.
+    knots : ndarray
+        Knots of the cubic spline [rad/s].
+    """
+
+    kind: str
+    degree: int
+    scale: float = 1.0
+    knots: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def names(self):
+        """Name of every term."""
+        if self.kind == "rectifier":
+            return ("rectified_velocity",)
+        return tuple(f"{self.kind}_{k}" for k in range(1, self.degree + 1))
+
+    @property
+    def units(self):
+        """Unit of every term."""
+        return ("rad/s",) if self.kind == "rectifier" else ("1",) * self.degree
+
+    def __call__(self, velocity):
+        """Evaluate every term.
+
+        Parameters
+        ----------
+        velocity : ndarray, shape (N,)
+            Delayed velocity [rad/s].
+
+        Returns
+        -------
+        ndarray, shape (k, N)
+        """
+        return {"chebyshev": self._chebyshev, "rectifier": self._rectifier, "spline": self._spline}[self.kind](velocity)
+
+    def _chebyshev(self, velocity):
+        v = velocity / self.scale
+        terms = [np.ones_like(v), v]
+        while len(terms) <= self.degree:
+            terms.append(2 * v * terms[-1] - terms[-2])
+        # The constant would repeat one row through the whole Hankel matrix: offsets are removed as means instead.
+        return np.array(terms[1 : self.degree + 1])
+
+    def _rectifier(self, velocity):
+        return np.maximum(velocity, 0.0)[None, :]
+
+    def _spline(self, velocity):
+        inside = np.clip(velocity, self.knots[0], self.knots[-1])
+        # B-splines sum to one, and a constant is removed with the mean: one of them is too many.
+        return BSpline.design_matrix(inside, self.knots, 3).toarray().T[1:]
+
+
+def fit_basis(velocity, kind, degree):
+    """Settle the scale or the knots of a basis on a velocity.
+
+    ``"chebyshev"`` is T₁ … T_degree of Eq. 10 without its constant, ``"rectifier"`` the half-wave rectified velocity
+    (one term, whatever the degree), ``"spline"`` `degree` cubic B-splines with knots at quantiles.
+
+    Parameters
+    ----------
+    velocity : ndarray, shape (N,)
+        Delayed velocity [rad/s].
+    kind : {"chebyshev", "rectifier", "spline"}
+        Kind of basis.
+    degree : int
+        Number of terms.
+
+    Returns
+    -------
+    Basis
+
+    Raises
+    ------
+    ValueError
+        For an unknown basis or a degree that it does not have.
+    DataError
+        For a velocity on which no basis can be settled.
+
+    Examples
+    --------
+    >>> basis = fit_basis(np.array([-1.0, 0.5, 2.0]), "chebyshev", 2)
+    >>> basis.names, basis(np.array([1.0])).ravel().tolist()
+    (('chebyshev_1', 'chebyshev_2'), [0.5, -0.5])
+    """
+    if kind not in BASES:
+        raise ValueError(f"unknown basis {kind!r}; known: {', '.join(BASES)}.")
+    if isinstance(degree, bool) or not (isinstance(degree, (int, np.integer)) and degree >= 1):
+        raise ValueError(f"degree must be a whole number of at least 1, got {degree!r}.")
+    scale = float(np.max(np.abs(velocity)))
+    if scale == 0:
+        raise DataError("the velocity is zero throughout: the position channel carries no perturbation.")
+    if kind == "spline":
+        return Basis(kind, int(degree), scale, _quantile_knots(velocity, degree))
+    return Basis(kind, 1 if kind == "rectifier" else int(degree), scale)
+
+
+def _quantile_knots(velocity, degree):
+    if degree < 4:
+        raise ValueError(f"a cubic spline basis needs a degree of at least 4, got {degree}.")
+    inner = np.quantile(velocity, np.linspace(0, 1, degree - 1))
+    if np.any(np.diff(inner) <= 0):
+        raise DataError("the velocity dwells on too few values for a spline basis: use fewer terms or a rectifier.")
+    return np.concatenate(([inner[0]] * 3, inner, [inner[-1]] * 3))

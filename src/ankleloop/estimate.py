@@ -1,0 +1,163 @@
+"""What every method returns, and how it is kept on disk."""
+
+import json
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+__all__ = ["TORQUES", "Estimate", "load_estimates", "save_estimates", "torque_dataset"]
+
+TORQUES = ("net", "intrinsic", "reflex")
+STIFFNESS_UNITS = {"K": "N·m/rad", "B": "N·m·s/rad", "I": "kg·m²"}
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Result of an identification.
+
+    Parameters
+    ----------
+    method : str
+        Name of the method.
+    torque : xarray.Dataset
+        `net`, `intrinsic` and `reflex` torque over time [N·m], as deviations from their means.
+    model : control.StateSpace or None
+        Model in physical units from position, velocity, acceleration and the basis functions to the torque; None for
+        non-parametric methods.
+    stiffness : dict
+        "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²].
+    reflex : dict
+        "delay" [s] and, where the method gives them, "G" [N·m·s/rad], "omega_n" [rad/s], "zeta".
+    intervals : dict
+        95 % intervals (low, high) by the same names, where the method gives them.
+    diagnostics : dict
+        What the method saw on its way: singular values, order, poles, ranks, passes, warnings.
+    """
+
+    method: str
+    torque: xr.Dataset
+    model: object
+    stiffness: dict
+    reflex: dict
+    intervals: dict = field(default_factory=dict)
+    diagnostics: dict = field(default_factory=dict)
+
+    def __repr__(self):
+        values = ", ".join(f"{name} = {value:.4g} {STIFFNESS_UNITS[name]}" for name, value in self.stiffness.items())
+        lines = [f"<Estimate by {self.method}: {values}>"]
+        lines += [f"  warning: {text}" for text in self.diagnostics.get("warnings", ())]
+        return "\n".join(lines)
+
+
+def torque_dataset(time, rate, **torques):
+    """Torques over time with units and names.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Time [s].
+    rate : float
+        Identification rate [Hz].
+    **torques : ndarray, shape (N,)
+        `net`, `intrinsic`, `reflex` [N·m].
+
+    Returns
+    -------
+    xarray.Dataset
+    """
+    variables = {
+        name: ("time", values, {"units": "N·m", "long_name": f"estimated {name} torque"})
+        for name, values in torques.items()
+    }
+    coordinate = ("time", time, {"units": "s", "long_name": "time"})
+    return xr.Dataset(variables, coords={"time": coordinate}, attrs={"identification_rate": float(rate)})
+
+
+def _plain(value):
+    """Diagnostics as JSON: complex numbers as [real, imaginary]."""
+    if isinstance(value, (complex, np.complexfloating)):
+        return [value.real, value.imag]
+    if isinstance(value, np.ndarray):
+        return [_plain(item) for item in value.tolist()]
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} cannot be kept in diagnostics")
+
+
+def save_estimates(estimates, path):
+    """Write the estimates of a batch of trials to one NetCDF file, whole or not at all.
+
+    Parameters
+    ----------
+    estimates : sequence of Estimate
+        Estimates by one method, of trials of equal length.
+    path : path-like
+        File to write.
+    """
+    torque = xr.concat([estimate.torque for estimate in estimates], dim="trial")
+    names = list(estimates[0].stiffness)
+    reflex_names = list(dict.fromkeys(name for estimate in estimates for name in estimate.reflex))
+    batch = torque.assign(
+        stiffness=(("trial", "parameter"), [[e.stiffness[name] for name in names] for e in estimates]),
+        reflex_parameters=(
+            ("trial", "reflex_parameter"),
+            [[e.reflex.get(name, np.nan) for name in reflex_names] for e in estimates],
+        ),
+        diagnostics=(("trial",), [json.dumps(e.diagnostics, default=_plain) for e in estimates]),
+    )
+    batch = batch.assign_coords(parameter=names, reflex_parameter=reflex_names)
+    batch["stiffness"].attrs["units"] = ", ".join(STIFFNESS_UNITS[name] for name in names)
+    batch.attrs["method"] = estimates[0].method
+    write_netcdf(batch, path)
+
+
+def load_estimates(path):
+    """Read what `save_estimates` wrote.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    list of Estimate
+        Without their models, which are not kept.
+    """
+    with xr.open_dataset(path, engine="h5netcdf") as batch:
+        batch = batch.load()
+    return [_estimate(batch.isel(trial=k)) for k in range(batch.sizes["trial"])]
+
+
+def _estimate(one):
+    reflex = {str(n): float(v) for n, v in zip(one["reflex_parameter"].values, one["reflex_parameters"].values, strict=True)}
+    return Estimate(
+        method=one.attrs["method"],
+        torque=one[list(TORQUES)].drop_vars(["parameter", "reflex_parameter"], errors="ignore"),
+        model=None,
+        stiffness={str(n): float(v) for n, v in zip(one["parameter"].values, one["stiffness"].values, strict=True)},
+        reflex={name: value for name, value in reflex.items() if np.isfinite(value)},
+        diagnostics=json.loads(str(one["diagnostics"].values)),
+    )
+
+
+def write_netcdf(dataset, path):
+    """Write a dataset under its name only once it is complete.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        What to write.
+    path : path-like
+        Where.
+    """
+    path = Path(path)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        dataset.to_netcdf(partial, engine="h5netcdf")
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,107 @@
+"""Scores of an estimate against what was measured, and against the truth where there is one."""
+
+import numpy as np
+import pandas as pd
+
+from ankleloop.errors import DataError
+from ankleloop.metrics import vaf
+from ankleloop.regressors import decimated
+
+__all__ = ["evaluate", "in_band_snr"]
+
+TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
+
+
+def _scored(estimate, trim):
+    time = estimate.torque["time"].values
+    inside = (time >= time[0] + trim) & (time <= time[-1] - trim)
+    if inside.sum() < 2:
+        raise DataError(f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s.")
+    return inside
+
+
+def evaluate(trial, estimate, *, trim=TRIM):
+    """Score the torques of an estimate by their VAF.
+
+    The trial's torques are decimated exactly as the data of the estimate were. Net torque is scored against the
+    measured torque and, in a simulation, against the true intrinsic plus reflex torque; the two parts against their
+    truths. Without truths every row is against the measured torque: the parts are contributions, and do not add up.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The trial that was identified.
+    estimate : Estimate
+        The estimate.
+    trim : float
+        Time left out at either end of the estimate [s].
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `torque`, `against` (measured or true) and `vaf` [%].
+
+    Raises
+    ------
+    DataError
+        If nothing is left to score.
+
+    Examples
+    --------
+    >>> from ankleloop.methods.moesp import identify_moesp
+    >>> from ankleloop.simulation import simulate
+    >>> trial = simulate(seed=1, duration=20.0)
+    >>> evaluate(trial, identify_moesp(trial))["torque"].tolist()
+    ['net', 'net', 'intrinsic', 'reflex']
+    """
+    inside = _scored(estimate, trim)
+    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    measured = decimated(trial, "torque", time, rate)
+    rows = [("net", "measured", measured)]
+    if {"torque_intrinsic", "torque_reflex"} <= set(trial.data_vars):
+        truth = {part: decimated(trial, f"torque_{part}", time, rate) for part in ("intrinsic", "reflex")}
+        rows.append(("net", "true", truth["intrinsic"] + truth["reflex"]))
+        rows += [(part, "true", signal) for part, signal in truth.items() if np.ptp(signal) > 0]
+    else:
+        rows += [(part, "measured", measured) for part in ("intrinsic", "reflex")]
+    scores = [
+        (torque, against, vaf(signal[inside], estimate.torque[torque].values[inside]))
+        for torque, against, signal in rows
+    ]
+    return pd.DataFrame(scores, columns=["torque", "against", "vaf"])
+
+
+def in_band_snr(trial, estimate, *, trim=TRIM):
+    """Signal-to-noise ratio of the torque within the band of the identification.
+
+    Decimation takes more from the noise than from the torque, so this is above the ratio set in the recorded signal.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        A simulated trial.
+    estimate : Estimate
+        An estimate of it, which gives rate and samples.
+    trim : float
+        Time left out at either end [s].
+
+    Returns
+    -------
+    float
+        Variance of intrinsic plus reflex torque over variance of the measurement noise [dB]; infinite without noise.
+
+    Raises
+    ------
+    DataError
+        If the trial has no true torques.
+    """
+    missing = {"torque_intrinsic", "torque_reflex", "torque_noise"} - set(trial.data_vars)
+    if missing:
+        raise DataError(f"the trial has no {sorted(missing)[0]!r}: an in-band SNR needs the truths of a simulation.")
+    inside = _scored(estimate, trim)
+    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    clean, reflex, noise = (
+        decimated(trial, f"torque_{part}", time, rate)[inside] for part in ("intrinsic", "reflex", "noise")
+    )
+    power = np.var(noise)
+    return float(10 * np.log10(np.var(clean + reflex) / power)) if power > 0 else float("inf")

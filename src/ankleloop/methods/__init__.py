@@ -1,0 +1,1 @@
+"""Identification methods: a trial in, an estimate out, all with one signature."""

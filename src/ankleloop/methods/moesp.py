@@ -1,0 +1,169 @@
+"""The MOESP family on the joint: regressors in, intrinsic and reflex torque out.
+
+Its members differ in their instruments and in the form of their projection, so they share one body.
+"""
+
+import numpy as np
+
+from ankleloop.errors import DataError
+from ankleloop.estimate import Estimate, torque_dataset
+from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, predicted_inputs
+from ankleloop.subspace.input_matrices import response
+from ankleloop.subspace.moesp import moesp
+
+__all__ = ["MEMBERS", "identify_moesp"]
+
+# Instruments, and the form of the projection unless another one is asked for.
+MEMBERS = {
+    "pr-moesp": ("past-reference", "ordinary"),
+    "eiv-moesp": ("past-input-output", "correlation"),
+    "pi-moesp": ("past-input", "ordinary"),
+    "po-moesp": ("past-input-output", "ordinary"),
+    "moesp": ("none", "ordinary"),
+}
+
+
+def identify_moesp(
+    trial,
+    *,
+    method="pr-moesp",
+    order=2,
+    block_rows=15,
+    delay=0.04,
+    basis="chebyshev",
+    degree=5,
+    identification_rate=100.0,
+    input_matrices="least-squares",
+    projection=None,
+    instrument_rows=None,
+    reference="reference",
+    free_b=False,
+    rank_tolerance=1e-8,
+):
+    r"""Separate intrinsic and reflex torque by a member of the MOESP family.
+
+    The net torque is the output of one linear model (Eq. 11) whose inputs are position, velocity and acceleration,
+    which act at once through K, B and I, and basis functions of the delayed velocity, which drive the reflex:
+
+    .. math:: x(t+1) = A x(t) + [0 \; \tilde B] \begin{bmatrix} U_i \\ U_r \end{bmatrix}, \qquad
+              TQ = C x(t) + [K \; B \; I \; \tilde D] \begin{bmatrix} U_i \\ U_r \end{bmatrix}
+
+    Simulating the model with one group of inputs at a time gives the two torques (Section III of the paper).
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The trial.
+    method : {"pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp"}
+        Past reference (Zhao, Ludvig and Kearney, ACC 2008), past input and output in correlation form (Chou and
+        Verhaegen 1997), past input (Verhaegen 1993), past input and output (Verhaegen 1994), or no instruments
+        (Verhaegen and Dewilde 1992).
+    order : int or None
+        Order of the reflex dynamics; None takes it from the largest drop of the singular values.
+    block_rows : int
+        Block rows of the future Hankel matrices.
+    delay : float
+        Reflex delay [s].
+    basis : {"chebyshev", "rectifier", "spline"}
+        Basis of the static nonlinearity.
+    degree : int
+        Number of its terms (the rectifier has one).
+    identification_rate : float
+        Rate of the identification [Hz]; the sampling rate has to be a multiple of it.
+    input_matrices : {"least-squares", "instruments"}
+        How B and D are found: least squares is biased by torque that is fed back; instruments are rebuilt from the
+        position that the reference predicts.
+    projection : {"ordinary", "correlation"}, optional
+        Form of the projection; "correlation" for EIV-MOESP and "ordinary" for the others by default.
+    instrument_rows : int, optional
+        Block rows of the instruments; `block_rows`, or as many as the correlation form needs, by default.
+    reference : str
+        Variable that serves as reference; "position" for open-loop records.
+    free_b : bool
+        Let position, velocity and acceleration drive the state as well.
+    rank_tolerance : float
+        Rank policy of the projection: smaller singular values, relative to the largest, count as zero.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    DataError
+        If the record is unusable, too short, or lacks the reference that the method needs.
+
+    Examples
+    --------
+    >>> from ankleloop.simulation import simulate
+    >>> trial = simulate(seed=1, duration=20.0, snr_db=None, voluntary=0.0)
+    >>> estimate = identify_moesp(trial, method="pr-moesp", basis="rectifier")
+    >>> bool(abs(estimate.stiffness["K"] - 150) < 1)
+    True
+    """
+    instruments, usual_projection = MEMBERS[method]
+    # Members that have no use for a reference take a trial that has none.
+    needed = instruments == "past-reference" or input_matrices == "instruments"
+    regressors = build_regressors(
+        trial,
+        delay=delay,
+        basis=basis,
+        degree=degree,
+        identification_rate=identification_rate,
+        reference=reference if needed else None,
+    )
+    found = moesp(
+        regressors.inputs,
+        regressors.torque,
+        block_rows,
+        order,
+        instruments,
+        projection or usual_projection,
+        regressors.reference,
+        dt=1.0 / regressors.rate,
+        instrument_rows=instrument_rows,
+        input_matrices=input_matrices,
+        dynamic=None if free_b else regressors.reflex,
+        predicted_inputs=predicted_inputs(trial, regressors, delay) if input_matrices == "instruments" else None,
+        rank_tolerance=rank_tolerance,
+        names=(regressors.names, ("torque",)),
+    )
+    diagnostics = {"singular_values": found.singular_values, **found.diagnostics}
+    if needed:
+        diagnostics["reference"] = reference
+    return Estimate(
+        method=method,
+        torque=_torques(found.model, found.initial_state, regressors),
+        model=found.model,
+        stiffness=dict(zip("KBI", (float(d) for d in found.model.D[0, : len(INTRINSIC_NAMES)]), strict=True)),
+        reflex=_reflex_parameters(found.model, regressors, delay),
+        diagnostics=diagnostics,
+    )
+
+
+def _torques(model, initial_state, regressors):
+    """Simulate the model with the inputs of one path at a time; the initial state belongs to the reflex."""
+    u = regressors.inputs - regressors.inputs.mean(axis=0)
+    paths = {}
+    for name, used, start in (("intrinsic", ~regressors.reflex, None), ("reflex", regressors.reflex, initial_state)):
+        paths[name] = response(model.A, model.B, model.C, model.D, np.where(used, u, 0.0), start)[:, 0]
+    if not all(np.all(np.isfinite(torque)) for torque in paths.values()):
+        raise DataError("the estimated torques are not finite: the model does not suit the record; lower its order.")
+    return torque_dataset(regressors.time, regressors.rate, net=paths["intrinsic"] + paths["reflex"], **paths)
+
+
+def _reflex_parameters(model, regressors, delay):
+    """Gain, natural frequency and damping of the reflex, where one rectifier drives a second-order model."""
+    parameters = {"delay": float(delay)}
+    if regressors.basis.kind != "rectifier":
+        return parameters
+    A, B = model.A, model.B[:, regressors.reflex]
+    n = A.shape[0]
+    gain = model.C @ np.linalg.solve(np.eye(n) - A, B) + model.D[:, regressors.reflex]
+    parameters["G"] = float(gain[0, 0])
+    poles = np.linalg.eigvals(A).astype(complex)
+    if n == 2 and np.all(np.abs(poles) > 0) and not np.any((poles.real <= 0) & (poles.imag == 0)):
+        s = np.log(poles) * regressors.rate
+        parameters["omega_n"] = float(np.sqrt(np.abs(s[0] * s[1])))
+        parameters["zeta"] = float(-(s[0] + s[1]).real / (2 * parameters["omega_n"]))
+    return parameters

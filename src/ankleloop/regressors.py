@@ -1,0 +1,225 @@
+"""From a trial to the inputs of Eq. 3, 9 and 11, all decimated through the same kernel."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ankleloop.basis import Basis, fit_basis
+from ankleloop.errors import DataError
+from ankleloop.signals import (
+    decimate,
+    decimation_factor,
+    decimation_margin,
+    differentiate,
+    differentiation_margin,
+    lowpass,
+)
+from ankleloop.subspace.instruments import reference_response
+from ankleloop.trial import validate
+
+__all__ = ["INTRINSIC_NAMES", "Regressors", "build_regressors", "decimated"]
+
+INTRINSIC_NAMES = ("position", "velocity", "acceleration")
+INTRINSIC_UNITS = ("rad", "rad/s", "rad/s²")
+
+
+@dataclass(frozen=True)
+class Regressors:
+    """Inputs and output of an identification.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Time in the record [s].
+    inputs : ndarray, shape (N, 3 + k)
+        P, Ṗ, P̈ and the basis functions of the delayed velocity.
+    basis : Basis
+        Basis of the nonlinearity, with its scale or knots.
+    torque : ndarray, shape (N,)
+        Measured net torque [N·m].
+    reference : ndarray, shape (N,), or None
+        Reference of the loop [rad].
+    reference_name : str or None
+        Variable that serves as reference.
+    rate : float
+        Identification rate [Hz].
+    """
+
+    time: np.ndarray
+    inputs: np.ndarray
+    basis: Basis
+    torque: np.ndarray
+    reference: np.ndarray | None
+    reference_name: str | None
+    rate: float
+
+    @property
+    def names(self):
+        """Name of every input."""
+        return (*INTRINSIC_NAMES, *self.basis.names)
+
+    @property
+    def units(self):
+        """Unit of every input."""
+        return (*INTRINSIC_UNITS, *self.basis.units)
+
+    @property
+    def reflex(self):
+        """Boolean mask of the inputs of the reflex path."""
+        return np.arange(self.inputs.shape[1]) >= len(INTRINSIC_NAMES)
+
+
+def _grid(trial, identification_rate, delay):
+    """Factor, first recorded index and number of the identified samples no filter edge touches."""
+    rate = float(trial.attrs["sampling_rate"])
+    factor = decimation_factor(rate, identification_rate)
+    margin = decimation_margin(factor)
+    before, after = differentiation_margin(rate, delay)
+    first = -(-(margin + max(before, 0)) // factor) * factor
+    last = trial.sizes["time"] - 1 - margin - max(after, 0)
+    count = (last - first) // factor + 1
+    if count < 2:
+        raise DataError(
+            f"the record of {trial.sizes['time'] / rate:.3g} s is too short: its filters touch "
+            f"{(first + margin + max(after, 0)) / rate:.3g} s at the ends. Record longer."
+        )
+    return factor, first, count
+
+
+def build_regressors(trial, *, delay, basis, degree, identification_rate, reference=None):
+    """Differentiate, delay, expand and decimate a trial.
+
+    Velocity for the nonlinearity is taken at the recording rate through a wide differentiator, delayed and expanded
+    there; every term is decimated only then, because a rectifier after decimation is another rectifier.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The trial.
+    delay : float
+        Reflex delay [s].
+    basis : {"chebyshev", "rectifier", "spline"}
+        Basis of the nonlinearity.
+    degree : int
+        Number of its terms.
+    identification_rate : float
+        Rate of the identification [Hz].
+    reference : str or None
+        Variable that serves as reference; None for none.
+
+    Returns
+    -------
+    Regressors
+
+    Raises
+    ------
+    DataError
+        For an unusable trial, a missing reference, or a sampling rate that is not a multiple of the rate.
+
+    Examples
+    --------
+    >>> from ankleloop.simulation import simulate
+    >>> regressors = build_regressors(simulate(seed=1, duration=5.0), delay=0.04, basis="rectifier", degree=1,
+    ...                               identification_rate=100.0)
+    >>> regressors.names
+    ('position', 'velocity', 'acceleration', 'rectified_velocity')
+    """
+    validate(trial)
+    if not 0 <= delay <= 1:
+        raise ValueError(f"delay must be between 0 and 1 s, got {delay!r}.")
+    if reference is not None and reference not in trial:
+        raise DataError(
+            f"the trial has no variable {reference!r} to serve as reference; it has {', '.join(map(str, trial.data_vars))}. "
+            "Give the command of the servo as reference, or reference='position' for an open-loop record."
+        )
+    grid = _grid(trial, identification_rate, delay)
+    factor, first, count = grid
+    rate = float(trial.attrs["sampling_rate"])
+    position = trial["position"].values
+    velocity = differentiate(position, rate, delay)
+    fitted = fit_basis(velocity, basis, degree)
+    return Regressors(
+        time=(first + factor * np.arange(count)) / rate,
+        inputs=_inputs(position, velocity, fitted, grid, rate),
+        basis=fitted,
+        torque=decimate(trial["torque"].values, *grid),
+        reference=None if reference is None else decimate(trial[reference].values, *grid),
+        reference_name=reference,
+        rate=float(identification_rate),
+    )
+
+
+def _inputs(position, velocity, basis, grid, rate):
+    intrinsic = [decimate(position, *grid, rate=rate, derivative=d) for d in range(3)]
+    return np.column_stack([*intrinsic, *decimate(basis(velocity), *grid)])
+
+
+def predicted_inputs(trial, regressors, delay, leads=15, lags=80):
+    """Inputs as they would be without fed-back noise: rebuilt from the position that the reference predicts.
+
+    The position is regressed on leads and lags of the reference at the identification rate; the same response then
+    runs on the reference at the recording rate, so that the nonlinear terms can be rebuilt there.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The trial.
+    regressors : Regressors
+        Its regressors, with a reference.
+    delay : float
+        Reflex delay [s].
+    leads, lags : int
+        Identified samples ahead of and behind the present.
+
+    Returns
+    -------
+    ndarray, shape (N, 3 + k)
+        Instruments for the inputs, on the same samples.
+
+    Raises
+    ------
+    DataError
+        If there is no reference.
+    """
+    if regressors.reference is None:
+        raise DataError("instruments for B and D are made of the reference, and the trial has none.")
+    rate = float(trial.attrs["sampling_rate"])
+    grid = _grid(trial, regressors.rate, delay)
+    factor = grid[0]
+    position = regressors.inputs[:, :1]
+    response = reference_response(position, regressors.reference[:, None], leads, lags)[:, 0, 0]
+    taps = np.zeros(factor * (leads + lags) + 1)
+    taps[::factor] = response
+    reference = lowpass(trial[regressors.reference_name].values, factor)
+    predicted = np.convolve(reference, taps)[factor * leads :][: reference.size]
+    velocity = differentiate(predicted, rate, delay)
+    return _inputs(predicted, velocity, regressors.basis, grid, rate)
+
+
+def decimated(trial, name, time, identification_rate):
+    """A variable of a trial at the samples of an estimate, through the decimation that the estimate's data had.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The trial.
+    name : str
+        Variable.
+    time : ndarray, shape (N,)
+        Regular times of an estimate [s].
+    identification_rate : float
+        Rate of the estimate [Hz].
+
+    Returns
+    -------
+    ndarray, shape (N,)
+
+    Examples
+    --------
+    >>> from ankleloop.simulation import simulate
+    >>> decimated(simulate(seed=1, duration=5.0), "torque", np.array([1.0, 1.01, 1.02]), 100.0).shape
+    (3,)
+    """
+    rate = float(trial.attrs["sampling_rate"])
+    factor = decimation_factor(rate, identification_rate)
+    return decimate(trial[name].values, factor, round(float(time[0]) * rate), time.size)

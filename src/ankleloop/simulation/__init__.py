@@ -1,0 +1,29 @@
+"""Simulation of a joint that pushes against a compliant load."""
+
+from ankleloop.simulation.parameters import (
+    Actuator,
+    Disturbances,
+    Intrinsic,
+    Load,
+    Perturbation,
+    Recorder,
+    Reflex,
+    Run,
+    Simulation,
+    parameter_table,
+)
+from ankleloop.simulation.simulate import simulate
+
+__all__ = [
+    "Actuator",
+    "Disturbances",
+    "Intrinsic",
+    "Load",
+    "Perturbation",
+    "Recorder",
+    "Reflex",
+    "Run",
+    "Simulation",
+    "parameter_table",
+    "simulate",
+]

@@ -1,0 +1,88 @@
+"""What drives the loop from outside: perturbation, voluntary torque, measurement noise."""
+
+import numpy as np
+from scipy import signal as sps
+
+__all__ = ["held_noise", "prbs", "voluntary_torque"]
+
+
+def prbs(rng, samples, interval, amplitude):
+    """Pseudorandom binary sequence that switches at random multiples of an interval.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of randomness.
+    samples : int
+        Length.
+    interval : int
+        Switching interval in samples.
+    amplitude : float
+        Peak-to-peak amplitude.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        Values ±amplitude / 2.
+
+    Examples
+    --------
+    >>> sorted(set(prbs(np.random.default_rng(1), 1000, 100, 0.04).tolist()))
+    [-0.02, 0.02]
+    """
+    levels = rng.integers(0, 2, size=-(-samples // interval)) - 0.5
+    return amplitude * np.repeat(levels, interval)[:samples]
+
+
+def voluntary_torque(rng, samples, rate, cutoff):
+    """Gaussian noise through a second-order Bessel low-pass, of unit standard deviation.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of randomness.
+    samples : int
+        Length.
+    rate : float
+        Sampling rate [Hz].
+    cutoff : float
+        -3 dB frequency [Hz].
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        A stationary record; 1 is the standard deviation of the process, not that of this sample of it.
+
+    Examples
+    --------
+    >>> x = voluntary_torque(np.random.default_rng(1), 200_000, 1000.0, 2.0)
+    >>> bool(abs(x.std() - 1) < 0.1)
+    True
+    """
+    sos = sps.bessel(2, cutoff, fs=rate, norm="mag", output="sos")
+    warmup = int(np.ceil(5 * rate / cutoff))
+    response = sps.sosfilt(sos, np.concatenate(([1.0], np.zeros(2 * warmup))))
+    noise = sps.sosfilt(sos, rng.standard_normal(warmup + samples))[warmup:]
+    return noise / np.linalg.norm(response)
+
+
+def held_noise(rng, samples, hold):
+    """White Gaussian noise of unit standard deviation, each value held for some samples.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of randomness.
+    samples, hold : int
+        Length, and samples for which each value is held.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+
+    Examples
+    --------
+    >>> bool(np.all(np.diff(held_noise(np.random.default_rng(1), 30, 10).reshape(3, 10)) == 0))
+    True
+    """
+    return np.repeat(rng.standard_normal(-(-samples // hold)), hold)[:samples]

@@ -1,0 +1,150 @@
+"""A simulated experiment: parameters and a seed in, a trial with its true torques out."""
+
+import numpy as np
+
+from ankleloop.errors import UnstableLoopError
+from ankleloop.simulation.excitation import held_noise, prbs, voluntary_torque
+from ankleloop.simulation.loop import antialias, build_loop, run_loop
+from ankleloop.simulation.parameters import Simulation
+from ankleloop.trial import new_trial
+
+__all__ = ["simulate"]
+
+
+def simulate(
+    *,
+    seed,
+    duration=50.0,
+    reflex_gain=13.0,
+    load=(1.1, 7.1, 250.0),
+    voluntary=0.05,
+    snr_db=10.0,
+    closed_loop=True,
+    recording_rate=1000.0,
+    **parameters,
+):
+    r"""Simulate a trial of the parallel-cascade joint against a compliant load.
+
+    Position = servo(reference) − H_imp(s)·(intrinsic + reflex + voluntary + noise torque), Figure 2 and Section IV of
+    Zhao, Ludvig and Kearney (ACC 2008), with
+
+    .. math:: TQ_I = K P + B \dot P + I \ddot P, \qquad
+              TQ_R = \frac{G\,\omega_n^2}{s^2 + 2\zeta\omega_n s + \omega_n^2} \max(0, \dot P(t - \tau)).
+
+    The noise level refers to the clean net torque, that of the same seed without noise and voluntary torque.
+
+    Parameters
+    ----------
+    seed : int or numpy.random.SeedSequence
+        The same seed gives the same bits; perturbation, voluntary torque and noise have streams of their own, so
+        a change of one parameter leaves the other signals as they were.
+    duration : float
+        Length of the record [s].
+    reflex_gain : float
+        Reflex gain G [N·m·s/rad].
+    load : tuple of float
+        Inertia [kg·m²], viscosity [N·m·s/rad] and stiffness [N·m/rad] of the load.
+    voluntary : float
+        Standard deviation of the voluntary torque, as a fraction of that of the clean net torque.
+    snr_db : float or None
+        Signal-to-noise ratio of the recorded torque [dB]; None for no noise.
+    closed_loop : bool
+        False for a stiff servo: the torque does not move the joint.
+    recording_rate : float
+        Sampling rate of the record [Hz].
+    **parameters
+        Any other name of `ankleloop.simulation.parameter_table`.
+
+    Returns
+    -------
+    xarray.Dataset
+        A trial with `position`, `torque`, `reference` and the truths `torque_intrinsic`, `torque_reflex`,
+        `torque_voluntary`, `torque_noise`, all behind the same anti-aliasing filter. The parameters are attributes.
+
+    Raises
+    ------
+    UnstableLoopError
+        If the loop diverges.
+    TypeError, ValueError
+        For an unknown parameter or a value outside its bounds.
+
+    Examples
+    --------
+    >>> trial = simulate(seed=1, duration=10.0)
+    >>> trial.sizes["time"]
+    10000
+    """
+    overlap = {"load_inertia", "load_viscosity", "load_stiffness"} & set(parameters)
+    names = dict(zip(("load_inertia", "load_viscosity", "load_stiffness"), load, strict=True))
+    names.update({name: parameters.pop(name) for name in overlap})
+    simulation = Simulation.from_flat(
+        duration=duration,
+        reflex_gain=reflex_gain,
+        voluntary=voluntary,
+        snr_db=snr_db,
+        closed_loop=closed_loop,
+        recording_rate=recording_rate,
+        **names,
+        **parameters,
+    )
+    return _simulate(simulation, seed)
+
+
+def _simulate(simulation, seed):
+    rate = simulation.recorder.recording_rate
+    dropped = round(simulation.run.settling * rate)
+    samples = dropped + round(simulation.run.duration * rate)
+    disturbances = simulation.disturbances
+    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    # Children are keyed by hand, not spawned: spawning counts, and the same seed would give other bits next time.
+    streams = [
+        np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, k))) for k in range(3)
+    ]
+    perturbation = simulation.perturbation
+    command = prbs(streams[0], samples, round(perturbation.switching_interval * rate), perturbation.amplitude)
+    loop = build_loop(simulation)
+    nothing = np.zeros(samples)
+    noise = spontaneous = nothing
+    recorded = _recorded(loop, simulation, command, nothing, nothing)
+    if disturbances.voluntary > 0 or disturbances.snr_db is not None:
+        clean = np.std((recorded[1] + recorded[2])[dropped:])
+        if disturbances.voluntary > 0:
+            unit = voluntary_torque(streams[1], samples, rate, disturbances.voluntary_cutoff)
+            spontaneous = disturbances.voluntary * clean * unit
+        if disturbances.snr_db is not None:
+            unit = held_noise(streams[2], samples, round(rate / disturbances.noise_rate))
+            noise = clean * 10 ** (-disturbances.snr_db / 20) * unit
+        recorded = _recorded(loop, simulation, command, noise, spontaneous)
+    position, intrinsic, reflex = recorded[:, dropped:]
+    reference = antialias(command, simulation, "zoh")[dropped:]
+    noise = antialias(noise, simulation, "zoh")[dropped:]
+    spontaneous = antialias(spontaneous, simulation, "foh")[dropped:]
+    described = {name: value for name, value in simulation.flat().items() if value is not None}
+    described = {name: int(value) if isinstance(value, bool) else value for name, value in described.items()}
+    return new_trial(
+        position,
+        intrinsic + reflex + spontaneous + noise,
+        rate,
+        reference,
+        torque_intrinsic=intrinsic,
+        torque_reflex=reflex,
+        torque_voluntary=spontaneous,
+        torque_noise=noise,
+        seed=str(seed) if isinstance(seed, np.random.SeedSequence) else seed,
+        **described,
+    )
+
+
+def _recorded(loop, simulation, command, noise, voluntary):
+    recorded, diverged = run_loop(loop, simulation, command, noise, voluntary)
+    if diverged >= 0:
+        s = simulation
+        at = diverged / s.recorder.recording_rate
+        raise UnstableLoopError(
+            f"the closed loop is unstable: the position passes ±{s.run.position_limit:g} rad after {at:.3g} s. "
+            f"Parameters: load_inertia={s.load.load_inertia:g} kg·m², load_viscosity={s.load.load_viscosity:g} "
+            f"N·m·s/rad, load_stiffness={s.load.load_stiffness:g} N·m/rad, reflex_gain={s.reflex.reflex_gain:g} "
+            f"N·m·s/rad, delay={s.reflex.delay:g} s, stiffness={s.intrinsic.stiffness:g} N·m/rad, "
+            f"viscosity={s.intrinsic.viscosity:g} N·m·s/rad. Take a heavier or more damped load, or a lower reflex gain."
+        )
+    return recorded

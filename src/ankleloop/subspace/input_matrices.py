@@ -1,0 +1,148 @@
+"""B, D and the initial state, given A and C: a linear regression on simulated responses."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy import linalg
+
+from ankleloop.errors import DataError
+
+__all__ = ["InputMatrices", "estimate_input_matrices", "response", "state_trajectory"]
+
+
+@dataclass(frozen=True)
+class InputMatrices:
+    """B, D and initial state, with the rank and condition of the regression that gave them."""
+
+    B: np.ndarray
+    D: np.ndarray
+    initial_state: np.ndarray
+    rank: int
+    condition: float
+
+
+@njit(cache=True)
+def state_trajectory(A, drive, x0):
+    """States of x(t+1) = A x(t) + drive(t).
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+        State matrix.
+    drive : ndarray, shape (N, n)
+        B u(t).
+    x0 : ndarray, shape (n,)
+        Initial state.
+
+    Returns
+    -------
+    ndarray, shape (N, n)
+    """
+    samples, n = drive.shape
+    states = np.empty((samples, n))
+    x, x_next = x0.copy(), np.empty(n)
+    for t in range(samples):
+        states[t] = x
+        for i in range(n):
+            total = drive[t, i]
+            for j in range(n):
+                total += A[i, j] * x[j]
+            x_next[i] = total
+        x, x_next = x_next, x
+    return states
+
+
+def response(A, B, C, D, u, x0=None):
+    """Output of a state-space model.
+
+    Parameters
+    ----------
+    A, B, C, D : ndarray
+        The model.
+    u : ndarray, shape (N, m)
+        Inputs.
+    x0 : ndarray, shape (n,), optional
+        Initial state; zero by default.
+
+    Returns
+    -------
+    ndarray, shape (N, p)
+
+    Examples
+    --------
+    >>> A, B, C, D = (np.array([[value]]) for value in (0.5, 1.0, 1.0, 0.0))
+    >>> response(A, B, C, D, np.array([[1.0], [0.0], [0.0]])).ravel()
+    array([0. , 1. , 0.5])
+    """
+    x0 = np.zeros(A.shape[0]) if x0 is None else np.asarray(x0, dtype=float)
+    states = state_trajectory(np.ascontiguousarray(A), np.ascontiguousarray(u @ B.T), x0)
+    return states @ C.T + u @ D.T
+
+
+def _regressors(A, C, u, dynamic):
+    """Responses of every output to every entry of D, B and x0: shape (N, p, m·p + n·(dynamic inputs) + n)."""
+    (samples, m), n, p = u.shape, A.shape[0], C.shape[0]
+    A = np.ascontiguousarray(A)
+    direct = np.einsum("tj,ik->tijk", u, np.eye(p)).reshape(samples, p, m * p)
+    blocks = [direct]
+    for j in np.flatnonzero(dynamic):
+        for state in range(n):
+            drive = np.zeros((samples, n))
+            drive[:, state] = u[:, j]
+            blocks.append((state_trajectory(A, drive, np.zeros(n)) @ C.T)[:, :, None])
+    nothing = np.zeros((samples, n))
+    blocks += [(state_trajectory(A, nothing, start) @ C.T)[:, :, None] for start in np.eye(n)]
+    return np.concatenate(blocks, axis=2)
+
+
+def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, rank_tolerance=1e-10):
+    r"""B, D and x0 by least squares, or with instruments.
+
+    The output is linear in them, :math:`y(t) = C A^t x_0 + \sum_k C A^{t-1-k} B u(k) + D u(t)`. With instruments, the
+    regressors are simulated a second time from noise-free predictions of the inputs, and the normal equations
+    :math:`\Psi^T \Phi \theta = \Psi^T y` are solved: they are consistent where least squares is biased by feedback.
+
+    Parameters
+    ----------
+    A, C : ndarray, shape (n, n), (p, n)
+        The model so far.
+    u, y : ndarray, shape (N, m), (N, p)
+        Inputs and outputs, of similar size.
+    dynamic : ndarray of bool, shape (m,), optional
+        Inputs that drive the state; the rows of B of all others are zero (Eq. 11). All, by default.
+    instrument_inputs : ndarray, shape (N, m), optional
+        Predicted noise-free inputs; None for least squares.
+    rank_tolerance : float
+        Directions below this fraction of the largest one are left out (columns have unit norm).
+
+    Returns
+    -------
+    InputMatrices
+
+    Raises
+    ------
+    DataError
+        If there are fewer samples than unknowns.
+    """
+    m, n, p = u.shape[1], A.shape[0], C.shape[0]
+    dynamic = np.ones(m, dtype=bool) if dynamic is None else np.asarray(dynamic, dtype=bool)
+    phi = _regressors(A, C, u, dynamic)
+    phi = phi.reshape(-1, phi.shape[2])
+    if phi.shape[0] < phi.shape[1]:
+        raise DataError(f"{phi.shape[0]} samples cannot determine {phi.shape[1]} entries of B, D and x0: record longer.")
+    scale = np.linalg.norm(phi, axis=0)
+    scale[scale == 0] = 1.0
+    left, right = phi / scale, y.reshape(-1)
+    if instrument_inputs is not None:
+        psi = _regressors(A, C, instrument_inputs, dynamic).reshape(phi.shape)
+        psi_scale = np.linalg.norm(psi, axis=0)
+        psi = psi / np.where(psi_scale == 0, 1.0, psi_scale)
+        left, right = psi.T @ left, psi.T @ right
+    theta, _, rank, values = linalg.lstsq(left, right, cond=rank_tolerance, lapack_driver="gelsd")
+    theta = theta / scale
+    D = theta[: m * p].reshape(m, p).T
+    B = np.zeros((n, m))
+    count = int(dynamic.sum())
+    B[:, dynamic] = theta[m * p : m * p + n * count].reshape(count, n).T
+    return InputMatrices(B, D, theta[-n:] if n else theta[:0], int(rank), float(values[0] / values[rank - 1]))

@@ -1,0 +1,62 @@
+"""From the extended observability matrix to A and C."""
+
+import numpy as np
+from scipy import linalg
+
+__all__ = ["choose_order", "realise"]
+
+
+def choose_order(singular_values, largest):
+    """Order at the largest drop between consecutive singular values.
+
+    Parameters
+    ----------
+    singular_values : ndarray
+        In descending order.
+    largest : int
+        Largest order to consider.
+
+    Returns
+    -------
+    int
+
+    Examples
+    --------
+    >>> choose_order(np.array([5.0, 3.0, 0.01, 0.009]), largest=3)
+    2
+    """
+    values = singular_values[: largest + 1]
+    floor = np.finfo(float).tiny
+    return int(np.argmax(values[:-1] / np.maximum(values[1:], floor))) + 1
+
+
+def realise(observability, outputs, order):
+    """A and C by shift invariance of the extended observability matrix, stable in any case.
+
+    Where least squares gives an unstable A, the shifted matrix is extended by a block of zeros instead: with
+    orthonormal columns, A is then a contraction (Maciejowski 1995, Guaranteed stability with subspace methods).
+
+    Parameters
+    ----------
+    observability : ndarray, shape (block_rows * p, k)
+        Orthonormal columns, the first `order` of which are used.
+    outputs : int
+        p.
+    order : int
+        n.
+
+    Returns
+    -------
+    A : ndarray, shape (n, n)
+    C : ndarray, shape (p, n)
+    guarded : float or None
+        Spectral radius of the unstable A that had to be replaced, None if least squares was stable.
+    """
+    columns = observability[:, :order]
+    A = linalg.lstsq(columns[:-outputs], columns[outputs:])[0]
+    radius = float(np.max(np.abs(linalg.eigvals(A))))
+    C = columns[:outputs]
+    if radius < 1.0:
+        return A, C, None
+    shifted = np.vstack([columns[outputs:], np.zeros((outputs, order))])
+    return columns.T @ shifted, C, radius
