@@ -1,12 +1,12 @@
 """What every method returns, and how it is kept on disk."""
 
 import json
-import os
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
+
+from ankleloop.storage import write_netcdf
 
 __all__ = ["TORQUES", "Estimate", "load_estimates", "save_estimates", "torque_dataset"]
 
@@ -81,7 +81,7 @@ def _plain(value):
     if isinstance(value, (complex, np.complexfloating)):
         return [value.real, value.imag]
     if isinstance(value, np.ndarray):
-        return [_plain(item) for item in value.tolist()]
+        return value.tolist()
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"{type(value).__name__} cannot be kept in diagnostics")
@@ -132,32 +132,17 @@ def load_estimates(path):
     return [_estimate(batch.isel(trial=k)) for k in range(batch.sizes["trial"])]
 
 
+def _named(one, names, values):
+    return {str(name): float(value) for name, value in zip(one[names].values, one[values].values, strict=True)}
+
+
 def _estimate(one):
-    reflex = {str(n): float(v) for n, v in zip(one["reflex_parameter"].values, one["reflex_parameters"].values, strict=True)}
+    reflex = _named(one, "reflex_parameter", "reflex_parameters")
     return Estimate(
         method=one.attrs["method"],
         torque=one[list(TORQUES)].drop_vars(["parameter", "reflex_parameter"], errors="ignore"),
         model=None,
-        stiffness={str(n): float(v) for n, v in zip(one["parameter"].values, one["stiffness"].values, strict=True)},
+        stiffness=_named(one, "parameter", "stiffness"),
         reflex={name: value for name, value in reflex.items() if np.isfinite(value)},
         diagnostics=json.loads(str(one["diagnostics"].values)),
     )
-
-
-def write_netcdf(dataset, path):
-    """Write a dataset under its name only once it is complete.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        What to write.
-    path : path-like
-        Where.
-    """
-    path = Path(path)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        dataset.to_netcdf(partial, engine="h5netcdf")
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)

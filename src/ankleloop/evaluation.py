@@ -7,7 +7,7 @@ from ankleloop.errors import DataError
 from ankleloop.metrics import vaf
 from ankleloop.regressors import decimated
 
-__all__ = ["evaluate", "in_band_snr"]
+__all__ = ["evaluate", "in_band_snr", "parameters", "summarise"]
 
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
 
@@ -105,3 +105,54 @@ def in_band_snr(trial, estimate, *, trim=TRIM):
     )
     power = np.var(noise)
     return float(10 * np.log10(np.var(clean + reflex) / power)) if power > 0 else float("inf")
+
+
+def parameters(trial, estimate):
+    """What an estimate says beside its torques, and the circumstances it was made under, as one row.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The trial.
+    estimate : Estimate
+        Its estimate.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row: K, B, I, the reflex parameters, the in-band SNR [dB] of a simulation with noise, and those of order,
+        passes, converged, stable, reference and warnings that the method reports.
+    """
+    row = {**estimate.stiffness, **estimate.reflex}
+    if "torque_noise" in trial and np.ptp(trial["torque_noise"].values) > 0:
+        row["in_band_snr_db"] = in_band_snr(trial, estimate)
+    for name in ("order", "passes", "converged", "stable", "reference"):
+        if name in estimate.diagnostics:
+            row[name] = estimate.diagnostics[name]
+    row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
+    return pd.DataFrame([row])
+
+
+def summarise(scores, by):
+    """Mean and standard deviation of the VAF over trials.
+
+    Parameters
+    ----------
+    scores : pandas.DataFrame
+        Tables of `evaluate`, one below the other, with columns that tell them apart.
+    by : sequence of str
+        Columns that stay apart.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `by`, `mean`, `sd` (of the sample; empty for a single trial) and `n`, in the order in which
+        they first appear.
+
+    Examples
+    --------
+    >>> scores = pd.DataFrame({"torque": ["net", "net"], "vaf": [90.0, 92.0]})
+    >>> summarise(scores, ["torque"]).values.tolist()
+    [['net', 91.0, 1.4142135623730951, 2]]
+    """
+    return scores.groupby(list(by), sort=False)["vaf"].agg(mean="mean", sd="std", n="count").reset_index()

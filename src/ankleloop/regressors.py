@@ -125,12 +125,13 @@ def build_regressors(trial, *, delay, basis, degree, identification_rate, refere
     ('position', 'velocity', 'acceleration', 'rectified_velocity')
     """
     validate(trial)
-    if not 0 <= delay <= 1:
-        raise ValueError(f"delay must be between 0 and 1 s, got {delay!r}.")
+    if delay is None or not 0 <= delay <= 1:
+        raise ValueError(f"delay must be a time between 0 and 1 s (this method does not estimate it), got {delay!r}.")
     if reference is not None and reference not in trial:
+        known = ", ".join(map(str, trial.data_vars))
         raise DataError(
-            f"the trial has no variable {reference!r} to serve as reference; it has {', '.join(map(str, trial.data_vars))}. "
-            "Give the command of the servo as reference, or reference='position' for an open-loop record."
+            f"the trial has no variable {reference!r} to serve as reference; it has {known}."
+            " Give the command of the servo as reference, or reference='position' for an open-loop record."
         )
     grid = _grid(trial, identification_rate, delay)
     factor, first, count = grid
@@ -139,7 +140,7 @@ def build_regressors(trial, *, delay, basis, degree, identification_rate, refere
     velocity = differentiate(position, rate, delay)
     fitted = fit_basis(velocity, basis, degree)
     return Regressors(
-        time=(first + factor * np.arange(count)) / rate,
+        time=trial["time"].values[first : first + factor * count : factor],
         inputs=_inputs(position, velocity, fitted, grid, rate),
         basis=fitted,
         torque=decimate(trial["torque"].values, *grid),
@@ -222,4 +223,5 @@ def decimated(trial, name, time, identification_rate):
     """
     rate = float(trial.attrs["sampling_rate"])
     factor = decimation_factor(rate, identification_rate)
-    return decimate(trial[name].values, factor, round(float(time[0]) * rate), time.size)
+    first = round((float(time[0]) - float(trial["time"][0])) * rate)
+    return decimate(trial[name].values, factor, first, time.size)

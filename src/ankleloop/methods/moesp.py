@@ -30,7 +30,7 @@ def identify_moesp(
     order=2,
     block_rows=15,
     delay=0.04,
-    basis="chebyshev",
+    basis=None,
     degree=5,
     identification_rate=100.0,
     input_matrices="least-squares",
@@ -38,7 +38,7 @@ def identify_moesp(
     instrument_rows=None,
     reference="reference",
     free_b=False,
-    rank_tolerance=1e-8,
+    rank_tolerance=1e-5,
 ):
     r"""Separate intrinsic and reflex torque by a member of the MOESP family.
 
@@ -64,8 +64,8 @@ def identify_moesp(
         Block rows of the future Hankel matrices.
     delay : float
         Reflex delay [s].
-    basis : {"chebyshev", "rectifier", "spline"}
-        Basis of the static nonlinearity.
+    basis : {"chebyshev", "rectifier", "spline"}, optional
+        Basis of the static nonlinearity, "chebyshev" by default.
     degree : int
         Number of its terms (the rectifier has one).
     identification_rate : float
@@ -82,7 +82,9 @@ def identify_moesp(
     free_b : bool
         Let position, velocity and acceleration drive the state as well.
     rank_tolerance : float
-        Rank policy of the projection: smaller singular values, relative to the largest, count as zero.
+        Rank policy of the projection: smaller singular values, relative to the largest, count as zero. The default
+        is the accuracy of the decimation: a delayed velocity among the basis functions repeats rows of the velocity
+        up to that, so smaller directions are errors of the filters.
 
     Returns
     -------
@@ -107,7 +109,7 @@ def identify_moesp(
     regressors = build_regressors(
         trial,
         delay=delay,
-        basis=basis,
+        basis=basis or "chebyshev",
         degree=degree,
         identification_rate=identification_rate,
         reference=reference if needed else None,

@@ -62,7 +62,7 @@ def _continuous_model(simulation):
     Aq, bq = _companion(denominator)
     Af, bf = _companion(_bessel_denominator(simulation.recorder.antialias_cutoff))
     nq, nf = Aq.shape[0], Af.shape[0]
-    servo, give = slice(0, 2), slice(2, 4)
+    servo = slice(0, 2)  # followed by the give of the load, 2 and 3
     q, fp, fr = slice(4, 4 + nq), slice(4 + nq, 4 + nq + nf), slice(4 + nq + nf, 4 + nq + 2 * nf)
     n = fr.stop
     A, B = np.zeros((n, n)), np.zeros((n, 4))

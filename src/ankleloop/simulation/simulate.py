@@ -145,6 +145,7 @@ def _recorded(loop, simulation, command, noise, voluntary):
             f"Parameters: load_inertia={s.load.load_inertia:g} kg·m², load_viscosity={s.load.load_viscosity:g} "
             f"N·m·s/rad, load_stiffness={s.load.load_stiffness:g} N·m/rad, reflex_gain={s.reflex.reflex_gain:g} "
             f"N·m·s/rad, delay={s.reflex.delay:g} s, stiffness={s.intrinsic.stiffness:g} N·m/rad, "
-            f"viscosity={s.intrinsic.viscosity:g} N·m·s/rad. Take a heavier or more damped load, or a lower reflex gain."
+            f"viscosity={s.intrinsic.viscosity:g} N·m·s/rad. "
+            "Take a heavier or more damped load, or a lower reflex gain."
         )
     return recorded

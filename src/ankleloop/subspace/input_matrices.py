@@ -1,4 +1,4 @@
-"""B, D and the initial state, given A and C: a linear regression on simulated responses."""
+"""B, D, initial state and offset, given A and C: a linear regression on simulated responses."""
 
 from dataclasses import dataclass
 
@@ -13,11 +13,12 @@ __all__ = ["InputMatrices", "estimate_input_matrices", "response", "state_trajec
 
 @dataclass(frozen=True)
 class InputMatrices:
-    """B, D and initial state, with the rank and condition of the regression that gave them."""
+    """B, D, initial state and output offset, with the rank and condition of the regression that gave them."""
 
     B: np.ndarray
     D: np.ndarray
     initial_state: np.ndarray
+    offset: np.ndarray
     rank: int
     condition: float
 
@@ -81,7 +82,7 @@ def response(A, B, C, D, u, x0=None):
 
 
 def _regressors(A, C, u, dynamic):
-    """Responses of every output to every entry of D, B and x0: shape (N, p, m·p + n·(dynamic inputs) + n)."""
+    """Responses of every output to D, B, x0 and offset: shape (N, p, m·p + n·(dynamic inputs) + n + p)."""
     (samples, m), n, p = u.shape, A.shape[0], C.shape[0]
     A = np.ascontiguousarray(A)
     direct = np.einsum("tj,ik->tijk", u, np.eye(p)).reshape(samples, p, m * p)
@@ -93,14 +94,15 @@ def _regressors(A, C, u, dynamic):
             blocks.append((state_trajectory(A, drive, np.zeros(n)) @ C.T)[:, :, None])
     nothing = np.zeros((samples, n))
     blocks += [(state_trajectory(A, nothing, start) @ C.T)[:, :, None] for start in np.eye(n)]
+    blocks.append(np.broadcast_to(np.eye(p), (samples, p, p)))
     return np.concatenate(blocks, axis=2)
 
 
 def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, rank_tolerance=1e-10):
-    r"""B, D and x0 by least squares, or with instruments.
+    r"""B, D, x0 and offset by least squares, or with instruments.
 
-    The output is linear in them, :math:`y(t) = C A^t x_0 + \sum_k C A^{t-1-k} B u(k) + D u(t)`. With instruments, the
-    regressors are simulated a second time from noise-free predictions of the inputs, and the normal equations
+    The output is linear in them, :math:`y(t) = C A^t x_0 + \sum_k C A^{t-1-k} B u(k) + D u(t) + d`. With instruments,
+    the regressors are simulated a second time from noise-free predictions of the inputs, and the normal equations
     :math:`\Psi^T \Phi \theta = \Psi^T y` are solved: they are consistent where least squares is biased by feedback.
 
     Parameters
@@ -130,7 +132,7 @@ def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, ra
     phi = _regressors(A, C, u, dynamic)
     phi = phi.reshape(-1, phi.shape[2])
     if phi.shape[0] < phi.shape[1]:
-        raise DataError(f"{phi.shape[0]} samples cannot determine {phi.shape[1]} entries of B, D and x0: record longer.")
+        raise DataError(f"{phi.shape[0]} samples cannot determine {phi.shape[1]} entries of B, D, x0: record longer.")
     scale = np.linalg.norm(phi, axis=0)
     scale[scale == 0] = 1.0
     left, right = phi / scale, y.reshape(-1)
@@ -145,4 +147,5 @@ def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, ra
     B = np.zeros((n, m))
     count = int(dynamic.sum())
     B[:, dynamic] = theta[m * p : m * p + n * count].reshape(count, n).T
-    return InputMatrices(B, D, theta[-n:] if n else theta[:0], int(rank), float(values[0] / values[rank - 1]))
+    start, offset = np.split(theta[m * p + n * count :], [n])
+    return InputMatrices(B, D, start, offset, int(rank), float(values[0] / values[rank - 1]))

@@ -180,7 +180,7 @@ def _scaled(x, name):
 def _check(u, y, r, block_rows, order):
     for name, signal in (("output", y), ("reference", r)):
         if signal is not None and signal.shape[0] != u.shape[0]:
-            raise DataError(f"the inputs have {u.shape[0]} samples, the {name} has {signal.shape[0]}: cut them to one length.")
+            raise DataError(f"{u.shape[0]} samples of inputs, {signal.shape[0]} of the {name}: cut them to one length.")
     if order is not None and order < 1:
         raise ValueError(f"order must be at least 1, got {order}.")
     if block_rows <= (order or 1):

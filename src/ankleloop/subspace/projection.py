@@ -87,6 +87,8 @@ def project(U, Y, Z, form, rank_tolerance, order):
     if form not in PROJECTIONS:
         raise ValueError(f"unknown projection {form!r}; known: {', '.join(PROJECTIONS)}.")
     stacked = np.vstack([U, Z, Y])
+    # A constant offset is one more input whose Hankel rows are all alike: its projection is the mean of every row.
+    stacked = stacked - stacked.mean(axis=1, keepdims=True)
     if stacked.shape[1] < stacked.shape[0]:
         raise DataError(
             f"the record leaves {stacked.shape[1]} columns for {stacked.shape[0]} Hankel rows (inputs, instruments, "

@@ -1,0 +1,62 @@
+# make          set up what is missing, then reproduce the paper
+# make test     set up what is missing, then run the tests
+SHELL := /bin/bash
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := all
+.PHONY: all setup test lint format lock clean
+
+CORES ?= 2
+PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
+VENV := .venv
+BIN := $(VENV)/bin
+PACKAGES := $(VENV)/.packages
+READY := $(VENV)/.ready
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+# A path of another environment must not reach into this one.
+unexport PYTHONPATH PYTHONHOME
+
+all: setup
+	snakemake --cores $(CORES)
+
+setup: $(READY)
+
+test: setup
+	python -m pytest $(ARGS)
+
+lint: setup
+	ruff check .
+	ruff format --check .
+	snakefmt --check Snakefile workflow
+	snakemake --lint
+
+format: setup
+	ruff check --fix .
+	ruff format .
+	snakefmt Snakefile workflow
+
+# Resolve the environment anew: newest versions that pyproject.toml allows, with hashes, for every platform.
+lock: $(READY)
+	python -m pip install --quiet uv
+	uv pip compile pyproject.toml --all-extras --universal --generate-hashes --no-emit-index-url --no-header \
+	  --python-version 3.11 --upgrade --quiet --output-file environment.lock
+	sed -i '1i # Hash-pinned environment, made by "make lock" from pyproject.toml.' environment.lock
+
+clean:
+	rm -rf results logs .snakemake
+
+$(PACKAGES): environment.lock
+	@test -n "$(PYTHON)" || { echo "There is no Python on this machine. ankleloop needs Python 3.11 or newer."; exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "$$("$(PYTHON)" --version) is too old: ankleloop needs Python 3.11 or newer."; \
+	  echo "Name another one with: make PYTHON=/path/to/python3.11"; exit 1; }
+	@"$(PYTHON)" -c 'import venv, ensurepip' 2>/dev/null || { \
+	  echo "$$("$(PYTHON)" --version) has no venv module. Install it (Debian and Ubuntu: apt install python3-venv)."; exit 1; }
+	@echo "Setting up the environment in $(VENV): two to four minutes, once."
+	"$(PYTHON)" -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --compile --require-hashes -r environment.lock
+	@touch $@
+
+$(READY): $(PACKAGES) pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(BIN)/python -m compileall -q src
+	@touch $@

@@ -1,0 +1,44 @@
+# Closed-loop identification of intrinsic and reflex joint stiffness: simulate, identify, evaluate, report.
+import sys
+from pathlib import Path
+
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+configfile: "config/config.yaml"
+
+
+sys.path.insert(0, f"{workflow.basedir}/workflow")
+from fingerprint import fingerprint
+from studies import (
+    complete,
+    notebook_inputs,
+    notebook_parameters,
+    reports,
+    studies,
+    targets,
+    trial_seeds,
+)
+
+CONFIG = complete(config)
+STUDIES = studies(CONFIG)
+
+
+wildcard_constraints:
+    study="[A-Za-z0-9_-]+",
+    point="[^/]+",
+    method="[A-Za-z0-9_-]+",
+
+
+rule all:
+    default_target: True
+    input:
+        targets(CONFIG),
+
+
+include: "workflow/rules/simulate.smk"
+include: "workflow/rules/identify.smk"
+include: "workflow/rules/evaluate.smk"
+include: "workflow/rules/report.smk"

@@ -1,0 +1,92 @@
+"""The registry: every identification method under its name, with one signature."""
+
+import inspect
+from functools import partial
+from types import MappingProxyType
+
+from ankleloop.methods.moesp import MEMBERS, identify_moesp
+from ankleloop.methods.parallel_cascade import identify_parallel_cascade
+
+__all__ = ["METHODS", "identify", "method_options"]
+
+METHODS = MappingProxyType(
+    {
+        **{name: partial(identify_moesp, method=name) for name in MEMBERS},
+        "parallel-cascade": identify_parallel_cascade,
+    }
+)
+
+
+def method_options(method):
+    """Options of a method with their defaults.
+
+    Parameters
+    ----------
+    method : str
+        One of `METHODS`.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    ValueError
+        For an unknown method.
+
+    Examples
+    --------
+    >>> method_options("parallel-cascade")["tolerance"]
+    0.001
+    """
+    if method not in METHODS:
+        raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}.")
+    function = METHODS[method]
+    bound = getattr(function, "keywords", {})
+    return {
+        name: parameter.default
+        for name, parameter in inspect.signature(function).parameters.items()
+        if parameter.kind is parameter.KEYWORD_ONLY and name not in bound
+    }
+
+
+def identify(trial, method="pr-moesp", **options):
+    """Separate the torque of a joint into its intrinsic and reflex parts.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        A trial from `new_trial`, `read_trial` or `simulate`.
+    method : str
+        One of `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
+        `ankleloop.methods.moesp.identify_moesp`) or "parallel-cascade" (see
+        `ankleloop.methods.parallel_cascade.identify_parallel_cascade`).
+    **options
+        Options of the method, see `method_options`.
+
+    Returns
+    -------
+    Estimate
+        Torques, model, K, B, I, reflex parameters and diagnostics.
+
+    Raises
+    ------
+    ValueError
+        For an unknown method, or an option outside its range.
+    TypeError
+        For an option that the method does not have.
+    DataError
+        For a trial that the method cannot use.
+
+    Examples
+    --------
+    >>> from ankleloop.simulation import simulate
+    >>> estimate = identify(simulate(seed=1, duration=20.0), "pr-moesp", basis="rectifier")
+    >>> sorted(estimate.stiffness)
+    ['B', 'I', 'K']
+    """
+    known = method_options(method)
+    unknown = sorted(set(options) - set(known))
+    if unknown:
+        raise TypeError(f"method {method!r} has no option {unknown[0]!r}; it has {', '.join(known)}.")
+    return METHODS[method](trial, **options)

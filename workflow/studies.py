@@ -1,0 +1,204 @@
+"""From the configuration to studies, points, methods and the files that each of them makes."""
+
+import itertools
+import os
+import zlib
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+
+import jsonschema
+import yaml
+
+SCHEMA = Path(__file__).parent / "schemas" / "config.schema.yaml"
+
+# Figures that each notebook makes of a study, besides its report and its table.
+FIGURES = {"table1": lambda study: ["figure3"], "recordings": lambda study: list(study.points)}
+
+
+class ConfigError(ValueError):
+    """A configuration that does not keep the schema: the message names the key."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """One study: what it reads, its points, its methods."""
+
+    name: str
+    settings: dict
+
+    @property
+    def kind(self):
+        """Kind of the study, simulation or recordings."""
+        return self.settings["kind"]
+
+    @property
+    def notebook(self):
+        """Notebook that renders the study, or None."""
+        return self.settings["notebook"]
+
+    @property
+    def methods(self):
+        """Methods by label in paths."""
+        return self.settings["methods"]
+
+    @property
+    def varied(self):
+        """Parameters that differ between the points."""
+        return self.settings.get("points", {})
+
+    @property
+    def points(self):
+        """Parameters of each point, or the mapping of each recording, by name."""
+        if self.kind == "recordings":
+            return self.settings["files"]
+        return {point: {**self.settings["simulation"], **chosen} for point, chosen in self.combinations.items()}
+
+    @property
+    def combinations(self):
+        """Values of the varied parameters at each point; recordings vary none."""
+        if self.kind == "recordings":
+            return {point: {} for point in self.points}
+        names = list(self.varied)
+        combinations = [dict(zip(names, values, strict=True)) for values in itertools.product(*self.varied.values())]
+        return {point_name(chosen): chosen for chosen in combinations}
+
+    @property
+    def labels(self):
+        """Legend of each method."""
+        return {name: method["label"] or name for name, method in self.methods.items()}
+
+    def source(self, point):
+        """Path of the file of a recording."""
+        folder = os.path.expandvars(self.settings["folder"])
+        if "$" in folder:
+            raise ConfigError(
+                f"study {self.name}: the folder of its recordings is {self.settings['folder']}, but that environment "
+                "variable is not set. Set it to the folder that holds them, for example: "
+                "export ANKLELOOP_RECORDINGS=/folder/of/your/recordings"
+            )
+        return str(Path(folder) / self.points[point]["file"])
+
+
+def point_name(chosen):
+    """Name of a point in paths, from the parameters that make it."""
+    return ",".join(f"{name}={value}" for name, value in chosen.items()) or "only"
+
+
+def trial_seeds(study, point):
+    """Entropy of every trial of a point, so that any part of a study can be rerun alone and give the same bits."""
+    key = [study.settings["seed"], zlib.crc32(study.name.encode()), zlib.crc32(point.encode())]
+    return [[*key, trial] for trial in range(study.settings["trials"])]
+
+
+def complete(config):
+    """Check a configuration against the schema and fill in its defaults.
+
+    Returns a new mapping; raises ConfigError naming the key that is wrong.
+    """
+    schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
+    config = deepcopy(config)
+    _check(config, schema)
+    for name, settings in config["studies"].items():
+        points = Study(name, settings).points if settings["kind"] == "simulation" else {}
+        for point, parameters in points.items():
+            _check(dict(parameters), {**schema["$defs"]["simulation"], "$defs": schema["$defs"]}, ("points", point))
+    unknown = set(config.get("run", ())) - set(config["studies"])
+    if unknown:
+        raise ConfigError(
+            f"config: run: there is no study {sorted(unknown)[0]!r}; there are {sorted(config['studies'])}."
+        )
+    return config
+
+
+def studies(config):
+    """All studies of a complete configuration by name."""
+    return {name: Study(name, settings) for name, settings in config["studies"].items()}
+
+
+def chosen(config):
+    """The studies that are to be made."""
+    everything = studies(config)
+    return [everything[name] for name in config.get("run", everything)]
+
+
+def reports(study):
+    """Files that the notebook of a study makes."""
+    if study.notebook is None:
+        return []
+    names = FIGURES[study.notebook](study)
+    figures = [f"results/figures/{study.name}-{name}{end}" for name in names for end in (".png", ".pdf")]
+    tables = [f"results/tables/{study.name}{end}" for end in (".csv", ".md")]
+    return [f"results/reports/{study.name}.html", *tables, *figures]
+
+
+def scores(study, ending="csv"):
+    """Score or parameter files of every point and method of a study."""
+    return [
+        f"results/scores/{study.name}/{point}/{method}.{ending}" for point in study.points for method in study.methods
+    ]
+
+
+def notebook_parameters(study):
+    """Parameters of the notebook of a study; every notebook takes the same."""
+    folder = f"results/{{}}/{study.name}"
+    return {
+        "study": study.name,
+        "title": study.settings["title"],
+        "scores": scores(study),
+        "parameters": scores(study, "parameters.csv"),
+        "trials": {point: f"{folder.format('trials')}/{point}.nc" for point in study.points},
+        "estimates": {
+            point: {method: f"{folder.format('estimates')}/{point}/{method}.nc" for method in study.methods}
+            for point in study.points
+        },
+        "labels": study.labels,
+        "points": study.points,
+        "varied": list(study.varied),
+        "figure": study.settings["figure"],
+        "published": "data/published",
+        "table_stem": f"results/tables/{study.name}",
+        "figure_stem": f"results/figures/{study.name}",
+    }
+
+
+def notebook_inputs(study):
+    """Files that the notebook of a study reads."""
+    given = notebook_parameters(study)
+    estimates = [path for methods in given["estimates"].values() for path in methods.values()]
+    return [*given["scores"], *given["parameters"], *given["trials"].values(), *estimates]
+
+
+def targets(config):
+    """Everything that the chosen studies make."""
+    return [
+        path
+        for study in chosen(config)
+        for path in (reports(study) or [*scores(study), *scores(study, "parameters.csv")])
+    ]
+
+
+def _check(config, schema, where=()):
+    validator = _with_defaults(jsonschema.Draft202012Validator)(schema)
+    error = jsonschema.exceptions.best_match(validator.iter_errors(config), key=lambda e: -len(e.absolute_path))
+    if error is None:
+        return
+    key = " → ".join(str(part) for part in ("config", *where, *error.absolute_path))
+    known = error.schema.get("properties") if error.validator == "additionalProperties" else None
+    hint = f"; known here: {', '.join(known)}" if known else ""
+    unit = f" [{error.schema['unit']}]" if isinstance(error.schema, dict) and "unit" in error.schema else ""
+    raise ConfigError(f"{key}{unit}: {error.message}{hint}.")
+
+
+def _with_defaults(validator_class):
+    """Validator that fills in defaults as it goes, each a copy of its own."""
+    check = validator_class.VALIDATORS["properties"]
+
+    def fill(validator, properties, instance, schema):
+        if isinstance(instance, dict):
+            for name, subschema in properties.items():
+                if "default" in subschema:
+                    instance.setdefault(name, deepcopy(subschema["default"]))
+        yield from check(validator, properties, instance, schema)
+
+    return jsonschema.validators.extend(validator_class, {"properties": fill})
