@@ -55,20 +55,16 @@ def torque_figure(trial, estimates, *, start=10.0, length=5.0, title=""):
             scores = evaluate(trial, estimate).groupby("torque", sort=False).first()
             for row, torque in enumerate(TORQUES):
                 axis = axes[row, column]
-                _torque_panel(axis, trial, estimate, torque, scores.loc[torque], COLOURS[column % len(COLOURS)])
+                _torque_panel(axis, trial, estimate, torque, scores.loc[torque])
+                axis.get_lines()[1].set(color=COLOURS[column % len(COLOURS)], label=f"{label} (estimated)")
                 axis.set_xlim(*_window(trial, start, length))
                 if column == 0:
                     axis.set_ylabel(f"{torque} torque [N·m]")
             axes[0, column].set_title(f"{label}\n{axes[0, column].get_title()}")
             axes[-1, column].set_xlabel("time [s]")
         figure.suptitle(title)
-        handles, labels = [], []
-        for axis in axes[:, 0]:
-            for handle, text in zip(*axis.get_legend_handles_labels(), strict=True):
-                if text not in labels:
-                    handles.append(handle)
-                    labels.append(text)
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        lines = {line.get_label(): line for axis in axes.flat for line in axis.get_lines()}
+        figure.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=3)
     return figure
 
 
@@ -78,7 +74,7 @@ def _window(trial, start, length):
     return max(float(time[0]), end - length), end
 
 
-def _torque_panel(axis, trial, estimate, torque, score, colour):
+def _torque_panel(axis, trial, estimate, torque, score):
     time = estimate.torque["time"].values
     true = score["against"] == "true"
     name = f"torque_{torque}" if true else "torque"
@@ -86,7 +82,7 @@ def _torque_panel(axis, trial, estimate, torque, score, colour):
     shade = "#000000" if true else "#888888"
     axis.plot(time, target - target.mean(), color=shade, lw=1.1, label="true (simulated)" if true else "measured")
     estimated = estimate.torque[torque].values
-    axis.plot(time, estimated - estimated.mean(), color=colour, lw=1.0, ls=(0, (4, 1.2)), label="estimated (dashed)")
+    axis.plot(time, estimated - estimated.mean(), lw=1.0, ls=(0, (4, 1.2)))
     axis.set_title(f"{torque}: VAF {score['vaf']:.1f} % ({score['against']})")
 
 

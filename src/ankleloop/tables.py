@@ -64,7 +64,7 @@ def readable(table, labels, decimals=1):
     shown = table.drop(columns=["paper", "mean", "sd", "n"]).assign(method=table["method"].map(labels))
     shown["paper [%]"] = [number(value) for value in table["paper"]]
     shown["ours [%], mean ± sd"] = [
-        number(mean) + (f" ± {number(sd)}" if pd.notna(sd) else "")
+        number(mean) + (f" ± {sd:.2g}" if pd.notna(sd) else "")
         for mean, sd in zip(table["mean"], table["sd"], strict=True)
     ]
     shown["difference [points]"] = [number(value, "+") for value in table["mean"] - table["paper"]]
