@@ -106,6 +106,7 @@ def save_estimates(estimates, path):
             ("trial", "reflex_parameter"),
             [[e.reflex.get(name, np.nan) for name in reflex_names] for e in estimates],
         ),
+        intervals=(("trial",), [json.dumps(e.intervals, default=_plain) for e in estimates]),
         diagnostics=(("trial",), [json.dumps(e.diagnostics, default=_plain) for e in estimates]),
     )
     batch = batch.assign_coords(parameter=names, reflex_parameter=reflex_names)
@@ -144,5 +145,6 @@ def _estimate(one):
         model=None,
         stiffness=_named(one, "parameter", "stiffness"),
         reflex={name: value for name, value in reflex.items() if np.isfinite(value)},
+        intervals={name: tuple(bounds) for name, bounds in json.loads(str(one["intervals"].values)).items()},
         diagnostics=json.loads(str(one["diagnostics"].values)),
     )

@@ -68,6 +68,12 @@ class Regressors:
         """Boolean mask of the inputs of the reflex path."""
         return np.arange(self.inputs.shape[1]) >= len(INTRINSIC_NAMES)
 
+    def stiffness(self, torque, rows=slice(None)):
+        """K, B and I of the second-order model that explains a torque, given at some of the samples, best."""
+        motion = self.inputs[rows][:, : len(INTRINSIC_NAMES)]
+        found = np.linalg.lstsq(motion - motion.mean(axis=0), torque - np.mean(torque), rcond=None)[0]
+        return dict(zip("KBI", map(float, found), strict=True))
+
 
 def _grid(trial, identification_rate, delay):
     """Factor, first recorded index and number of the identified samples no filter edge touches."""

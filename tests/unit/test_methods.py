@@ -192,7 +192,13 @@ def test_the_model_reproduces_the_torques(noisy, method, basis, degree, terms, f
             actual - actual.mean(), simulated[start:] - simulated[start:].mean(), atol=1e-7, err_msg=torque
         )
     np.testing.assert_allclose(estimate.torque["time"], regressors.time, rtol=1e-14)
-    assert [estimate.stiffness[name] for name in "KBI"] == model.D[0, :3].tolist()
+    if not free_b:
+        stiffness = [estimate.stiffness[name] for name in "KBI"]
+    if free_b:  # what P, Ṗ and P̈ do through the state counts as well
+        u, intrinsic = u[:3].T, estimate.torque["intrinsic"].values
+        np.testing.assert_allclose(stiffness, np.linalg.lstsq(u, intrinsic, rcond=None)[0], rtol=1e-6)
+    else:
+        assert stiffness == model.D[0, :3].tolist()
 
 
 @pytest.mark.parametrize("method", MEMBERS)
@@ -203,16 +209,15 @@ def test_only_the_reflex_has_a_state_unless_b_is_free(noisy, method):
     assert np.all(free.B != 0)
 
 
-@pytest.mark.parametrize("basis", ["rectifier", "chebyshev"])
+@pytest.mark.parametrize("basis", ["rectifier", "spline"])
 def test_free_b_still_separates_the_torques(clean, basis):
     """Without noise the joint is a special case of the model with free B: its parts must not drift apart."""
     estimate = identify(clean[13.0], basis=basis, free_b=True)
     result = scores(clean[13.0], estimate)
-    assert result["net", "true"] >= 99.0
-    assert result["intrinsic", "true"] >= 97.0
-    assert result["reflex", "true"] >= 97.0
-    assert np.std(estimate.torque["reflex"]) < 1.5 * np.std(estimate.torque["net"])
-    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.1)
+    assert result["net", "true"] >= 99.9
+    assert result["intrinsic", "true"] >= 99.0
+    assert result["reflex", "true"] >= 99.0
+    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.05)
 
 
 @pytest.mark.parametrize("method", ankleloop.METHODS)

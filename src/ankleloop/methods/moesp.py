@@ -13,6 +13,10 @@ from ankleloop.subspace.moesp import moesp
 
 __all__ = ["MEMBERS", "identify_moesp"]
 
+# With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
+# squares would give torques that are huge and cancel. Without it the regression is far from this (condition below 100).
+REGRESSION_TOLERANCE = 1e-3
+
 # Instruments, and the form of the projection unless another one is asked for.
 MEMBERS = {
     "pr-moesp": ("past-reference", "ordinary"),
@@ -80,7 +84,8 @@ def identify_moesp(
     reference : str
         Variable that serves as reference; "position" for open-loop records.
     free_b : bool
-        Let position, velocity and acceleration drive the state as well.
+        Let position, velocity and acceleration drive the state as well. D alone is not K, B and I then: they are those
+        of the second-order model that explains the intrinsic torque best.
     rank_tolerance : float
         Rank policy of the projection: smaller singular values, relative to the largest, count as zero. The default
         is the accuracy of the decimation: a delayed velocity among the basis functions repeats rows of the velocity
@@ -128,19 +133,26 @@ def identify_moesp(
         dynamic=None if free_b else regressors.reflex,
         predicted_inputs=predicted_inputs(trial, regressors, delay) if input_matrices == "instruments" else None,
         rank_tolerance=rank_tolerance,
+        regression_tolerance=REGRESSION_TOLERANCE,
         names=(regressors.names, ("torque",)),
     )
     diagnostics = {"singular_values": found.singular_values, **found.diagnostics}
     if needed:
         diagnostics["reference"] = reference
+    torque = _torques(found.model, found.initial_state, regressors)
     return Estimate(
         method=method,
-        torque=_torques(found.model, found.initial_state, regressors),
+        torque=torque,
         model=found.model,
-        stiffness=dict(zip("KBI", (float(d) for d in found.model.D[0, : len(INTRINSIC_NAMES)]), strict=True)),
+        stiffness=regressors.stiffness(torque["intrinsic"].values) if free_b else _direct_stiffness(found.model),
         reflex=_reflex_parameters(found.model, regressors, delay),
         diagnostics=diagnostics,
     )
+
+
+def _direct_stiffness(model):
+    """K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
+    return dict(zip("KBI", map(float, model.D[0, : len(INTRINSIC_NAMES)]), strict=True))
 
 
 def _torques(model, initial_state, regressors):
@@ -148,7 +160,8 @@ def _torques(model, initial_state, regressors):
     u = regressors.inputs - regressors.inputs.mean(axis=0)
     paths = {}
     for name, used, start in (("intrinsic", ~regressors.reflex, None), ("reflex", regressors.reflex, initial_state)):
-        paths[name] = response(model.A, model.B, model.C, model.D, np.where(used, u, 0.0), start)[:, 0]
+        torque = response(model.A, model.B, model.C, model.D, np.where(used, u, 0.0), start)[:, 0]
+        paths[name] = torque - torque.mean()
     if not all(np.all(np.isfinite(torque)) for torque in paths.values()):
         raise DataError("the estimated torques are not finite: the model does not suit the record; lower its order.")
     return torque_dataset(regressors.time, regressors.rate, net=paths["intrinsic"] + paths["reflex"], **paths)

@@ -7,7 +7,7 @@ from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.estimate import Estimate, torque_dataset
-from ankleloop.regressors import INTRINSIC_NAMES, build_regressors
+from ankleloop.regressors import build_regressors
 
 __all__ = ["identify_parallel_cascade"]
 
@@ -135,14 +135,13 @@ def identify_parallel_cascade(
     responses, torques, history, converged = _alternate(paths, torque[rows], rank, max_passes, tolerance)
     warnings = [] if converged or max_passes else [f"no convergence within {PASS_CEILING} passes"]
     intrinsic, reflex = torques
-    stiffness = np.linalg.lstsq(centred[rows][:, : len(INTRINSIC_NAMES)], intrinsic, rcond=None)[0]
     return Estimate(
         method="parallel-cascade",
         torque=torque_dataset(
             regressors.time[rows], regressors.rate, net=intrinsic + reflex, intrinsic=intrinsic, reflex=reflex
         ),
         model=None,
-        stiffness=dict(zip("KBI", (float(value) for value in stiffness), strict=True)),
+        stiffness=regressors.stiffness(intrinsic, rows),
         reflex={"delay": float(delay), "G": float(responses[1].sum())},
         diagnostics={
             "passes": len(history),

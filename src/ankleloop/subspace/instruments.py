@@ -96,7 +96,9 @@ def reference_response(u, reference, leads=15, lags=80):
             f"a record of {reference.shape[0]} samples is too short to predict its inputs from {taps} leads and lags "
             "of the reference: record longer, or use input_matrices='least-squares'."
         )
-    regressors = block_hankel(reference - reference.mean(axis=0), 0, taps, columns).T
+    regressors = block_hankel(reference, 0, taps, columns).T
+    # Every lag loses its own mean: they differ a little, and an offset of the signal would leak through the difference.
+    regressors = regressors - regressors.mean(axis=0)
     target = u[lags : lags + columns]
     # Rows run from the oldest lag to the furthest lead; the response reads the other way.
     return np.linalg.lstsq(regressors, target - target.mean(axis=0), rcond=1e-10)[0].reshape(taps, q, -1)[::-1]

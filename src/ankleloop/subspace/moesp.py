@@ -53,6 +53,7 @@ def moesp(
     dynamic=None,
     predicted_inputs=None,
     rank_tolerance=1e-8,
+    regression_tolerance=1e-10,
     names=None,
 ):
     r"""Identify a state-space model by a member of the MOESP family.
@@ -90,7 +91,9 @@ def moesp(
     predicted_inputs : array_like, shape (N, m), optional
         Noise-free predictions of the inputs to serve as instruments for B and D, instead of linear ones.
     rank_tolerance : float
-        Rank policy: singular values below this fraction of the largest one count as zero.
+        Rank policy of the projection: singular values below this fraction of the largest one count as zero.
+    regression_tolerance : float
+        The same for the regression that gives B and D.
     names : tuple of two sequences of str, optional
         Names of inputs and outputs of the model.
 
@@ -135,7 +138,7 @@ def moesp(
         predicted = predict_from_reference(u, r)
     else:
         raise DataError("input_matrices='instruments' needs a reference: pass the external command of the loop.")
-    inputs = estimate_input_matrices(A, C, u, y, dynamic, predicted)
+    inputs = estimate_input_matrices(A, C, u, y, dynamic, predicted, regression_tolerance)
     warnings = []
     if guarded is not None:
         warnings.append(

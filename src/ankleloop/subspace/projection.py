@@ -100,7 +100,10 @@ def project(U, Y, Z, form, rank_tolerance, order):
     step = _ordinary if form == "ordinary" else _correlation
     residual, input_rank, instrument_rank, condition = step(r_u, r_y, r_z, rank_tolerance, order)
     left, values, _ = linalg.svd(residual, full_matrices=False)
-    return Projection(left, values / np.sqrt(stacked.shape[1]), input_rank, instrument_rank, condition)
+    # So that they do not grow with the record: a root mean square, or a correlation.
+    columns = stacked.shape[1]
+    values = values / (np.sqrt(columns) if form == "ordinary" else columns)
+    return Projection(left, values, input_rank, instrument_rank, condition)
 
 
 def _ordinary(r_u, r_y, r_z, rank_tolerance, order):
@@ -131,4 +134,4 @@ def _correlation(r_u, r_y, r_z, rank_tolerance, order):
     correlated = r_z.T @ r_y
     rank = int(np.linalg.matrix_rank(r_z, tol=max(rank_tolerance, 1e-12) * linalg.norm(r_z, 2)))
     residual = correlated - inputs @ (inputs.T @ correlated)
-    return residual.T / np.sqrt(r_z.shape[0]), inputs.shape[1], rank, condition
+    return residual.T, inputs.shape[1], rank, condition
