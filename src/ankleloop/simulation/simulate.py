@@ -112,8 +112,9 @@ def _simulate(simulation, seed):
             unit = voluntary_torque(streams[1], samples, rate, disturbances.voluntary_cutoff)
             spontaneous = disturbances.voluntary * clean * unit
         if disturbances.snr_db is not None:
-            unit = held_noise(streams[2], samples, round(rate / disturbances.noise_rate))
-            noise = clean * 10 ** (-disturbances.snr_db / 20) * unit
+            hold = round(rate / disturbances.noise_rate)
+            level = clean * 10 ** (-disturbances.snr_db / 20) / _recorded_deviation(simulation, hold)
+            noise = level * held_noise(streams[2], samples, hold)
         recorded = _recorded(loop, simulation, command, noise, spontaneous)
     position, intrinsic, reflex = recorded[:, dropped:]
     reference = antialias(command, simulation, "zoh")[dropped:]
@@ -133,6 +134,13 @@ def _simulate(simulation, seed):
         seed=str(seed) if isinstance(seed, np.random.SeedSequence) else seed,
         **described,
     )
+
+
+def _recorded_deviation(simulation, hold):
+    """Standard deviation that the recorder leaves of unit white noise, each value of which is held."""
+    one_value = np.zeros(100 * hold)
+    one_value[:hold] = 1.0
+    return float(np.sqrt(np.sum(antialias(one_value, simulation, "zoh") ** 2) / hold))
 
 
 def _recorded(loop, simulation, command, noise, voluntary):

@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from ankleloop import DataError, vaf
+
+numbers = st.floats(-1e3, 1e3).map(lambda x: round(x, 6))
+signals = hnp.arrays(float, st.integers(2, 40), elements=numbers).filter(lambda x: np.std(x) > 1e-3)
+
+
+@given(signals, numbers)
+def test_hundred_for_the_signal_itself_and_any_offset_of_it(signal, offset):
+    assert vaf(signal, signal + offset) == pytest.approx(100.0, abs=1e-6)
+
+
+@given(signals, st.floats(-1e3, 1e3))
+def test_zero_for_a_constant(signal, constant):
+    assert vaf(signal, np.full_like(signal, constant)) == pytest.approx(0.0, abs=1e-6)
+
+
+@given(signals, st.floats(0.01, 100), st.floats(0.0, 3.0))
+def test_scale_of_both_is_no_matter_and_scale_of_one_is(signal, scale, gain):
+    assert vaf(scale * signal, scale * gain * signal) == pytest.approx(vaf(signal, gain * signal), abs=1e-6)
+    assert vaf(signal, gain * signal) == pytest.approx(100 * (1 - (1 - gain) ** 2), abs=1e-6)
+
+
+@given(st.data())
+def test_never_above_hundred_and_below_it_for_any_other_shape(data):
+    signal = data.draw(signals)
+    other = data.draw(hnp.arrays(float, signal.size, elements=numbers))
+    assert vaf(signal, other) <= 100.0
+    assume(np.std(signal - other) > 1e-3)
+    assert vaf(signal, other) < 100.0
+
+
+@pytest.mark.parametrize(
+    ("measured", "estimated", "message"),
+    [
+        ([1.0, 2.0], [1.0], "equal length"),
+        ([[1.0, 2.0]], [[1.0, 2.0]], "1-D"),
+        ([1.0, np.nan], [1.0, 2.0], "measured signal is not finite at sample 1"),
+        ([1.0, 2.0], [np.inf, 2.0], "estimated signal is not finite at sample 0"),
+        ([0.1, 0.1, 0.1], [1.0, 2.0, 3.0], "constant"),
+        ([], [], "constant"),
+    ],
+)
+def test_what_cannot_be_scored(measured, estimated, message):
+    with pytest.raises(DataError, match=message):
+        vaf(measured, estimated)
