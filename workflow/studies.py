@@ -68,8 +68,8 @@ class Study:
         """Legend of each method."""
         return {name: method["label"] or name for name, method in self.methods.items()}
 
-    def source(self, point):
-        """Path of the file of a recording."""
+    def folder(self):
+        """Folder of the recordings."""
         folder = os.path.expandvars(self.settings["folder"])
         if "$" in folder:
             raise ConfigError(
@@ -77,7 +77,11 @@ class Study:
                 "variable is not set. Set it to the folder that holds them, for example: "
                 "export ANKLELOOP_RECORDINGS=/folder/of/your/recordings"
             )
-        return str(Path(folder) / self.points[point]["file"])
+        return Path(folder)
+
+    def source(self, point):
+        """Path of the file of a recording."""
+        return str(self.folder() / self.points[point]["file"])
 
 
 def point_name(chosen):
@@ -171,11 +175,13 @@ def notebook_inputs(study):
 
 def targets(config):
     """Everything that the chosen studies make."""
-    return [
-        path
-        for study in chosen(config)
-        for path in (reports(study) or [*scores(study), *scores(study, "parameters.csv")])
-    ]
+    made = []
+    for study in chosen(config):
+        if study.kind == "recordings":
+            # Here, and not only in the rule that reads: results of an earlier run would hide a folder that is not set.
+            study.folder()
+        made += reports(study) or [*scores(study), *scores(study, "parameters.csv")]
+    return made
 
 
 def _check(config, schema, where=()):

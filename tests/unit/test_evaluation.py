@@ -119,6 +119,15 @@ def test_the_times_of_the_estimate_pick_the_samples(trial, first):
     assert evaluate(trial, make_estimate(*parts, first=first - 10))["vaf"][1] < 99.9
 
 
+def test_a_cut_trial_keeps_its_time(trial, perfect):
+    """Estimates are on the time axis of the record, wherever it was cut."""
+    cut = trial.isel(time=slice(303, None))
+    np.testing.assert_allclose(evaluate(cut, perfect)["vaf"], evaluate(trial, perfect)["vaf"], atol=1e-9)
+    time = identify(cut, "moesp", basis="rectifier").torque["time"]
+    assert np.isin(np.round(time * RATE), np.round(cut["time"] * RATE)).all()
+    assert (time[0] - cut["time"][0]) * RATE == pytest.approx((cut["time"][-1] - time[-1]) * RATE, abs=100)
+
+
 @pytest.mark.parametrize(("trim", "samples"), [(1.0, 100), (0.0, 0), (0.255, 26), (5.005, 501)])
 def test_trimming(trial, perfect, trim, samples):
     """Errors at the ends do not count, the first one inside does."""
@@ -185,15 +194,16 @@ def test_in_band_snr_of_known_sinusoids():
 
 
 def test_decimation_takes_the_noise_above_its_band():
-    """Of noise held for 10 ms the spectrum is sinc²: what passes the filter is known, 10 dB in the record given."""
+    """The noise is held for 10 ms, so its spectrum is sinc², behind the recorder's 200 Hz filter: 10 dB there."""
     values = []
     for seed in range(5):
         trial = simulate(seed=seed, voluntary=0.0)
         values.append(in_band_snr(trial, make_estimate(*np.ones((2, 4900)))))
-    frequencies = np.arange(0.5, 500.0)
-    density = np.sinc(frequencies / 100.0) ** 2
-    passed = np.sum(density * decimation_gain(frequencies) ** 2) / 50.0  # of all of sinc², out to infinity
-    assert np.mean(values) == pytest.approx(10.0 - 10 * np.log10(passed), abs=0.12)
+    frequencies = np.arange(0.5, 2000.0)
+    recorder = sps.bessel(4, 2 * np.pi * 200.0, analog=True, norm="mag")
+    recorded = np.sinc(frequencies / 100.0) ** 2 * np.abs(sps.freqs(*recorder, 2 * np.pi * frequencies)[1]) ** 2
+    passed = np.sum((recorded * decimation_gain(frequencies) ** 2)[frequencies < 500.0]) / np.sum(recorded)
+    assert np.mean(values) == pytest.approx(10.0 - 10 * np.log10(passed), abs=0.1)
 
 
 def test_in_band_snr_without_noise_is_infinite(clean):

@@ -1,0 +1,223 @@
+"""The whole DAG, in a copy of the repository, as a user runs it."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+import ankleloop
+
+from fingerprint import ROOT
+
+pytestmark = pytest.mark.workflow
+PARTS = ("Snakefile", "workflow", "config", "notebooks", "data", "src", "profiles")
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("house")
+    for part in PARTS:
+        copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copy
+        extra = {"ignore": shutil.ignore_patterns("__pycache__")} if (ROOT / part).is_dir() else {}
+        copy(ROOT / part, folder / part, **extra)
+    return folder
+
+
+def snakemake(folder, *arguments, check=True, **environment):
+    program = Path(sys.executable).with_name("snakemake")
+    inherited = {k: v for k, v in os.environ.items() if k != "ANKLELOOP_RECORDINGS"}
+    path = f"{program.parent}{os.pathsep}{os.environ['PATH']}"
+    ran = subprocess.run(
+        [str(program), "--cores", "2", *arguments],
+        cwd=folder,
+        env={**inherited, "PYTHONPATH": str(folder / "src"), "PATH": path, **environment},
+        capture_output=True,
+        text=True,
+    )
+    assert not check or ran.returncode == 0, ran.stdout + ran.stderr
+    return ran.stdout + ran.stderr
+
+
+def planned(folder, *arguments):
+    """Number of jobs by rule that a dry run plans."""
+    text = snakemake(folder, "--dry-run", *arguments)
+    if "Nothing to be done" in text:
+        return {}
+    stats = text.split("Job stats:")[-1].split("total")[0]
+    return {rule: int(count) for rule, count in re.findall(r"^(\w+) +(\d+)$", stats, re.MULTILINE) if rule != "all"}
+
+
+@pytest.fixture(scope="module")
+def made(house):
+    """The paper's study, reduced by config/ci.yaml."""
+    snakemake(house, "--configfile", "config/ci.yaml")
+    return house
+
+
+def page(path):
+    text = path.read_text(encoding="utf-8")
+    # Nothing is fetched: pictures are embedded, and there is no script or style from elsewhere.
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", text)
+    assert "<script" not in text
+    assert "data:image/png;base64" in text
+    assert "Traceback" not in text
+    return text
+
+
+def test_table_and_figure_of_the_paper(made):
+    table = pd.read_csv(made / "results/tables/table1.csv")
+    assert list(table.columns) == ["gain", "method", "torque", "against", "paper", "mean", "sd", "n"]
+    methods = ["pr-moesp", "eiv-moesp", "parallel-cascade-one-pass", "parallel-cascade"]
+    assert list(table["method"].unique()) == methods
+    assert set(table["n"]) == {2}
+    assert set(table["gain"]) == {13.0}
+    value = table.set_index(["method", "torque", "against"])
+    assert value.loc[("pr-moesp", "net", "measured"), "paper"] == 92
+    assert value.loc[("parallel-cascade-one-pass", "intrinsic", "true"), "paper"] == 56
+    # What the table says of the methods holds in two short trials, too.
+    assert value.loc[("pr-moesp", "intrinsic", "true"), "mean"] > 97
+    assert value.loc[("parallel-cascade", "intrinsic", "true"), "mean"] > 97
+    assert 40 < value.loc[("parallel-cascade-one-pass", "intrinsic", "true"), "mean"] < 75
+    markdown = (made / "results/tables/table1.md").read_text(encoding="utf-8")
+    assert "PR-MOESP" in markdown
+    assert "N·m/rad" in markdown
+    for end in ("png", "pdf"):
+        assert (made / f"results/figures/table1-figure3.{end}").stat().st_size > 10_000
+    assert "PR-MOESP" in page(made / "results/reports/table1.html")
+
+
+def test_scores_are_means_of_trials(made):
+    table = pd.read_csv(made / "results/tables/table1.csv").set_index(["method", "torque", "against"])
+    scores = pd.read_csv(made / "results/scores/table1/reflex_gain=13.0/pr-moesp.csv")
+    assert list(scores.columns) == ["study", "point", "reflex_gain", "method", "trial", "torque", "against", "vaf"]
+    for key, rows in scores.groupby(["torque", "against"]):
+        row = table.loc[("pr-moesp", *key)]
+        assert row["mean"] == pytest.approx(rows["vaf"].mean(), abs=1e-9)
+        assert row["sd"] == pytest.approx(rows["vaf"].std(), abs=1e-9)
+
+
+def test_a_trial_of_the_workflow_can_be_made_alone(made):
+    """The seed is keyed by study, point and trial, so the library gives the same scores without the workflow."""
+    from studies import complete, studies, trial_seeds
+
+    config = yaml.safe_load((made / "config/config.yaml").read_text(encoding="utf-8"))
+    study = studies(complete(config))["table1"]
+    seed = np.random.SeedSequence(trial_seeds(study, "reflex_gain=13.0")[1])
+    trial = ankleloop.simulate(seed=seed, reflex_gain=13.0, duration=20.0)
+    scores = pd.read_csv(made / "results/scores/table1/reflex_gain=13.0/pr-moesp.csv").query("trial == 1")
+    np.testing.assert_allclose(ankleloop.evaluate(trial, ankleloop.identify(trial))["vaf"], scores["vaf"], atol=1e-6)
+
+
+def test_nothing_is_left_to_do_and_nothing_half_written(made):
+    assert planned(made, "--configfile", "config/ci.yaml") == {}
+    assert not list((made / "results").rglob("*.part"))
+    assert not list((made / "results").rglob(".*"))
+
+
+def overlay(folder, **table1):
+    path = folder / "config" / "overlay.yaml"
+    reduced = yaml.safe_load((folder / "config/ci.yaml").read_text(encoding="utf-8"))["studies"]["table1"]
+    path.write_text(yaml.safe_dump({"studies": {"table1": reduced | table1}}), encoding="utf-8")
+    return "--configfile", "config/overlay.yaml"
+
+
+def test_a_changed_option_identifies_again_and_does_not_simulate_again(made):
+    methods = {"pr-moesp": {"options": {"block_rows": 20}}}
+    assert planned(made, *overlay(made, methods=methods)) == {"identify": 1, "evaluate": 1, "notebook_table1": 1}
+
+
+def test_a_new_point_leaves_the_others_alone(made):
+    jobs = planned(made, *overlay(made, points={"reflex_gain": [13.0, 5.0]}))
+    assert jobs == {"simulate": 1, "identify": 4, "evaluate": 4, "notebook_table1": 1}
+
+
+def test_a_changed_library_reruns_what_uses_it(made):
+    touched = made / "src/ankleloop/methods/moesp.py"
+    text = touched.read_text(encoding="utf-8")
+    try:
+        touched.write_text(f"{text}\n# changed\n", encoding="utf-8")
+        jobs = planned(made, "--configfile", "config/ci.yaml")
+    finally:
+        touched.write_text(text, encoding="utf-8")
+    assert jobs == {"identify": 4, "evaluate": 4, "notebook_table1": 1}
+
+
+def test_a_wrong_key_stops_before_any_job(made):
+    text = snakemake(made, *overlay(made, trails=3), check=False)
+    assert "config → studies → table1" in text
+    assert "'trails' was unexpected" in text
+
+
+def test_an_unstable_point_is_named_and_leaves_nothing(made):
+    simulation = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0, "duration": 20.0}
+    arguments = overlay(made, simulation=simulation, points={"reflex_gain": [30.0]})
+    text = snakemake(made, "results/trials/table1/reflex_gain=30.0.nc", *arguments, check=False)
+    assert "the closed loop is unstable" in text
+    assert "load_inertia=0.1" in text
+    assert not [path for path in (made / "results").rglob("*") if "reflex_gain=30.0" in path.name]
+
+
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory):
+    """A folder of recordings: one good file, in degrees and with the torque the other way round, and a broken one."""
+    folder = tmp_path_factory.mktemp("recordings")
+    trial = ankleloop.simulate(seed=1, duration=20.0, reflex_gain=5.0, closed_loop=False)
+    columns = {"t": trial["time"], "angle_deg": np.degrees(trial["position"]), "tq": -trial["torque"]}
+    table = pd.DataFrame({name: values.values for name, values in columns.items()})
+    table.to_csv(folder / "good.csv.gz", index=False)
+    table.loc[777, "tq"] = np.nan
+    table.to_csv(folder / "bad.csv", index=False)
+    return folder
+
+
+def recordings(folder, name):
+    mapping = {"position": "angle_deg", "torque": "tq", "position_unit": "deg", "torque_sign": -1}
+    example = yaml.safe_load((folder / "config/recordings.example.yaml").read_text(encoding="utf-8"))
+    example["studies"]["recordings"]["files"] = {"S1": {"file": name, **mapping}}
+    (folder / "config/laboratory.yaml").write_text(yaml.safe_dump(example, sort_keys=False), encoding="utf-8")
+    return "--configfile", "config/laboratory.yaml"
+
+
+def test_recordings_of_a_laboratory(house, laboratory):
+    snakemake(house, *recordings(house, "good.csv.gz"), ANKLELOOP_RECORDINGS=str(laboratory))
+    table = pd.read_csv(house / "results/tables/recordings.csv").set_index("method")
+    assert list(table.index) == ["pi-moesp", "pr-moesp-position", "parallel-cascade"]
+    assert (table["K"] / 150.0 - 1).abs().max() < 0.15
+    assert (table[["B", "I"]] > 0).all(axis=None)
+    assert (table["vaf_net"] > 88).all()
+    assert table.loc["pr-moesp-position", "reference"] == "position"
+    assert "position as reference" in page(house / "results/reports/recordings.html")
+    assert (house / "results/figures/recordings-S1.png").stat().st_size > 10_000
+
+
+def test_a_bad_recording_says_what_and_where(house, laboratory):
+    arguments = recordings(house, "bad.csv")
+    text = snakemake(house, *arguments, check=False, ANKLELOOP_RECORDINGS=str(laboratory))
+    assert "DataError" in text
+    assert "bad.csv" in text
+    assert "777" in text  # the sample
+    unset = snakemake(house, *arguments, check=False)
+    assert "ANKLELOOP_RECORDINGS" in unset
+    assert "not set" in unset
+
+
+@pytest.mark.skipif(
+    "ANKLELOOP_RECORDINGS" not in os.environ,
+    reason="set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this",
+)
+def test_real_recordings(house):
+    folder = os.environ["ANKLELOOP_RECORDINGS"]
+    snakemake(house, "--configfile", "config/recordings.example.yaml", ANKLELOOP_RECORDINGS=folder)
+    table = pd.read_csv(house / "results/tables/recordings.csv").set_index(["recording", "method"])
+    assert (table[["K", "B", "I"]] > 0).all(axis=None)
+    for recording, net in (("z_df", 93.4), ("z_pf", 87.7), ("z_df3", 93.4)):
+        assert table.loc[(recording, "pi-moesp"), "vaf_net"] > net - 1
+        assert table.loc[(recording, "parallel-cascade"), "vaf_net"] > net - 1
+    page(house / "results/reports/recordings.html")
