@@ -62,9 +62,11 @@ def readable(table, labels, decimals=1):
         return "–" if pd.isna(value) else f"{value:{sign}.{decimals}f}"
 
     shown = table.drop(columns=["paper", "mean", "sd", "n"]).assign(method=table["method"].map(labels))
+    numbers = shown.select_dtypes("number").columns
+    shown[numbers] = shown[numbers].map("{:g}".format).astype(object)
     shown["paper [%]"] = [number(value) for value in table["paper"]]
     shown["ours [%], mean ± sd"] = [
-        number(mean) + (f" ± {sd:.2g}" if pd.notna(sd) else "")
+        number(mean) + (f" ± {sd:.{decimals + 1}f}" if pd.notna(sd) else "")
         for mean, sd in zip(table["mean"], table["sd"], strict=True)
     ]
     shown["difference [points]"] = [number(value, "+") for value in table["mean"] - table["paper"]]

@@ -15,6 +15,15 @@ def test_hundred_for_the_signal_itself_and_any_offset_of_it(signal, offset):
     assert vaf(signal, signal + offset) == pytest.approx(100.0, abs=1e-6)
 
 
+@given(st.data(), numbers, numbers)
+def test_offsets_of_either_cost_nothing(data, of_measured, of_estimated):
+    measured = data.draw(signals)
+    estimated = data.draw(hnp.arrays(float, measured.size, elements=numbers))
+    plain = vaf(measured, estimated)
+    # Rounding of the sums counts against the variance of the measured signal.
+    assert vaf(measured + of_measured, estimated + of_estimated) == pytest.approx(plain, rel=1e-6, abs=1e-4)
+
+
 @given(signals, st.floats(-1e3, 1e3))
 def test_zero_for_a_constant(signal, constant):
     assert vaf(signal, np.full_like(signal, constant)) == pytest.approx(0.0, abs=1e-6)

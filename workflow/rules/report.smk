@@ -25,7 +25,6 @@ for _study in STUDIES.values():
         resources:
             mem_mb=2000,
         params:
-            html=f"results/reports/{_study.name}.html",
             parameters=notebook_parameters(_study),
             library=fingerprint(f"notebooks/{_study.notebook}.ipynb"),
         message:

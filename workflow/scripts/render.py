@@ -41,5 +41,6 @@ with running(snakemake):
         papermill.execute_notebook(notebook, result, given, kernel_name="python3", progress_bar=False)
         executed = nbformat.read(result, as_version=4)
     log.info("executed %s", notebook)
-    with whole_file(snakemake.params.html) as path:
+    report = next(path for path in snakemake.output if path.endswith(".html"))
+    with whole_file(report) as path:
         path.write_text(page(executed, given["title"], snakemake.input.style), encoding="utf-8")
