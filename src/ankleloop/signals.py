@@ -52,7 +52,7 @@ def decimation_factor(sampling_rate, identification_rate):
         raise DataError(
             f"the sampling rate ({sampling_rate:g} Hz) is not a whole multiple of the identification rate "
             f"({identification_rate:g} Hz): choose an identification_rate that divides it, "
-            f"for example {sampling_rate / max(1, int(np.ceil(ratio - 1e-9))):g} Hz, or resample the record."
+            f"for example {sampling_rate / max(1, int(np.ceil(ratio - 1e-9))):.12g} Hz, or resample the record."
         )
     return factor
 

@@ -23,7 +23,7 @@ def test_intrinsic_regressors_give_the_intrinsic_torque(clean):
 
 
 def test_intrinsic_regressors_are_exact_once_the_recorder_does_not_alias():
-    """At 1 kHz a jump of the acceleration leaves 2e-4 behind a 200 Hz recorder; at 2 kHz there is nothing left of it."""
+    """At 1 kHz a jump of the acceleration leaves 2e-4 behind a 200 Hz recorder; at 2 kHz nothing is left of it."""
     trial = simulate(seed=1, duration=10.0, snr_db=None, voluntary=0.0, recording_rate=2000.0)
     regressors = build_regressors(trial, **OPTIONS)
     truth = decimated(trial, "torque_intrinsic", regressors.time, 100.0)

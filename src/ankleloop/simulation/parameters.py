@@ -5,6 +5,7 @@ actuator, recorder, level of voluntary torque, reflex gain of its Table 1) is an
 """
 
 from dataclasses import dataclass, field, fields
+from numbers import Real
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def _check(item, value):
         return
     if value is None and meta["optional"]:
         return
-    if isinstance(value, (bool, str)) or not np.isscalar(value) or not np.isfinite(value):
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real) or not np.isfinite(value):
         raise ValueError(f"{name} must be a finite number [{meta['unit']}], got {value!r}.")
     for bound, holds, word in (
         (meta["minimum"], lambda b: value >= b, "at least"),
@@ -119,7 +120,12 @@ class Disturbances(_Checked):
     )
     voluntary_cutoff: float = _parameter(2.0, "Hz", "-3 dB frequency of its second-order Bessel low-pass", above=0)
     snr_db: float | None = _parameter(
-        10.0, "dB", "clean net torque over measurement noise, in the recorded signal; null: no noise", optional=True
+        10.0,
+        "dB",
+        "clean net torque over measurement noise, in the recorded signal; null: no noise",
+        -100,
+        300,
+        optional=True,
     )
     noise_rate: float = _parameter(100.0, "Hz", "rate at which white measurement noise is drawn and held", above=0)
 
@@ -228,6 +234,11 @@ class Simulation:
         ):
             if abs(ratio - round(ratio)) > 1e-6 or (round(ratio) < 1 and not name.startswith("settling")):
                 raise ValueError(f"{name} must be a whole number, got {ratio:g}.")
+        if self.disturbances.voluntary_cutoff >= rate / 2:
+            raise ValueError(
+                f"voluntary_cutoff must be below half of the recording_rate ({rate / 2:g} Hz), got "
+                f"{self.disturbances.voluntary_cutoff!r} Hz."
+            )
         if self.reflex.delay * rate < 1 - 1e-9:
             raise ValueError(
                 f"delay must be at least one recorded sample ({1 / rate:g} s), got {self.reflex.delay!r} s."

@@ -74,6 +74,10 @@ def simulate(
     >>> trial.sizes["time"]
     10000
     """
+    if np.shape(load) != (3,):
+        raise ValueError(f"load must be three numbers (inertia, viscosity, stiffness), got {load!r}.")
+    if seed is None:
+        raise ValueError("seed must be a number or a SeedSequence: a trial has to be reproducible.")
     overlap = {"load_inertia", "load_viscosity", "load_stiffness"} & set(parameters)
     names = dict(zip(("load_inertia", "load_viscosity", "load_stiffness"), load, strict=True))
     names.update({name: parameters.pop(name) for name in overlap})
@@ -131,7 +135,8 @@ def _simulate(simulation, seed):
         torque_reflex=reflex,
         torque_voluntary=spontaneous,
         torque_noise=noise,
-        seed=str(seed) if isinstance(seed, np.random.SeedSequence) else seed,
+        # Any entropy, also what is too long for an integer of a file.
+        seed=seed if isinstance(seed, int) and abs(seed) < 2**63 else str(root),
         **described,
     )
 
