@@ -47,9 +47,10 @@ def save_trials(trials, path):
         if not same or trial.attrs["sampling_rate"] != first.attrs["sampling_rate"]:
             raise DataError(f"trial {k} differs from trial 0 in length, variables or sampling rate: save it by itself.")
     shared = {n: v for n, v in first.attrs.items() if all(t.attrs.get(n) == v for t in trials)}
-    batch = xr.concat(trials, dim="trial", combine_attrs="drop")
+    batch = xr.concat(trials, dim="trial", combine_attrs="override")
     own = [json.dumps({n: v for n, v in trial.attrs.items() if n not in shared}) for trial in trials]
-    batch = batch.assign({OWN: ("trial", own)}).assign_attrs(shared)
+    batch = batch.assign({OWN: ("trial", own)})
+    batch.attrs = shared
     write_netcdf(batch, path, {name: {"_FillValue": None} for name in batch.variables if name != OWN})
 
 
