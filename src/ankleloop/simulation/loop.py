@@ -7,7 +7,7 @@ step). The matrix exponential integrates it exactly, anti-aliasing filter includ
 the rectified velocity is approximate, with an error of the order of (ω / integration rate)² / 12.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numba import njit
@@ -197,9 +197,7 @@ def run_loop(loop, simulation, command, noise, voluntary):
     whole = int(np.floor(steps_of_delay + 1e-9))
     fraction = max(0.0, steps_of_delay - whole)
     inputs = (np.ascontiguousarray(u, dtype=float) for u in (command, noise, voluntary))
-    return _run(
-        loop.P, loop.G, loop.VP, loop.VG, loop.C, *inputs, whole, fraction, simulation.run.position_limit
-    )  # fmt: skip
+    return _run(*astuple(loop), *inputs, whole, fraction, simulation.run.position_limit)
 
 
 def antialias(x, simulation, hold):

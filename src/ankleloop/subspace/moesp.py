@@ -7,13 +7,17 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.input_matrices import estimate_input_matrices
-from ankleloop.subspace.instruments import INSTRUMENTS, instrument_hankel, instrument_signals, predict_from_reference
+from ankleloop.subspace.instruments import instrument_hankel, instrument_signals, predict_from_reference
 from ankleloop.subspace.projection import project
 from ankleloop.subspace.realisation import choose_order, realise
 
 __all__ = ["INPUT_MATRICES", "SubspaceEstimate", "moesp"]
 
 INPUT_MATRICES = ("least-squares", "instruments")
+GUARDED = (
+    "least squares gave an unstable A (spectral radius {radius:.4f}) at order {order}; it was replaced by a guaranteed "
+    "stable one. Lower the order or change block_rows, and do not trust these poles."
+)
 
 
 @dataclass(frozen=True)
@@ -119,32 +123,21 @@ def moesp(
     """
     if input_matrices not in INPUT_MATRICES:
         raise ValueError(f"unknown input_matrices {input_matrices!r}; known: {', '.join(INPUT_MATRICES)}.")
-    u, _, u_scale = _scaled(u, "input")
-    y, _, y_scale = _scaled(y, "output")
+    u, u_scale = _scaled(u, "input")
+    y, y_scale = _scaled(y, "output")
     r = None if reference is None else _scaled(reference, "reference")[0]
     _check(u, y, r, block_rows, order)
     z = instrument_signals(instruments, u, y, r)
-    least = order or 1
-    past = instrument_rows or _instrument_rows(instruments, projection, block_rows, u.shape[1], y.shape[1], z.shape[1])
-    past = past if z.shape[1] else 0
-    found = _project(u, y, z, block_rows, past, projection, rank_tolerance, least)
+    past = 0
+    if z.shape[1]:
+        past = instrument_rows or _instrument_rows(projection, block_rows, u.shape[1], y.shape[1], z.shape[1])
+    found = _project(u, y, z, block_rows, past, projection, rank_tolerance, order or 1)
     n = choose_order(found.singular_values, (block_rows - 1) // 2) if order is None else order
     A, C, guarded = realise(found.observability, y.shape[1], n)
-    if input_matrices == "least-squares":
-        predicted = None
-    elif predicted_inputs is not None:
-        predicted = (np.asarray(predicted_inputs, float) - np.mean(predicted_inputs, axis=0)) / u_scale
-    elif r is not None:
-        predicted = predict_from_reference(u, r)
-    else:
-        raise DataError("input_matrices='instruments' needs a reference: pass the external command of the loop.")
+    predicted = None
+    if input_matrices == "instruments":
+        predicted = _prediction(u, r) if predicted_inputs is None else _centred(predicted_inputs) / u_scale
     inputs = estimate_input_matrices(A, C, u, y, dynamic, predicted, regression_tolerance)
-    warnings = []
-    if guarded is not None:
-        warnings.append(
-            f"least squares gave an unstable A (spectral radius {guarded:.4f}) at order {n}; it was replaced by a "
-            "guaranteed stable one. Lower the order or change block_rows, and do not trust these poles."
-        )
     B, D, C = inputs.B / u_scale, y_scale[:, None] * inputs.D / u_scale, y_scale[:, None] * C
     diagnostics = {
         "order": n,
@@ -159,25 +152,35 @@ def moesp(
         "regression_rank": inputs.rank,
         "regression_condition": inputs.condition,
         "stable": guarded is None,
-        "warnings": warnings,
+        "warnings": [] if guarded is None else [GUARDED.format(radius=guarded, order=n)],
     }
-    return SubspaceEstimate(
-        _state_space(A, B, C, D, dt, names), found.singular_values, inputs.initial_state, diagnostics
-    )
+    model = _state_space(A, B, C, D, dt, names)
+    return SubspaceEstimate(model, found.singular_values, inputs.initial_state, diagnostics)
+
+
+def _centred(x):
+    x = np.asarray(x, dtype=float)
+    return x - x.mean(axis=0)
 
 
 def _scaled(x, name):
-    """Zero mean, unit variance, two dimensions."""
+    """Zero mean, unit variance, two dimensions; and the scale."""
     x = np.asarray(x, dtype=float)
     x = x[:, None] if x.ndim == 1 else x
     bad = np.argwhere(~np.isfinite(x))
     if bad.size:
         raise DataError(f"{name} {bad[0, 1]} is not finite at sample {bad[0, 0]}: cut or repair the record.")
-    mean, scale = x.mean(axis=0), x.std(axis=0)
+    scale = x.std(axis=0)
     constant = np.flatnonzero(scale <= 1e-13 * np.max(np.abs(x), axis=0, initial=0.0))
     if constant.size:
         raise DataError(f"{name} {constant[0]} is constant and carries no information: leave it out.")
-    return (x - mean) / scale, mean, scale
+    return _centred(x) / scale, scale
+
+
+def _prediction(u, r):
+    if r is None:
+        raise DataError("input_matrices='instruments' needs a reference: pass the external command of the loop.")
+    return predict_from_reference(u, r)
 
 
 def _check(u, y, r, block_rows, order):
@@ -190,8 +193,8 @@ def _check(u, y, r, block_rows, order):
         raise ValueError(f"block_rows must be larger than the order ({order or 1}), got {block_rows}.")
 
 
-def _instrument_rows(instruments, projection, block_rows, inputs, outputs, width):
-    if projection == "ordinary" or not INSTRUMENTS[instruments]:
+def _instrument_rows(projection, block_rows, inputs, outputs, width):
+    if projection == "ordinary":
         return block_rows
     # The correlation form spends m·s directions on the inputs; leave p·s of them for the outputs.
     return max(block_rows, -(-(inputs + outputs) * block_rows // width))
