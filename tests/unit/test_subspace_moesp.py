@@ -265,7 +265,7 @@ def test_default_instrument_rows(instruments, projection, rows, rank):
 
 
 def closed_loop(seed, samples=40_000, gain=0.25):
-    """Science, section 4: poles 0.75 ± 0.3708j, strongly coloured noise, a random binary reference held 10 samples."""
+    """Poles 0.75 ± 0.3708j, strongly coloured noise, a random binary reference held 10 samples."""
     rng = np.random.default_rng(seed)
     r = np.repeat(rng.choice([-1.0, 1.0], samples // 10), 10)
     v = sps.lfilter([1.0, 0.9], [1.0, -0.95], 0.5 * rng.standard_normal(samples))
