@@ -307,6 +307,20 @@ def test_consistency_in_closed_loop():
     assert np.abs(np.mean(errors["ordinary"])) > 10 * np.std(errors["ordinary"])
 
 
+def test_leads_are_rows_of_the_reference_in_the_future():
+    u, y, r = closed_loop(0, samples=4000)
+    leads = moesp(u, y, 6, 2, "past-reference", "correlation", r, instrument_rows=18, instrument_leads=6)
+    # The same rows as of a reference that is early, up to the six columns that its shift costs.
+    early = moesp(u[:-6], y[:-6], 6, 2, "past-reference", "correlation", r[6:], instrument_rows=24)
+    assert leads.diagnostics["instrument_rows"] == early.diagnostics["instrument_rows"] == 24
+    assert abs(upper_pole(leads) - upper_pole(early)) < 0.02
+    assert abs(upper_pole(leads) - PLANT_POLE) < 0.1
+    with pytest.raises(ValueError, match=r"instrument_leads must be between 0 and block_rows \(6\), got 7"):
+        moesp(u, y, 6, 2, "past-reference", "correlation", r, instrument_leads=7)
+    with pytest.raises(ValueError, match="instrument_leads need instruments made of the reference, not 'past-input'"):
+        moesp(u, y, 6, 2, instrument_leads=1)
+
+
 # --- errors
 
 

@@ -40,6 +40,7 @@ def identify_moesp(
     input_matrices="least-squares",
     projection=None,
     instrument_rows=None,
+    instrument_leads=0,
     reference="reference",
     free_b=False,
     rank_tolerance=1e-5,
@@ -81,6 +82,8 @@ def identify_moesp(
         Form of the projection; "correlation" for EIV-MOESP and "ordinary" for the others by default.
     instrument_rows : int, optional
         Block rows of the instruments; `block_rows`, or as many as the correlation form needs, by default.
+    instrument_leads : int
+        Block rows by which the reference of PR-MOESP reaches into the future as well.
     reference : str
         Variable that serves as reference; "position" for open-loop records.
     free_b : bool
@@ -129,6 +132,7 @@ def identify_moesp(
         regressors.reference,
         dt=1.0 / regressors.rate,
         instrument_rows=instrument_rows,
+        instrument_leads=instrument_leads,
         input_matrices=input_matrices,
         dynamic=None if free_b else regressors.reflex,
         predicted_inputs=predicted_inputs(trial, regressors, delay) if input_matrices == "instruments" else None,

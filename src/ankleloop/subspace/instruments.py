@@ -47,14 +47,14 @@ def instrument_signals(instruments, u, y, reference):
 
 
 def instrument_hankel(z, rows, columns):
-    """Hankel matrix of the past of the instruments.
+    """Hankel matrix of the instruments, from their furthest past on.
 
     Parameters
     ----------
     z : ndarray, shape (N, q)
         Instrument signals; q may be 0.
     rows, columns : int
-        Block rows of the past, and columns.
+        Block rows, and columns.
 
     Returns
     -------

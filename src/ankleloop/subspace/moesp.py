@@ -53,6 +53,7 @@ def moesp(
     dt=1.0,
     *,
     instrument_rows=None,
+    instrument_leads=0,
     input_matrices="least-squares",
     dynamic=None,
     predicted_inputs=None,
@@ -88,6 +89,9 @@ def moesp(
         Sampling interval [s].
     instrument_rows : int, optional
         Block rows of the past. By default `block_rows`, or as many as the correlation form needs.
+    instrument_leads : int
+        Block rows by which the reference reaches into the future as well, up to `block_rows`: any shift of an external
+        reference is a valid instrument. Past inputs and outputs have none.
     input_matrices : {"least-squares", "instruments"}
         How B and D are found. With instruments the inputs are predicted from the reference.
     dynamic : array_like of bool, shape (m,), optional
@@ -127,11 +131,12 @@ def moesp(
     y, y_scale = _scaled(y, "output")
     r = None if reference is None else _scaled(reference, "reference")[0]
     _check(u, y, r, block_rows, order)
+    _check_leads(instruments, instrument_leads, block_rows)
     z = instrument_signals(instruments, u, y, r)
     past = 0
     if z.shape[1]:
         past = instrument_rows or _instrument_rows(projection, block_rows, u.shape[1], y.shape[1], z.shape[1])
-    found = _project(u, y, z, block_rows, past, projection, rank_tolerance, order or 1)
+    found = _project(u, y, z, block_rows, past, instrument_leads, projection, rank_tolerance, order or 1)
     n = choose_order(found.singular_values, (block_rows - 1) // 2) if order is None else order
     A, C, guarded = realise(found.observability, y.shape[1], n)
     predicted = None
@@ -146,7 +151,7 @@ def moesp(
         "condition": found.condition,
         "instruments": instruments,
         "projection": projection,
-        "instrument_rows": past * z.shape[1],
+        "instrument_rows": (past + instrument_leads) * z.shape[1],
         "instrument_rank": found.instrument_rank,
         "input_matrices": input_matrices,
         "regression_rank": inputs.rank,
@@ -200,16 +205,23 @@ def _instrument_rows(projection, block_rows, inputs, outputs, width):
     return max(block_rows, -(-(inputs + outputs) * block_rows // width))
 
 
-def _project(u, y, z, block_rows, past, form, rank_tolerance, least):
+def _check_leads(instruments, leads, block_rows):
+    if not 0 <= leads <= block_rows:
+        raise ValueError(f"instrument_leads must be between 0 and block_rows ({block_rows}), got {leads}.")
+    if leads and instruments != "past-reference":
+        raise ValueError(f"instrument_leads need instruments made of the reference, not {instruments!r}: use 0.")
+
+
+def _project(u, y, z, block_rows, past, leads, form, rank_tolerance, least):
     columns = u.shape[0] - past - block_rows + 1
-    rows = (u.shape[1] + y.shape[1]) * block_rows + z.shape[1] * past
+    rows = (u.shape[1] + y.shape[1]) * block_rows + z.shape[1] * (past + leads)
     if columns < rows:
         raise DataError(
             f"the record of {u.shape[0]} samples is shorter than its Hankel window: {rows} Hankel rows need at least "
             f"{rows + past + block_rows - 1} samples. Record longer, or use fewer block_rows or instrument_rows."
         )
     U, Y = block_hankel(u, past, block_rows, columns), block_hankel(y, past, block_rows, columns)
-    return project(U, Y, instrument_hankel(z, past, columns), form, rank_tolerance, least)
+    return project(U, Y, instrument_hankel(z, past + leads, columns), form, rank_tolerance, least)
 
 
 def _state_space(A, B, C, D, dt, names):
