@@ -58,7 +58,7 @@ def _find(tree):
 
 
 def _files(name):
-    """File of a module; a package itself counts only where nothing in it is named (its __init__ re-exports)."""
+    """File of a module, or the __init__ of a package; names of functions have none."""
     path = LIBRARY.joinpath(*name.split("."))
     for candidate in (path.with_suffix(".py"), path / "__init__.py"):
         if candidate.is_file():

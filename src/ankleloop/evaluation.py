@@ -13,11 +13,12 @@ TRIM = 1.0  # s at either end: transients of filters and initial states are not 
 
 
 def _scored(estimate, trim):
+    """Which samples of an estimate are scored, their times and their rate."""
     time = estimate.torque["time"].values
     inside = (time >= time[0] + trim) & (time <= time[-1] - trim)
     if inside.sum() < 2:
         raise DataError(f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s.")
-    return inside
+    return inside, time, estimate.torque.attrs["identification_rate"]
 
 
 def evaluate(trial, estimate, *, trim=TRIM):
@@ -54,8 +55,7 @@ def evaluate(trial, estimate, *, trim=TRIM):
     >>> evaluate(trial, identify_moesp(trial))["torque"].tolist()
     ['net', 'net', 'intrinsic', 'reflex']
     """
-    inside = _scored(estimate, trim)
-    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    inside, time, rate = _scored(estimate, trim)
     measured = decimated(trial, "torque", time, rate)
     rows = [("net", "measured", measured)]
     if {"torque_intrinsic", "torque_reflex"} <= set(trial.data_vars):
@@ -98,8 +98,7 @@ def in_band_snr(trial, estimate, *, trim=TRIM):
     missing = {"torque_intrinsic", "torque_reflex", "torque_noise"} - set(trial.data_vars)
     if missing:
         raise DataError(f"the trial has no {sorted(missing)[0]!r}: an in-band SNR needs the truths of a simulation.")
-    inside = _scored(estimate, trim)
-    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    inside, time, rate = _scored(estimate, trim)
     clean, reflex, noise = (
         decimated(trial, f"torque_{part}", time, rate)[inside] for part in ("intrinsic", "reflex", "noise")
     )

@@ -118,10 +118,8 @@ def identify_parallel_cascade(
     regressors = build_regressors(
         trial, delay=delay, basis="rectifier", degree=1, identification_rate=identification_rate
     )
-    centred = regressors.inputs - regressors.inputs.mean(axis=0)
-    torque = regressors.torque - regressors.torque.mean()
     ahead, behind = round(intrinsic_lags * regressors.rate), round(reflex_lags * regressors.rate)
-    rows = np.arange(max(ahead, behind), torque.size - ahead)
+    rows = np.arange(max(ahead, behind), regressors.torque.size - ahead)
     unknowns = 2 * ahead + 1 + behind + 1
     if rows.size < 2 * unknowns:
         raise DataError(
@@ -129,10 +127,10 @@ def identify_parallel_cascade(
             "intrinsic_lags and reflex_lags."
         )
     paths = (
-        _pathway(centred[:, 0], -ahead, ahead, rows, rank_tolerance),
-        _pathway(centred[:, -1], 0, behind, rows, rank_tolerance),
+        _pathway(regressors.inputs[:, 0], -ahead, ahead, rows, rank_tolerance),
+        _pathway(regressors.inputs[:, -1], 0, behind, rows, rank_tolerance),
     )
-    responses, torques, history, converged = _alternate(paths, torque[rows], rank, max_passes, tolerance)
+    responses, torques, history, converged = _alternate(paths, regressors.torque[rows], rank, max_passes, tolerance)
     warnings = [] if converged or max_passes else [f"no convergence within {PASS_CEILING} passes"]
     intrinsic, reflex = torques
     return Estimate(
