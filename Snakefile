@@ -13,10 +13,16 @@ configfile: "config/config.yaml"
 sys.path.insert(0, f"{workflow.basedir}/workflow")
 from fingerprint import fingerprint
 from studies import (
+    ARTICLE,
+    DIAGRAMS,
+    article_parameters,
+    article_studies,
     complete,
+    estimates,
     notebook_inputs,
     notebook_parameters,
     reports,
+    scores,
     studies,
     targets,
     trial_seeds,
@@ -42,3 +48,4 @@ include: "workflow/rules/simulate.smk"
 include: "workflow/rules/identify.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/article.smk"

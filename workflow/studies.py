@@ -13,7 +13,22 @@ import yaml
 SCHEMA = Path(__file__).parent / "schemas" / "config.schema.yaml"
 
 # Figures that each notebook makes of a study, besides its report and its table.
-FIGURES = {"table1": lambda study: ["figure3"], "recordings": lambda study: list(study.points)}
+FIGURES = {
+    "table1": lambda study: ["figure3", "order"],
+    "figure4": lambda study: ["figure4"],
+    "passes": lambda study: ["passes"],
+    "table2": lambda study: list(study.points) if study.kind == "recordings" else ["figure5"],
+    "comparison": lambda study: ["stiffness", "vaf"],
+    "traces": lambda study: ["traces"],
+    "sensitivity": lambda study: ["map"],
+}
+ARTICLE = {
+    "report": "results/article.html",
+    "verification": "results/verification.csv",
+    "page": "results/verification.md",
+    "economy": "results/tables/economy.csv",
+}
+DIAGRAMS = [f"results/figures/figure{number}{end}" for number in (1, 2) for end in (".png", ".pdf", ".svg")]
 
 
 class ConfigError(ValueError):
@@ -44,8 +59,8 @@ class Study:
 
     @property
     def varied(self):
-        """Parameters that differ between the points."""
-        return self.settings.get("points", {})
+        """Names of the parameters that differ between the points."""
+        return list(dict.fromkeys(name for chosen in self.combinations.values() for name in chosen))
 
     @property
     def points(self):
@@ -59,9 +74,11 @@ class Study:
         """Values of the varied parameters at each point; recordings vary none."""
         if self.kind == "recordings":
             return {point: {} for point in self.points}
-        names = list(self.varied)
-        combinations = [dict(zip(names, values, strict=True)) for values in itertools.product(*self.varied.values())]
-        return {point_name(chosen): chosen for chosen in combinations}
+        given = self.settings["points"]
+        if isinstance(given, dict):
+            products = itertools.product(*given.values())
+            given = [dict(zip(given, values, strict=True)) for values in products]
+        return {point_name(chosen): chosen for chosen in given}
 
     @property
     def labels(self):
@@ -107,11 +124,12 @@ def complete(config):
         points = Study(name, settings).points if settings["kind"] == "simulation" else {}
         for point, parameters in points.items():
             _check(dict(parameters), {**schema["$defs"]["simulation"], "$defs": schema["$defs"]}, ("points", point))
-    unknown = set(config.get("run", ())) - set(config["studies"])
-    if unknown:
-        raise ConfigError(
-            f"config: run: there is no study {sorted(unknown)[0]!r}; there are {sorted(config['studies'])}."
-        )
+    for key in ("run", "article"):
+        unknown = set(config.get(key, ())) - set(config["studies"])
+        if unknown:
+            raise ConfigError(
+                f"config: {key}: there is no study {sorted(unknown)[0]!r}; there are {sorted(config['studies'])}."
+            )
     return config
 
 
@@ -136,29 +154,29 @@ def reports(study):
     return [f"results/reports/{study.name}.html", *tables, *figures]
 
 
-def scores(study, ending="csv"):
-    """Score or parameter files of every point and method of a study."""
-    return [
-        f"results/scores/{study.name}/{point}/{method}.{ending}" for point in study.points for method in study.methods
-    ]
+def scores(study, folder="scores"):
+    """Score or parameter tables of a study, a file for each point."""
+    return [f"results/{folder}/{study.name}/{point}.csv" for point in study.points]
+
+
+def estimates(study, point):
+    """Estimates of a point, a file for each method."""
+    return [f"results/estimates/{study.name}/{point}/{method}.nc" for method in study.methods]
 
 
 def notebook_parameters(study):
     """Parameters of the notebook of a study; every notebook takes the same."""
-    folder = f"results/{{}}/{study.name}"
     return {
         "study": study.name,
+        "kind": study.kind,
         "title": study.settings["title"],
         "scores": scores(study),
-        "parameters": scores(study, "parameters.csv"),
-        "trials": {point: f"{folder.format('trials')}/{point}.nc" for point in study.points},
-        "estimates": {
-            point: {method: f"{folder.format('estimates')}/{point}/{method}.nc" for method in study.methods}
-            for point in study.points
-        },
+        "parameters": scores(study, "parameters"),
+        "trials": {point: f"results/trials/{study.name}/{point}.nc" for point in study.points},
+        "estimates": {point: dict(zip(study.methods, estimates(study, point), strict=True)) for point in study.points},
         "labels": study.labels,
         "points": study.points,
-        "varied": list(study.varied),
+        "varied": study.varied,
         "figure": study.settings["figure"],
         "published": "data/published",
         "table_stem": f"results/tables/{study.name}",
@@ -169,8 +187,40 @@ def notebook_parameters(study):
 def notebook_inputs(study):
     """Files that the notebook of a study reads."""
     given = notebook_parameters(study)
-    estimates = [path for methods in given["estimates"].values() for path in methods.values()]
-    return [*given["scores"], *given["parameters"], *given["trials"].values(), *estimates]
+    found = [path for methods in given["estimates"].values() for path in methods.values()]
+    return [*given["scores"], *given["parameters"], *given["trials"].values(), *found]
+
+
+def article_studies(config):
+    """Studies that the ledger and the article are made of; none where one of them is not run."""
+    made = {study.name: study for study in chosen(config)}
+    names = config["article"]
+    return [made[name] for name in names] if set(names) <= set(made) else []
+
+
+def article_parameters(config):
+    """Parameters of the notebook of the article."""
+    return {
+        "title": "Closed-loop identification of ankle dynamics: a replication",
+        "studies": {
+            study.name: {
+                "title": study.settings["title"],
+                "trials": study.settings["trials"],
+                "parameters": study.settings["simulation"],
+                "varied": study.varied,
+                "methods": study.labels,
+                "scores": scores(study),
+                "estimates": scores(study, "parameters"),
+                "table": f"results/tables/{study.name}.csv",
+                "report": f"results/reports/{study.name}.html",
+                "figures": [f"results/figures/{study.name}-{name}.png" for name in FIGURES[study.notebook](study)],
+            }
+            for study in article_studies(config)
+        },
+        "verification": ARTICLE["verification"],
+        "economy": ARTICLE["economy"],
+        "diagrams": [path for path in DIAGRAMS if path.endswith(".png")],
+    }
 
 
 def targets(config):
@@ -180,8 +230,8 @@ def targets(config):
         if study.kind == "recordings":
             # Here, and not only in the rule that reads: results of an earlier run would hide a folder that is not set.
             study.folder()
-        made += reports(study) or [*scores(study), *scores(study, "parameters.csv")]
-    return made
+        made += reports(study) or [*scores(study), *scores(study, "parameters")]
+    return [*made, *DIAGRAMS, *ARTICLE.values()] if article_studies(config) else made
 
 
 def _check(config, schema, where=()):

@@ -2,31 +2,41 @@
 
 import json
 
+import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.storage import write_netcdf
 from ankleloop.trial import validate
 
-__all__ = ["load_trials", "save_trials"]
+__all__ = ["PRECISIONS", "load_trials", "save_trials"]
 
 OWN = "own_attributes"
+BLOCK = 16  # trials read at a time: each access to the file costs more than the numbers
+PRECISIONS = {"double": np.float64, "single": np.float32}
 
 
-def save_trials(trials, path):
+def save_trials(trials, path, precision="double"):
     """Write trials of equal length and sampling rate to one NetCDF file, whole or not at all.
+
+    A variable that is constant in every trial (the noise of a noise-free simulation) takes one number per trial.
 
     Parameters
     ----------
-    trials : sequence of xarray.Dataset
+    trials : iterable of xarray.Dataset
         The trials, each of shape (N,) per variable.
     path : path-like
         File to write.
+    precision : {"double", "single"}
+        Floating-point numbers on disk. Single takes half the space and rounds to 6e-8 of a value, where a 16-bit
+        converter rounds to 1.5e-5 of its range; trials are double again once loaded.
 
     Raises
     ------
     DataError
         If there are no trials, or they differ in length, variables or sampling rate.
+    ValueError
+        For an unknown precision.
 
     Examples
     --------
@@ -38,20 +48,37 @@ def save_trials(trials, path):
     ...     [trial.attrs["seed"] for trial in load_trials(f"{folder}/batch.nc")]
     [0, 1]
     """
-    trials = list(trials)
-    if not trials:
-        raise DataError(f"{path}: there are no trials to save.")
-    first = trials[0]
+    if precision not in PRECISIONS:
+        raise ValueError(f"unknown precision {precision!r}; known: {', '.join(PRECISIONS)}.")
+    first, gathered, attributes = None, {}, []
     for k, trial in enumerate(trials):
-        same = trial.sizes == first.sizes and set(trial.data_vars) == set(first.data_vars)
-        if not same or trial.attrs["sampling_rate"] != first.attrs["sampling_rate"]:
-            raise DataError(f"trial {k} differs from trial 0 in length, variables or sampling rate: save it by itself.")
-    shared = {n: v for n, v in first.attrs.items() if all(t.attrs.get(n) == v for t in trials)}
-    batch = xr.concat(trials, dim="trial", combine_attrs="override")
-    own = [json.dumps({n: v for n, v in trial.attrs.items() if n not in shared}) for trial in trials]
-    batch = batch.assign({OWN: ("trial", own)})
-    batch.attrs = shared
+        first = trial if first is None else first
+        _check_alike(k, trial, first)
+        attributes.append(trial.attrs)
+        for name, variable in trial.data_vars.items():
+            values = variable.values
+            values = values[:1] if np.ptp(values) == 0 else values
+            gathered.setdefault(name, []).append(values.astype(PRECISIONS[precision] if values.size > 1 else float))
+    if first is None:
+        raise DataError(f"{path}: there are no trials to save.")
+    shared = {n: v for n, v in first.attrs.items() if all(given.get(n) == v for given in attributes)}
+    own = [json.dumps({n: v for n, v in given.items() if n not in shared}) for given in attributes]
+    variables = {name: _packed(arrays, first[name].attrs, first.sizes["time"]) for name, arrays in gathered.items()}
+    batch = xr.Dataset({**variables, OWN: ("trial", own)}, coords={"time": first["time"].variable}, attrs=shared)
     write_netcdf(batch, path, {name: {"_FillValue": None} for name in batch.variables if name != OWN})
+
+
+def _check_alike(k, trial, first):
+    same = trial.sizes == first.sizes and set(trial.data_vars) == set(first.data_vars)
+    if not same or trial.attrs["sampling_rate"] != first.attrs["sampling_rate"]:
+        raise DataError(f"trial {k} differs from trial 0 in length, variables or sampling rate: save it by itself.")
+
+
+def _packed(arrays, attributes, samples):
+    """Samples of all trials; one number each where every trial is constant."""
+    if all(values.size == 1 for values in arrays):
+        return ("trial", np.concatenate(arrays), attributes)
+    return (("trial", "time"), np.stack([np.broadcast_to(values, samples) for values in arrays]), attributes)
 
 
 def load_trials(path):
@@ -80,9 +107,19 @@ def load_trials(path):
     FileNotFoundError: ...
     """
     with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as batch:
-        for k in range(batch.sizes["trial"]):
-            trial = batch.isel(trial=k).load()
-            own = json.loads(str(trial[OWN].values))
-            trial = trial.drop_vars(OWN).assign_attrs(own)
-            trial.attrs = {n: v.item() if hasattr(v, "item") else v for n, v in trial.attrs.items()}
-            yield validate(trial, source=f"{path}, trial {k}")
+        time = batch["time"].load().variable
+        for start in range(0, batch.sizes["trial"], BLOCK):
+            block = batch.isel(trial=slice(start, start + BLOCK)).load()
+            for k in range(block.sizes["trial"]):
+                yield validate(_unpacked(block, k, time), source=f"{path}, trial {start + k}")
+
+
+def _unpacked(block, k, time):
+    own = json.loads(str(block[OWN].values[k]))
+    variables = {}
+    for name, variable in block.data_vars.items():
+        if name != OWN:
+            values = np.broadcast_to(variable.values[k].astype(float), time.size).copy()
+            variables[name] = ("time", values, variable.attrs)
+    attributes = {n: v.item() if hasattr(v, "item") else v for n, v in (block.attrs | own).items()}
+    return xr.Dataset(variables, coords={"time": time}, attrs=attributes)

@@ -25,6 +25,12 @@ STYLE = {
     "pdf.fonttype": 42,
     "svg.hashsalt": "ankleloop",
 }
+# What would differ between two runs is left out.
+NO_DATES = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Producer": None},
+    ".svg": {"Date": None, "Creator": None},
+}
 
 
 def torque_figure(trial, estimates, *, start=10.0, length=5.0, title=""):
@@ -86,8 +92,8 @@ def _torque_panel(axis, trial, estimate, torque, score):
     axis.set_title(f"{torque}: VAF {score['vaf']:.1f} % ({score['against']})")
 
 
-def save_figure(figure, stem):
-    """Write a figure as PNG and PDF, the same bytes for the same data.
+def save_figure(figure, stem, endings=(".png", ".pdf")):
+    """Write a figure, the same bytes for the same data.
 
     Parameters
     ----------
@@ -95,8 +101,10 @@ def save_figure(figure, stem):
         The figure.
     stem : path-like
         Path without its ending.
+    endings : sequence of str
+        Of ".png", ".pdf" and ".svg".
     """
     stem = Path(stem)
     with matplotlib.rc_context(STYLE):
-        figure.savefig(stem.with_name(stem.name + ".png"), dpi=200, metadata={"Software": None})
-        figure.savefig(stem.with_name(stem.name + ".pdf"), metadata={"CreationDate": None, "Producer": None})
+        for ending in endings:
+            figure.savefig(stem.with_name(stem.name + ending), dpi=200, metadata=NO_DATES[ending])

@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 from ankleloop.methods.moesp import MEMBERS, identify_moesp
 from ankleloop.methods.parallel_cascade import identify_parallel_cascade
+from ankleloop.methods.real_time import identify_real_time
 
 __all__ = ["METHODS", "identify", "method_options"]
 
@@ -13,6 +14,7 @@ METHODS = MappingProxyType(
     {
         **{name: partial(identify_moesp, method=name) for name in MEMBERS},
         "parallel-cascade": identify_parallel_cascade,
+        "real-time": identify_real_time,
     }
 )
 
@@ -59,8 +61,9 @@ def identify(trial, method="pr-moesp", **options):
         A trial from `new_trial`, `read_trial` or `simulate`.
     method : str
         One of `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
-        `ankleloop.methods.moesp.identify_moesp`) or "parallel-cascade" (see
-        `ankleloop.methods.parallel_cascade.identify_parallel_cascade`).
+        `ankleloop.methods.moesp.identify_moesp`), "parallel-cascade" (see
+        `ankleloop.methods.parallel_cascade.identify_parallel_cascade`) or "real-time" (see
+        `ankleloop.methods.real_time.identify_real_time`).
     **options
         Options of the method, see `method_options`.
 

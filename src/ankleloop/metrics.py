@@ -1,10 +1,40 @@
 """How well an estimate explains a signal."""
 
 import numpy as np
+from scipy import special
 
 from ankleloop.errors import DataError
 
-__all__ = ["vaf"]
+__all__ = ["confidence_margin", "vaf"]
+
+
+def confidence_margin(sd, n, level=0.95):
+    r"""Half width of the confidence interval of a mean over independent trials.
+
+    .. math:: t_{(1 + level) / 2, \, n - 1} \; sd / \sqrt{n}
+
+    Parameters
+    ----------
+    sd : float or array_like
+        Standard deviation of the sample.
+    n : int or array_like
+        Number of trials; with a single one the interval is not defined (nan).
+    level : float
+        Confidence.
+
+    Returns
+    -------
+    float or ndarray
+        In the unit of `sd`.
+
+    Examples
+    --------
+    >>> round(float(confidence_margin(1.0, 100)), 4)
+    0.1984
+    """
+    sd, n = np.asarray(sd, dtype=float), np.asarray(n)
+    freedom = np.where(n > 1, n - 1, 1)
+    return np.where(n > 1, special.stdtrit(freedom, 0.5 + level / 2) * sd / np.sqrt(n), np.nan)
 
 
 def vaf(measured, estimated):

@@ -34,15 +34,16 @@ def test_simulation_parameters_are_those_of_the_library():
             assert schema[name][key] == entry[key], (name, key)
         for key in ("minimum", "maximum", "exclusiveMinimum"):
             assert schema[name].get(key) == entry[key], (name, key)
-        assert ("null" in schema[name]["type"]) == entry["optional"], name
+        assert ("null" in schema[name].get("type", ())) == entry["optional"], name
+        assert schema[name].get("enum") == (list(entry["choices"]) if entry["choices"] else None), name
 
 
 def test_methods_and_their_options_are_those_of_the_library():
     names = DEFINITIONS["methods"]["additionalProperties"]["properties"]["method"]["enum"]
     assert names == list(ankleloop.METHODS)
     for method in names:
-        options = "parallel_cascade_options" if method == "parallel-cascade" else "moesp_options"
-        schema = DEFINITIONS[options]["properties"]
+        options = "moesp" if method.endswith("moesp") else method.replace("-", "_")
+        schema = DEFINITIONS[f"{options}_options"]["properties"]
         assert {name: entry["default"] for name, entry in schema.items()} == ankleloop.method_options(method)
 
 

@@ -1,13 +1,13 @@
-# Scores and parameters of every trial, one tidy table each.
+# Scores and parameters of every trial and method of a point, one tidy table each.
 rule evaluate:
     input:
         trials="results/trials/{study}/{point}.nc",
-        estimates="results/estimates/{study}/{point}/{method}.nc",
+        estimates=lambda wildcards: estimates(STUDIES[wildcards.study], wildcards.point),
     output:
-        scores="results/scores/{study}/{point}/{method}.csv",
-        parameters="results/scores/{study}/{point}/{method}.parameters.csv",
+        scores="results/scores/{study}/{point}.csv",
+        parameters="results/parameters/{study}/{point}.csv",
     log:
-        "logs/evaluate/{study}/{point}/{method}.log",
+        "logs/evaluate/{study}/{point}.log",
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
@@ -15,8 +15,9 @@ rule evaluate:
         mem_mb=2000,
     params:
         varied=lambda wildcards: STUDIES[wildcards.study].combinations[wildcards.point],
+        methods=lambda wildcards: list(STUDIES[wildcards.study].methods),
         library=fingerprint("workflow/scripts/evaluate.py"),
     message:
-        "Scoring {wildcards.method} on {wildcards.study} at {wildcards.point}"
+        "Scoring {wildcards.study} at {wildcards.point}"
     script:
         "../scripts/evaluate.py"

@@ -20,6 +20,7 @@ rule simulate:
     params:
         parameters=lambda wildcards: STUDIES[wildcards.study].points[wildcards.point],
         seeds=lambda wildcards: trial_seeds(STUDIES[wildcards.study], wildcards.point),
+        precision=lambda wildcards: STUDIES[wildcards.study].settings["precision"],
         library=fingerprint("workflow/scripts/simulate.py"),
     message:
         "Simulating {wildcards.study} at {wildcards.point}"

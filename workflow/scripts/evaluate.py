@@ -1,4 +1,4 @@
-"""Score all trials of one point and method."""
+"""Score all trials of one point, by every method."""
 
 import pandas as pd
 
@@ -10,13 +10,20 @@ from ankleloop.storage import whole_file
 from job import progress, running
 
 with running(snakemake):
-    wildcards = snakemake.wildcards
-    key = {"study": wildcards.study, "point": wildcards.point, **snakemake.params.varied, "method": wildcards.method}
-    rows = {"scores": [], "parameters": []}
-    pairs = zip(load_trials(snakemake.input.trials), load_estimates(snakemake.input.estimates), strict=True)
-    for number, (trial, estimate) in enumerate(progress(pairs, "scored")):
-        for name, table in (("scores", evaluate(trial, estimate)), ("parameters", parameters(trial, estimate))):
-            rows[name].append(table.assign(**key, trial=number)[[*key, "trial", *table.columns]])
-    for name, tables in rows.items():
+    key = {"study": snakemake.wildcards.study, "point": snakemake.wildcards.point, **snakemake.params.varied}
+    methods = {
+        name: load_estimates(path)
+        for name, path in zip(snakemake.params.methods, snakemake.input.estimates, strict=True)
+    }
+    rows = {(table, method): [] for table in ("scores", "parameters") for method in methods}
+    for number, trial in enumerate(progress(load_trials(snakemake.input.trials), "scored")):
+        for method, estimates in methods.items():
+            for name, table in (
+                ("scores", evaluate(trial, estimates[number])),
+                ("parameters", parameters(trial, estimates[number])),
+            ):
+                keyed = table.assign(**key, method=method, trial=number)
+                rows[name, method].append(keyed[[*key, "method", "trial", *table.columns]])
+    for name in ("scores", "parameters"):
         with whole_file(snakemake.output[name]) as path:
-            pd.concat(tables).to_csv(path, index=False)
+            pd.concat([table for method in methods for table in rows[name, method]]).to_csv(path, index=False)

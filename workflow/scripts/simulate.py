@@ -9,5 +9,5 @@ from job import progress, running
 
 with running(snakemake):
     seeds = progress(snakemake.params.seeds, "simulated")
-    trials = [simulate(seed=SeedSequence(seed), **snakemake.params.parameters) for seed in seeds]
-    save_trials(trials, snakemake.output.trials)
+    trials = (simulate(seed=SeedSequence(seed), **snakemake.params.parameters) for seed in seeds)
+    save_trials(trials, snakemake.output.trials, precision=snakemake.params.precision)

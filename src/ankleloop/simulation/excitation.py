@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import signal as sps
 
-__all__ = ["held_noise", "prbs", "voluntary_torque"]
+__all__ = ["held_noise", "prbs", "pulses", "voluntary_torque"]
 
 
 def prbs(rng, samples, interval, amplitude):
@@ -32,6 +32,38 @@ def prbs(rng, samples, interval, amplitude):
     """
     levels = rng.integers(0, 2, size=-(-samples // interval)) - 0.5
     return amplitude * np.repeat(levels, interval)[:samples]
+
+
+def pulses(rng, samples, interval, length, amplitude):
+    """Short pulses of independent random sign at random multiples of an interval, back to rest in between.
+
+    A pulse is over before its reflex comes, and its sign says nothing of the next one: so the position and its
+    derivatives are uncorrelated with the reflex torque, but for what the actuator smears.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of randomness.
+    samples : int
+        Length.
+    interval, length : int
+        Interval and length of the pulses in samples; half of the intervals have one.
+    amplitude : float
+        Peak-to-peak amplitude: pulses reach ± half of it.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        Values 0 and ±amplitude / 2.
+
+    Examples
+    --------
+    >>> sorted(set(pulses(np.random.default_rng(1), 1000, 100, 20, 0.04).tolist()))
+    [-0.02, 0.0, 0.02]
+    """
+    signs = rng.choice([-0.5, 0.0, 0.0, 0.5], size=-(-samples // interval))
+    shape = (np.arange(interval) < length).astype(float)
+    return amplitude * np.outer(signs, shape).ravel()[:samples]
 
 
 def voluntary_torque(rng, samples, rate, cutoff):

@@ -22,8 +22,10 @@ __all__ = [
     "parameter_table",
 ]
 
+KINDS = ("prbs", "pulses")
 
-def _parameter(default, unit, description, low=None, high=None, *, above=None, optional=False):
+
+def _parameter(default, unit, description, low=None, high=None, *, above=None, optional=False, choices=None):
     metadata = {
         "unit": unit,
         "description": description,
@@ -31,6 +33,7 @@ def _parameter(default, unit, description, low=None, high=None, *, above=None, o
         "maximum": high,
         "exclusiveMinimum": above,
         "optional": optional,
+        "choices": choices,
     }
     return field(default=default, metadata=metadata)
 
@@ -48,6 +51,10 @@ def _check(item, value):
     if isinstance(item.default, bool):
         if not isinstance(value, (bool, np.bool_)):
             raise ValueError(f"{name} must be true or false, got {value!r}.")
+        return
+    if meta["choices"] is not None:
+        if value not in meta["choices"]:
+            raise ValueError(f"{name} must be one of {', '.join(meta['choices'])}; got {value!r}.")
         return
     if value is None and meta["optional"]:
         return
@@ -105,10 +112,18 @@ class Actuator(_Checked):
 
 @dataclass(frozen=True)
 class Perturbation(_Checked):
-    """Pseudorandom binary position command, the reference."""
+    """Position command, the reference: a pseudorandom binary sequence, or short pulses."""
 
-    amplitude: float = _parameter(0.04, "rad", "peak-to-peak amplitude of the PRBS", above=0)
-    switching_interval: float = _parameter(0.1, "s", "interval at whose multiples the PRBS may switch", above=0)
+    perturbation: str = _parameter(
+        "prbs", "1", "kind of the position command: pseudorandom binary sequence, or short pulses", choices=KINDS
+    )
+    amplitude: float = _parameter(0.04, "rad", "peak-to-peak amplitude of the position command", above=0)
+    switching_interval: float = _parameter(
+        0.1, "s", "interval at whose multiples the PRBS may switch, or a pulse may begin", above=0
+    )
+    pulse_length: float = _parameter(
+        0.02, "s", "length of the pulses; well below the delay, it decorrelates the two paths", above=0
+    )
 
 
 @dataclass(frozen=True)
@@ -229,6 +244,7 @@ class Simulation:
             ("duration × recording_rate", self.run.duration * rate),
             ("settling × recording_rate", self.run.settling * rate),
             ("switching_interval × recording_rate", self.perturbation.switching_interval * rate),
+            ("pulse_length × recording_rate", self.perturbation.pulse_length * rate),
             ("recording_rate / noise_rate", rate / self.disturbances.noise_rate),
             ("integration_rate / recording_rate", self.run.integration_rate / rate),
         ):
@@ -251,7 +267,8 @@ def parameter_table():
     Returns
     -------
     dict of str to dict
-        Keys `default`, `unit`, `description`, `minimum`, `maximum`, `exclusiveMinimum`, `optional`, by parameter.
+        Keys `default`, `unit`, `description`, `minimum`, `maximum`, `exclusiveMinimum`, `optional`, `choices`, by
+        parameter.
 
     Examples
     --------

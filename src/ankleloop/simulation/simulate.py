@@ -3,7 +3,7 @@
 import numpy as np
 
 from ankleloop.errors import UnstableLoopError
-from ankleloop.simulation.excitation import held_noise, prbs, voluntary_torque
+from ankleloop.simulation.excitation import held_noise, prbs, pulses, voluntary_torque
 from ankleloop.simulation.loop import antialias, build_loop, run_loop
 from ankleloop.simulation.parameters import Simulation
 from ankleloop.trial import new_trial
@@ -104,8 +104,7 @@ def _simulate(simulation, seed):
     streams = [
         np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, k))) for k in range(3)
     ]
-    perturbation = simulation.perturbation
-    command = prbs(streams[0], samples, round(perturbation.switching_interval * rate), perturbation.amplitude)
+    command = _command(streams[0], samples, simulation.perturbation, rate)
     loop = build_loop(simulation)
     nothing = np.zeros(samples)
     noise = spontaneous = nothing
@@ -139,6 +138,13 @@ def _simulate(simulation, seed):
         seed=seed if isinstance(seed, int) and abs(seed) < 2**63 else str(root),
         **described,
     )
+
+
+def _command(rng, samples, perturbation, rate):
+    interval = round(perturbation.switching_interval * rate)
+    if perturbation.perturbation == "prbs":
+        return prbs(rng, samples, interval, perturbation.amplitude)
+    return pulses(rng, samples, interval, round(perturbation.pulse_length * rate), perturbation.amplitude)
 
 
 def _recorded_deviation(simulation, hold):
