@@ -33,8 +33,8 @@ def identify_real_time(
               \hat\theta(t) = R(t)^{-1} r(t), \quad \lambda = e^{-1 / (memory \cdot rate)},
 
     first with φ = [P, Ṗ, P̈, 1] and e the measured torque, which gives K, B and I; then with φ = [lags of the delayed,
-    rectified velocity, 1] and e what the intrinsic path leaves. Parameters are renewed ten times a second, and only from
-    the past: every torque is a prediction by parameters that were known at the time.
+    rectified velocity, 1] and e what the intrinsic path leaves. Parameters are renewed ten times a second, and only
+    from the past: every torque is a prediction by parameters that were known at the time.
 
     It is a correlation method for open loop. With a PRBS, whose intrinsic and reflex responses are correlated, or in
     closed loop, it is biased.
