@@ -53,6 +53,11 @@ class Study:
         return self.settings["notebook"]
 
     @property
+    def against(self):
+        """What estimates are scored against: "measured", or None for the truths where there are any."""
+        return self.settings.get("against")
+
+    @property
     def methods(self):
         """Methods by label in paths."""
         return self.settings["methods"]

@@ -21,12 +21,13 @@ def _scored(estimate, trim):
     return inside, time, estimate.torque.attrs["identification_rate"]
 
 
-def evaluate(trial, estimate, *, trim=TRIM):
+def evaluate(trial, estimate, *, trim=TRIM, against=None):
     """Score the torques of an estimate by their VAF.
 
     The trial's torques are decimated exactly as the data of the estimate were. Net torque is scored against the
     measured torque and, in a simulation, against the true intrinsic plus reflex torque; the two parts against their
-    truths. Without truths every row is against the measured torque: the parts are contributions, and do not add up.
+    truths. Without truths, or where they are to be left aside, every row is against the measured torque: the parts are
+    contributions, and do not add up.
 
     Parameters
     ----------
@@ -36,6 +37,8 @@ def evaluate(trial, estimate, *, trim=TRIM):
         The estimate.
     trim : float
         Time left out at either end of the estimate [s].
+    against : {"measured"}, optional
+        Leave the truths of a simulation aside, as if it were a recording.
 
     Returns
     -------
@@ -46,6 +49,8 @@ def evaluate(trial, estimate, *, trim=TRIM):
     ------
     DataError
         If nothing is left to score.
+    ValueError
+        For an unknown `against`.
 
     Examples
     --------
@@ -55,10 +60,12 @@ def evaluate(trial, estimate, *, trim=TRIM):
     >>> evaluate(trial, identify_moesp(trial))["torque"].tolist()
     ['net', 'net', 'intrinsic', 'reflex']
     """
+    if against not in (None, "measured"):
+        raise ValueError(f"against must be 'measured' or None, got {against!r}.")
     inside, time, rate = _scored(estimate, trim)
     measured = decimated(trial, "torque", time, rate)
     rows = [("net", "measured", measured)]
-    if {"torque_intrinsic", "torque_reflex"} <= set(trial.data_vars):
+    if against is None and {"torque_intrinsic", "torque_reflex"} <= set(trial.data_vars):
         truth = {part: decimated(trial, f"torque_{part}", time, rate) for part in ("intrinsic", "reflex")}
         rows.append(("net", "true", truth["intrinsic"] + truth["reflex"]))
         rows += [(part, "true", signal) for part, signal in truth.items() if np.ptp(signal) > 0]
@@ -119,8 +126,9 @@ def parameters(trial, estimate):
     Returns
     -------
     pandas.DataFrame
-        One row: K, B, I, the reflex parameters, the in-band SNR [dB] of a simulation with noise, and those of order,
-        passes, converged, stable, reference and warnings that the method reports.
+        One row: K, B, I, the reflex parameters, the in-band SNR [dB] of a simulation with noise, the largest magnitude
+        of the model's poles, and those of order, passes, converged, stable, reference and warnings that the method
+        reports.
     """
     row = {**estimate.stiffness, **estimate.reflex}
     if "torque_noise" in trial and np.ptp(trial["torque_noise"].values) > 0:
@@ -128,6 +136,8 @@ def parameters(trial, estimate):
     for name in ("order", "passes", "converged", "stable", "reference"):
         if name in estimate.diagnostics:
             row[name] = estimate.diagnostics[name]
+    if estimate.model is not None:
+        row["spectral_radius"] = float(np.abs(estimate.model.poles()).max())
     row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
     return pd.DataFrame([row])
 

@@ -16,6 +16,7 @@ rule evaluate:
     params:
         varied=lambda wildcards: STUDIES[wildcards.study].combinations[wildcards.point],
         methods=lambda wildcards: list(STUDIES[wildcards.study].methods),
+        against=lambda wildcards: STUDIES[wildcards.study].against,
         library=fingerprint("workflow/scripts/evaluate.py"),
     message:
         "Scoring {wildcards.study} at {wildcards.point}"

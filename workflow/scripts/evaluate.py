@@ -19,7 +19,7 @@ with running(snakemake):
     for number, trial in enumerate(progress(load_trials(snakemake.input.trials), "scored")):
         for method, estimates in methods.items():
             for name, table in (
-                ("scores", evaluate(trial, estimates[number])),
+                ("scores", evaluate(trial, estimates[number], against=snakemake.params.against)),
                 ("parameters", parameters(trial, estimates[number])),
             ):
                 keyed = table.assign(**key, method=method, trial=number)
