@@ -127,17 +127,14 @@ def parameters(trial, estimate):
     -------
     pandas.DataFrame
         One row: K, B, I, the reflex parameters, the in-band SNR [dB] of a simulation with noise, the largest magnitude
-        of the model's poles, and those of order, passes, converged, stable, reference and warnings that the method
-        reports.
+        of the poles, and those of order, passes, converged, stable, reference and warnings that the method reports.
     """
     row = {**estimate.stiffness, **estimate.reflex}
     if "torque_noise" in trial and np.ptp(trial["torque_noise"].values) > 0:
         row["in_band_snr_db"] = in_band_snr(trial, estimate)
-    for name in ("order", "passes", "converged", "stable", "reference"):
+    for name in ("order", "spectral_radius", "passes", "converged", "stable", "reference"):
         if name in estimate.diagnostics:
             row[name] = estimate.diagnostics[name]
-    if estimate.model is not None:
-        row["spectral_radius"] = float(np.abs(estimate.model.poles()).max())
     row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
     return pd.DataFrame([row])
 

@@ -1,6 +1,6 @@
 """The ledger: every number and claim of the paper against results, each verdict from a comparison."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -24,12 +24,15 @@ class StudyResults:
         Parameters of each point.
     scores, parameters : pandas.DataFrame
         Tables of `ankleloop.evaluation.evaluate` and `parameters`, with columns `point`, `method` and `trial`.
+    labels : dict of str to str
+        Readable name of each method.
     """
 
     kind: str
     points: dict
     scores: pd.DataFrame
     parameters: pd.DataFrame
+    labels: dict = field(default_factory=dict)
 
 
 def verify(claims, tables, studies, measured):
@@ -52,25 +55,26 @@ def verify(claims, tables, studies, measured):
     -------
     pandas.DataFrame
         Columns `id`, `section`, `statement`, `unit`, `paper`, `ours`, `uncertainty` (half width of the 95 % interval),
-        `tolerance`, `verdict` (one of `VERDICTS`), `reason`, `how`, in the order of the tables and the claims.
+        `tolerance`, `verdict` (one of `VERDICTS`), `reason`, `conditions`, `how`: tables first, then claims.
     """
     evidence = {"studies": studies, "measured": measured.set_index("quantity")["value"].to_dict(), "tables": tables}
     rows = []
     for name, published in tables.items():
         for number in published.to_dict("records"):
-            rows.append(_row(_table_claim(name, number), lambda claim: table_number(claim, evidence)))
+            labels = studies[name].labels if name in studies else {}
+            rows.append(_row(_table_claim(name, number, labels), lambda claim: table_number(claim, evidence)))
     for claim in claims.to_dict("records"):
         rows.append(_row(claim, lambda claim: JUDGES[claim["judge"]](claim, evidence)))
     return pd.DataFrame(rows)
 
 
-def _table_claim(name, number):
+def _table_claim(name, number, labels):
     return {
         **number,
         "id": f"{name}/{number['method']}/{number['torque']}",
         "study": name,
         "section": {"table1": "IV, Table 1", "table2": "V, Table 2"}.get(name, name),
-        "statement": f"{number['torque']} torque by {number['method']}",
+        "statement": f"{number['torque']} torque by {labels.get(number['method'], number['method'])}",
         "unit": "% VAF",
         "conditions": "reflex gain, load, actuator and voluntary torque assumed",
         "how": "mean VAF over trials is within the tolerance of the published number",
@@ -89,6 +93,7 @@ def _row(claim, judge):
         "tolerance": claim.get("tolerance"),
         "verdict": _verdict(judgement.holds, claim["conditions"]),
         "reason": judgement.reason,
+        "conditions": claim["conditions"],
         "how": claim["how"],
     }
 
@@ -132,7 +137,12 @@ def as_markdown(ledger):
                 for ours, margin in zip(ledger["ours"], ledger["uncertainty"], strict=True)
             ],
             "verdict": ledger["verdict"],
-            "reason": ledger["reason"],
+            "reason": [
+                reason + (f" Condition: {conditions}." if verdict == VERDICTS[1] else "")
+                for reason, conditions, verdict in zip(
+                    ledger["reason"], ledger["conditions"], ledger["verdict"], strict=True
+                )
+            ],
         }
     )
     lines = [

@@ -75,7 +75,7 @@ if ARTICLE_STUDIES:
                 study.name: {
                     "kind": study.kind,
                     "points": study.points,
-                    "trials": study.settings["trials"],
+                    "labels": study.labels,
                 }
                 for study in ARTICLE_STUDIES
             },

@@ -17,7 +17,7 @@ with running(snakemake):
         return pd.concat([pd.read_csv(path) for path in paths])
 
     studies = {
-        name: StudyResults(given["kind"], given["points"], gathered("scores", name), gathered("parameters", name))
+        name: StudyResults(scores=gathered("scores", name), parameters=gathered("parameters", name), **given)
         for name, given in snakemake.params.studies.items()
     }
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}

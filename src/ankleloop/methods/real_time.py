@@ -34,7 +34,8 @@ def identify_real_time(
 
     first with φ = [P, Ṗ, P̈, 1] and e the measured torque, which gives K, B and I; then with φ = [lags of the delayed,
     rectified velocity, 1] and e what the intrinsic path leaves. Parameters are renewed ten times a second, and only
-    from the past: every torque is a prediction by parameters that were known at the time.
+    from the past: every torque is a prediction by parameters that were known at the time. The settling time alone is
+    predicted in hindsight, by the first parameters that count.
 
     It is a correlation method for open loop. With a PRBS, whose intrinsic and reflex responses are correlated, or in
     closed loop, it is biased.
@@ -52,7 +53,7 @@ def identify_real_time(
     memory : float
         Time constant of forgetting [s].
     settling : float, optional
-        Time until the parameters count [s]; `memory` by default. The torques and means start there.
+        Time until the parameters count [s]; `memory` by default. Means of the traces start there.
     reflex_lags : float
         Length of the reflex impulse response [s].
 
@@ -103,17 +104,16 @@ def identify_real_time(
     block = max(1, round(rate / UPDATE_RATE))
     forgetting = np.exp(-1.0 / (memory * rate))
     motion = regressors.inputs[:, : len(INTRINSIC_NAMES)]
-    intrinsic, stiffness = _track(motion, torque, forgetting, block)
+    intrinsic, stiffness = _track(motion, torque, forgetting, block, first)
     lagged = _lags(regressors.inputs[:, -1], round(reflex_lags * rate))
-    reflex, responses = _track(lagged, torque - intrinsic, forgetting, block)
-    parts = {"intrinsic": intrinsic[first:], "reflex": reflex[first:]}
-    torques = {name: part - part.mean() for name, part in parts.items()}
+    reflex, responses = _track(lagged, torque - intrinsic, forgetting, block, first)
+    torques = {"intrinsic": intrinsic - intrinsic.mean(), "reflex": reflex - reflex.mean()}
     traces = dict(zip(("K", "B", "I", "G"), [*stiffness.T, responses.sum(axis=1)], strict=True))
     time = regressors.time[::block]
     means = {name: float(trace[time >= regressors.time[first]].mean()) for name, trace in traces.items()}
     return Estimate(
         method="real-time",
-        torque=torque_dataset(regressors.time[first:], rate, net=torques["intrinsic"] + torques["reflex"], **torques),
+        torque=torque_dataset(regressors.time, rate, net=torques["intrinsic"] + torques["reflex"], **torques),
         model=None,
         stiffness={name: means[name] for name in "KBI"},
         reflex={"delay": float(delay), "G": means["G"]},
@@ -133,7 +133,7 @@ def _lags(x, last):
     return np.lib.stride_tricks.sliding_window_view(padded, last + 1)[:, ::-1]
 
 
-def _track(inputs, target, forgetting, block):
+def _track(inputs, target, forgetting, block, settled):
     """Predictions from the past, and the parameters that were known when each block began.
 
     The recursion is on the information matrix: it is exact, and cannot blow up where the perturbation is quiet.
@@ -154,4 +154,6 @@ def _track(inputs, target, forgetting, block):
         projection = forgetting ** len(part) * projection + weighted @ target[rows]
         ridge = RIDGE * np.trace(information) / unknowns * np.eye(unknowns)
         theta = linalg.solve(information + ridge, projection, assume_a="pos")
+    first = -(-settled // block)
+    predicted[: first * block] = inputs[: first * block] @ known[first]
     return predicted, known

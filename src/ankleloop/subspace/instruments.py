@@ -3,9 +3,10 @@
 import numpy as np
 
 from ankleloop.errors import DataError
+from ankleloop.subspace.batches import as_batches, batch_hankel, centred
 from ankleloop.subspace.hankel import block_hankel
 
-__all__ = ["INSTRUMENTS", "instrument_hankel", "instrument_signals", "predict_from_reference", "reference_response"]
+__all__ = ["INSTRUMENTS", "instrument_signals", "predict_from_reference", "reference_response"]
 
 # Which signals each choice stacks.
 INSTRUMENTS = {
@@ -23,14 +24,14 @@ def instrument_signals(instruments, u, y, reference):
     ----------
     instruments : str
         One of `INSTRUMENTS`.
-    u, y : ndarray, shape (N, m), (N, p)
-        Inputs and outputs.
-    reference : ndarray, shape (N, q), or None
+    u, y : list of ndarray, shape (N, m), (N, p) each
+        Inputs and outputs of every record.
+    reference : list of ndarray, shape (N, q) each, or None
         External reference.
 
     Returns
     -------
-    ndarray, shape (N, z)
+    list of ndarray, shape (N, z) each
 
     Raises
     ------
@@ -43,26 +44,9 @@ def instrument_signals(instruments, u, y, reference):
         raise DataError("past-reference instruments need a reference: pass the external command of the loop.")
     signals = {"input": u, "output": y, "reference": reference}
     chosen = [signals[name] for name in INSTRUMENTS[instruments]]
-    return np.column_stack(chosen) if chosen else np.empty((u.shape[0], 0))
-
-
-def instrument_hankel(z, rows, columns):
-    """Hankel matrix of the instruments, from their furthest past on.
-
-    Parameters
-    ----------
-    z : ndarray, shape (N, q)
-        Instrument signals; q may be 0.
-    rows, columns : int
-        Block rows, and columns.
-
-    Returns
-    -------
-    ndarray, shape (rows * q, columns)
-    """
-    if z.shape[1] == 0:
-        return np.empty((0, columns))
-    return block_hankel(z, 0, rows, columns)
+    if not chosen:
+        return [np.empty((record.shape[0], 0)) for record in u]
+    return [np.column_stack(record) for record in zip(*chosen, strict=True)]
 
 
 def reference_response(u, reference, leads=15, lags=80):
@@ -72,9 +56,9 @@ def reference_response(u, reference, leads=15, lags=80):
 
     Parameters
     ----------
-    u : ndarray, shape (N, m)
-        Signals.
-    reference : ndarray, shape (N, q)
+    u : ndarray, shape (N, m), or list of those
+        Signals of one record, or of several.
+    reference : ndarray, shape (N, q), or list of those
         External reference.
     leads, lags : int
         Samples ahead of and behind the present.
@@ -89,17 +73,19 @@ def reference_response(u, reference, leads=15, lags=80):
     DataError
         If the record is too short for so many leads and lags.
     """
-    taps, q = leads + lags + 1, reference.shape[1]
-    columns = reference.shape[0] - taps + 1
+    u, reference = as_batches(u), as_batches(reference)
+    taps, q = leads + lags + 1, reference[0].shape[1]
+    columns = sum(max(0, record.shape[0] - taps + 1) for record in reference)
     if columns < taps * q:
+        samples = " + ".join(str(record.shape[0]) for record in reference)
         raise DataError(
-            f"a record of {reference.shape[0]} samples is too short to predict its inputs from {taps} leads and lags "
+            f"a record of {samples} samples is too short to predict its inputs from {taps} leads and lags "
             "of the reference: record longer, or use input_matrices='least-squares'."
         )
-    regressors = block_hankel(reference, 0, taps, columns).T
+    regressors = batch_hankel(reference, 0, taps, taps).T
     # Every lag loses its own mean: they differ a little, and an offset of the signal would leak through the difference.
     regressors = regressors - regressors.mean(axis=0)
-    target = u[lags : lags + columns]
+    target = np.concatenate([record[lags : record.shape[0] - leads] for record in u if record.shape[0] >= taps])
     # Rows run from the oldest lag to the furthest lead; the response reads the other way.
     return np.linalg.lstsq(regressors, target - target.mean(axis=0), rcond=1e-10)[0].reshape(taps, q, -1)[::-1]
 
@@ -109,16 +95,16 @@ def predict_from_reference(u, reference, leads=15, lags=80):
 
     Parameters
     ----------
-    u : ndarray, shape (N, m)
-        Signals of zero mean.
-    reference : ndarray, shape (N, q)
+    u : ndarray, shape (N, m), or list of those
+        Signals of zero mean, of one record, or of several.
+    reference : ndarray, shape (N, q), or list of those
         External reference; it counts as zero beyond its ends.
     leads, lags : int
         Samples ahead of and behind the present.
 
     Returns
     -------
-    ndarray, shape (N, m)
+    ndarray, shape (N, m), or list of those
 
     Raises
     ------
@@ -133,7 +119,10 @@ def predict_from_reference(u, reference, leads=15, lags=80):
     True
     """
     response = reference_response(u, reference, leads, lags)
+    taps = response[::-1].reshape(-1, response.shape[2])
     edges = ((lags, leads), (0, 0))
-    padded = np.pad(reference - reference.mean(axis=0), edges)
-    regressors = block_hankel(padded, 0, leads + lags + 1, u.shape[0]).T
-    return regressors @ response[::-1].reshape(-1, u.shape[1])
+    predicted = [
+        block_hankel(np.pad(record, edges), 0, leads + lags + 1, record.shape[0]).T @ taps
+        for record in centred(as_batches(reference))
+    ]
+    return predicted if isinstance(u, list) else predicted[0]

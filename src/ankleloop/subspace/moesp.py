@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.hankel import block_hankel
+from ankleloop.subspace.batches import are_batches, as_batches, batch_hankel, centred, scaled
 from ankleloop.subspace.input_matrices import estimate_input_matrices
-from ankleloop.subspace.instruments import instrument_hankel, instrument_signals, predict_from_reference
+from ankleloop.subspace.instruments import instrument_signals, predict_from_reference
 from ankleloop.subspace.projection import project
 from ankleloop.subspace.realisation import choose_order, realise
 
@@ -30,8 +30,8 @@ class SubspaceEstimate:
         The model in the units of the data.
     singular_values : ndarray
         They show the order.
-    initial_state : ndarray, shape (n,)
-        State at the first sample, of the data less their means.
+    initial_state : ndarray, shape (n,) or (batches, n)
+        State at the first sample of the record, or of each data batch; of the data less their means.
     diagnostics : dict
         Order, poles, ranks, conditions and warnings.
     """
@@ -69,11 +69,14 @@ def moesp(
     the correlation form), ``"past-reference"`` PR-MOESP. Verhaegen and Dewilde (1992); Chou and Verhaegen (1997);
     Zhao and Westwick (2003). Means are removed and every channel is scaled to unit variance before the projection.
 
+    Several data batches of one system are merged: no column of a Hankel matrix reaches across their seams, each has
+    means, an offset and an initial state of its own, and their lengths may differ.
+
     Parameters
     ----------
-    u : array_like, shape (N, m)
-        Inputs.
-    y : array_like, shape (N, p)
+    u : array_like, shape (N, m), or list of those
+        Inputs; a list of two-dimensional arrays is a list of data batches, and y and reference are lists, too.
+    y : array_like, shape (N, p), or list of those
         Outputs.
     block_rows : int
         Block rows of the future, more than the order.
@@ -83,7 +86,7 @@ def moesp(
         Instrumental variables.
     projection : {"ordinary", "correlation"}
         Form of the projection, see `ankleloop.subspace.projection.project`.
-    reference : array_like, shape (N,) or (N, q), optional
+    reference : array_like, shape (N,) or (N, q), or list of those, optional
         External reference of the loop.
     dt : float
         Sampling interval [s].
@@ -96,7 +99,7 @@ def moesp(
         How B and D are found. With instruments the inputs are predicted from the reference.
     dynamic : array_like of bool, shape (m,), optional
         Inputs that drive the state; the rest act through D alone.
-    predicted_inputs : array_like, shape (N, m), optional
+    predicted_inputs : array_like, shape (N, m), or list of those, optional
         Noise-free predictions of the inputs to serve as instruments for B and D, instead of linear ones.
     rank_tolerance : float
         Rank policy of the projection: singular values below this fraction of the largest one count as zero.
@@ -127,31 +130,36 @@ def moesp(
     """
     if input_matrices not in INPUT_MATRICES:
         raise ValueError(f"unknown input_matrices {input_matrices!r}; known: {', '.join(INPUT_MATRICES)}.")
-    u, u_scale = _scaled(u, "input")
-    y, y_scale = _scaled(y, "output")
-    r = None if reference is None else _scaled(reference, "reference")[0]
+    several = are_batches(u)
+    u, y = as_batches(u, several), as_batches(y, several)
+    r = None if reference is None else as_batches(reference, several)
     _check(u, y, r, block_rows, order)
     _check_leads(instruments, instrument_leads, block_rows)
+    (u, u_scale), (y, y_scale) = scaled(u, "input"), scaled(y, "output")
+    r = None if r is None else scaled(r, "reference")[0]
+    m, p = u[0].shape[1], y[0].shape[1]
     z = instrument_signals(instruments, u, y, r)
-    past = 0
-    if z.shape[1]:
-        past = instrument_rows or _instrument_rows(projection, block_rows, u.shape[1], y.shape[1], z.shape[1])
+    width, past = z[0].shape[1], 0
+    if width:
+        past = instrument_rows or _instrument_rows(projection, block_rows, m, p, width)
     found = _project(u, y, z, block_rows, past, instrument_leads, projection, rank_tolerance, order or 1)
     n = choose_order(found.singular_values, (block_rows - 1) // 2) if order is None else order
-    A, C, guarded = realise(found.observability, y.shape[1], n)
+    A, C, guarded = realise(found.observability, p, n)
     predicted = None
     if input_matrices == "instruments":
-        predicted = _prediction(u, r) if predicted_inputs is None else _centred(predicted_inputs) / u_scale
+        predicted = _prediction(u, r) if predicted_inputs is None else _given(predicted_inputs, several, u_scale)
     inputs = estimate_input_matrices(A, C, u, y, dynamic, predicted, regression_tolerance)
     B, D, C = inputs.B / u_scale, y_scale[:, None] * inputs.D / u_scale, y_scale[:, None] * C
+    poles = np.linalg.eigvals(A)
     diagnostics = {
         "order": n,
-        "poles": np.linalg.eigvals(A),
+        "poles": poles,
+        "spectral_radius": float(np.abs(poles).max()),
         "rank": found.input_rank,
         "condition": found.condition,
         "instruments": instruments,
         "projection": projection,
-        "instrument_rows": (past + instrument_leads) * z.shape[1],
+        "instrument_rows": (past + instrument_leads) * width,
         "instrument_rank": found.instrument_rank,
         "input_matrices": input_matrices,
         "regression_rank": inputs.rank,
@@ -163,23 +171,8 @@ def moesp(
     return SubspaceEstimate(model, found.singular_values, inputs.initial_state, diagnostics)
 
 
-def _centred(x):
-    x = np.asarray(x, dtype=float)
-    return x - x.mean(axis=0)
-
-
-def _scaled(x, name):
-    """Zero mean, unit variance, two dimensions; and the scale."""
-    x = np.asarray(x, dtype=float)
-    x = x[:, None] if x.ndim == 1 else x
-    bad = np.argwhere(~np.isfinite(x))
-    if bad.size:
-        raise DataError(f"{name} {bad[0, 1]} is not finite at sample {bad[0, 0]}: cut or repair the record.")
-    scale = x.std(axis=0)
-    constant = np.flatnonzero(scale <= 1e-13 * np.max(np.abs(x), axis=0, initial=0.0))
-    if constant.size:
-        raise DataError(f"{name} {constant[0]} is constant and carries no information: leave it out.")
-    return _centred(x) / scale, scale
+def _given(predicted, several, scale):
+    return [record / scale for record in centred(as_batches(predicted, several))]
 
 
 def _prediction(u, r):
@@ -190,8 +183,17 @@ def _prediction(u, r):
 
 def _check(u, y, r, block_rows, order):
     for name, signal in (("output", y), ("reference", r)):
-        if signal is not None and signal.shape[0] != u.shape[0]:
-            raise DataError(f"{u.shape[0]} samples of inputs, {signal.shape[0]} of the {name}: cut them to one length.")
+        if signal is None:
+            continue
+        if len(signal) != len(u):
+            raise DataError(f"{len(u)} data batches of inputs, {len(signal)} of the {name}: give one for each.")
+        for k, (inputs, other) in enumerate(zip(u, signal, strict=True)):
+            if other.shape[0] != inputs.shape[0]:
+                batch = f" in data batch {k}" if len(u) > 1 else ""
+                raise DataError(
+                    f"{inputs.shape[0]} samples of inputs, {other.shape[0]} of the {name}{batch}: cut them to one "
+                    "length."
+                )
     if order is not None and order < 1:
         raise ValueError(f"order must be at least 1, got {order}.")
     if block_rows <= (order or 1):
@@ -213,15 +215,18 @@ def _check_leads(instruments, leads, block_rows):
 
 
 def _project(u, y, z, block_rows, past, leads, form, rank_tolerance, least):
-    columns = u.shape[0] - past - block_rows + 1
-    rows = (u.shape[1] + y.shape[1]) * block_rows + z.shape[1] * (past + leads)
+    window = past + block_rows
+    columns = sum(max(0, record.shape[0] - window + 1) for record in u)
+    rows = (u[0].shape[1] + y[0].shape[1]) * block_rows + z[0].shape[1] * (past + leads)
     if columns < rows:
+        samples = " + ".join(str(record.shape[0]) for record in u)
         raise DataError(
-            f"the record of {u.shape[0]} samples is shorter than its Hankel window: {rows} Hankel rows need at least "
-            f"{rows + past + block_rows - 1} samples. Record longer, or use fewer block_rows or instrument_rows."
+            f"the record of {samples} samples is shorter than its Hankel window: {rows} Hankel rows need at least "
+            f"{rows + window - 1} samples. Record longer, or use fewer block_rows or instrument_rows."
         )
-    U, Y = block_hankel(u, past, block_rows, columns), block_hankel(y, past, block_rows, columns)
-    return project(U, Y, instrument_hankel(z, past + leads, columns), form, rank_tolerance, least)
+    future = [batch_hankel(signal, past, block_rows, window) for signal in (u, y)]
+    instruments = batch_hankel(z, 0, past + leads, window) if z[0].shape[1] else np.empty((0, columns))
+    return project(*future, instruments, form, rank_tolerance, least)
 
 
 def _state_space(A, B, C, D, dt, names):
