@@ -82,7 +82,7 @@ def test_defaults_are_filled_in():
 @pytest.mark.parametrize(
     ("config", "message"),
     [
-        (changed("studdies", value={}), r"config: .*'studdies' was unexpected.*known here: run, studies"),
+        (changed("studdies", value={}), r"config: .*'studdies' was unexpected.*known here: run, article, studies"),
         (
             changed("studies", "table1", "trails", value=3),
             r"config → studies → table1: .*'trails' was unexpected.*trials",
@@ -106,7 +106,10 @@ def test_defaults_are_filled_in():
             "a → options: .*'order' was unexpected.*known here: delay",
         ),
         (changed("studies", "table1", "kind", value="recording"), "kind: 'recording' is not one of"),
-        (changed("run", value=["table2"]), "run: there is no study 'table2'; there are .*table1"),
+        (changed("run", value=["table3"]), "run: there is no study 'table3'; there are .*table1"),
+        (changed("article", value=["table3"]), "article: there is no study 'table3'; there are .*table1"),
+        (changed("studies", "table1", "points", value=[{"gain": 1.0}]), "'gain' is not one of"),
+        (changed("studies", "table1", "precision", value="half"), "precision: 'half' is not one of"),
     ],
 )
 def test_a_wrong_key_is_named(config, message):
@@ -119,9 +122,26 @@ def test_points_are_all_combinations():
     study = studies(complete(config))["table1"]
     assert len(study.points) == 6
     assert study.combinations["reflex_gain=13.0,voluntary=0.3"] == {"reflex_gain": 13.0, "voluntary": 0.3}
-    assert len(scores(study)) == 6 * 4
+    assert len(scores(study)) == 6
+    assert study.varied == ["reflex_gain", "voluntary"]
     none = studies(complete(changed("studies", "table1", "points", value={})))["table1"]
     assert list(none.points) == ["only"]
+
+
+def test_points_may_be_a_list():
+    chosen = [{"load_stiffness": 50.0, "load_inertia": 0.2}, {"load_stiffness": 500.0}]
+    study = studies(complete(changed("studies", "table1", "points", value=chosen)))["table1"]
+    assert list(study.points) == ["load_stiffness=50.0,load_inertia=0.2", "load_stiffness=500.0"]
+    assert study.points["load_stiffness=500.0"]["load_inertia"] == 1.1
+    assert study.varied == ["load_stiffness", "load_inertia"]
+
+
+def test_the_article_is_made_where_all_its_studies_are():
+    made = targets(complete(CONFIG))
+    assert {"results/article.html", "results/verification.csv", "results/figures/figure2.svg"} <= set(made)
+    part = targets(complete(changed("run", value=["table1"])))
+    assert "results/tables/table1.csv" in part
+    assert "results/article.html" not in part
 
 
 def test_seeds_differ_by_study_point_and_trial():
@@ -138,7 +158,7 @@ def test_targets():
     assert "results/figures/table1-figure3.pdf" in made
     without = complete(changed("studies", "table1", "notebook", value=None))
     assert reports(studies(without)["table1"]) == []
-    assert "results/scores/table1/reflex_gain=2.0/eiv-moesp.parameters.csv" in targets(without)
+    assert "results/parameters/table1/reflex_gain=2.0.csv" in targets(without)
 
 
 def test_recordings_need_their_folder(monkeypatch):

@@ -78,7 +78,7 @@ def identify_real_time(
     Examples
     --------
     >>> from ankleloop.simulation import simulate
-    >>> trial = simulate(seed=1, duration=30.0, perturbation="pulses", closed_loop=False, snr_db=None, voluntary=0.0)
+    >>> trial = simulate(seed=1, duration=40.0, perturbation="pulses", switching_interval=0.2, closed_loop=False)
     >>> estimate = identify_real_time(trial)
     >>> bool(abs(estimate.stiffness["K"] / 150 - 1) < 0.1)
     True
@@ -98,8 +98,8 @@ def identify_real_time(
     first = round(settling * rate)
     if torque.size < first + 2 * rate:
         raise DataError(
-            f"the record leaves {torque.size / rate:.3g} s for a settling time of {settling:g} s: record at least two "
-            "seconds more than that, or shorten memory or settling."
+            f"the record of {torque.size / rate:.3g} s is too short for a settling time of {settling:g} s: record at "
+            "least two seconds more than that, or shorten memory or settling."
         )
     block = max(1, round(rate / UPDATE_RATE))
     forgetting = np.exp(-1.0 / (memory * rate))
