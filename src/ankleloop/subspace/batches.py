@@ -116,7 +116,7 @@ def scaled(batches, name):
     return [record / scale for record in batches], scale
 
 
-def batch_hankel(batches, first, rows, before):
+def batch_hankel(batches, first, rows, before, *, own_means=False):
     """Hankel matrices of all records side by side.
 
     Parameters
@@ -129,6 +129,8 @@ def batch_hankel(batches, first, rows, before):
         Block rows.
     before : int
         Samples of a record that make one column of all Hankel matrices that belong together.
+    own_means : bool
+        Whether every row loses its mean over each record: the offset of a record is one more input, constant in it.
 
     Returns
     -------
@@ -139,5 +141,7 @@ def batch_hankel(batches, first, rows, before):
         for record in batches
         if record.shape[0] >= before
     ]
+    if own_means:
+        parts = [part - part.mean(axis=0) for part in parts]
     # Column-major, so that its transpose goes into a QR factorisation without a copy.
     return parts[0].T if len(parts) == 1 else np.concatenate(parts).T

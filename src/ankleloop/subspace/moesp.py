@@ -224,8 +224,9 @@ def _project(u, y, z, block_rows, past, leads, form, rank_tolerance, least):
             f"the record of {samples} samples is shorter than its Hankel window: {rows} Hankel rows need at least "
             f"{rows + window - 1} samples. Record longer, or use fewer block_rows or instrument_rows."
         )
-    future = [batch_hankel(signal, past, block_rows, window) for signal in (u, y)]
-    instruments = batch_hankel(z, 0, past + leads, window) if z[0].shape[1] else np.empty((0, columns))
+    own = {"own_means": len(u) > 1}  # of a single record the projection removes them
+    future = [batch_hankel(signal, past, block_rows, window, **own) for signal in (u, y)]
+    instruments = batch_hankel(z, 0, past + leads, window, **own) if z[0].shape[1] else np.empty((0, columns))
     return project(*future, instruments, form, rank_tolerance, least)
 
 
