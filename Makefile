@@ -3,7 +3,7 @@
 SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := all
-.PHONY: all setup test lint format lock clean
+.PHONY: all setup test expected lint format lock clean
 
 CORES ?= 2
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
@@ -22,6 +22,11 @@ setup: $(READY)
 
 test: setup
 	python -m pytest $(ARGS)
+
+# Results changed on purpose: write those that the regression tests expect anew, and look at the difference in git.
+expected: setup
+	python -m pytest -q tests/regression --update-expected
+	git --no-pager diff --stat -- tests/regression/expected
 
 lint: setup
 	ruff check .

@@ -52,8 +52,8 @@ def _within(difference, margin, tolerance):
 
 
 def _larger(difference, margin, smallest):
-    """Whether a difference is above 0; None where its interval holds both 0 and the smallest that would count."""
-    if difference > margin:
+    """Whether a difference is above 0 and large enough to count; None where its interval leaves that open."""
+    if difference > margin and difference >= smallest:
         return True
     return False if difference + margin < smallest else None
 

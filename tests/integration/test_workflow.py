@@ -2,10 +2,6 @@
 
 import os
 import re
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,51 +10,27 @@ import yaml
 
 import ankleloop
 
-from fingerprint import ROOT
+from studies import Study, complete, studies, trial_seeds
 
 pytestmark = pytest.mark.workflow
-PARTS = ("Snakefile", "workflow", "config", "notebooks", "data", "src", "profiles")
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("house")
-    for part in PARTS:
-        copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copy
-        extra = {"ignore": shutil.ignore_patterns("__pycache__")} if (ROOT / part).is_dir() else {}
-        copy(ROOT / part, folder / part, **extra)
-    return folder
-
-
-def snakemake(folder, *arguments, check=True, **environment):
-    program = Path(sys.executable).with_name("snakemake")
-    inherited = {k: v for k, v in os.environ.items() if k != "ANKLELOOP_RECORDINGS"}
-    path = f"{program.parent}{os.pathsep}{os.environ['PATH']}"
-    ran = subprocess.run(
-        [str(program), "--cores", "2", *arguments],
-        cwd=folder,
-        env={**inherited, "PYTHONPATH": str(folder / "src"), "PATH": path, **environment},
-        capture_output=True,
-        text=True,
-    )
-    assert not check or ran.returncode == 0, ran.stdout + ran.stderr
-    return ran.stdout + ran.stderr
-
-
-def planned(folder, *arguments):
+def planned(snakemake):
     """Number of jobs by rule that a dry run plans."""
-    text = snakemake(folder, "--dry-run", *arguments)
-    if "Nothing to be done" in text:
-        return {}
-    stats = text.split("Job stats:")[-1].split("total")[0]
-    return {rule: int(count) for rule, count in re.findall(r"^(\w+) +(\d+)$", stats, re.MULTILINE) if rule != "all"}
+
+    def plan(folder, *arguments):
+        text = snakemake(folder, "--dry-run", *arguments)
+        if "Nothing to be done" in text:
+            return {}
+        stats = text.split("Job stats:")[-1].split("total")[0]
+        return {rule: int(count) for rule, count in re.findall(r"^(\w+) +(\d+)$", stats, re.MULTILINE) if rule != "all"}
+
+    return plan
 
 
-@pytest.fixture(scope="module")
-def made(house):
-    """The paper's study, reduced by config/ci.yaml."""
-    snakemake(house, "--configfile", "config/ci.yaml")
-    return house
+# What is made of all studies comes after any change in one of them.
+SUMMING_UP = {"verify": 1, "article": 1}
 
 
 def page(path):
@@ -76,9 +48,9 @@ def test_table_and_figure_of_the_paper(made):
     assert list(table.columns) == ["gain", "method", "torque", "against", "paper", "mean", "sd", "n"]
     methods = ["pr-moesp", "eiv-moesp", "parallel-cascade-one-pass", "parallel-cascade"]
     assert list(table["method"].unique()) == methods
-    assert set(table["n"]) == {2}
-    assert set(table["gain"]) == {13.0}
-    value = table.set_index(["method", "torque", "against"])
+    assert set(table["n"]) == {4}
+    assert set(table["gain"]) == {13.0, 2.0}
+    value = table[table["gain"] == 13.0].set_index(["method", "torque", "against"])
     assert value.loc[("pr-moesp", "net", "measured"), "paper"] == 92
     assert value.loc[("parallel-cascade-one-pass", "intrinsic", "true"), "paper"] == 56
     # What the table says of the methods holds in two short trials, too.
@@ -94,51 +66,65 @@ def test_table_and_figure_of_the_paper(made):
 
 
 def test_scores_are_means_of_trials(made):
-    table = pd.read_csv(made / "results/tables/table1.csv").set_index(["method", "torque", "against"])
-    scores = pd.read_csv(made / "results/scores/table1/reflex_gain=13.0/pr-moesp.csv")
+    table = (
+        pd.read_csv(made / "results/tables/table1.csv").query("gain == 13").set_index(["method", "torque", "against"])
+    )
+    scores = pd.read_csv(made / "results/scores/table1/reflex_gain=13.0.csv")
     assert list(scores.columns) == ["study", "point", "reflex_gain", "method", "trial", "torque", "against", "vaf"]
-    for key, rows in scores.groupby(["torque", "against"]):
-        row = table.loc[("pr-moesp", *key)]
+    for key, rows in scores.groupby(["method", "torque", "against"]):
+        row = table.loc[key]
         assert row["mean"] == pytest.approx(rows["vaf"].mean(), abs=1e-9)
         assert row["sd"] == pytest.approx(rows["vaf"].std(), abs=1e-9)
 
 
 def test_a_trial_of_the_workflow_can_be_made_alone(made):
     """The seed is keyed by study, point and trial, so the library gives the same scores without the workflow."""
-    from studies import complete, studies, trial_seeds
-
     config = yaml.safe_load((made / "config/config.yaml").read_text(encoding="utf-8"))
     study = studies(complete(config))["table1"]
     seed = np.random.SeedSequence(trial_seeds(study, "reflex_gain=13.0")[1])
     trial = ankleloop.simulate(seed=seed, reflex_gain=13.0, duration=20.0)
-    scores = pd.read_csv(made / "results/scores/table1/reflex_gain=13.0/pr-moesp.csv").query("trial == 1")
+    scores = pd.read_csv(made / "results/scores/table1/reflex_gain=13.0.csv")
+    scores = scores.query("trial == 1 and method == 'pr-moesp'")
     np.testing.assert_allclose(ankleloop.evaluate(trial, ankleloop.identify(trial))["vaf"], scores["vaf"], atol=1e-6)
 
 
-def test_nothing_is_left_to_do_and_nothing_half_written(made):
+def test_nothing_is_left_to_do_and_nothing_half_written(made, planned):
     assert planned(made, "--configfile", "config/ci.yaml") == {}
     assert not list((made / "results").rglob("*.part"))
     assert not list((made / "results").rglob(".*"))
 
 
 def overlay(folder, **table1):
+    """The reduced configuration with settings of Table 1 changed."""
     path = folder / "config" / "overlay.yaml"
-    reduced = yaml.safe_load((folder / "config/ci.yaml").read_text(encoding="utf-8"))["studies"]["table1"]
-    path.write_text(yaml.safe_dump({"studies": {"table1": reduced | table1}}), encoding="utf-8")
+    reduced = yaml.safe_load((folder / "config/ci.yaml").read_text(encoding="utf-8"))
+    reduced["studies"]["table1"] |= table1
+    path.write_text(yaml.safe_dump(reduced), encoding="utf-8")
     return "--configfile", "config/overlay.yaml"
 
 
-def test_a_changed_option_identifies_again_and_does_not_simulate_again(made):
+def test_a_changed_option_identifies_again_and_does_not_simulate_again(made, planned):
     methods = {"pr-moesp": {"options": {"block_rows": 20}}}
-    assert planned(made, *overlay(made, methods=methods)) == {"identify": 1, "evaluate": 1, "notebook_table1": 1}
+    jobs = planned(made, *overlay(made, methods=methods))
+    assert jobs == {"identify": 2, "evaluate": 2, "notebook_table1": 1} | SUMMING_UP
 
 
-def test_a_new_point_leaves_the_others_alone(made):
-    jobs = planned(made, *overlay(made, points={"reflex_gain": [13.0, 5.0]}))
-    assert jobs == {"simulate": 1, "identify": 4, "evaluate": 4, "notebook_table1": 1}
+def test_a_new_point_leaves_the_others_alone(made, planned):
+    jobs = planned(made, *overlay(made, points={"reflex_gain": [13.0, 2.0, 5.0]}))
+    assert jobs == {"simulate": 1, "identify": 4, "evaluate": 1, "notebook_table1": 1} | SUMMING_UP
 
 
-def test_a_changed_library_reruns_what_uses_it(made):
+def test_one_parameter_reruns_exactly_what_depends_on_it(made, planned):
+    """The voluntary torque of Table 2: its trials, estimates, scores and page; the ledger; the article."""
+    path = made / "config" / "overlay.yaml"
+    reduced = yaml.safe_load((made / "config/ci.yaml").read_text(encoding="utf-8"))
+    reduced["studies"]["table2"]["simulation"] = {"duration": 20.0, "voluntary": 0.4}
+    path.write_text(yaml.safe_dump(reduced), encoding="utf-8")
+    jobs = planned(made, "--configfile", "config/overlay.yaml")
+    assert jobs == {"simulate": 1, "identify": 4, "evaluate": 1, "notebook_table2": 1} | SUMMING_UP
+
+
+def test_a_changed_library_reruns_what_uses_it(made, planned):
     touched = made / "src/ankleloop/methods/moesp.py"
     text = touched.read_text(encoding="utf-8")
     try:
@@ -146,22 +132,61 @@ def test_a_changed_library_reruns_what_uses_it(made):
         jobs = planned(made, "--configfile", "config/ci.yaml")
     finally:
         touched.write_text(text, encoding="utf-8")
-    assert jobs == {"identify": 4, "evaluate": 4, "notebook_table1": 1}
+    config = complete(yaml.safe_load((made / "config/config.yaml").read_text(encoding="utf-8")))
+    reduced = yaml.safe_load((made / "config/ci.yaml").read_text(encoding="utf-8"))["studies"]
+    points = {name: len(Study(name, config["studies"][name] | given).points) for name, given in reduced.items()}
+    assert jobs["identify"] == sum(points[name] * len(config["studies"][name]["methods"]) for name in reduced)
+    assert jobs["evaluate"] == sum(points.values())
+    assert "simulate" not in jobs
+    assert "diagrams" not in jobs
 
 
-def test_a_wrong_key_stops_before_any_job(made):
+def test_a_changed_picture_reruns_what_draws_it(made, planned):
+    touched = made / "src/ankleloop/diagrams.py"
+    text = touched.read_text(encoding="utf-8")
+    try:
+        touched.write_text(f"{text}\n# changed\n", encoding="utf-8")
+        assert planned(made, "--configfile", "config/ci.yaml") == {"diagrams": 1, "article": 1}
+    finally:
+        touched.write_text(text, encoding="utf-8")
+
+
+def test_the_whole_paper_is_there(made):
+    """Figures 1 to 5 and Tables 1 and 2, the ledger and the article."""
+    figures = ["figure1", "figure2", "table1-figure3", "figure4-figure4", "table2-figure5", "passes-passes"]
+    for name in [*figures, "voluntary-stiffness", "load-vaf", "real-time-traces"]:
+        for end in ("png", "pdf"):
+            assert (made / f"results/figures/{name}.{end}").stat().st_size > 4_000
+    ledger = pd.read_csv(made / "results/verification.csv")
+    claims = pd.read_csv(made / "data/published/claims.csv")
+    assert set(claims["id"]) <= set(ledger["id"])
+    assert len(ledger) == len(claims) + 18
+    assert ledger["reason"].notna().all()
+    markdown = (made / "results/verification.md").read_text(encoding="utf-8")
+    assert all(name in markdown for name in ledger["id"])
+    article = page(made / "results/article.html")
+    for said in ("Figure 1.", "Figure 2.", "Table 1.", "Figure 3.", "Figure 4.", "simulated stand-in", "Figure 5"):
+        assert said in article
+    table = pd.read_csv(made / "results/tables/table2.csv")
+    assert {"vaf_net", "paper_net"} <= set(table)
+    for study in ("table2", "figure4", "passes", "voluntary", "load", "projection", "real-time"):
+        page(made / f"results/reports/{study}.html")
+    assert "stand-in" in page(made / "results/reports/table2.html")
+
+
+def test_a_wrong_key_stops_before_any_job(made, snakemake):
     text = snakemake(made, *overlay(made, trails=3), check=False)
     assert "config → studies → table1" in text
     assert "'trails' was unexpected" in text
 
 
-def test_an_unstable_point_is_named_and_leaves_nothing(made):
+def test_an_unstable_point_is_named_and_leaves_nothing(made, snakemake):
     simulation = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0, "duration": 20.0}
-    arguments = overlay(made, simulation=simulation, points={"reflex_gain": [30.0]})
-    text = snakemake(made, "results/trials/table1/reflex_gain=30.0.nc", *arguments, check=False)
+    arguments = overlay(made, simulation=simulation, points={"reflex_gain": [29.0]})
+    text = snakemake(made, "results/trials/table1/reflex_gain=29.0.nc", *arguments, check=False)
     assert "the closed loop is unstable" in text
     assert "load_inertia=0.1" in text
-    assert not [path for path in (made / "results").rglob("*") if "reflex_gain=30.0" in path.name]
+    assert not [path for path in (made / "results").rglob("*") if "reflex_gain=29.0" in path.name]
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +210,7 @@ def recordings(folder, name):
     return "--configfile", "config/laboratory.yaml"
 
 
-def test_recordings_of_a_laboratory(house, laboratory):
+def test_recordings_of_a_laboratory(house, laboratory, snakemake):
     snakemake(house, *recordings(house, "good.csv.gz"), ANKLELOOP_RECORDINGS=str(laboratory))
     table = pd.read_csv(house / "results/tables/recordings.csv").set_index("method")
     assert list(table.index) == ["pi-moesp", "pr-moesp-position", "parallel-cascade"]
@@ -197,7 +222,7 @@ def test_recordings_of_a_laboratory(house, laboratory):
     assert (house / "results/figures/recordings-S1.png").stat().st_size > 10_000
 
 
-def test_a_bad_recording_says_what_and_where(house, laboratory):
+def test_a_bad_recording_says_what_and_where(house, laboratory, snakemake):
     arguments = recordings(house, "bad.csv")
     text = snakemake(house, *arguments, check=False, ANKLELOOP_RECORDINGS=str(laboratory))
     assert "DataError" in text
@@ -212,7 +237,7 @@ def test_a_bad_recording_says_what_and_where(house, laboratory):
     "ANKLELOOP_RECORDINGS" not in os.environ,
     reason="set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this",
 )
-def test_real_recordings(house):
+def test_real_recordings(house, snakemake):
     folder = os.environ["ANKLELOOP_RECORDINGS"]
     snakemake(house, "--configfile", "config/recordings.example.yaml", ANKLELOOP_RECORDINGS=folder)
     table = pd.read_csv(house / "results/tables/recordings.csv").set_index(["recording", "method"])

@@ -44,3 +44,34 @@ def test_what_does_not_belong_together(tmp_path):
     with pytest.raises(DataError, match="no folder"):
         save_trials(trials(1), tmp_path / "nowhere" / "batch.nc")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_single_precision_halves_the_file_and_rounds_far_below_a_converter(tmp_path):
+    batch = [simulate(seed=k, duration=10.0) for k in range(3)]
+    for precision in ("double", "single"):
+        save_trials(iter(batch), tmp_path / f"{precision}.nc", precision=precision)
+    assert (tmp_path / "single.nc").stat().st_size < 0.6 * (tmp_path / "double.nc").stat().st_size
+    for before, after in zip(batch, load_trials(tmp_path / "single.nc"), strict=True):
+        assert after["torque"].dtype == np.float64
+        for name in before.data_vars:
+            error = np.abs(after[name] - before[name]).max() / np.abs(before[name]).max()
+            assert error < 1e-7
+    with pytest.raises(ValueError, match="unknown precision 'half'; known: double, single"):
+        save_trials(batch, tmp_path / "half.nc", precision="half")
+
+
+def test_what_is_constant_takes_a_number_for_each_trial(tmp_path):
+    quiet = [simulate(seed=k, duration=10.0, snr_db=None, voluntary=0.0) for k in range(3)]
+    loud = [simulate(seed=k, duration=10.0) for k in range(3)]
+    save_trials(quiet, tmp_path / "quiet.nc")
+    save_trials(loud, tmp_path / "loud.nc")
+    assert (tmp_path / "quiet.nc").stat().st_size < 0.75 * (tmp_path / "loud.nc").stat().st_size
+    for before, after in zip(quiet, load_trials(tmp_path / "quiet.nc"), strict=True):
+        np.testing.assert_array_equal(after["torque_noise"], before["torque_noise"])
+        assert after["torque_noise"].sizes == before["torque_noise"].sizes
+
+
+def test_more_trials_than_are_read_at_a_time(tmp_path):
+    batch = trials(37)
+    save_trials(batch, tmp_path / "batch.nc")
+    assert [trial.attrs["number"] for trial in load_trials(tmp_path / "batch.nc")] == list(range(37))

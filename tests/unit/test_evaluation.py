@@ -258,3 +258,20 @@ def test_a_single_trial_has_no_spread():
     table = summarise(pd.DataFrame({"torque": ["net"], "vaf": [90.0]}), ["torque"])
     assert table["mean"].tolist() == [90.0]
     assert np.isnan(table["sd"][0])
+
+
+def test_truths_can_be_left_aside():
+    trial = simulate(seed=1, duration=15.0)
+    estimate = identify(trial)
+    recording = trial.drop_vars([name for name in trial.data_vars if name.startswith("torque_")])
+    aside = evaluate(trial, estimate, against="measured")
+    pd.testing.assert_frame_equal(aside, evaluate(recording, estimate))
+    assert set(aside["against"]) == {"measured"}
+    with pytest.raises(ValueError, match="against must be 'measured' or None"):
+        evaluate(trial, estimate, against="true")
+
+
+def test_the_largest_pole_is_told():
+    trial = simulate(seed=1, duration=15.0)
+    estimate = identify(trial)
+    assert parameters(trial, estimate)["spectral_radius"][0] == pytest.approx(np.abs(estimate.model.poles()).max())

@@ -1,0 +1,41 @@
+"""What the reduced configuration gives, and how much of a difference matters.
+
+Seeds are fixed, so the same code gives the same numbers but for rounding. A difference matters from a quarter of the
+standard error of the mean on: other seeds would do four times as much. The spread over trials is measured, and kept
+beside each number.
+"""
+
+import numpy as np
+import pandas as pd
+
+SHARE = 0.25  # of the standard error
+LEAST = 1e-4  # of the number itself: rounding in other builds of linear algebra
+KEY = ["point", "method", "quantity"]
+
+
+def summary(results, study):
+    """Mean, spread and number of trials of every VAF, and of K, B, I and G, of a study."""
+    scores = _gathered(results / "scores" / study)
+    vaf = scores.assign(quantity="VAF " + scores["torque"] + " (" + scores["against"] + ")", value=scores["vaf"])
+    details = _gathered(results / "parameters" / study)
+    names = [name for name in ("K", "B", "I", "G") if name in details]
+    values = details.melt(["point", "method", "trial"], names, "quantity", "value").dropna(subset="value")
+    everything = pd.concat([vaf[[*KEY, "value"]], values[[*KEY, "value"]]])
+    table = everything.groupby(KEY, sort=False)["value"].agg(mean="mean", sd="std", n="count").reset_index()
+    standard_error = table["sd"].fillna(0.0) / np.sqrt(table["n"])
+    return table.assign(tolerance=np.maximum(SHARE * standard_error, LEAST * table["mean"].abs()))
+
+
+def _gathered(folder):
+    return pd.concat([pd.read_csv(path) for path in sorted(folder.glob("*.csv"))])
+
+
+def differences(expected, found):
+    """Rows that are missing, new, or further off than the tolerance of what is expected."""
+    both = expected.merge(found, on=KEY, how="outer", suffixes=("", "_found"), indicator=True)
+    change = both["mean_found"] - both["mean"]
+    changed = both[(both["_merge"] != "both") | (change.abs() > both["tolerance"])]
+    shown = changed[[*KEY]].copy()
+    shown["expected"], shown["found"] = changed["mean"], changed["mean_found"]
+    shown["difference"], shown["tolerance"] = change[changed.index], changed["tolerance"]
+    return shown
