@@ -15,7 +15,7 @@ SCHEMA = Path(__file__).parent / "schemas" / "config.schema.yaml"
 # Figures that each notebook makes of a study, besides its report and its table.
 FIGURES = {
     "table1": lambda study: ["figure3", "order"],
-    "figure4": lambda study: ["figure4"],
+    "figure4": lambda study: ["figure4", "passes"],
     "passes": lambda study: ["passes"],
     "table2": lambda study: list(study.points) if study.kind == "recordings" else ["figure5"],
     "comparison": lambda study: ["stiffness", "vaf"],

@@ -40,6 +40,7 @@ def page(path):
     assert "<script" not in text
     assert "data:image/png;base64" in text
     assert "Traceback" not in text
+    assert not re.search(r"\w+Warning: ", text)
     return text
 
 
