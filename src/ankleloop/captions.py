@@ -2,11 +2,11 @@
 
 from ankleloop.simulation import parameter_table
 
-__all__ = ["circumstances", "quantity"]
+__all__ = ["circumstances", "labelled", "quantity"]
 
 NAMES = {
     "reflex_gain": "reflex gain",
-    "voluntary": "voluntary torque over clean net torque (sd)",
+    "voluntary": "relative voluntary torque",
     "load_stiffness": "stiffness of the load",
     "load_inertia": "inertia of the load",
     "load_viscosity": "viscosity of the load",
@@ -34,6 +34,29 @@ def quantity(name):
     (('reflex gain', 'N·m·s/rad'), ('actuator frequency', 'Hz'))
     """
     return NAMES.get(name, name.replace("_", " ")), parameter_table()[name]["unit"]
+
+
+def labelled(name, value):
+    """A simulation parameter's value with its unit, as a reader wants it.
+
+    Parameters
+    ----------
+    name : str
+        One of `ankleloop.simulation.parameter_table`.
+    value : float
+        Its value.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> labelled("load_stiffness", 250.0), labelled("actuator_damping", 0.8)
+    ('250 N·m/rad', '0.8')
+    """
+    unit = quantity(name)[1]
+    return f"{value:g}" if unit == "1" else f"{value:g} {unit}"
 
 
 def circumstances(settings, varied=()):
@@ -73,4 +96,7 @@ def circumstances(settings, varied=()):
             f"actuator {settings['actuator_frequency']:g} Hz, damping {settings['actuator_damping']:g}"
         ),
     }
-    return "; ".join(text for names, text in phrases.items() if not set(names) & set(varied))
+    said = [text for names, text in phrases.items() if not set(names) & set(varied)]
+    if "voluntary" in varied:
+        said.append("relative voluntary torque is its sd over that of the clean net torque")
+    return "; ".join(said)

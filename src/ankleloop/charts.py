@@ -134,7 +134,7 @@ def _cells(axis, cells, norm, limit):
     return picture
 
 
-def traces_figure(traces, truths):
+def traces_figure(traces, truths, settling=0.0):
     """Estimated parameters over time, a column for each condition.
 
     Parameters
@@ -143,6 +143,8 @@ def traces_figure(traces, truths):
         For each condition `time` [s] and the traces by the names of `truths`.
     truths : dict of str to (str, float)
         For each parameter its label with unit, and the true value.
+    settling : float
+        Time [s] from which on the traces set the limits of the axes; before it they may leave them.
 
     Returns
     -------
@@ -159,6 +161,10 @@ def traces_figure(traces, truths):
                     axis.set_ylabel(label)
             axes[0, column].set_title(condition)
             axes[-1, column].set_xlabel("time [s]")
+        for axis, (name, (_, truth)) in zip(axes[:, 0], truths.items(), strict=True):
+            seen = [trace[name][np.asarray(trace["time"]) >= settling] for trace in traces.values()]
+            low, high = min(truth, *map(np.min, seen)), max(truth, *map(np.max, seen))
+            axis.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
         _legend(figure, axes.ravel())
     return figure
 
