@@ -113,7 +113,9 @@ def map_figure(table, *, x, y, panel, value, xlabel, ylabel, title, limit):
             axis.set(xlabel=xlabel, ylabel=ylabel, title=title.format(name))
         for axis in axes[len(names) :]:
             axis.set_visible(False)
-        figure.colorbar(picture, ax=list(axes), label="largest deviation from the paper [points of VAF]")
+        bar = figure.colorbar(picture, ax=list(axes), label="largest deviation from the paper [points of VAF]")
+        bar.ax.yaxis.set_major_formatter("{x:g}")
+        bar.ax.yaxis.set_minor_formatter("{x:g}")
     return figure
 
 
