@@ -58,7 +58,10 @@ def _find(tree):
 
 
 def _files(name):
-    """File of a module, or the __init__ of a package; names of functions have none."""
+    """File of a module, or the __init__ of a package; names of functions have none. The package itself is all of it."""
+    if name == PACKAGE:  # it imports its modules when they are asked for, which its source does not show
+        yield from (LIBRARY / PACKAGE).rglob("*.py")
+        return
     path = LIBRARY.joinpath(*name.split("."))
     for candidate in (path.with_suffix(".py"), path / "__init__.py"):
         if candidate.is_file():

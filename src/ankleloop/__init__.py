@@ -4,31 +4,40 @@ Separates the torque of a joint into intrinsic and reflex parts from data record
 compliant load. Start with `simulate` or `read_trial`, then `identify` and `evaluate`.
 """
 
-from ankleloop import subspace
-from ankleloop.errors import DataError, UnstableLoopError
-from ankleloop.estimate import Estimate
-from ankleloop.evaluation import evaluate
-from ankleloop.identify import METHODS, identify, method_options
-from ankleloop.metrics import vaf
-from ankleloop.readers import read_trial
-from ankleloop.simulation import simulate
-from ankleloop.trial import load_trial, new_trial, save_trial
+from importlib import import_module
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "METHODS",
-    "DataError",
-    "Estimate",
-    "UnstableLoopError",
-    "evaluate",
-    "identify",
-    "load_trial",
-    "method_options",
-    "new_trial",
-    "read_trial",
-    "save_trial",
-    "simulate",
-    "subspace",
-    "vaf",
-]
+# Where each name lives. It is imported when it is first asked for (PEP 562): a job that needs one module need not wait
+# for all of them.
+_HOMES = {
+    "METHODS": "registry",
+    "DataError": "errors",
+    "Estimate": "estimate",
+    "UnstableLoopError": "errors",
+    "evaluate": "evaluation",
+    "identify": "registry",
+    "load_trial": "trial",
+    "method_options": "registry",
+    "new_trial": "trial",
+    "read_trial": "readers",
+    "save_trial": "trial",
+    "simulate": "simulation",
+    "vaf": "metrics",
+}
+
+__all__ = [*_HOMES, "subspace"]
+
+
+def __getattr__(name):
+    if name == "subspace":
+        return import_module("ankleloop.subspace")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'ankleloop' has no attribute {name!r}")
+    value = getattr(import_module(f"ankleloop.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__():
+    return sorted({*globals(), *__all__})

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from ankleloop.errors import DataError
 
@@ -71,6 +70,8 @@ class Basis:
         return np.maximum(velocity, 0.0)[None, :]
 
     def _spline(self, velocity):
+        from scipy.interpolate import BSpline  # here, because the other bases need not wait for it
+
         inside = np.clip(velocity, self.knots[0], self.knots[-1])
         # B-splines sum to one, and a constant is removed with the mean: one of them is too many.
         return BSpline.design_matrix(inside, self.knots, 3).toarray().T[1:]

@@ -9,11 +9,19 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
-from scipy import signal as sps
+from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.errors import DataError
 
-__all__ = ["decimate", "decimation_factor", "decimation_margin", "differentiate", "differentiation_margin", "lowpass"]
+__all__ = [
+    "convolve",
+    "decimate",
+    "decimation_factor",
+    "decimation_margin",
+    "differentiate",
+    "differentiation_margin",
+    "lowpass",
+]
 
 # Fractions of the identification rate: flat to 38 Hz and nothing left at the 50 Hz Nyquist frequency of 100 Hz data.
 PASSBAND, STOPBAND = 0.38, 0.50
@@ -64,9 +72,11 @@ def _lowpass(rate, passband, stopband, derivative=0, shift=0.0):
 
     The derivative and the shift are applied to the spectrum of the taps: they act on the band-limited kernel itself.
     """
-    length, beta = sps.kaiserord(ATTENUATION_DB, (stopband - passband) / (0.5 * rate))
-    half = length // 2 + 1
-    taps = sps.firwin(2 * half + 1, 0.5 * (passband + stopband), window=("kaiser", beta), fs=rate)
+    # Kaiser's formulas (1974), by hand: importing scipy.signal takes longer than most jobs of the workflow.
+    half = int(np.ceil((ATTENUATION_DB - 7.95) / (2.285 * 2 * np.pi * (stopband - passband) / rate) + 1)) // 2 + 1
+    window = np.kaiser(2 * half + 1, 0.1102 * (ATTENUATION_DB - 8.7))
+    taps = window * np.sinc((passband + stopband) / rate * np.arange(-half, half + 1))
+    taps /= taps.sum()
     if derivative == 0 and shift == 0.0:
         return taps, half
     # Differentiated taps ring a little beyond the kernel they come from; a quarter more length holds that.
@@ -193,7 +203,32 @@ def lowpass(x, factor):
     True
     """
     x = np.asarray(x, dtype=float)
-    return sps.oaconvolve(x - x.mean(), _decimation_taps(factor, 0)[0], mode="same")
+    taps, half = _decimation_taps(factor, 0)
+    return convolve(x - x.mean(), taps)[half : half + x.size]
+
+
+def convolve(x, taps):
+    """Full convolution of a long signal by Fourier transforms.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N,)
+        The signal.
+    taps : ndarray, shape (M,)
+        Impulse response.
+
+    Returns
+    -------
+    ndarray, shape (N + M - 1,)
+
+    Examples
+    --------
+    >>> convolve(np.array([1.0, 2.0]), np.array([1.0, 1.0])).round(12).tolist()
+    [1.0, 3.0, 2.0]
+    """
+    length = x.size + taps.size - 1
+    size = next_fast_len(length, real=True)
+    return irfft(rfft(x, size) * rfft(taps, size), size)[:length]
 
 
 def _velocity_taps(rate, shift):
@@ -267,7 +302,7 @@ def differentiate(x, rate, delay=0.0):
         raise DataError(
             f"a record of {x.size} samples is too short to differentiate: it takes at least {taps.size + abs(whole)}."
         )
-    complete = sps.oaconvolve(x - x.mean(), taps, mode="valid")
+    complete = convolve(x - x.mean(), taps)[taps.size - 1 : x.size]
     # complete[k] belongs to sample k + half; a delay of `whole` samples moves it to k + half + whole.
     index = np.clip(np.arange(x.size) - half - whole, 0, complete.size - 1)
     return complete[index]

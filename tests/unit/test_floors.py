@@ -134,7 +134,7 @@ def graph():
 
 
 def test_the_graph_holds_the_library(graph):
-    assert {"", "errors", "subspace", "subspace.moesp", "methods.moesp", "identify"} <= set(graph)
+    assert {"", "errors", "subspace", "subspace.moesp", "methods.moesp", "registry"} <= set(graph)
     assert {"errors", "subspace.moesp", "estimate", "regressors"} <= graph["methods.moesp"]
     assert graph["errors"] == set()
 

@@ -2,7 +2,7 @@
 
 from ankleloop.batch import load_trials
 from ankleloop.estimate import save_estimates
-from ankleloop.identify import identify
+from ankleloop.registry import identify
 
 from job import progress, running
 
