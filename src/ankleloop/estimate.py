@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -24,9 +25,9 @@ class Estimate:
         Name of the method.
     torque : xarray.Dataset
         `net`, `intrinsic` and `reflex` torque over time [N·m], as deviations from their means.
-    model : control.StateSpace or None
+    matrices : ankleloop.subspace.matrices.Matrices or None
         Model in physical units from position, velocity, acceleration and the basis functions to the torque; None for
-        non-parametric methods.
+        non-parametric methods. `model` is the same as a `control.StateSpace`.
     stiffness : dict
         "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²].
     reflex : dict
@@ -39,11 +40,16 @@ class Estimate:
 
     method: str
     torque: xr.Dataset
-    model: object
+    matrices: object
     stiffness: dict
     reflex: dict
     intervals: dict = field(default_factory=dict)
     diagnostics: dict = field(default_factory=dict)
+
+    @cached_property
+    def model(self):
+        """The model as a `control.StateSpace`; None for non-parametric methods."""
+        return None if self.matrices is None else self.matrices.state_space()
 
     def __repr__(self):
         values = ", ".join(f"{name} = {value:.4g} {STIFFNESS_UNITS[name]}" for name, value in self.stiffness.items())
@@ -142,7 +148,7 @@ def _estimate(one):
     return Estimate(
         method=one.attrs["method"],
         torque=one[list(TORQUES)].drop_vars(["parameter", "reflex_parameter"], errors="ignore"),
-        model=None,
+        matrices=None,
         stiffness=_named(one, "parameter", "stiffness"),
         reflex={name: value for name, value in reflex.items() if np.isfinite(value)},
         intervals={name: tuple(bounds) for name, bounds in json.loads(str(one["intervals"].values)).items()},

@@ -143,13 +143,13 @@ def identify_moesp(
     diagnostics = {"singular_values": found.singular_values, **found.diagnostics}
     if needed:
         diagnostics["reference"] = reference
-    torque = _torques(found.model, found.initial_state, regressors)
+    torque = _torques(found.matrices, found.initial_state, regressors)
     return Estimate(
         method=method,
         torque=torque,
-        model=found.model,
-        stiffness=regressors.stiffness(torque["intrinsic"].values) if free_b else _direct_stiffness(found.model),
-        reflex=_reflex_parameters(found.model, regressors, delay),
+        matrices=found.matrices,
+        stiffness=regressors.stiffness(torque["intrinsic"].values) if free_b else _direct_stiffness(found.matrices),
+        reflex=_reflex_parameters(found.matrices, regressors, delay),
         diagnostics=diagnostics,
     )
 

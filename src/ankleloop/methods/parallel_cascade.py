@@ -138,7 +138,7 @@ def identify_parallel_cascade(
         torque=torque_dataset(
             regressors.time[rows], regressors.rate, net=intrinsic + reflex, intrinsic=intrinsic, reflex=reflex
         ),
-        model=None,
+        matrices=None,
         stiffness=regressors.stiffness(intrinsic, rows),
         reflex={"delay": float(delay), "G": float(responses[1].sum())},
         diagnostics={

@@ -114,7 +114,7 @@ def identify_real_time(
     return Estimate(
         method="real-time",
         torque=torque_dataset(regressors.time, rate, net=torques["intrinsic"] + torques["reflex"], **torques),
-        model=None,
+        matrices=None,
         stiffness={name: means[name] for name in "KBI"},
         reflex={"delay": float(delay), "G": means["G"]},
         diagnostics={

@@ -1,6 +1,7 @@
 """The MOESP family on any linear data set: one body, the members differ in their instruments."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from ankleloop.errors import DataError
 from ankleloop.subspace.batches import are_batches, as_batches, batch_hankel, centred, scaled
 from ankleloop.subspace.input_matrices import estimate_input_matrices
 from ankleloop.subspace.instruments import instrument_signals, predict_from_reference
+from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.projection import project
 from ankleloop.subspace.realisation import choose_order, realise
 
@@ -26,8 +28,8 @@ class SubspaceEstimate:
 
     Parameters
     ----------
-    model : control.StateSpace
-        The model in the units of the data.
+    matrices : Matrices
+        A, B, C, D in the units of the data; `model` is the same as a `control.StateSpace`.
     singular_values : ndarray
         They show the order.
     initial_state : ndarray, shape (n,) or (batches, n)
@@ -36,10 +38,15 @@ class SubspaceEstimate:
         Order, poles, ranks, conditions and warnings.
     """
 
-    model: object
+    matrices: Matrices
     singular_values: np.ndarray
     initial_state: np.ndarray
     diagnostics: dict = field(default_factory=dict)
+
+    @cached_property
+    def model(self):
+        """The model as a `control.StateSpace`."""
+        return self.matrices.state_space()
 
 
 def moesp(
@@ -167,8 +174,7 @@ def moesp(
         "stable": guarded is None,
         "warnings": [] if guarded is None else [GUARDED.format(radius=guarded, order=n)],
     }
-    model = _state_space(A, B, C, D, dt, names)
-    return SubspaceEstimate(model, found.singular_values, inputs.initial_state, diagnostics)
+    return SubspaceEstimate(Matrices(A, B, C, D, dt, names), found.singular_values, inputs.initial_state, diagnostics)
 
 
 def _given(predicted, several, scale):
@@ -228,10 +234,3 @@ def _project(u, y, z, block_rows, past, leads, form, rank_tolerance, least):
     future = [batch_hankel(signal, past, block_rows, window, **own) for signal in (u, y)]
     instruments = batch_hankel(z, 0, past + leads, window, **own) if z[0].shape[1] else np.empty((0, columns))
     return project(*future, instruments, form, rank_tolerance, least)
-
-
-def _state_space(A, B, C, D, dt, names):
-    from control import StateSpace  # here, because importing it takes longer than the identification
-
-    inputs, outputs = names if names is not None else (None, None)
-    return StateSpace(A, B, C, D, dt, inputs=inputs, outputs=outputs, remove_useless_states=False)
