@@ -107,8 +107,8 @@ class Study:
 
 
 def point_name(chosen):
-    """Name of a point in paths, from the parameters that make it."""
-    return ",".join(f"{name}={value}" for name, value in chosen.items()) or "only"
+    """Name of a point in paths, from the parameters that make it, whatever their order."""
+    return ",".join(f"{name}={value}" for name, value in sorted(chosen.items())) or "only"
 
 
 def trial_seeds(study, point):

@@ -131,9 +131,17 @@ def test_points_are_all_combinations():
 def test_points_may_be_a_list():
     chosen = [{"load_stiffness": 50.0, "load_inertia": 0.2}, {"load_stiffness": 500.0}]
     study = studies(complete(changed("studies", "table1", "points", value=chosen)))["table1"]
-    assert list(study.points) == ["load_stiffness=50.0,load_inertia=0.2", "load_stiffness=500.0"]
+    assert list(study.points) == ["load_inertia=0.2,load_stiffness=50.0", "load_stiffness=500.0"]
     assert study.points["load_stiffness=500.0"]["load_inertia"] == 1.1
     assert study.varied == ["load_stiffness", "load_inertia"]
+
+
+def test_the_order_of_parameters_does_not_matter():
+    one, other = ({"load_stiffness": [50.0], "load_inertia": [0.2]}, {"load_inertia": [0.2], "load_stiffness": [50.0]})
+    names = [
+        list(studies(complete(changed("studies", "load", "points", value=v)))["load"].points) for v in (one, other)
+    ]
+    assert names[0] == names[1]
 
 
 def test_the_article_is_made_where_all_its_studies_are():
