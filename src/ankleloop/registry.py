@@ -7,6 +7,7 @@ from types import MappingProxyType
 from ankleloop.methods.moesp import MEMBERS, identify_moesp
 from ankleloop.methods.parallel_cascade import identify_parallel_cascade
 from ankleloop.methods.real_time import identify_real_time
+from ankleloop.methods.riv import identify_riv
 
 __all__ = ["METHODS", "identify", "method_options"]
 
@@ -15,6 +16,7 @@ METHODS = MappingProxyType(
         **{name: partial(identify_moesp, method=name) for name in MEMBERS},
         "parallel-cascade": identify_parallel_cascade,
         "real-time": identify_real_time,
+        "riv": identify_riv,
     }
 )
 
@@ -62,8 +64,8 @@ def identify(trial, method="pr-moesp", **options):
     method : str
         One of `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
         `ankleloop.methods.moesp.identify_moesp`), "parallel-cascade" (see
-        `ankleloop.methods.parallel_cascade.identify_parallel_cascade`) or "real-time" (see
-        `ankleloop.methods.real_time.identify_real_time`).
+        `ankleloop.methods.parallel_cascade.identify_parallel_cascade`), "real-time" (see
+        `ankleloop.methods.real_time.identify_real_time`) or "riv" (see `ankleloop.methods.riv.identify_riv`).
     **options
         Options of the method, see `method_options`.
 

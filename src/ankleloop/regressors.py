@@ -17,7 +17,15 @@ from ankleloop.signals import (
 from ankleloop.subspace.instruments import reference_response
 from ankleloop.trial import validate
 
-__all__ = ["INTRINSIC_NAMES", "Regressors", "build_regressors", "decimated"]
+__all__ = [
+    "INTRINSIC_NAMES",
+    "Regressors",
+    "build_regressors",
+    "decimated",
+    "inputs_of",
+    "predicted_inputs",
+    "recording_grid",
+]
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
 INTRINSIC_UNITS = ("rad", "rad/s", "rad/s²")
@@ -75,8 +83,27 @@ class Regressors:
         return dict(zip("KBI", map(float, found), strict=True))
 
 
-def _grid(trial, identification_rate, delay):
-    """Factor, first recorded index and number of the identified samples no filter edge touches."""
+def recording_grid(trial, identification_rate, delay):
+    """Factor, first recorded index and number of the identified samples that no filter edge touches.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The trial.
+    identification_rate : float
+        Rate of the identification [Hz].
+    delay : float
+        Reflex delay [s].
+
+    Returns
+    -------
+    tuple of int
+
+    Raises
+    ------
+    DataError
+        If the record is too short.
+    """
     rate = float(trial.attrs["sampling_rate"])
     factor = decimation_factor(rate, identification_rate)
     margin = decimation_margin(factor)
@@ -139,7 +166,7 @@ def build_regressors(trial, *, delay, basis, degree, identification_rate, refere
             f"the trial has no variable {reference!r} to serve as reference; it has {known}."
             " Give the command of the servo as reference, or reference='position' for an open-loop record."
         )
-    grid = _grid(trial, identification_rate, delay)
+    grid = recording_grid(trial, identification_rate, delay)
     factor, first, count = grid
     rate = float(trial.attrs["sampling_rate"])
     position = trial["position"].values
@@ -159,6 +186,29 @@ def build_regressors(trial, *, delay, basis, degree, identification_rate, refere
 def _inputs(position, velocity, basis, grid, rate):
     intrinsic = [decimate(position, *grid, rate=rate, derivative=d) for d in range(3)]
     return np.column_stack([*intrinsic, *decimate(basis(velocity), *grid)])
+
+
+def inputs_of(position, trial, regressors, delay):
+    """Inputs that another position would give, by the same basis and on the same samples.
+
+    Parameters
+    ----------
+    position : ndarray, shape (samples,)
+        Position at the recording rate [rad].
+    trial : xarray.Dataset
+        The trial.
+    regressors : Regressors
+        Its regressors.
+    delay : float
+        Reflex delay [s].
+
+    Returns
+    -------
+    ndarray, shape (N, 3 + k)
+    """
+    rate = float(trial.attrs["sampling_rate"])
+    velocity = differentiate(position, rate, delay)
+    return _inputs(position, velocity, regressors.basis, recording_grid(trial, regressors.rate, delay), rate)
 
 
 def predicted_inputs(trial, regressors, delay, leads=15, lags=80):
@@ -190,17 +240,14 @@ def predicted_inputs(trial, regressors, delay, leads=15, lags=80):
     """
     if regressors.reference is None:
         raise DataError("instruments for B and D are made of the reference, and the trial has none.")
-    rate = float(trial.attrs["sampling_rate"])
-    grid = _grid(trial, regressors.rate, delay)
-    factor = grid[0]
+    factor = recording_grid(trial, regressors.rate, delay)[0]
     position = regressors.inputs[:, :1]
     response = reference_response(position, regressors.reference[:, None], leads, lags)[:, 0, 0]
     taps = np.zeros(factor * (leads + lags) + 1)
     taps[::factor] = response
     reference = lowpass(trial[regressors.reference_name].values, factor)
     predicted = np.convolve(reference, taps)[factor * leads :][: reference.size]
-    velocity = differentiate(predicted, rate, delay)
-    return _inputs(predicted, velocity, regressors.basis, grid, rate)
+    return inputs_of(predicted, trial, regressors, delay)
 
 
 def decimated(trial, name, time, identification_rate):

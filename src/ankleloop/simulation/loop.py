@@ -11,8 +11,9 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 from numba import njit
-from scipy import linalg
 from scipy import signal as sps
+
+from ankleloop.discretise import step_matrices
 
 __all__ = ["Loop", "antialias", "build_loop", "run_loop"]
 
@@ -96,17 +97,6 @@ def _continuous_model(simulation):
     return A, B, velocity, recorded
 
 
-def _step_matrices(A, B, h):
-    """Exact step for inputs linear over h: x⁺ = F x + G0 u + G1 u⁺."""
-    n, m = B.shape
-    M = np.zeros((n + 2 * m, n + 2 * m))
-    M[:n, :n], M[:n, n : n + m] = A * h, B * h
-    M[n : n + m, n + m :] = np.eye(m)
-    E = linalg.expm(M)
-    F, constant, slope = E[:n, :n], E[:n, n : n + m], E[:n, n + m :]
-    return F, constant - slope, slope
-
-
 def build_loop(simulation):
     """Discretise the loop over one recorded sample.
 
@@ -121,7 +111,7 @@ def build_loop(simulation):
     """
     steps = round(simulation.run.integration_rate / simulation.recorder.recording_rate)
     A, B, velocity, recorded = _continuous_model(simulation)
-    F, G0, G1 = _step_matrices(A, B, 1.0 / simulation.run.integration_rate)
+    F, G0, G1 = step_matrices(A, B, 1.0 / simulation.run.integration_rate)
     n = A.shape[0]
     P, G = np.eye(n), np.zeros((n, 4 + steps + 1))
     VP, VG = np.zeros((steps, n)), np.zeros((steps, G.shape[1]))

@@ -1,0 +1,119 @@
+"""Spectra of records: tapered transforms within a band, and smooth noise spectra."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+__all__ = ["Band", "smoothed"]
+
+TAPERED = 0.1  # of the record, half at either end
+
+
+@dataclass(frozen=True)
+class Band:
+    """Fourier transforms of records of one length, between two frequencies.
+
+    Parameters
+    ----------
+    samples : int
+        Length of the records.
+    rate : float
+        Sampling rate [Hz].
+    lowest, highest : float
+        Edges of the band [Hz].
+    """
+
+    samples: int
+    rate: float
+    lowest: float
+    highest: float
+
+    @cached_property
+    def taper(self):
+        """Cosine taper, so that what a record does at its ends does not leak into other frequencies."""
+        ramp = max(1, round(0.5 * TAPERED * self.samples))
+        taper = np.ones(self.samples)
+        taper[:ramp] = 0.5 * (1.0 - np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp))
+        taper[-ramp:] = taper[:ramp][::-1]
+        return taper
+
+    @cached_property
+    def _kept(self):
+        frequency = np.fft.rfftfreq(self.samples, 1.0 / self.rate)
+        return (frequency >= self.lowest) & (frequency <= self.highest)
+
+    @cached_property
+    def frequency(self):
+        """Frequencies [Hz]."""
+        return np.fft.rfftfreq(self.samples, 1.0 / self.rate)[self._kept]
+
+    @cached_property
+    def s(self):
+        """Laplace variable on the imaginary axis [rad/s]."""
+        return 2j * np.pi * self.frequency
+
+    @property
+    def correlation(self):
+        """Factor by which the taper raises variances: it correlates neighbouring frequencies."""
+        return self.samples * np.sum(self.taper**4) / np.sum(self.taper**2) ** 2
+
+    @property
+    def density(self):
+        """What squared magnitudes are divided by to give a one-sided power spectral density."""
+        return 0.5 * self.rate * np.sum(self.taper**2)
+
+    def transform(self, x):
+        """Fourier transform of tapered records without their means.
+
+        Parameters
+        ----------
+        x : ndarray, shape (..., N)
+            Records.
+
+        Returns
+        -------
+        ndarray, shape (..., frequencies)
+        """
+        x = np.asarray(x, dtype=float)
+        return np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)[..., self._kept]
+
+    def smoothed(self, power, resolution):
+        """Smooth a periodogram over a width in frequency.
+
+        Parameters
+        ----------
+        power : ndarray, shape (frequencies,)
+            Squared magnitudes.
+        resolution : float
+            Width of the smoothing [Hz].
+
+        Returns
+        -------
+        ndarray, shape (frequencies,)
+        """
+        return smoothed(power, resolution * self.samples / self.rate)
+
+
+def smoothed(power, width):
+    """Smooth a periodogram with a Hann window; it is mirrored at its ends.
+
+    Parameters
+    ----------
+    power : ndarray, shape (F,)
+        Squared magnitudes.
+    width : float
+        Half length of the window, in frequencies; 4 at least.
+
+    Returns
+    -------
+    ndarray, shape (F,)
+
+    Examples
+    --------
+    >>> smoothed(np.ones(50), 8.0).round(12).tolist() == [1.0] * 50
+    True
+    """
+    half = int(min(max(4, round(width)), power.size - 1))
+    window = np.hanning(2 * half + 3)[1:-1]
+    return np.convolve(np.pad(power, half, mode="reflect"), window / window.sum(), mode="valid")

@@ -1,0 +1,114 @@
+"""Refined instrumental variables: the truth where feedback biases everything else, and how sure it is."""
+
+import numpy as np
+import pytest
+
+from ankleloop import DataError, evaluate, identify, new_trial, simulate
+
+TRUTH = {"K": 150.0, "B": 0.8, "I": 0.015, "omega_n": 40.0, "zeta": 1.0}
+COMPLIANT = {"load": (0.1, 10.0, 100.0), "reflex_gain": 25.0, "voluntary": 0.3}
+
+
+def values(estimate):
+    return estimate.stiffness | estimate.reflex
+
+
+@pytest.fixture(scope="module")
+def compliant():
+    """Trials against a very compliant load, and what the method makes of them."""
+    trials = [simulate(seed=seed, **COMPLIANT) for seed in range(12)]
+    return trials, [identify(trial, "riv") for trial in trials]
+
+
+@pytest.mark.parametrize("gain", [2.0, 13.0])
+def test_without_noise_it_finds_the_truth(gain):
+    estimate = identify(simulate(seed=1, reflex_gain=gain, snr_db=None, voluntary=0.0), "riv")
+    found = values(estimate)
+    for name, truth in (TRUTH | {"G": gain}).items():
+        assert found[name] == pytest.approx(truth, rel=3e-3), name
+    assert estimate.diagnostics["converged"]
+
+
+def test_feedback_does_not_bias_it(compliant):
+    """Least squares is far off on the same trials."""
+    trials, estimates = compliant
+    means = {name: np.mean([values(e)[name] for e in estimates]) for name in (*TRUTH, "G")}
+    for name, truth in (TRUTH | {"G": 25.0}).items():
+        spread = np.std([values(e)[name] for e in estimates], ddof=1) / np.sqrt(len(estimates))
+        assert abs(means[name] - truth) < 0.02 * truth + 3 * spread, name
+    vaf = [evaluate(t, e).query("against == 'true'")["vaf"].min() for t, e in zip(trials, estimates, strict=True)]
+    assert np.mean(vaf) > 99.7
+    biased = [identify(trial, "pr-moesp", basis="rectifier").stiffness["K"] for trial in trials[:4]]
+    assert np.mean(biased) < 0.9 * 150.0
+
+
+def test_the_truth_can_have_a_low_net_vaf():
+    trial = simulate(seed=3, reflex_gain=15.0, voluntary=1.0)
+    estimates = {name: identify(trial, name, basis="rectifier") for name in ("riv", "pr-moesp")}
+    scores = {name: evaluate(trial, e).set_index(["torque", "against"])["vaf"] for name, e in estimates.items()}
+    assert scores["riv"]["net", "measured"] < scores["pr-moesp"]["net", "measured"]
+    assert scores["riv"]["intrinsic", "true"] > 99 > scores["pr-moesp"]["intrinsic", "true"]
+
+
+def test_intervals_are_as_wide_as_the_estimates_scatter(compliant):
+    _, estimates = compliant
+    for name in ("K", "B", "I", "G", "omega_n", "zeta"):
+        scatter = np.std([values(e)[name] for e in estimates], ddof=1)
+        half = np.median([0.5 * np.ptp(e.intervals[name]) for e in estimates]) / 1.96
+        assert 0.5 < half / scatter < 2.0, name
+        assert all(low < values(e)[name] < high for e in estimates for low, high in [e.intervals[name]])
+    inside = [low <= TRUTH["K"] <= high for e in estimates for low, high in [e.intervals["K"]]]
+    assert np.mean(inside) > 0.7
+
+
+def test_the_delay_can_be_found():
+    found = [
+        values(identify(simulate(seed=seed, delay=delay), "riv", delay=None))["delay"]
+        for seed, delay in ((1, 0.04), (2, 0.052))
+    ]
+    np.testing.assert_allclose(found, [0.04, 0.052], atol=0.002)
+
+
+def test_records_in_open_loop():
+    trial = simulate(seed=1, closed_loop=False, voluntary=0.3)
+    for reference in ("reference", "position"):
+        found = values(identify(trial, "riv", reference=reference))
+        assert found["K"] == pytest.approx(150.0, rel=0.05)
+        assert found["G"] == pytest.approx(13.0, rel=0.1)
+
+
+def test_other_bases_have_the_same_dynamics():
+    trial = simulate(seed=1, snr_db=None, voluntary=0.0)
+    for basis, degree in (("chebyshev", 8), ("spline", 10)):
+        estimate = identify(trial, "riv", basis=basis, degree=degree)
+        assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.03)
+        assert estimate.reflex["omega_n"] == pytest.approx(40.0, rel=0.05)
+        assert "G" not in estimate.reflex
+        assert estimate.model.D.shape == (1, 3 + len(estimate.model.input_labels) - 3)
+
+
+def test_the_model_is_the_estimate():
+    """Poles are those of the dynamics, the gain at rest is G, and D holds K, B and I."""
+    estimate = identify(simulate(seed=1, duration=20.0), "riv")
+    s = np.log(estimate.model.poles().astype(complex)) * 100.0
+    assert np.sqrt(np.prod(s).real) == pytest.approx(estimate.reflex["omega_n"], rel=1e-6)
+    np.testing.assert_allclose(estimate.model.D[0, :3], list(estimate.stiffness.values()))
+    assert estimate.model.dcgain()[0, 3] == pytest.approx(estimate.reflex["G"], rel=1e-9)
+
+
+def test_a_weak_reference_is_refused():
+    trial = simulate(seed=1, duration=30.0)
+    other = simulate(seed=2, duration=30.0)
+    swapped = new_trial(trial["position"], trial["torque"], 1000.0, reference=other["reference"])
+    with pytest.raises(DataError, match=r"reference explains . % of the position: as an instrument it is too weak"):
+        identify(swapped, "riv")
+    with pytest.raises(DataError, match="no variable 'reference'"):
+        identify(trial.drop_vars("reference"), "riv")
+
+
+def test_it_says_when_it_has_not_converged():
+    estimate = identify(simulate(seed=1, duration=20.0), "riv", max_iterations=1, tolerance=1e-9)
+    assert not estimate.diagnostics["converged"]
+    assert "not converged after 1 iterations" in estimate.diagnostics["warnings"][0]
+    with pytest.raises(ValueError, match="must be positive"):
+        identify(simulate(seed=1, duration=20.0), "riv", max_iterations=0)
