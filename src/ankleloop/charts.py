@@ -4,7 +4,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from ankleloop.figures import COLOURS, STYLE
+from ankleloop.figures import COLOURS, STYLE, add_legend
 from ankleloop.metrics import confidence_margin
 
 __all__ = ["curves_figure", "map_figure", "order_figure", "traces_figure"]
@@ -53,7 +53,7 @@ def curves_figure(table, panels, *, xlabel, columns=3, log=False, limits=None, d
         for axis in axes[max(0, len(panels) - columns) : len(panels)]:
             axis.set_xlabel(xlabel)
             axis.tick_params(labelbottom=True)
-        _legend(figure, axes)
+        add_legend(figure, axes)
     return figure
 
 
@@ -75,11 +75,6 @@ def _cut(axis, limits):
     axis.set_ylim(*limits)
     if lowest < limits[0]:
         axis.annotate(f"lowest mean: {lowest:.4g}", (0.03, 0.03), xycoords="axes fraction", fontsize=7, color="#555555")
-
-
-def _legend(figure, axes):
-    lines = {line.get_label(): line for axis in axes for line in axis.get_lines() if line.get_label()[0] != "_"}
-    figure.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=min(3, len(lines)))
 
 
 def map_figure(table, *, x, y, panel, value, xlabel, ylabel, title, limit):
@@ -167,7 +162,7 @@ def traces_figure(traces, truths, settling=0.0):
             seen = [trace[name][np.asarray(trace["time"]) >= settling] for trace in traces.values()]
             low, high = min(truth, *map(np.min, seen)), max(truth, *map(np.max, seen))
             axis.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
-        _legend(figure, axes.ravel())
+        add_legend(figure, axes.ravel())
     return figure
 
 

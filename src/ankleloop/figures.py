@@ -9,7 +9,7 @@ from ankleloop.estimate import TORQUES
 from ankleloop.evaluation import evaluate
 from ankleloop.regressors import decimated
 
-__all__ = ["save_figure", "torque_figure"]
+__all__ = ["add_legend", "save_figure", "torque_figure"]
 
 # Okabe and Ito's colours can be told apart by colour-blind readers, and differ in print; one of Tol's for an eighth.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222", "#882255")
@@ -69,9 +69,22 @@ def torque_figure(trial, estimates, *, start=10.0, length=5.0, title=""):
             axes[0, column].set_title(f"{label}\n{axes[0, column].get_title()}")
             axes[-1, column].set_xlabel("time [s]")
         figure.suptitle(title)
-        lines = {line.get_label(): line for axis in axes.flat for line in axis.get_lines()}
-        figure.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=3)
+        add_legend(figure, axes.flat)
     return figure
+
+
+def add_legend(figure, axes):
+    """Put one legend for all axes below them; each label appears once.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    axes : iterable of matplotlib.axes.Axes
+        Its axes.
+    """
+    lines = {line.get_label(): line for axis in axes for line in axis.get_lines() if line.get_label()[0] != "_"}
+    figure.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=min(3, len(lines)))
 
 
 def _window(trial, start, length):
