@@ -9,6 +9,7 @@ from ankleloop.errors import DataError
 __all__ = ["BASES", "Basis", "fit_basis"]
 
 BASES = ("chebyshev", "rectifier", "spline")
+QUANTILES = np.linspace(0.005, 0.995, 200)
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,15 @@ class Basis:
         Largest velocity magnitude [rad/s]; the Chebyshev polynomials take the velocity divided by it.
     knots : ndarray
         Knots of the cubic spline [rad/s].
+    quantiles : ndarray
+        Velocities of the record that are equally frequent [rad/s].
     """
 
     kind: str
     degree: int
     scale: float = 1.0
     knots: np.ndarray = field(default_factory=lambda: np.empty(0))
+    quantiles: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property
     def names(self):
@@ -116,9 +120,9 @@ def fit_basis(velocity, kind, degree):
     scale = float(np.max(np.abs(velocity)))
     if scale == 0:
         raise DataError("the velocity is zero throughout: the position channel carries no perturbation.")
-    if kind == "spline":
-        return Basis(kind, int(degree), scale, _quantile_knots(velocity, degree))
-    return Basis(kind, 1 if kind == "rectifier" else int(degree), scale)
+    knots = _quantile_knots(velocity, degree) if kind == "spline" else np.empty(0)
+    quantiles = np.quantile(velocity[:: max(1, velocity.size // 5000)], QUANTILES)
+    return Basis(kind, 1 if kind == "rectifier" else int(degree), scale, knots, quantiles)
 
 
 def _quantile_knots(velocity, degree):

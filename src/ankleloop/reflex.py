@@ -1,17 +1,20 @@
-"""Second-order dynamics of the reflex, continuous in time (Eq. 2)."""
+"""Dynamics of the reflex, continuous in time (Eq. 2)."""
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
 from ankleloop.discretise import held_linearly
 
-__all__ = ["ReflexDynamics"]
+__all__ = ["ReflexDynamics", "fit_dynamics"]
+
+STARTS = [(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]
+POLES = (15.0, 40.0, 120.0)  # rad/s
 
 
 @dataclass(frozen=True)
 class ReflexDynamics:
-    """Low-pass of unit gain, ωn² / (s² + 2ζωn s + ωn²).
+    """Low-pass of unit gain, ωn² / (s² + 2ζωn s + ωn²), and p / (s + p) after it where there is a third pole.
 
     Parameters
     ----------
@@ -19,13 +22,42 @@ class ReflexDynamics:
         Natural frequency [rad/s].
     zeta : float
         Damping [1].
+    pole : float, optional
+        Third pole p [rad/s].
     """
 
     omega_n: float
     zeta: float
+    pole: float | None = None
+
+    @property
+    def values(self):
+        """Parameters by name."""
+        given = dict(zip(("omega_n", "zeta", "pole"), astuple(self), strict=True))
+        return {name: value for name, value in given.items() if value is not None}
+
+    @classmethod
+    def grid(cls, order):
+        """Dynamics to start a search from.
+
+        Parameters
+        ----------
+        order : {2, 3}
+            Number of poles.
+
+        Returns
+        -------
+        list of ReflexDynamics
+        """
+        poles = [None] if order == 2 else POLES
+        return [cls(omega, zeta, pole) for pole in poles for omega, zeta in STARTS]
+
+    def moved(self, step):
+        """Dynamics after a step of the logarithms of its parameters."""
+        return ReflexDynamics(*np.array(list(self.values.values())) * np.exp(step))
 
     def response(self, s):
-        """Frequency response, and its derivatives with respect to ln ωn and ln ζ.
+        """Frequency response, and its derivatives with respect to the logarithm of each parameter.
 
         Parameters
         ----------
@@ -34,14 +66,17 @@ class ReflexDynamics:
 
         Returns
         -------
-        tuple of ndarray
+        response : ndarray
+        derivatives : list of ndarray
         """
         square, damped = self.omega_n**2, 2 * self.zeta * self.omega_n * s
         denominator = s**2 + damped + square
         response = square / denominator
-        by_omega = 2 * response - response * (damped + 2 * square) / denominator
-        by_zeta = -response * damped / denominator
-        return response, by_omega, by_zeta
+        relative = [2 - (damped + 2 * square) / denominator, -damped / denominator]
+        if self.pole is not None:
+            response = response * self.pole / (s + self.pole)
+            relative.append(s / (s + self.pole))
+        return response, [response * part for part in relative]
 
     def matrices(self, rate):
         """Discrete matrices A, B, C, D for an input that is linear between samples.
@@ -55,6 +90,66 @@ class ReflexDynamics:
         -------
         tuple of ndarray
         """
-        A = np.array([[0.0, 1.0], [-(self.omega_n**2), -2 * self.zeta * self.omega_n]])
-        B, C = np.array([[0.0], [self.omega_n**2]]), np.array([[1.0, 0.0]])
+        denominator = np.array([1.0, 2 * self.zeta * self.omega_n, self.omega_n**2])
+        if self.pole is not None:
+            denominator = np.convolve(denominator, [1.0, self.pole])
+        n = denominator.size - 1
+        A = np.diag(np.ones(n - 1), 1)
+        A[-1] = -denominator[:0:-1]
+        B, C = np.zeros((n, 1)), np.zeros((1, n))
+        B[-1], C[0, 0] = denominator[-1], 1.0
         return held_linearly(A, B, C, 1.0 / rate)
+
+
+def fit_dynamics(response, s, weight, order=2):
+    r"""Low-pass that comes closest to a frequency response, and its gain.
+
+    .. math:: \min_{G, \omega_n, \zeta, (p)} \sum_f w(f) \, |H(f) - G \, H_0(f; \omega_n, \zeta, p)|^2
+
+    Parameters
+    ----------
+    response : ndarray of complex, shape (F,)
+        Frequency response.
+    s : ndarray of complex, shape (F,)
+        Laplace variable [rad/s].
+    weight : ndarray, shape (F,)
+        Weights, the spectrum of the input: then it is the torque that the low-pass comes close to.
+    order : {2, 3}
+        Number of poles.
+
+    Returns
+    -------
+    gain : float
+    dynamics : ReflexDynamics
+    share : float
+        Share of the weighted response that the low-pass explains.
+
+    Examples
+    --------
+    >>> s = 2j * np.pi * np.linspace(0.1, 30, 200)
+    >>> gain, dynamics, share = fit_dynamics(5.0 * ReflexDynamics(40.0, 0.9).response(s)[0], s, np.ones(200))
+    >>> round(gain, 6), round(dynamics.omega_n, 6), round(dynamics.zeta, 6), round(share, 6)
+    (5.0, 40.0, 0.9, 1.0)
+    """
+    from scipy.optimize import least_squares  # here, because only some methods need to wait for it
+
+    root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
+    target = root * response
+
+    def projected(dynamics):
+        shape = root * dynamics.response(s)[0]
+        return np.real(np.vdot(shape, target)) / np.real(np.vdot(shape, shape)), shape
+
+    def left(dynamics):
+        gain, shape = projected(dynamics)
+        return target - gain * shape
+
+    start = min(ReflexDynamics.grid(order), key=lambda dynamics: np.sum(np.abs(left(dynamics)) ** 2))
+
+    def residual(step):
+        miss = left(start.moved(step))
+        return np.concatenate([miss.real, miss.imag])
+
+    found = least_squares(residual, np.zeros(order), bounds=(-4.0, 4.0))
+    dynamics = start.moved(found.x)
+    return float(projected(dynamics)[0]), dynamics, float(1.0 - 2.0 * found.cost)

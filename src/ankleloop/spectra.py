@@ -94,6 +94,21 @@ class Band:
         """
         return smoothed(power, resolution * self.samples / self.rate)
 
+    def smoothing_variance(self, resolution):
+        """Variance of a smoothed periodogram over its square.
+
+        Parameters
+        ----------
+        resolution : float
+            Width of the smoothing [Hz].
+
+        Returns
+        -------
+        float
+        """
+        window = _window(resolution * self.samples / self.rate, self.frequency.size)
+        return float(self.correlation * np.sum(window**2))
+
 
 def smoothed(power, width):
     """Smooth a periodogram with a Hann window; it is mirrored at its ends.
@@ -114,6 +129,12 @@ def smoothed(power, width):
     >>> smoothed(np.ones(50), 8.0).round(12).tolist() == [1.0] * 50
     True
     """
-    half = int(min(max(4, round(width)), power.size - 1))
+    window = _window(width, power.size)
+    return np.convolve(np.pad(power, window.size // 2, mode="reflect"), window, mode="valid")
+
+
+def _window(width, size):
+    """Hann window of unit sum, no longer than the periodogram allows."""
+    half = int(min(max(4, round(width)), size - 1))
     window = np.hanning(2 * half + 3)[1:-1]
-    return np.convolve(np.pad(power, half, mode="reflect"), window / window.sum(), mode="valid")
+    return window / window.sum()

@@ -477,7 +477,6 @@ def test_passes_of_the_parallel_cascade(cascades, record, passes):
         np.testing.assert_allclose(seen[name], response, rtol=1e-6, atol=1e-6 * np.max(np.abs(response)))
     np.testing.assert_allclose(seen["intrinsic_lags"], np.arange(-AHEAD, AHEAD + 1) / 100)
     np.testing.assert_allclose(seen["reflex_lags"], np.arange(BEHIND + 1) / 100)
-    assert estimate.reflex["G"] == pytest.approx(reflex_response.sum())
 
 
 @pytest.mark.parametrize("gain", [2.0, 13.0])

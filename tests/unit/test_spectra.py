@@ -65,14 +65,24 @@ def test_matrices_against_scipy():
     assert (C @ np.linalg.solve(np.eye(1) - A, B) + D).item() == pytest.approx(1.0)  # gain at rest
 
 
-def test_derivatives_of_the_dynamics_against_differences():
+@pytest.mark.parametrize("values", [(35.0, 0.9), (35.0, 0.9, 60.0)])
+def test_derivatives_of_the_dynamics_against_differences(values):
     s = 2j * np.pi * np.linspace(0.1, 38.0, 50)
-    here, by_omega, by_zeta = ReflexDynamics(35.0, 0.9).response(s)
-    step = 1e-6
-    there = ReflexDynamics(35.0 * np.exp(step), 0.9).response(s)[0]
-    np.testing.assert_allclose((there - here) / step, by_omega, rtol=1e-4)
-    there = ReflexDynamics(35.0, 0.9 * np.exp(step)).response(s)[0]
-    np.testing.assert_allclose((there - here) / step, by_zeta, rtol=1e-4)
+    here, derivatives = ReflexDynamics(*values).response(s)
+    for step, derivative in zip(1e-6 * np.eye(len(values)), derivatives, strict=True):
+        there = ReflexDynamics(*values).moved(step).response(s)[0]
+        np.testing.assert_allclose((there - here) / 1e-6, derivative, rtol=1e-4)
+
+
+def test_a_third_pole_against_scipy():
+    u = np.random.default_rng(3).standard_normal(500)
+    denominator = np.polymul([1.0, 64.0, 1600.0], [1.0, 30.0])
+    num, den, _ = sps.cont2discrete(([48000.0], denominator), 0.01, method="foh")
+    np.testing.assert_allclose(
+        response(*ReflexDynamics(40.0, 0.8, 30.0).matrices(100.0), u[:, None])[:, 0],
+        sps.lfilter(num.ravel(), den, u),
+        atol=1e-9,
+    )
 
 
 def test_a_finite_response_is_found_in_coloured_noise():

@@ -7,6 +7,7 @@ import numpy as np
 
 from ankleloop.errors import DataError
 from ankleloop.estimate import Estimate, torque_dataset
+from ankleloop.hammerstein import separate
 from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, predicted_inputs
 from ankleloop.subspace.input_matrices import response
 from ankleloop.subspace.moesp import moesp
@@ -144,13 +145,14 @@ def identify_moesp(
     if needed:
         diagnostics["reference"] = reference
     torque = _torques(found.matrices, found.initial_state, regressors)
+    path = _reflex_path(found.matrices, regressors)
     return Estimate(
         method=method,
         torque=torque,
         matrices=found.matrices,
         stiffness=regressors.stiffness(torque["intrinsic"].values) if free_b else _direct_stiffness(found.matrices),
-        reflex=_reflex_parameters(found.matrices, regressors, delay),
-        diagnostics=diagnostics,
+        reflex={"delay": float(delay), **path.parameters},
+        diagnostics=diagnostics | path.diagnostics,
     )
 
 
@@ -171,18 +173,8 @@ def _torques(model, initial_state, regressors):
     return torque_dataset(regressors.time, regressors.rate, net=paths["intrinsic"] + paths["reflex"], **paths)
 
 
-def _reflex_parameters(model, regressors, delay):
-    """Gain, natural frequency and damping of the reflex, where one rectifier drives a second-order model."""
-    parameters = {"delay": float(delay)}
-    if regressors.basis.kind != "rectifier":
-        return parameters
-    A, B = model.A, model.B[:, regressors.reflex]
-    n = A.shape[0]
-    gain = model.C @ np.linalg.solve(np.eye(n) - A, B) + model.D[:, regressors.reflex]
-    parameters["G"] = float(gain[0, 0])
-    poles = np.linalg.eigvals(A).astype(complex)
-    if n == 2 and np.all(np.abs(poles) > 0) and not np.any((poles.real <= 0) & (poles.imag == 0)):
-        s = np.log(poles) * regressors.rate
-        parameters["omega_n"] = float(np.sqrt(np.abs(s[0] * s[1])))
-        parameters["zeta"] = float(-(s[0] + s[1]).real / (2 * parameters["omega_n"]))
-    return parameters
+def _reflex_path(matrices, regressors):
+    """Nonlinearity and dynamics; the low-pass has a third pole where the model has three."""
+    used = regressors.reflex
+    order = 3 if len(matrices.A) == 3 else 2
+    return separate(matrices.of_inputs(used), regressors.inputs[:, used], regressors.basis, order)

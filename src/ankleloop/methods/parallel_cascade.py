@@ -7,6 +7,7 @@ from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.estimate import Estimate, torque_dataset
+from ankleloop.hammerstein import response_gain
 from ankleloop.regressors import build_regressors
 
 __all__ = ["identify_parallel_cascade"]
@@ -94,7 +95,8 @@ def identify_parallel_cascade(
     -------
     Estimate
         `model` is None; the impulse responses and the history of passes are in `diagnostics`. K, B and I are those of
-        the second-order model that explains the intrinsic torque best; G is the gain of the reflex response at 0 Hz.
+        the second-order model that explains the intrinsic torque best; G, ωn and ζ those of the low-pass that comes
+        closest to the reflex response.
 
     Raises
     ------
@@ -133,6 +135,7 @@ def identify_parallel_cascade(
     responses, torques, history, converged = _alternate(paths, regressors.torque[rows], rank, max_passes, tolerance)
     warnings = [] if converged or max_passes else [f"no convergence within {PASS_CEILING} passes"]
     intrinsic, reflex = torques
+    path = response_gain(responses[1], regressors.inputs[rows, -1], regressors.rate, regressors.basis)
     return Estimate(
         method="parallel-cascade",
         torque=torque_dataset(
@@ -140,7 +143,7 @@ def identify_parallel_cascade(
         ),
         matrices=None,
         stiffness=regressors.stiffness(intrinsic, rows),
-        reflex={"delay": float(delay), "G": float(responses[1].sum())},
+        reflex={"delay": float(delay), **path.parameters},
         diagnostics={
             "passes": len(history),
             "converged": converged,
@@ -149,6 +152,7 @@ def identify_parallel_cascade(
             "intrinsic_lags": paths[0].lags / regressors.rate,
             "reflex_response": responses[1],
             "reflex_lags": paths[1].lags / regressors.rate,
+            **path.diagnostics,
             "warnings": warnings,
         },
     )

@@ -1,12 +1,13 @@
 """Refined instrumental variables: physical parameters that torque fed back through the load cannot bias."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.estimate import Estimate, torque_dataset
+from ankleloop.hammerstein import ReflexPath, StaticNonlinearity
 from ankleloop.prediction import explained_by, share_explained
 from ankleloop.reflex import ReflexDynamics
 from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, inputs_of, recording_grid
@@ -19,18 +20,19 @@ __all__ = ["identify_riv"]
 
 LOWEST = 0.05  # Hz: drifts and means lie below
 NOISE_RESOLUTION = 0.4  # Hz
-STARTS = [ReflexDynamics(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]
 NOMINAL_DELAY, DELAYS = 0.04, np.arange(0.01, 0.101, 0.01)  # s: where an unknown delay is looked for
 LARGEST_STEP = 0.4  # of a natural frequency or damping in one iteration
 LARGEST_DELAY_STEP = 0.01  # s
 WEAKEST = 0.05  # share of the position that the reference predicts
 TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %
+FURTHEST = 20.0  # of the highest frequency: a pole beyond [rad/s] leaves no trace in the band
 MOTION = len(INTRINSIC_NAMES)
 
 
 def identify_riv(
     trial,
     *,
+    order=2,
     delay=0.04,
     basis=None,
     degree=5,
@@ -46,10 +48,10 @@ def identify_riv(
     .. math:: TQ = K P + B \dot P + I \ddot P + e^{-s\tau} \frac{\omega_n^2}{s^2 + 2\zeta\omega_n s + \omega_n^2}
               \sum_k c_k\, g_k(\dot P) + v,
 
-    with v of any spectrum: voluntary torque and noise, which the load feeds back to P. The instruments are made of the
-    reference alone. The position that the reference explains, a finite response to leads and lags of it, goes through
-    the same model as the measured one, and the derivatives ψ of the torque with respect to the parameters θ, made of
-    it, replace those of the measured position on the left:
+    with p / (s + p) as a further factor where `order` is 3, and v of any spectrum: voluntary torque and noise, which
+    the load feeds back to P. The instruments are made of the reference alone. The position that the reference explains,
+    a finite response to leads and lags of it, goes through the same model as the measured one, and the derivatives ψ of
+    the torque with respect to the parameters θ, made of it, replace those of the measured position on the left:
 
     .. math:: \sum_f \Re\, \bar\psi(f)\, \hat\Phi_v(f)^{-1} \left[TQ(f) - \hat{TQ}(f; \hat\theta)\right] = 0.
 
@@ -61,6 +63,8 @@ def identify_riv(
     ----------
     trial : xarray.Dataset
         The trial.
+    order : {2, 3}
+        Poles of the reflex dynamics (Eq. 2).
     delay : float or None
         Reflex delay [s]; None estimates it.
     basis : {"rectifier", "chebyshev", "spline"}, optional
@@ -79,7 +83,8 @@ def identify_riv(
     Returns
     -------
     Estimate
-        With 95 % intervals of K, B, I, G (rectifier), ωn, ζ, and of the delay where it is estimated. `diagnostics`:
+        With 95 % intervals of K, B, I, G, ωn, ζ, of the third pole, of the threshold where the basis can have one, and
+        of the delay where it is estimated. `diagnostics`:
         iterations, converged, criterion_start, criterion, instrument_strength (smallest canonical correlation of
         instruments and regressors), explained (share of the position that the reference explains), standard_errors,
         noise_frequency [Hz] and noise_spectrum [(N·m)²/Hz].
@@ -105,6 +110,8 @@ def identify_riv(
     >>> low < 150.0 < high
     True
     """
+    if order not in (2, 3):
+        raise ValueError(f"order must be 2 or 3, got {order!r}.")
     if max_iterations < 1 or not tolerance > 0:
         raise ValueError(f"max_iterations and tolerance must be positive, got {max_iterations!r}, {tolerance!r}.")
     nominal = NOMINAL_DELAY if delay is None else delay
@@ -116,7 +123,7 @@ def identify_riv(
         identification_rate=identification_rate,
         reference=reference,
     )
-    problem = _Problem(trial, regressors, nominal, delay is None)
+    problem = _Problem(trial, regressors, nominal, delay is None, order)
     start = problem.start()
     found = problem.refine(start, max_iterations, tolerance)
     return _estimate(trial, problem, start, found)
@@ -124,23 +131,22 @@ def identify_riv(
 
 @dataclass(frozen=True)
 class _Parameters:
-    """Linear parameters K, B, I, c₁ …, and the dynamics that they multiply."""
+    """Linear parameters K, B, I, c₁ …, the dynamics behind the latter, and the delay."""
 
     linear: np.ndarray
     dynamics: ReflexDynamics
     shift: float = 0.0  # of the delay from the nominal one [s]
 
     def moved(self, step):
-        """Parameters after a step of the linear ones, ln ωn, ln ζ and, where it is estimated, the delay."""
-        linear, other = np.split(step, [self.linear.size])
-        dynamics = ReflexDynamics(self.dynamics.omega_n * np.exp(other[0]), self.dynamics.zeta * np.exp(other[1]))
-        return _Parameters(self.linear + linear, dynamics, self.shift + (other[2] if other.size > 2 else 0.0))
+        """Parameters after a step of the linear ones, of the logarithms of the dynamics and of an unknown delay."""
+        linear, dynamics, shift = np.split(step, np.cumsum([self.linear.size, len(self.dynamics.values)]))
+        return _Parameters(self.linear + linear, self.dynamics.moved(dynamics), self.shift + shift.sum())
 
 
 @dataclass(frozen=True)
 class _Found:
     parameters: _Parameters
-    covariance: np.ndarray  # of the linear parameters, ln ωn, ln ζ and the delay
+    covariance: np.ndarray  # of what a step of `_Parameters` holds
     iterations: int
     converged: bool
     criteria: tuple  # at the start and at the end
@@ -151,8 +157,9 @@ class _Found:
 class _Problem:
     """Spectra of the measured and of the predicted inputs, and the equations between them."""
 
-    def __init__(self, trial, regressors, delay, free_delay):
-        self.trial, self.regressors, self.delay, self.free_delay = trial, regressors, delay, free_delay
+    def __init__(self, trial, regressors, delay, free_delay, order):
+        self.trial, self.regressors, self.order = trial, regressors, order
+        self.delay, self.free_delay = delay, free_delay
         self.band = Band(regressors.torque.size, regressors.rate, LOWEST, PASSBAND * regressors.rate)
         self.torque = self.band.transform(regressors.torque)
         self.measured = self.band.transform(regressors.inputs.T)
@@ -189,11 +196,11 @@ class _Problem:
 
     def _terms(self, spectra, parameters):
         """Responses to the linear parameters; and to the other ones, given the linear ones."""
-        response, by_omega, by_zeta = parameters.dynamics.response(self.band.s)
+        response, derivatives = parameters.dynamics.response(self.band.s)
         late = np.exp(-self.band.s * parameters.shift)
         driven = late * spectra[MOTION:]
         combined = parameters.linear[MOTION:] @ driven
-        others = [by_omega * combined, by_zeta * combined]
+        others = [derivative * combined for derivative in derivatives]
         if self.free_delay:
             others.append(-self.band.s * response * combined)
         return np.vstack([spectra[:MOTION], response * driven]), np.array(others)
@@ -208,7 +215,7 @@ class _Problem:
     def start(self):
         """Best of a grid of dynamics for the predicted position: a fit to what the reference explains."""
         shifts = DELAYS - self.delay if self.free_delay else [0.0]
-        grid = [(dynamics, shift) for dynamics in STARTS for shift in shifts]
+        grid = [(dynamics, shift) for dynamics in ReflexDynamics.grid(self.order) for shift in shifts]
         noise = np.ones(self.band.s.size)
         for _ in range(2):
             best = min((self._fitted(dynamics, shift, noise) for dynamics, shift in grid), key=lambda fit: fit[0])[1]
@@ -218,7 +225,8 @@ class _Problem:
     def _fitted(self, dynamics, shift, noise):
         linear = np.zeros(self.measured.shape[0])
         terms = self._terms(self.predicted, _Parameters(linear, dynamics, shift))[0]
-        linear = linalg.lstsq(*_stacked(terms / np.sqrt(noise), self.torque / np.sqrt(noise)))[0]
+        weighted = terms.conj() / noise
+        linear = linalg.solve(np.real(weighted @ terms.T), np.real(weighted @ self.torque), assume_a="pos")
         fitted = _Parameters(linear, dynamics, shift)
         return np.sum(np.abs(self._residual(self.predicted, fitted)) ** 2 / noise), fitted
 
@@ -235,6 +243,9 @@ class _Problem:
             covariance = self._covariance(normal, np.real(weighted @ instruments.T))
             share = self._share(step)
             parameters = parameters.moved(share * step)
+            if (parameters.dynamics.pole or 0.0) > FURTHEST * self.band.highest:
+                converged = False
+                break
             converged = share == 1.0 and np.all(np.abs(step) <= tolerance * np.sqrt(np.diag(covariance)))
             if converged and iteration > 1:
                 break
@@ -251,13 +262,18 @@ class _Problem:
 
     def _share(self, step):
         """Share of a step that stays within what one iteration may change."""
-        largest = [LARGEST_STEP, LARGEST_STEP, LARGEST_DELAY_STEP][: 2 + self.free_delay]
-        return min(1.0, float(np.min(largest / np.maximum(np.abs(step[-len(largest) :]), 1e-30))))
+        largest = np.array([LARGEST_STEP] * self.order + [LARGEST_DELAY_STEP] * self.free_delay)
+        return min(1.0, float(np.min(largest / np.maximum(np.abs(step[-largest.size :]), 1e-30))))
 
     def _covariance(self, normal, instruments):
-        """Asymptotic covariance of the parameters; each frequency counts twice, as a complex number does."""
+        """Asymptotic covariance of the parameters; each frequency counts twice, as a complex number does.
+
+        The weights are an estimate themselves. To first order in the variance a of a smoothed periodogram over its
+        square the equations scatter by 1 + 3a more than with the true spectrum, where this formula says 1 + a.
+        """
         inverse = linalg.inv(normal)
-        return 0.5 * self.band.correlation * inverse @ instruments @ inverse.T
+        estimated_weights = 1.0 + 2.0 * self.band.smoothing_variance(NOISE_RESOLUTION)
+        return 0.5 * self.band.correlation * estimated_weights * inverse @ instruments @ inverse.T
 
     def _criterion(self, weighted, instruments, parameters):
         """Size of the instrumental equations' left side, in units of its standard deviation."""
@@ -286,16 +302,14 @@ def _estimate(trial, problem, start, found):
     if found.criteria[1] > found.criteria[0]:
         parameters = start
         warnings.append("the iteration ended worse than its start, which is what is returned: do not trust it.")
+    if (parameters.dynamics.pole or 0.0) > FURTHEST * problem.band.highest:
+        warnings.append("the third pole has left the band: the record shows two, so take order=2.")
     motion = regressors.inputs[:, :MOTION]
     intrinsic = (motion - motion.mean(axis=0)) @ parameters.linear[:MOTION]
     reflex = decimate(problem.reflex_torque(trial["position"].values, parameters), *problem.grid)
     reflex -= reflex.mean()
-    values, errors = _physical(problem, parameters, found.covariance)
-    spread = {name: TWO_SIDED * errors[name] for name in errors}
-    intervals = {name: (values[name] - spread[name], values[name] + spread[name]) for name in errors}
-    for name in ("omega_n", "zeta"):  # their logarithms are what is normal
-        ratio = float(np.exp(min(spread[name] / values[name], 50.0)))
-        intervals[name] = (values[name] / ratio, values[name] * ratio)
+    path = ReflexPath(StaticNonlinearity(regressors.basis, parameters.linear[MOTION:]), parameters.dynamics, 1.0, 1.0)
+    values, errors, intervals = _physical(problem, parameters, path, found.covariance)
     return Estimate(
         method="riv",
         torque=torque_dataset(
@@ -306,7 +320,7 @@ def _estimate(trial, problem, start, found):
         reflex={name: values[name] for name in values if name not in "KBI"},
         intervals=intervals,
         diagnostics={
-            "order": 2,
+            "order": problem.order,
             "iterations": found.iterations,
             "converged": found.converged,
             "criterion_start": found.criteria[0],
@@ -315,6 +329,7 @@ def _estimate(trial, problem, start, found):
             "explained": problem.explained,
             "reference": regressors.reference_name,
             "standard_errors": errors,
+            "nonlinearity": path.nonlinearity.curve(),
             "noise_frequency": problem.band.frequency,
             "noise_spectrum": found.noise / problem.band.density,
             "warnings": warnings,
@@ -322,27 +337,44 @@ def _estimate(trial, problem, start, found):
     )
 
 
-def _physical(problem, parameters, covariance):
-    """Physical parameters and their standard errors."""
+def _physical(problem, parameters, path, covariance):
+    """Physical parameters, their standard errors and 95 % intervals."""
     error = np.sqrt(np.diag(covariance))
-    k = parameters.linear.size
+    linear = slice(MOTION, parameters.linear.size)
     values = dict(zip("KBI", map(float, parameters.linear[:MOTION]), strict=True))
     errors = dict(zip("KBI", map(float, error[:MOTION]), strict=True))
-    values["delay"] = float(problem.delay + parameters.shift)
-    if problem.regressors.basis.kind == "rectifier":
-        values["G"], errors["G"] = float(parameters.linear[MOTION]), float(error[MOTION])
-    for name, relative in zip(("omega_n", "zeta"), error[k : k + 2], strict=True):
-        values[name] = float(getattr(parameters.dynamics, name))
-        errors[name] = float(values[name] * relative)
+    values |= {"delay": float(problem.delay + parameters.shift)} | path.parameters
+    errors |= _rectifier_errors(path.nonlinearity, covariance[linear, linear])
+    relative = dict(zip(parameters.dynamics.values, error[linear.stop :], strict=False))
+    errors |= {name: float(values[name] * share) for name, share in relative.items()}
     if problem.free_delay:
-        errors["delay"] = float(error[k + 2])
-    return values, errors
+        errors["delay"] = float(error[-1])
+    spread = {name: TWO_SIDED * errors[name] for name in errors}
+    intervals = {name: (values[name] - spread[name], values[name] + spread[name]) for name in errors}
+    for name, share in relative.items():  # their logarithms are what is normal
+        ratio = float(np.exp(min(TWO_SIDED * share, 50.0)))
+        intervals[name] = (values[name] / ratio, values[name] * ratio)
+    return values, errors, intervals
+
+
+def _rectifier_errors(nonlinearity, covariance):
+    """Standard errors of gain and threshold, by differences with respect to the coefficients."""
+    if nonlinearity.basis.kind == "rectifier":
+        return {"G": float(np.sqrt(covariance[0, 0]))}
+    here = np.array(nonlinearity.rectifier()[:2])
+    steps = 0.1 * np.sqrt(np.diag(covariance))
+    moved = [
+        replace(nonlinearity, coefficients=nonlinearity.coefficients + step).rectifier() for step in np.diag(steps)
+    ]
+    slope = np.array([(np.array(there[:2]) - here) / step for there, step in zip(moved, steps, strict=True)])
+    errors = np.sqrt(np.diag(slope.T @ covariance @ slope))
+    return dict(zip(("G", "threshold"), map(float, errors), strict=True))
 
 
 def _matrices(parameters, regressors):
     """The model at the identification rate, for inputs that are linear between samples."""
     A, B, C, D = parameters.dynamics.matrices(regressors.rate)
     direct, gains = parameters.linear[:MOTION], parameters.linear[MOTION:]
-    B = np.hstack([np.zeros((2, MOTION)), B * gains])
+    B = np.hstack([np.zeros((len(A), MOTION)), B * gains])
     D = np.concatenate([direct, D.item() * gains])[None, :]
     return Matrices(A, B, C, D, 1.0 / regressors.rate, (regressors.names, ("torque",)))

@@ -28,6 +28,33 @@ class Matrices:
     dt: float = 1.0
     names: tuple | None = None
 
+    def of_inputs(self, used):
+        """The model from some of its inputs only; `used` is a mask or indices."""
+        return Matrices(self.A, self.B[:, used], self.C, self.D[:, used], self.dt)
+
+    def frequency_response(self, z):
+        """Response of the first output to each input.
+
+        Parameters
+        ----------
+        z : ndarray of complex, shape (F,)
+            Points of the z-plane, exp(iω dt).
+
+        Returns
+        -------
+        ndarray of complex, shape (F, m)
+
+        Examples
+        --------
+        >>> one = np.eye(1)
+        >>> Matrices(0.5 * one, one, one, 0 * one).frequency_response(np.ones(1)).real.tolist()
+        [[2.0]]
+        """
+        shifted = z[:, None, None] * np.eye(len(self.A)) - self.A
+        row = np.broadcast_to(self.C[0][:, None], (z.size, len(self.A), 1))
+        left = np.linalg.solve(np.swapaxes(shifted, 1, 2), row)
+        return left[..., 0] @ self.B + self.D[0]
+
     def state_space(self):
         """The same as an object that simulates, plots and connects.
 
