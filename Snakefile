@@ -19,6 +19,7 @@ from studies import (
     article_studies,
     complete,
     estimates,
+    identify_options,
     notebook_inputs,
     notebook_parameters,
     reports,

@@ -129,6 +129,12 @@ def complete(config):
         points = Study(name, settings).points if settings["kind"] == "simulation" else {}
         for point, parameters in points.items():
             _check(dict(parameters), {**schema["$defs"]["simulation"], "$defs": schema["$defs"]}, ("points", point))
+        for method, given in settings["methods"].items():
+            for option, values in given["select"].items():
+                for value in values:
+                    alone = {"method": given["method"], "options": {option: value}}
+                    where = ("studies", name, "methods", method, "select")
+                    _check({method: alone}, {**schema["$defs"]["methods"], "$defs": schema["$defs"]}, where)
     for key in ("run", "article"):
         unknown = set(config.get(key, ())) - set(config["studies"])
         if unknown:
@@ -167,6 +173,12 @@ def scores(study, folder="scores"):
 def estimates(study, point):
     """Estimates of a point, a file for each method."""
     return [f"results/estimates/{study.name}/{point}/{method}.nc" for method in study.methods]
+
+
+def identify_options(method):
+    """Everything that `ankleloop.identify` is told of a method; an option to be selected has no default."""
+    chosen = {name: method[name] for name in ("select", "criterion")} if method["select"] else {}
+    return {name: value for name, value in method["options"].items() if name not in method["select"]} | chosen
 
 
 def notebook_parameters(study):

@@ -15,6 +15,8 @@ _HOMES = {
     "DataError": "errors",
     "Estimate": "estimate",
     "UnstableLoopError": "errors",
+    "block_bootstrap": "uncertainty",
+    "cramer_rao": "bounds",
     "evaluate": "evaluation",
     "identify": "registry",
     "load_trial": "trial",
@@ -22,6 +24,7 @@ _HOMES = {
     "new_trial": "trial",
     "read_trial": "readers",
     "save_trial": "trial",
+    "segment": "trial",
     "simulate": "simulation",
     "vaf": "metrics",
 }

@@ -1,12 +1,14 @@
 """What every method returns, and how it is kept on disk."""
 
 import json
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import xarray as xr
 
+from ankleloop.errors import DataError
 from ankleloop.storage import write_netcdf
 
 __all__ = ["TORQUES", "Estimate", "load_estimates", "save_estimates", "torque_dataset"]
@@ -36,6 +38,9 @@ class Estimate:
         95 % intervals (low, high) by the same names, where the method gives them.
     diagnostics : dict
         What the method saw on its way: singular values, order, poles, ranks, passes, warnings.
+    predictor : callable or None
+        Makes the torques of another trial, a data set like `torque`; None where the method has no fixed model, and
+        for estimates read from a file.
     """
 
     method: str
@@ -45,11 +50,36 @@ class Estimate:
     reflex: dict
     intervals: dict = field(default_factory=dict)
     diagnostics: dict = field(default_factory=dict)
+    predictor: Callable | None = field(default=None, repr=False)
 
     @cached_property
     def model(self):
         """The model as a `control.StateSpace`; None for non-parametric methods."""
         return None if self.matrices is None else self.matrices.state_space()
+
+    def predict(self, trial):
+        """The same estimate with the torques that it gives on another trial, from a state of rest.
+
+        Parameters
+        ----------
+        trial : xarray.Dataset
+            A trial that the fit need not have seen; `evaluate` scores the result on it.
+
+        Returns
+        -------
+        Estimate
+
+        Raises
+        ------
+        DataError
+            If the trial is unusable, or the estimate has no model to predict with.
+        """
+        if self.predictor is None:
+            raise DataError(
+                f"the estimate by {self.method} has no model to predict with: the method has none, or the estimate was "
+                "read from a file. Identify again."
+            )
+        return replace(self, torque=self.predictor(trial))
 
     def __repr__(self):
         values = ", ".join(f"{name} = {value:.4g} {STIFFNESS_UNITS[name]}" for name, value in self.stiffness.items())

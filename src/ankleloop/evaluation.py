@@ -4,11 +4,12 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
-from ankleloop.metrics import vaf
+from ankleloop.metrics import vaf, vaf_interval
 from ankleloop.regressors import decimated
 
 __all__ = ["evaluate", "in_band_snr", "parameters", "summarise"]
 
+CORRELATED = 1.0  # s: over this the squares of torques may be correlated
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
 
 
@@ -21,7 +22,7 @@ def _scored(estimate, trim):
     return inside, time, estimate.torque.attrs["identification_rate"]
 
 
-def evaluate(trial, estimate, *, trim=TRIM, against=None):
+def evaluate(trial, estimate, *, trim=TRIM, against=None, intervals=False):
     """Score the torques of an estimate by their VAF.
 
     The trial's torques are decimated exactly as the data of the estimate were. Net torque is scored against the
@@ -39,6 +40,9 @@ def evaluate(trial, estimate, *, trim=TRIM, against=None):
         Time left out at either end of the estimate [s].
     against : {"measured"}, optional
         Leave the truths of a simulation aside, as if it were a recording.
+    intervals : bool
+        Add columns `low` and `high` [%], the 95 % interval of what the VAF of this model would come to on a record
+        without end (see `ankleloop.metrics.vaf_interval`).
 
     Returns
     -------
@@ -71,11 +75,12 @@ def evaluate(trial, estimate, *, trim=TRIM, against=None):
         rows += [(part, "true", signal) for part, signal in truth.items() if np.ptp(signal) > 0]
     else:
         rows += [(part, "measured", measured) for part in ("intrinsic", "reflex")]
-    scores = [
-        (torque, against, vaf(signal[inside], estimate.torque[torque].values[inside]))
-        for torque, against, signal in rows
-    ]
-    return pd.DataFrame(scores, columns=["torque", "against", "vaf"])
+    lags = round(CORRELATED * rate)
+    scores = []
+    for torque, against, signal in rows:
+        pair = signal[inside], estimate.torque[torque].values[inside]
+        scores.append((torque, against, vaf(*pair), *(vaf_interval(*pair, lags) if intervals else ())))
+    return pd.DataFrame(scores, columns=["torque", "against", "vaf", "low", "high"][: 5 if intervals else 3])
 
 
 def in_band_snr(trial, estimate, *, trim=TRIM):
@@ -126,10 +131,13 @@ def parameters(trial, estimate):
     Returns
     -------
     pandas.DataFrame
-        One row: K, B, I, the reflex parameters, the in-band SNR [dB] of a simulation with noise, the largest magnitude
+        One row: K, B, I, the reflex parameters, the ends of their 95 % intervals where the method gives them (`K_low`,
+        `K_high` …), the in-band SNR [dB] of a simulation with noise, the largest magnitude
         of the poles, and those of order, passes, converged, stable, reference and warnings that the method reports.
     """
     row = {**estimate.stiffness, **estimate.reflex}
+    for name, (low, high) in estimate.intervals.items():
+        row |= {f"{name}_low": low, f"{name}_high": high}
     if "torque_noise" in trial and np.ptp(trial["torque_noise"].values) > 0:
         row["in_band_snr_db"] = in_band_snr(trial, estimate)
     for name in ("order", "spectral_radius", "passes", "converged", "stable", "reference"):

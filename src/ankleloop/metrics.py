@@ -5,7 +5,9 @@ from scipy import special
 
 from ankleloop.errors import DataError
 
-__all__ = ["confidence_margin", "vaf"]
+__all__ = ["TWO_SIDED", "confidence_margin", "long_run_variance", "vaf", "vaf_interval"]
+
+TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %
 
 
 def confidence_margin(sd, n, level=0.95):
@@ -65,6 +67,12 @@ def vaf(measured, estimated):
     >>> float(round(vaf([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 4.0]), 6))
     85.0
     """
+    measured, variance = _judged(measured, estimated)
+    return float(100.0 * (1.0 - np.var(measured - np.asarray(estimated, dtype=float)) / variance))
+
+
+def _judged(measured, estimated):
+    """The measured signal and its variance, if a VAF can be taken."""
     measured = np.asarray(measured, dtype=float)
     estimated = np.asarray(estimated, dtype=float)
     if measured.ndim != 1 or measured.shape != estimated.shape:
@@ -80,4 +88,80 @@ def vaf(measured, estimated):
     # A constant differs from its mean by rounding only, so zero variance is judged against the signal's size.
     if variance <= (np.finfo(float).eps * np.max(np.abs(measured), initial=0.0)) ** 2:
         raise DataError("the measured signal is constant, so it has no variance to account for.")
-    return float(100.0 * (1.0 - np.var(measured - estimated) / variance))
+    return measured, variance
+
+
+def long_run_variance(x, lags):
+    r"""Variance of the mean of a correlated signal, times its length.
+
+    .. math:: \gamma_0 + 2 \sum_{k=1}^{L} \left(1 - \frac{k}{L + 1}\right) \gamma_k
+
+    The kernel is Bartlett's, which never gives a negative variance (Newey and West 1987).
+
+    Parameters
+    ----------
+    x : ndarray, shape (N,)
+        The signal; its mean is removed.
+    lags : int
+        Longest lag L at which it may be correlated.
+
+    Returns
+    -------
+    float
+        In the squared unit of `x`.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(0).standard_normal(20_000)
+    >>> bool(abs(long_run_variance(np.convolve(x, [1.0, 1.0]), 50) - 4.0) < 0.4)
+    True
+    """
+    x = x - np.mean(x)
+    lags = min(int(lags), x.size - 1)
+    size = int(2 ** np.ceil(np.log2(x.size + lags)))
+    covariance = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: lags + 1] / x.size
+    return float(covariance[0] + 2.0 * np.sum((1.0 - np.arange(1, lags + 1) / (lags + 1)) * covariance[1:]))
+
+
+def vaf_interval(measured, estimated, lags):
+    r"""Asymptotic 95 % interval of the VAF that a given model has in the long run.
+
+    With error e and signal y, both of zero mean, the logarithm of q = var(e)/var(y) is asymptotically normal, with the
+    long-run variance of
+
+    .. math:: \psi_t = \frac{e_t^2}{\mathrm{var}(e)} - \frac{y_t^2}{\mathrm{var}(y)}
+
+    over the length of the record.
+
+    Parameters
+    ----------
+    measured, estimated : array_like, shape (N,)
+        The signal and its estimate.
+    lags : int
+        Samples over which their squares may be correlated; a second of them is ample for a joint.
+
+    Returns
+    -------
+    tuple of float
+        Low and high [%].
+
+    Raises
+    ------
+    DataError
+        As `vaf` does.
+
+    Examples
+    --------
+    >>> y, e = np.random.default_rng(0).standard_normal((2, 5000))
+    >>> low, high = vaf_interval(y + 0.3 * e, y, 100)
+    >>> low < 100 * (1 - 0.09 / 1.09) < high
+    True
+    """
+    measured, variance = _judged(measured, estimated)
+    error = measured - np.asarray(estimated, dtype=float)
+    left = np.var(error)
+    if left == 0.0:
+        return 100.0, 100.0
+    influence = (error - error.mean()) ** 2 / left - (measured - measured.mean()) ** 2 / variance
+    spread = TWO_SIDED * np.sqrt(long_run_variance(influence, lags) / measured.size)
+    return tuple(float(100.0 * (1.0 - left / variance * np.exp(sign * spread))) for sign in (1.0, -1.0))

@@ -1,6 +1,7 @@
 """The registry: every identification method under its name, with one signature."""
 
 import inspect
+from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 
@@ -8,6 +9,7 @@ from ankleloop.methods.moesp import MEMBERS, identify_moesp
 from ankleloop.methods.parallel_cascade import identify_parallel_cascade
 from ankleloop.methods.real_time import identify_real_time
 from ankleloop.methods.riv import identify_riv
+from ankleloop.selection import select_options
 
 __all__ = ["METHODS", "identify", "method_options"]
 
@@ -54,7 +56,7 @@ def method_options(method):
     }
 
 
-def identify(trial, method="pr-moesp", **options):
+def identify(trial, method="pr-moesp", *, select=None, criterion=None, **options):
     """Separate the torque of a joint into its intrinsic and reflex parts.
 
     Parameters
@@ -66,6 +68,12 @@ def identify(trial, method="pr-moesp", **options):
         `ankleloop.methods.moesp.identify_moesp`), "parallel-cascade" (see
         `ankleloop.methods.parallel_cascade.identify_parallel_cascade`), "real-time" (see
         `ankleloop.methods.real_time.identify_real_time`) or "riv" (see `ankleloop.methods.riv.identify_riv`).
+    select : dict of str to sequence, optional
+        Options to choose from, each with its candidates from simple to complex. The choice is made on parts of the
+        record that the fit has not seen (see `ankleloop.selection.select_options`), then the whole record is fitted;
+        the choice and its curve are in `diagnostics["selection"]`.
+    criterion : {"instrumental", "cross-validation"}, optional
+        What the choice goes by; "instrumental" where there is a reference.
     **options
         Options of the method, see `method_options`.
 
@@ -91,7 +99,17 @@ def identify(trial, method="pr-moesp", **options):
     ['B', 'I', 'K']
     """
     known = method_options(method)
-    unknown = sorted(set(options) - set(known))
+    select = dict(select or {})
+    unknown = sorted((set(options) | set(select)) - set(known))
     if unknown:
         raise TypeError(f"method {method!r} has no option {unknown[0]!r}; it has {', '.join(known)}.")
-    return METHODS[method](trial, **options)
+    if not select:
+        return METHODS[method](trial, **options)
+    twice = sorted(set(options) & set(select))
+    if twice:
+        raise TypeError(f"option {twice[0]!r} is given, and to be selected as well: choose one of the two.")
+    given = {**known, **options}
+    shared = {name: given[name] for name in ("reference", "delay", "identification_rate") if name in given}
+    chosen = select_options(trial, partial(METHODS[method], **options), select, criterion=criterion, **shared)
+    estimate = METHODS[method](trial, **options, **chosen.chosen)
+    return replace(estimate, diagnostics={**estimate.diagnostics, "selection": chosen.diagnostics})

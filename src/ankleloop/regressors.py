@@ -6,15 +6,14 @@ import numpy as np
 
 from ankleloop.basis import Basis, fit_basis
 from ankleloop.errors import DataError
+from ankleloop.prediction import explained_by
 from ankleloop.signals import (
     decimate,
     decimation_factor,
     decimation_margin,
     differentiate,
     differentiation_margin,
-    lowpass,
 )
-from ankleloop.subspace.instruments import reference_response
 from ankleloop.trial import validate
 
 __all__ = [
@@ -119,7 +118,7 @@ def recording_grid(trial, identification_rate, delay):
     return factor, first, count
 
 
-def build_regressors(trial, *, delay, basis, degree, identification_rate, reference=None):
+def build_regressors(trial, *, delay, basis, degree=1, identification_rate, reference=None):
     """Differentiate, delay, expand and decimate a trial.
 
     Velocity for the nonlinearity is taken at the recording rate through a wide differentiator, delayed and expanded
@@ -131,8 +130,8 @@ def build_regressors(trial, *, delay, basis, degree, identification_rate, refere
         The trial.
     delay : float
         Reflex delay [s].
-    basis : {"chebyshev", "rectifier", "spline"}
-        Basis of the nonlinearity.
+    basis : {"chebyshev", "rectifier", "spline"} or Basis
+        Basis of the nonlinearity; one that is settled already is taken as it is.
     degree : int
         Number of its terms.
     identification_rate : float
@@ -171,7 +170,7 @@ def build_regressors(trial, *, delay, basis, degree, identification_rate, refere
     rate = float(trial.attrs["sampling_rate"])
     position = trial["position"].values
     velocity = differentiate(position, rate, delay)
-    fitted = fit_basis(velocity, basis, degree)
+    fitted = basis if isinstance(basis, Basis) else fit_basis(velocity, basis, degree)
     return Regressors(
         time=trial["time"].values[first : first + factor * count : factor],
         inputs=_inputs(position, velocity, fitted, grid, rate),
@@ -211,11 +210,8 @@ def inputs_of(position, trial, regressors, delay):
     return _inputs(position, velocity, regressors.basis, recording_grid(trial, regressors.rate, delay), rate)
 
 
-def predicted_inputs(trial, regressors, delay, leads=15, lags=80):
-    """Inputs as they would be without fed-back noise: rebuilt from the position that the reference predicts.
-
-    The position is regressed on leads and lags of the reference at the identification rate; the same response then
-    runs on the reference at the recording rate, so that the nonlinear terms can be rebuilt there.
+def predicted_inputs(trial, regressors, delay):
+    """Inputs as they would be without fed-back noise: rebuilt from the position that the reference explains.
 
     Parameters
     ----------
@@ -225,8 +221,6 @@ def predicted_inputs(trial, regressors, delay, leads=15, lags=80):
         Its regressors, with a reference.
     delay : float
         Reflex delay [s].
-    leads, lags : int
-        Identified samples ahead of and behind the present.
 
     Returns
     -------
@@ -239,14 +233,12 @@ def predicted_inputs(trial, regressors, delay, leads=15, lags=80):
         If there is no reference.
     """
     if regressors.reference is None:
-        raise DataError("instruments for B and D are made of the reference, and the trial has none.")
-    factor = recording_grid(trial, regressors.rate, delay)[0]
-    position = regressors.inputs[:, :1]
-    response = reference_response(position, regressors.reference[:, None], leads, lags)[:, 0, 0]
-    taps = np.zeros(factor * (leads + lags) + 1)
-    taps[::factor] = response
-    reference = lowpass(trial[regressors.reference_name].values, factor)
-    predicted = np.convolve(reference, taps)[factor * leads :][: reference.size]
+        raise DataError("instruments are made of the reference, and the trial has none.")
+    if regressors.reference_name == "position":  # an open-loop record: the reference explains all of it
+        return regressors.inputs
+    source = trial[regressors.reference_name].values
+    grid = recording_grid(trial, regressors.rate, delay)
+    predicted = explained_by(regressors.inputs[:, 0], source, grid, float(trial.attrs["sampling_rate"]))
     return inputs_of(predicted, trial, regressors, delay)
 
 

@@ -13,7 +13,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.storage import write_netcdf
 
-__all__ = ["TRUTHS", "load_trial", "new_trial", "save_trial", "validate"]
+__all__ = ["TRUTHS", "load_trial", "new_trial", "save_trial", "segment", "validate"]
 
 TRUTHS = ("torque_intrinsic", "torque_reflex", "torque_voluntary", "torque_noise")
 
@@ -134,6 +134,41 @@ def validate(trial, *, source="trial"):
             _check_varies(trial, name, source)
     _check_velocity(trial, source)
     return trial
+
+
+def segment(trial, start, stop):
+    """Part of a trial between two times.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The trial.
+    start, stop : float
+        First time, and the time that ends it [s].
+
+    Returns
+    -------
+    xarray.Dataset
+        A valid trial that keeps the times of the whole.
+
+    Raises
+    ------
+    DataError
+        If the part has no samples, or is not a valid trial.
+
+    Examples
+    --------
+    >>> trial = new_trial(np.sin(np.arange(100.0)) / 100, np.cos(np.arange(100.0)), 100.0)
+    >>> segment(trial, 0.2, 0.5).sizes["time"]
+    30
+    """
+    time = trial["time"].values
+    inside = (time >= start - 1e-9) & (time < stop - 1e-9)
+    if inside.sum() < 2:
+        raise DataError(
+            f"the segment from {start:g} to {stop:g} s has no samples: the trial covers {time[0]:g} to {time[-1]:g} s."
+        )
+    return validate(trial.isel(time=inside), source=f"segment {start:g} to {stop:g} s")
 
 
 def save_trial(trial, path):

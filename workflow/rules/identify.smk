@@ -17,9 +17,9 @@ rule identify:
         method=lambda wildcards: STUDIES[wildcards.study].methods[wildcards.method][
             "method"
         ],
-        options=lambda wildcards: STUDIES[wildcards.study].methods[wildcards.method][
-            "options"
-        ],
+        options=lambda wildcards: identify_options(
+            STUDIES[wildcards.study].methods[wildcards.method]
+        ),
         library=fingerprint("workflow/scripts/identify.py"),
     message:
         "Identifying {wildcards.study} at {wildcards.point} by {wildcards.method}"

@@ -19,7 +19,7 @@ with running(snakemake):
     for number, trial in enumerate(progress(load_trials(snakemake.input.trials), "scored")):
         for method, estimates in methods.items():
             for name, table in (
-                ("scores", evaluate(trial, estimates[number], against=snakemake.params.against)),
+                ("scores", evaluate(trial, estimates[number], against=snakemake.params.against, intervals=True)),
                 ("parameters", parameters(trial, estimates[number])),
             ):
                 keyed = table.assign(**key, method=method, trial=number)

@@ -3,6 +3,8 @@
 Its members differ in their instruments and in the form of their projection, so they share one body.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ankleloop.errors import DataError
@@ -153,7 +155,22 @@ def identify_moesp(
         stiffness=regressors.stiffness(torque["intrinsic"].values) if free_b else _direct_stiffness(found.matrices),
         reflex={"delay": float(delay), **path.parameters},
         diagnostics=diagnostics | path.diagnostics,
+        predictor=_Predictor(found.matrices, regressors.basis, delay),
     )
+
+
+@dataclass(frozen=True)
+class _Predictor:
+    """Torques of another trial by the same model."""
+
+    matrices: object
+    basis: object
+    delay: float
+
+    def __call__(self, trial):
+        rate = 1.0 / self.matrices.dt
+        regressors = build_regressors(trial, delay=self.delay, basis=self.basis, identification_rate=rate)
+        return _torques(self.matrices, None, regressors)
 
 
 def _direct_stiffness(model):

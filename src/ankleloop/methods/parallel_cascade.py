@@ -155,7 +155,32 @@ def identify_parallel_cascade(
             **path.diagnostics,
             "warnings": warnings,
         },
+        predictor=_Predictor(responses, ahead, delay, regressors.basis, regressors.rate),
     )
+
+
+@dataclass(frozen=True)
+class _Predictor:
+    """Torques of another trial by the same impulse responses."""
+
+    responses: tuple
+    ahead: int
+    delay: float
+    basis: object
+    rate: float
+
+    def __call__(self, trial):
+        regressors = build_regressors(trial, delay=self.delay, basis=self.basis, identification_rate=self.rate)
+        intrinsic, reflex = self.responses
+        rows = slice(max(self.ahead, reflex.size - 1), regressors.torque.size - self.ahead)
+        inputs = regressors.inputs - regressors.inputs.mean(axis=0)
+        torques = {
+            "intrinsic": np.convolve(inputs[:, 0], intrinsic)[self.ahead :][rows],
+            "reflex": np.convolve(inputs[:, -1], reflex)[rows],
+        }
+        torques = {name: torque - torque.mean() for name, torque in torques.items()}
+        net = torques["intrinsic"] + torques["reflex"]
+        return torque_dataset(regressors.time[rows], regressors.rate, net=net, **torques)
 
 
 def _alternate(paths, torque, rank, max_passes, tolerance):

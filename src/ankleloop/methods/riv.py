@@ -8,9 +8,10 @@ from scipy import linalg
 from ankleloop.errors import DataError
 from ankleloop.estimate import Estimate, torque_dataset
 from ankleloop.hammerstein import ReflexPath, StaticNonlinearity
-from ankleloop.prediction import explained_by, share_explained
+from ankleloop.metrics import TWO_SIDED
+from ankleloop.prediction import share_explained
 from ankleloop.reflex import ReflexDynamics
-from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, inputs_of, recording_grid
+from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, predicted_inputs, recording_grid
 from ankleloop.signals import PASSBAND, decimate, differentiate
 from ankleloop.spectra import Band
 from ankleloop.subspace.input_matrices import response
@@ -24,7 +25,6 @@ NOMINAL_DELAY, DELAYS = 0.04, np.arange(0.01, 0.101, 0.01)  # s: where an unknow
 LARGEST_STEP = 0.4  # of a natural frequency or damping in one iteration
 LARGEST_DELAY_STEP = 0.01  # s
 WEAKEST = 0.05  # share of the position that the reference predicts
-TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %
 FURTHEST = 20.0  # of the highest frequency: a pole beyond [rad/s] leaves no trace in the band
 MOTION = len(INTRINSIC_NAMES)
 
@@ -163,15 +163,14 @@ class _Problem:
         self.band = Band(regressors.torque.size, regressors.rate, LOWEST, PASSBAND * regressors.rate)
         self.torque = self.band.transform(regressors.torque)
         self.measured = self.band.transform(regressors.inputs.T)
-        self.grid = recording_grid(trial, regressors.rate, delay)
-        self.recording_rate = float(trial.attrs["sampling_rate"])
         self.explained = self._check_reference()
-        predicted = inputs_of(self._explained_position(), trial, regressors, delay)
-        self.predicted = self.band.transform(predicted.T)
+        self.predicted = self.band.transform(predicted_inputs(trial, regressors, delay).T)
 
     def _check_reference(self):
         """Refuse a reference that does not move the joint."""
         r = self.regressors
+        if r.reference_name == "position":
+            return 1.0
         share = share_explained(r.inputs[:, 0], r.reference, r.rate)
         if share < WEAKEST:
             raise DataError(
@@ -180,19 +179,6 @@ class _Problem:
                 "records in open loop."
             )
         return share
-
-    def reflex_torque(self, position, parameters):
-        """Reflex torque of a position, both at the recording rate."""
-        velocity = differentiate(position, self.recording_rate, self.delay + parameters.shift)
-        drive = parameters.linear[MOTION:] @ self.regressors.basis(velocity)
-        return response(*parameters.dynamics.matrices(self.recording_rate), drive[:, None])[:, 0]
-
-    def _explained_position(self):
-        """Position that the reference explains; in an open-loop record that is all of it."""
-        r = self.regressors
-        if r.reference_name == "position":
-            return self.trial["position"].values
-        return explained_by(r.inputs[:, 0], self.trial[r.reference_name].values, self.grid, self.recording_rate)
 
     def _terms(self, spectra, parameters):
         """Responses to the linear parameters; and to the other ones, given the linear ones."""
@@ -304,17 +290,11 @@ def _estimate(trial, problem, start, found):
         warnings.append("the iteration ended worse than its start, which is what is returned: do not trust it.")
     if (parameters.dynamics.pole or 0.0) > FURTHEST * problem.band.highest:
         warnings.append("the third pole has left the band: the record shows two, so take order=2.")
-    motion = regressors.inputs[:, :MOTION]
-    intrinsic = (motion - motion.mean(axis=0)) @ parameters.linear[:MOTION]
-    reflex = decimate(problem.reflex_torque(trial["position"].values, parameters), *problem.grid)
-    reflex -= reflex.mean()
     path = ReflexPath(StaticNonlinearity(regressors.basis, parameters.linear[MOTION:]), parameters.dynamics, 1.0, 1.0)
     values, errors, intervals = _physical(problem, parameters, path, found.covariance)
     return Estimate(
         method="riv",
-        torque=torque_dataset(
-            regressors.time, regressors.rate, net=intrinsic + reflex, intrinsic=intrinsic, reflex=reflex
-        ),
+        torque=_torques(trial, regressors, problem.delay, parameters),
         matrices=_matrices(parameters, regressors),
         stiffness={name: values[name] for name in "KBI"},
         reflex={name: values[name] for name in values if name not in "KBI"},
@@ -334,7 +314,35 @@ def _estimate(trial, problem, start, found):
             "noise_spectrum": found.noise / problem.band.density,
             "warnings": warnings,
         },
+        predictor=_Predictor(parameters, regressors.basis, problem.delay, regressors.rate),
     )
+
+
+def _torques(trial, regressors, delay, parameters):
+    """Torques of a trial; the dynamics act at the recording rate."""
+    motion = regressors.inputs[:, :MOTION]
+    intrinsic = (motion - motion.mean(axis=0)) @ parameters.linear[:MOTION]
+    rate = float(trial.attrs["sampling_rate"])
+    velocity = differentiate(trial["position"].values, rate, delay + parameters.shift)
+    drive = parameters.linear[MOTION:] @ regressors.basis(velocity)
+    recorded = response(*parameters.dynamics.matrices(rate), drive[:, None])[:, 0]
+    reflex = decimate(recorded, *recording_grid(trial, regressors.rate, delay))
+    reflex -= reflex.mean()
+    return torque_dataset(regressors.time, regressors.rate, net=intrinsic + reflex, intrinsic=intrinsic, reflex=reflex)
+
+
+@dataclass(frozen=True)
+class _Predictor:
+    """Torques of another trial by the same parameters."""
+
+    parameters: _Parameters
+    basis: object
+    delay: float
+    rate: float
+
+    def __call__(self, trial):
+        regressors = build_regressors(trial, delay=self.delay, basis=self.basis, identification_rate=self.rate)
+        return _torques(trial, regressors, self.delay, self.parameters)
 
 
 def _physical(problem, parameters, path, covariance):
