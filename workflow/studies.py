@@ -21,6 +21,8 @@ FIGURES = {
     "comparison": lambda study: ["stiffness", "vaf"],
     "traces": lambda study: ["traces"],
     "sensitivity": lambda study: ["map"],
+    "efficiency": lambda study: ["efficiency", "intervals"],
+    "choosing": lambda study: ["choosing"],
 }
 ARTICLE = {
     "report": "results/article.html",

@@ -15,8 +15,8 @@ LOWEST = 0.05  # Hz
 MEAN_SLOPE = 0.5  # of a rectifier, for a velocity of zero mean
 
 
-def cramer_rao(*, seed, identification_rate=100.0, fed_back=True, **parameters):
-    r"""Smallest standard deviation of K, B, I, G, ωn, ζ (and p) from one trial, the delay being known.
+def cramer_rao(*, seed, identification_rate=100.0, fed_back=True, known_delay=True, **parameters):
+    r"""Smallest standard deviation of K, B, I, G, ωn, ζ (and p, and the delay) from one trial.
 
     The torque is TQ = F(P; θ) + v, the position P = servo(r) − H·TQ. To first order in v, a change δθ changes the
     torque by S (ψ δθ + v), with ψ = ∂F/∂θ along the trajectory without v, and S what the loop makes of both. S cancels,
@@ -41,6 +41,8 @@ def cramer_rao(*, seed, identification_rate=100.0, fed_back=True, **parameters):
         Rate of the identification [Hz].
     fed_back : bool
         Count what the known spectrum of the fed-back torque tells of the loop.
+    known_delay : bool
+        False estimates the delay, too.
     **parameters
         Parameters of `simulate`.
 
@@ -56,17 +58,21 @@ def cramer_rao(*, seed, identification_rate=100.0, fed_back=True, **parameters):
     ['B', 'G', 'I', 'K', 'omega_n', 'zeta']
     """
     names, matrix = fisher_information(
-        seed=seed, identification_rate=identification_rate, fed_back=fed_back, **parameters
+        seed=seed,
+        identification_rate=identification_rate,
+        fed_back=fed_back,
+        known_delay=known_delay,
+        **parameters,
     )
     return dict(zip(names, map(float, np.sqrt(np.diag(np.linalg.inv(matrix)))), strict=True))
 
 
-def fisher_information(*, seed, identification_rate=100.0, fed_back=True, **parameters):
+def fisher_information(*, seed, identification_rate=100.0, fed_back=True, known_delay=True, **parameters):
     """Information of one trial, whose inverse is what `cramer_rao` takes its standard deviations from.
 
     Parameters
     ----------
-    seed, identification_rate, fed_back, **parameters
+    seed, identification_rate, fed_back, known_delay, **parameters
         As there.
 
     Returns
@@ -83,13 +89,13 @@ def fisher_information(*, seed, identification_rate=100.0, fed_back=True, **para
         clean, delay=told["delay"], basis="rectifier", identification_rate=identification_rate
     )
     band = Band(regressors.torque.size, regressors.rate, LOWEST, PASSBAND * regressors.rate)
-    names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, told)
+    names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, told, known_delay)
     level = float(np.std(clean["torque"].values))
     noise = disturbance_spectrum(band.frequency, level, told) * band.density
     # The taper keeps leakage away; the sum counts every frequency as the record without a taper would.
     information = 2.0 * np.real(derivatives.conj() / noise @ derivatives.T)
     if fed_back and told["closed_loop"]:
-        slopes = _spectral_slopes(band.s, told)
+        slopes = _spectral_slopes(band.s, told, known_delay)
         information += slopes @ slopes.T
     return names, information
 
@@ -98,20 +104,24 @@ def _dynamics(told):
     return ReflexDynamics(told["omega_n"], told["zeta"], told.get("pole"))
 
 
-def _derivatives(inputs, s, told):
-    """Names, and derivatives of the torque's spectrum with respect to K, B, I, G and the dynamics."""
+def _derivatives(inputs, s, told, known_delay):
+    """Names, and derivatives of the torque's spectrum with respect to K, B, I, G, the dynamics and the delay."""
     dynamics = _dynamics(told)
     response, relative = dynamics.response(s)
     scaled = [told["reflex_gain"] * by / value for by, value in zip(relative, dynamics.values.values(), strict=True)]
     reflex = [inputs[3] * part for part in (response, *scaled)]
-    return ["K", "B", "I", "G", *dynamics.values], np.vstack([inputs[:3], reflex])
+    names = ["K", "B", "I", "G", *dynamics.values]
+    if not known_delay:
+        names.append("delay")
+        reflex.append(-s * told["reflex_gain"] * response * inputs[3])
+    return names, np.vstack([inputs[:3], reflex])
 
 
-def _spectral_slopes(s, told):
+def _spectral_slopes(s, told, known_delay):
     """Derivatives of ln |S|² with respect to the same parameters; S = 1 / (1 + F H)."""
     compliance = 1.0 / (told["load_inertia"] * s**2 + told["load_viscosity"] * s + told["load_stiffness"])
     motion = np.array([np.ones_like(s), s, s**2, MEAN_SLOPE * s * np.exp(-s * told["delay"])])
-    derivatives = _derivatives(motion, s, told)[1]
+    derivatives = _derivatives(motion, s, told, known_delay)[1]
     linear = np.array([told["stiffness"], told["viscosity"], told["inertia"], told["reflex_gain"]]) @ derivatives[:4]
     return -2.0 * np.real(derivatives * compliance / (1.0 + linear * compliance))
 

@@ -2,7 +2,7 @@
 
 from ankleloop.simulation import parameter_table
 
-__all__ = ["circumstances", "labelled", "quantity"]
+__all__ = ["circumstances", "labelled", "quantity", "setting"]
 
 NAMES = {
     "reflex_gain": "reflex gain",
@@ -57,6 +57,28 @@ def labelled(name, value):
     """
     unit = quantity(name)[1]
     return f"{value:g}" if unit == "1" else f"{value:g} {unit}"
+
+
+def setting(parameters):
+    """Load, reflex gain and voluntary torque of a point, short enough for the title of a panel.
+
+    Parameters
+    ----------
+    parameters : dict
+        Parameters of the simulation by name.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> from ankleloop.simulation import Simulation
+    >>> setting(Simulation().flat())
+    'load 1.1/7.1/250, gain 13, voluntary 5 %'
+    """
+    load = "/".join(f"{parameters[f'load_{name}']:g}" for name in ("inertia", "viscosity", "stiffness"))
+    return f"load {load}, gain {parameters['reflex_gain']:g}, voluntary {100 * parameters['voluntary']:g} %"
 
 
 def circumstances(settings, varied=()):

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from ankleloop.figures import COLOURS, STYLE, add_legend
 from ankleloop.metrics import confidence_margin
 
-__all__ = ["curves_figure", "map_figure", "order_figure", "traces_figure"]
+__all__ = ["curves_figure", "interval_figure", "map_figure", "order_figure", "ratio_figure", "traces_figure"]
 
 MARKERS = "osD^v<>pX"
 
@@ -163,6 +163,90 @@ def traces_figure(traces, truths, settling=0.0):
             low, high = min(truth, *map(np.min, seen)), max(truth, *map(np.max, seen))
             axis.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
         add_legend(figure, axes.ravel())
+    return figure
+
+
+def ratio_figure(table, *, limit, largest=50.0):
+    """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a marker for each method.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Columns `panel`, `row`, `series` and `ratio`.
+    limit : float
+        A line is drawn here, and at 1.
+    largest : float
+        Ratios beyond it are drawn there, open.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    with matplotlib.rc_context(STYLE):
+        panels, names = list(dict.fromkeys(table["panel"])), list(dict.fromkeys(table["row"]))
+        columns = min(3, len(panels))
+        rows = -(-len(panels) // columns)
+        size = (3.3 * columns + 0.4, (0.32 * len(names) + 0.8) * rows + 0.9)
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+        for axis, panel in zip(axes, panels, strict=False):
+            series = table[table["panel"] == panel].groupby("series", sort=False)
+            for number, (label, part) in enumerate(series):
+                height = [names.index(name) + 0.08 * (number - 0.5 * (len(series) - 1)) for name in part["row"]]
+                look = {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number % len(MARKERS)], "ls": ""}
+                far = (part["ratio"] > largest).to_numpy()
+                axis.plot(np.where(far, np.nan, part["ratio"]), height, ms=4.2, label=label, **look)
+                axis.plot(np.where(far, largest, np.nan), height, ms=4.2, mfc="none", **look)
+            axis.axvline(1.0, color="black", lw=0.8, label="the bound")
+            axis.axvline(limit, color="black", lw=0.8, ls=(0, (2, 2)), label=f"{limit:g} times the bound")
+            axis.set(title=panel, xscale="log", xlim=(0.7, 1.15 * largest), ylim=(len(names) - 0.5, -0.5))
+            axis.set_yticks(range(len(names)), names)
+            axis.xaxis.set_major_formatter("{x:g}")
+            axis.tick_params(labelbottom=True)
+        for axis in axes[len(panels) :]:
+            axis.set_visible(False)
+        for axis in axes[max(0, len(panels) - columns) : len(panels)]:
+            axis.set_xlabel("root mean square error over the bound [1]")
+        add_legend(figure, axes[: len(panels)])
+    return figure
+
+
+def interval_figure(table, panels, *, xlabel="trial [1]"):
+    """Estimates with their intervals, one after the other, before the truth; those that miss it stand out.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Columns `panel`, `value`, `low`, `high`, in the order in which they are drawn.
+    panels : dict of str to (str, float)
+        For each panel its label with unit, and the true value.
+    xlabel : str
+        Label of the abscissa.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(6.6, 1.35 * len(panels) + 0.7), layout="constrained")
+        axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
+        for axis, (panel, (label, truth)) in zip(axes, panels.items(), strict=True):
+            part = table[table["panel"] == panel].reset_index(drop=True)
+            holds = (part["low"] <= truth) & (truth <= part["high"])
+            for rows, colour, name in ((holds, COLOURS[0], "holds the truth"), (~holds, COLOURS[1], "misses it")):
+                some = part[rows]
+                spread = [some["value"] - some["low"], some["high"] - some["value"]]
+                look = {"color": colour, "ms": 2.6, "elinewidth": 0.9, "capsize": 0}
+                axis.errorbar(
+                    some.index + 1, some["value"], spread, fmt="o", label=f"95 % interval that {name}", **look
+                )
+            axis.axhline(truth, color="black", lw=0.8, ls=(0, (2, 2)), label="true value")
+            axis.set(ylabel=label)
+        axes[-1].set_xlabel(xlabel)
+        handles = {
+            text: handle for axis in axes for handle, text in zip(*axis.get_legend_handles_labels(), strict=True)
+        }
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
     return figure
 
 

@@ -132,8 +132,9 @@ def parameters(trial, estimate):
     -------
     pandas.DataFrame
         One row: K, B, I, the reflex parameters, the ends of their 95 % intervals where the method gives them (`K_low`,
-        `K_high` …), the in-band SNR [dB] of a simulation with noise, the largest magnitude
-        of the poles, and those of order, passes, converged, stable, reference and warnings that the method reports.
+        `K_high` …), the in-band SNR [dB] of a simulation with noise, the largest magnitude of the poles, those of
+        order, passes, converged, stable, reference and warnings that the method reports, and where options were
+        selected the scores [%] on unseen data (`unseen_instrumental`, `unseen_cross_validation`).
     """
     row = {**estimate.stiffness, **estimate.reflex}
     for name, (low, high) in estimate.intervals.items():
@@ -143,8 +144,18 @@ def parameters(trial, estimate):
     for name in ("order", "spectral_radius", "passes", "converged", "stable", "reference"):
         if name in estimate.diagnostics:
             row[name] = estimate.diagnostics[name]
+    row |= _unseen(estimate.diagnostics.get("selection"))
     row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
     return pd.DataFrame([row])
+
+
+def _unseen(selection):
+    """Scores of the chosen options on data that the fit had not seen."""
+    if selection is None:
+        return {}
+    chosen = selection["chosen"]
+    scores = next(row["scores"] for row in selection["candidates"] if all(row[name] == chosen[name] for name in chosen))
+    return {f"unseen_{name.replace('-', '_')}": score for name, score in scores.items()}
 
 
 def summarise(scores, by):

@@ -11,8 +11,8 @@ from ankleloop.regressors import decimated
 
 __all__ = ["add_legend", "save_figure", "torque_figure"]
 
-# Okabe and Ito's colours can be told apart by colour-blind readers, and differ in print; one of Tol's for an eighth.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222", "#882255")
+# Okabe and Ito's colours can be told apart by colour-blind readers, and differ in print; two of Tol's for more.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222", "#882255", "#999933")
 STYLE = {
     "font.size": 8.5,
     "axes.titlesize": 8.5,

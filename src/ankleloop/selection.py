@@ -29,8 +29,8 @@ class Selection:
     criterion : {"instrumental", "cross-validation"}
         How candidates were judged.
     candidates : list of dict
-        Options of each candidate, its `score` [%] on the data that it was not fitted to, and `error` where it could not
-        be fitted (its score is None then).
+        Options of each candidate and its `scores` [%] on the data that it was not fitted to, by every criterion that
+        the record allows; or the `error` where it could not be fitted.
     chosen : dict
         Options of the chosen one.
     """
@@ -117,23 +117,27 @@ def select_options(
     if folds < 2 or not candidates or not all(len(values) for values in candidates.values()):
         raise ValueError("give at least two folds, and at least one value of each option to choose from.")
     parts = _parts(trial, folds)
+    if criterion == "instrumental" and not usable:
+        raise DataError(
+            f"the instrumental criterion needs a reference, and the trial has no {reference!r} beside its position: "
+            "use criterion='cross-validation'."
+        )
     instruments = [
-        _instruments(judged, reference, 0.04 if delay is None else delay, identification_rate)
-        if criterion == "instrumental"
-        else None
+        _instruments(judged, reference, 0.04 if delay is None else delay, identification_rate) if usable else None
         for _, judged in parts
     ]
     tried, losses = [], []
     for values in itertools.product(*candidates.values()):
         options = dict(zip(candidates, values, strict=True))
         try:
-            loss, total = _loss(parts, instruments, fit, options)
+            found = _losses(parts, instruments, fit, options)
         except DataError as error:
-            tried.append({**options, "score": None, "error": str(error)})
+            tried.append({**options, "scores": {}, "error": str(error)})
             losses.append(None)
             continue
-        tried.append({**options, "score": float(100.0 * (1.0 - loss.sum() / total))})
-        losses.append(loss)
+        scores = {name: float(100.0 * (1.0 - loss.sum() / total)) for name, (loss, total) in found.items()}
+        tried.append({**options, "scores": scores})
+        losses.append(found[criterion][0])
     return Selection(criterion, tried, {name: tried[_simplest(losses, tried)][name] for name in candidates})
 
 
@@ -169,10 +173,10 @@ def _projected(grid, instruments, time, signals):
     return kept
 
 
-def _loss(parts, instruments, fit, options):
-    """Losses of a candidate in blocks of time, and what there was to explain."""
-    losses, total = [], 0.0
-    for (fitted, judged), judge in zip(parts, instruments, strict=True):
+def _losses(parts, instruments, fit, options):
+    """By criterion the losses of a candidate in blocks of time, and what there was to explain."""
+    found = {}
+    for (fitted, judged), tools in zip(parts, instruments, strict=True):
         for stretch in fitted:
             torque = fit(stretch, **options).predict(judged).torque
             time, rate = torque["time"].values, torque.attrs["identification_rate"]
@@ -180,11 +184,15 @@ def _loss(parts, instruments, fit, options):
             measured = decimated(judged, "torque", time, rate)
             signals = np.stack([measured - torque["net"].values, measured])[:, inside]
             signals -= signals.mean(axis=1, keepdims=True)
-            left, whole = (signals if judge is None else _projected(*judge, time[inside], signals)) ** 2
-            blocks = np.arange(0, left.size, round(BLOCK * rate))
-            losses.append(np.add.reduceat(left, blocks))
-            total += whole.sum()
-    return np.concatenate(losses), total
+            parts_seen = {"cross-validation": signals}
+            if tools is not None:
+                parts_seen["instrumental"] = _projected(*tools, time[inside], signals)
+            blocks = np.arange(0, inside.sum(), round(BLOCK * rate))
+            for name, (left, whole) in parts_seen.items():
+                losses, total = found.get(name, (np.empty(0), 0.0))
+                losses = np.concatenate([losses, np.add.reduceat(left**2, blocks)])
+                found[name] = losses, total + float(np.sum(whole**2))
+    return found
 
 
 def _simplest(losses, tried):

@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from ankleloop.evaluation import summarise
 from ankleloop.storage import whole_file
 
-__all__ = ["against_published", "readable", "write_table"]
+__all__ = ["against_published", "efficiency", "readable", "write_table"]
 
 
 def against_published(scores, published, by):
@@ -26,7 +27,7 @@ def against_published(scores, published, by):
     -------
     pandas.DataFrame
         Columns `by`, `method`, `torque`, `against`, `paper` (empty where the paper has no such number), `mean`, `sd`,
-        `n`.
+        `n`; and where there is a single trial of each, `low` and `high`, the 95 % interval of its VAF.
 
     Examples
     --------
@@ -37,7 +38,59 @@ def against_published(scores, published, by):
     """
     keys = ["method", "torque", "against"]
     table = summarise(scores, [*by, *keys]).merge(published, how="left", on=keys)
-    return table[[*by, *keys, "paper", "mean", "sd", "n"]]
+    columns = [*by, *keys, "paper", "mean", "sd", "n"]
+    if "low" in scores and (table["n"] == 1).all():  # one record each: no spread over trials, but an interval
+        table = table.merge(scores[[*by, *keys, "low", "high"]], on=[*by, *keys])
+        columns += ["low", "high"]
+    return table[columns]
+
+
+def efficiency(details, truths, bounds):
+    """Errors of estimated parameters over trials, beside the Cramér-Rao bound.
+
+    Parameters
+    ----------
+    details : pandas.DataFrame
+        Rows of `ankleloop.evaluation.parameters` with columns `point` and `method`.
+    truths : dict of str to dict of str to float
+        For each point the true parameters.
+    bounds : dict of tuple to dict of str to float
+        For each point and method the smallest standard deviation of each of them.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each point, method and parameter that the method gives: `truth`, `mean`, `bias`, `sd`, `rmse`,
+        `n`, `bound`, `ratio` (rmse over bound), and `covered`, the share [%] of 95 % intervals that hold the truth,
+        where there are intervals.
+
+    Examples
+    --------
+    >>> details = pd.DataFrame({"point": "p", "method": "m", "K": [149.0, 151.0], "K_low": 150.5, "K_high": 153.0})
+    >>> row = efficiency(details, {"p": {"K": 150.0}}, {("p", "m"): {"K": 0.5}}).iloc[0]
+    >>> float(row["rmse"]), float(row["ratio"]), float(row["covered"])
+    (1.0, 2.0, 0.0)
+    """
+    rows = []
+    for (point, method), part in details.groupby(["point", "method"], sort=False):
+        for name, truth in truths[point].items():
+            if name not in part or part[name].isna().all():
+                continue
+            found = part[name].to_numpy()
+            rmse = float(np.sqrt(np.mean((found - truth) ** 2)))
+            bound = bounds[point, method].get(name, np.nan)
+            row = {"point": point, "method": method, "parameter": name, "truth": truth, "mean": found.mean()}
+            row |= {"bias": found.mean() - truth, "sd": np.std(found, ddof=1), "rmse": rmse, "n": found.size}
+            row |= {"bound": bound, "ratio": rmse / bound, "covered": _covered(part, name, truth)}
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _covered(part, name, truth):
+    """Share of the intervals that hold the truth [%]."""
+    if f"{name}_low" not in part or part[f"{name}_low"].isna().all():
+        return np.nan
+    return float(100.0 * ((part[f"{name}_low"] <= truth) & (truth <= part[f"{name}_high"])).mean())
 
 
 def readable(table, labels, decimals=1):
@@ -61,14 +114,20 @@ def readable(table, labels, decimals=1):
     def number(value, sign=""):
         return "–" if pd.isna(value) else f"{value:{sign}.{decimals}f}"
 
-    shown = table.drop(columns=["paper", "mean", "sd", "n"]).assign(method=table["method"].map(labels))
+    numbers = [name for name in ("paper", "mean", "sd", "n", "low", "high") if name in table]
+    shown = table.drop(columns=numbers).assign(method=table["method"].map(labels))
     numbers = shown.select_dtypes("number").columns
     shown[numbers] = shown[numbers].map("{:g}".format).astype(object)
     shown["paper [%]"] = [number(value) for value in table["paper"]]
-    shown["ours [%], mean ± sd"] = [
-        number(mean) + (f" ± {sd:.{decimals + 1}f}" if pd.notna(sd) else "")
-        for mean, sd in zip(table["mean"], table["sd"], strict=True)
-    ]
+    if "low" in table:
+        shown["ours [%], 95 % interval"] = [
+            f"{number(row.mean)} ({number(row.low)} … {number(row.high)})" for row in table.itertuples()
+        ]
+    else:
+        shown["ours [%], mean ± sd"] = [
+            number(mean) + (f" ± {sd:.{decimals + 1}f}" if pd.notna(sd) else "")
+            for mean, sd in zip(table["mean"], table["sd"], strict=True)
+        ]
     shown["difference [points]"] = [number(value, "+") for value in table["mean"] - table["paper"]]
     shown["trials"] = table["n"].astype(str)
     return shown

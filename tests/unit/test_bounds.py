@@ -57,6 +57,15 @@ def test_what_a_known_spectrum_tells():
     assert np.all(np.linalg.eigvalsh(with_it - without) > -1e-9 * np.max(with_it))
 
 
+def test_an_unknown_delay_costs_what_it_is_confused_with():
+    known, unknown = (cramer_rao(seed=1, duration=25.0, known_delay=on) for on in (True, False))
+    assert unknown["omega_n"] > 1.5 * known["omega_n"]
+    assert unknown["K"] < 1.2 * known["K"]
+    found = [identify(simulate(seed=seed), "riv", delay=None).reflex["delay"] for seed in range(25)]
+    bound = cramer_rao(seed=1, known_delay=False)["delay"]
+    assert 0.6 * bound < np.std(found) < 1.6 * bound
+
+
 def test_open_loop_has_nothing_fed_back():
     both = [cramer_rao(seed=1, duration=20.0, closed_loop=False, fed_back=on) for on in (True, False)]
     assert both[0] == both[1]

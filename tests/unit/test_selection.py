@@ -22,7 +22,8 @@ def test_the_true_order_is_chosen(clean, criterion):
     assert told["criterion"] == criterion
     assert told["chosen"] == {"order": 2}
     assert [row["order"] for row in told["candidates"]] == [1, 2, 3, 4]
-    assert told["candidates"][0]["score"] < 99.5 < 99.99 < told["candidates"][1]["score"]
+    assert told["candidates"][0]["scores"][criterion] < 99.5 < 99.99 < told["candidates"][1]["scores"][criterion]
+    assert set(told["candidates"][0]["scores"]) == {"instrumental", "cross-validation"}
 
 
 def test_the_true_basis_is_chosen(clean):
@@ -49,7 +50,7 @@ def test_criterion_of_the_instruments_prefers_the_truth_where_net_vaf_does_not()
     scores = {}
     for criterion in ("instrumental", "cross-validation"):
         found = select_options(trial, fit, {"method": ["pr-moesp", "riv"]}, criterion=criterion)
-        scores[criterion] = [row["score"] for row in found.candidates]
+        scores[criterion] = [row["scores"][criterion] for row in found.candidates]
         assert found.chosen == {"method": "riv" if criterion == "instrumental" else "pr-moesp"}
     assert scores["instrumental"][1] > scores["instrumental"][0] + 0.5
     assert scores["cross-validation"][1] < scores["cross-validation"][0]
@@ -58,6 +59,9 @@ def test_criterion_of_the_instruments_prefers_the_truth_where_net_vaf_does_not()
 def test_without_a_reference_it_cross_validates(clean):
     estimate = identify(clean.drop_vars("reference"), "pi-moesp", basis="rectifier", select={"order": [1, 2]})
     assert estimate.diagnostics["selection"]["criterion"] == "cross-validation"
+    assert set(estimate.diagnostics["selection"]["candidates"][0]["scores"]) == {"cross-validation"}
+    with pytest.raises(DataError, match="instrumental criterion needs a reference"):
+        identify(clean.drop_vars("reference"), "pi-moesp", select={"order": [1]}, criterion="instrumental")
     assert estimate.diagnostics["selection"]["chosen"] == {"order": 2}
 
 
@@ -65,9 +69,9 @@ def test_candidates_that_fail_are_told(clean):
     rows = {"instrument_rows": [10, None]}
     found = identify(clean, "pr-moesp", select=rows, basis="rectifier", projection="correlation")
     first, second = found.diagnostics["selection"]["candidates"]
-    assert first["score"] is None
+    assert first["scores"] == {}
     assert "instrument" in first["error"]
-    assert second["score"] > 99
+    assert second["scores"]["instrumental"] > 99
     with pytest.raises(DataError, match="no candidate could be fitted"):
         identify(clean, "real-time", select={"memory": [5.0]})
 

@@ -3,30 +3,19 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg
 
-from ankleloop.errors import DataError
 from ankleloop.estimate import Estimate, torque_dataset
 from ankleloop.hammerstein import ReflexPath, StaticNonlinearity
+from ankleloop.methods.riv_problem import MOTION, Parameters, Problem
 from ankleloop.metrics import TWO_SIDED
-from ankleloop.prediction import share_explained
-from ankleloop.reflex import ReflexDynamics
-from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, predicted_inputs, recording_grid
-from ankleloop.signals import PASSBAND, decimate, differentiate
-from ankleloop.spectra import Band
+from ankleloop.regressors import build_regressors, recording_grid
+from ankleloop.signals import decimate, differentiate
 from ankleloop.subspace.input_matrices import response
 from ankleloop.subspace.matrices import Matrices
 
 __all__ = ["identify_riv"]
 
-LOWEST = 0.05  # Hz: drifts and means lie below
-NOISE_RESOLUTION = 0.4  # Hz
-NOMINAL_DELAY, DELAYS = 0.04, np.arange(0.01, 0.101, 0.01)  # s: where an unknown delay is looked for
-LARGEST_STEP = 0.4  # of a natural frequency or damping in one iteration
-LARGEST_DELAY_STEP = 0.01  # s
-WEAKEST = 0.05  # share of the position that the reference predicts
-FURTHEST = 20.0  # of the highest frequency: a pole beyond [rad/s] leaves no trace in the band
-MOTION = len(INTRINSIC_NAMES)
+NOMINAL_DELAY = 0.04  # s
 
 
 def identify_riv(
@@ -123,159 +112,10 @@ def identify_riv(
         identification_rate=identification_rate,
         reference=reference,
     )
-    problem = _Problem(trial, regressors, nominal, delay is None, order)
+    problem = Problem(trial, regressors, nominal, delay is None, order)
     start = problem.start()
     found = problem.refine(start, max_iterations, tolerance)
     return _estimate(trial, problem, start, found)
-
-
-@dataclass(frozen=True)
-class _Parameters:
-    """Linear parameters K, B, I, c₁ …, the dynamics behind the latter, and the delay."""
-
-    linear: np.ndarray
-    dynamics: ReflexDynamics
-    shift: float = 0.0  # of the delay from the nominal one [s]
-
-    def moved(self, step):
-        """Parameters after a step of the linear ones, of the logarithms of the dynamics and of an unknown delay."""
-        linear, dynamics, shift = np.split(step, np.cumsum([self.linear.size, len(self.dynamics.values)]))
-        return _Parameters(self.linear + linear, self.dynamics.moved(dynamics), self.shift + shift.sum())
-
-
-@dataclass(frozen=True)
-class _Found:
-    parameters: _Parameters
-    covariance: np.ndarray  # of what a step of `_Parameters` holds
-    iterations: int
-    converged: bool
-    criteria: tuple  # at the start and at the end
-    strength: float
-    noise: np.ndarray
-
-
-class _Problem:
-    """Spectra of the measured and of the predicted inputs, and the equations between them."""
-
-    def __init__(self, trial, regressors, delay, free_delay, order):
-        self.trial, self.regressors, self.order = trial, regressors, order
-        self.delay, self.free_delay = delay, free_delay
-        self.band = Band(regressors.torque.size, regressors.rate, LOWEST, PASSBAND * regressors.rate)
-        self.torque = self.band.transform(regressors.torque)
-        self.measured = self.band.transform(regressors.inputs.T)
-        self.explained = self._check_reference()
-        self.predicted = self.band.transform(predicted_inputs(trial, regressors, delay).T)
-
-    def _check_reference(self):
-        """Refuse a reference that does not move the joint."""
-        r = self.regressors
-        if r.reference_name == "position":
-            return 1.0
-        share = share_explained(r.inputs[:, 0], r.reference, r.rate)
-        if share < WEAKEST:
-            raise DataError(
-                f"{r.reference_name} explains {100 * max(share, 0.0):.0f} % of the position: as an instrument it is "
-                "too weak to say anything. Give the command of the servo as reference; reference='position' is for "
-                "records in open loop."
-            )
-        return share
-
-    def _terms(self, spectra, parameters):
-        """Responses to the linear parameters; and to the other ones, given the linear ones."""
-        response, derivatives = parameters.dynamics.response(self.band.s)
-        late = np.exp(-self.band.s * parameters.shift)
-        driven = late * spectra[MOTION:]
-        combined = parameters.linear[MOTION:] @ driven
-        others = [derivative * combined for derivative in derivatives]
-        if self.free_delay:
-            others.append(-self.band.s * response * combined)
-        return np.vstack([spectra[:MOTION], response * driven]), np.array(others)
-
-    def _residual(self, spectra, parameters):
-        return self.torque - parameters.linear @ self._terms(spectra, parameters)[0]
-
-    def _noise(self, residual):
-        power = self.band.smoothed(np.abs(residual) ** 2, NOISE_RESOLUTION)
-        return np.maximum(power, 1e-12 * power.max())
-
-    def start(self):
-        """Best of a grid of dynamics for the predicted position: a fit to what the reference explains."""
-        shifts = DELAYS - self.delay if self.free_delay else [0.0]
-        grid = [(dynamics, shift) for dynamics in ReflexDynamics.grid(self.order) for shift in shifts]
-        noise = np.ones(self.band.s.size)
-        for _ in range(2):
-            best = min((self._fitted(dynamics, shift, noise) for dynamics, shift in grid), key=lambda fit: fit[0])[1]
-            noise = self._noise(self._residual(self.predicted, best))
-        return best
-
-    def _fitted(self, dynamics, shift, noise):
-        linear = np.zeros(self.measured.shape[0])
-        terms = self._terms(self.predicted, _Parameters(linear, dynamics, shift))[0]
-        weighted = terms.conj() / noise
-        linear = linalg.solve(np.real(weighted @ terms.T), np.real(weighted @ self.torque), assume_a="pos")
-        fitted = _Parameters(linear, dynamics, shift)
-        return np.sum(np.abs(self._residual(self.predicted, fitted)) ** 2 / noise), fitted
-
-    def refine(self, start, max_iterations, tolerance):
-        """Iterate noise spectrum, derivatives and parameters."""
-        parameters = start
-        for iteration in range(1, max_iterations + 1):
-            noise = self._noise(self._residual(self.measured, parameters))
-            parameters = self._linear(parameters, noise)
-            instruments, jacobian = (np.vstack(self._terms(x, parameters)) for x in (self.predicted, self.measured))
-            weighted = instruments.conj() / noise
-            normal = np.real(weighted @ jacobian.T)
-            step = linalg.solve(normal, np.real(weighted @ self._residual(self.measured, parameters)))
-            covariance = self._covariance(normal, np.real(weighted @ instruments.T))
-            share = self._share(step)
-            parameters = parameters.moved(share * step)
-            if (parameters.dynamics.pole or 0.0) > FURTHEST * self.band.highest:
-                converged = False
-                break
-            converged = share == 1.0 and np.all(np.abs(step) <= tolerance * np.sqrt(np.diag(covariance)))
-            if converged and iteration > 1:
-                break
-        criteria = tuple(self._criterion(weighted, instruments, at) for at in (start, parameters))
-        strength = _strength(instruments, jacobian, noise)
-        return _Found(parameters, covariance, iteration, bool(converged), criteria, strength, noise)
-
-    def _linear(self, parameters, noise):
-        """Linear parameters in closed form, the dynamics being given."""
-        instruments, terms = (self._terms(x, parameters)[0] for x in (self.predicted, self.measured))
-        weighted = instruments.conj() / noise
-        linear = linalg.solve(np.real(weighted @ terms.T), np.real(weighted @ self.torque))
-        return _Parameters(linear, parameters.dynamics, parameters.shift)
-
-    def _share(self, step):
-        """Share of a step that stays within what one iteration may change."""
-        largest = np.array([LARGEST_STEP] * self.order + [LARGEST_DELAY_STEP] * self.free_delay)
-        return min(1.0, float(np.min(largest / np.maximum(np.abs(step[-largest.size :]), 1e-30))))
-
-    def _covariance(self, normal, instruments):
-        """Asymptotic covariance of the parameters; each frequency counts twice, as a complex number does.
-
-        The weights are an estimate themselves. To first order in the variance a of a smoothed periodogram over its
-        square the equations scatter by 1 + 3a more than with the true spectrum, where this formula says 1 + a.
-        """
-        inverse = linalg.inv(normal)
-        estimated_weights = 1.0 + 2.0 * self.band.smoothing_variance(NOISE_RESOLUTION)
-        return 0.5 * self.band.correlation * estimated_weights * inverse @ instruments @ inverse.T
-
-    def _criterion(self, weighted, instruments, parameters):
-        """Size of the instrumental equations' left side, in units of its standard deviation."""
-        left = np.real(weighted @ self._residual(self.measured, parameters))
-        return float(left @ linalg.solve(np.real(weighted @ instruments.T), left))
-
-
-def _stacked(terms, target):
-    """Real least squares from complex rows."""
-    return np.hstack([terms.real, terms.imag]).T, np.concatenate([target.real, target.imag])
-
-
-def _strength(instruments, jacobian, noise):
-    """Smallest canonical correlation of instruments and regressors."""
-    z, x = (np.linalg.qr(_stacked(part / np.sqrt(noise), part[0])[0])[0] for part in (instruments, jacobian))
-    return float(np.linalg.svd(z.T @ x, compute_uv=False)[-1])
 
 
 def _estimate(trial, problem, start, found):
@@ -288,8 +128,11 @@ def _estimate(trial, problem, start, found):
     if found.criteria[1] > found.criteria[0]:
         parameters = start
         warnings.append("the iteration ended worse than its start, which is what is returned: do not trust it.")
-    if (parameters.dynamics.pole or 0.0) > FURTHEST * problem.band.highest:
-        warnings.append("the third pole has left the band: the record shows two, so take order=2.")
+    if problem.left_band(parameters):
+        fewer = "take order=2" if problem.order == 3 else "its gain or the record is too small for two"
+        warnings.append(
+            f"a pole of the reflex has left the band, so the record does not show {problem.order}: {fewer}."
+        )
     path = ReflexPath(StaticNonlinearity(regressors.basis, parameters.linear[MOTION:]), parameters.dynamics, 1.0, 1.0)
     values, errors, intervals = _physical(problem, parameters, path, found.covariance)
     return Estimate(
@@ -335,7 +178,7 @@ def _torques(trial, regressors, delay, parameters):
 class _Predictor:
     """Torques of another trial by the same parameters."""
 
-    parameters: _Parameters
+    parameters: Parameters
     basis: object
     delay: float
     rate: float
