@@ -148,7 +148,7 @@ def disturbance_spectrum(frequency, level, told):
     >>> from ankleloop.simulation import simulate
     >>> told = simulate(seed=1, duration=5.0, voluntary=0.2).attrs
     >>> grid = np.linspace(0.0, 40.0, 4001)
-    >>> bool(abs(np.trapezoid(disturbance_spectrum(grid, 1.0, told), grid) - 0.04 - 0.1 * 0.85) < 0.01)
+    >>> bool(abs(np.trapezoid(disturbance_spectrum(grid, 1.0, told), grid) - 0.04 - 0.0724) < 0.001)
     True
     """
     rate = told["recording_rate"]

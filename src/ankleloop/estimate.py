@@ -82,10 +82,17 @@ class Estimate:
         return replace(self, torque=self.predictor(trial))
 
     def __repr__(self):
-        values = ", ".join(f"{name} = {value:.4g} {STIFFNESS_UNITS[name]}" for name, value in self.stiffness.items())
+        values = ", ".join(
+            f"{name} = {value:.4g}{self._interval(name)} {STIFFNESS_UNITS[name]}"
+            for name, value in self.stiffness.items()
+        )
         lines = [f"<Estimate by {self.method}: {values}>"]
         lines += [f"  warning: {text}" for text in self.diagnostics.get("warnings", ())]
         return "\n".join(lines)
+
+    def _interval(self, name):
+        """The 95 % interval of a parameter in words, where there is one."""
+        return " ({:.4g} … {:.4g})".format(*self.intervals[name]) if name in self.intervals else ""
 
 
 def torque_dataset(time, rate, **torques):

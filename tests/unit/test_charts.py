@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from ankleloop.charts import curves_figure, map_figure, order_figure, traces_figure
+from ankleloop.charts import curves_figure, interval_figure, map_figure, order_figure, ratio_figure, traces_figure
 
 
 @pytest.fixture
@@ -91,3 +91,34 @@ def test_traces_and_order_have_units_and_truths():
     assert axis.get_yscale() == "log"
     np.testing.assert_allclose(axis.get_lines()[0].get_ydata(), [1.0, 0.5, 0.25])
     np.testing.assert_allclose(axis.get_lines()[-1].get_xdata(), 2.5)
+
+
+def test_ratios_beyond_the_edge_are_open_and_at_the_edge():
+    table = pd.DataFrame(
+        {
+            "panel": ["soft"] * 4,
+            "row": ["K", "K", "G", "G"],
+            "series": ["one", "two", "one", "two"],
+            "ratio": [1.1, 400.0, 1.3, 3.0],
+        }
+    )
+    figure = ratio_figure(table, limit=1.5, largest=20.0)
+    axis = figure.axes[0]
+    assert legend(figure) == ["one", "two", "the bound", "1.5 times the bound"]
+    assert [label.get_text() for label in axis.get_yticklabels()] == ["K", "G"]
+    shown = [line for line in axis.get_lines() if line.get_marker() not in (None, "None", "")]
+    filled, open_ = shown[2], shown[3]
+    np.testing.assert_allclose(filled.get_xdata(), [np.nan, 3.0])
+    np.testing.assert_allclose(open_.get_xdata(), [20.0, np.nan])
+    assert open_.get_markerfacecolor() == "none"
+    assert "bound" in axis.get_xlabel()
+
+
+def test_intervals_that_miss_the_truth_stand_out():
+    table = pd.DataFrame({"panel": "K", "value": [150.0, 160.0], "low": [145.0, 155.0], "high": [155.0, 165.0]})
+    figure = interval_figure(table, {"K": ("K [N·m/rad]", 150.0)})
+    assert legend(figure) == ["true value", "95 % interval that holds the truth", "95 % interval that misses it"]
+    holding, missing = figure.axes[0].containers
+    assert holding.lines[0].get_xydata().tolist() == [[1.0, 150.0]]
+    assert missing.lines[0].get_xydata().tolist() == [[2.0, 160.0]]
+    assert holding.lines[0].get_color() != missing.lines[0].get_color()
