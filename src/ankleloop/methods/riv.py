@@ -6,7 +6,7 @@ import numpy as np
 
 from ankleloop.estimate import Estimate, torque_dataset
 from ankleloop.hammerstein import ReflexPath, StaticNonlinearity
-from ankleloop.methods.riv_problem import MOTION, Parameters, Problem
+from ankleloop.methods.riv_problem import MOTION, WEIGHTINGS, Parameters, Problem
 from ankleloop.metrics import TWO_SIDED
 from ankleloop.regressors import build_regressors, recording_grid
 from ankleloop.signals import decimate, differentiate
@@ -27,6 +27,7 @@ def identify_riv(
     degree=5,
     identification_rate=100.0,
     reference="reference",
+    weighting="noise",
     max_iterations=30,
     tolerance=0.01,
 ):
@@ -55,7 +56,7 @@ def identify_riv(
     order : {2, 3}
         Poles of the reflex dynamics (Eq. 2).
     delay : float or None
-        Reflex delay [s]; None estimates it.
+        Reflex delay [s]; None estimates it, between 15 and 150 ms.
     basis : {"rectifier", "chebyshev", "spline"}, optional
         Static nonlinearity, the half-wave rectifier by default.
     degree : int
@@ -64,6 +65,10 @@ def identify_riv(
         Rate of the identification [Hz].
     reference : str
         Variable that the load cannot reach: the command of the servo, or "position" for an open-loop record.
+    weighting : {"noise", "flat"}
+        "noise" weights every frequency by the inverse of the noise spectrum, which is what is efficient where the model
+        holds. Where it is a simplification, what it misses counts as noise, and goes unfitted; "flat" weighs all
+        frequencies alike, so that the fit explains torque where the torque is large.
     max_iterations : int
         Most iterations.
     tolerance : float
@@ -101,6 +106,8 @@ def identify_riv(
     """
     if order not in (2, 3):
         raise ValueError(f"order must be 2 or 3, got {order!r}.")
+    if weighting not in WEIGHTINGS:
+        raise ValueError(f"unknown weighting {weighting!r}; known: {', '.join(WEIGHTINGS)}.")
     if max_iterations < 1 or not tolerance > 0:
         raise ValueError(f"max_iterations and tolerance must be positive, got {max_iterations!r}, {tolerance!r}.")
     nominal = NOMINAL_DELAY if delay is None else delay
@@ -112,7 +119,7 @@ def identify_riv(
         identification_rate=identification_rate,
         reference=reference,
     )
-    problem = Problem(trial, regressors, nominal, delay is None, order)
+    problem = Problem(trial, regressors, nominal, delay is None, order, weighting)
     start = problem.start()
     found = problem.refine(start, max_iterations, tolerance)
     return _estimate(trial, problem, start, found)
@@ -128,6 +135,10 @@ def _estimate(trial, problem, start, found):
     if found.criteria[1] > found.criteria[0]:
         parameters = start
         warnings.append("the iteration ended worse than its start, which is what is returned: do not trust it.")
+    if problem.left_delays(parameters):
+        warnings.append(
+            "the delay has left what a reflex can have (15 to 150 ms): give it, or take fewer basis functions."
+        )
     if problem.left_band(parameters):
         fewer = "take order=2" if problem.order == 3 else "its gain or the record is too small for two"
         warnings.append(

@@ -12,15 +12,19 @@ from ankleloop.regressors import INTRINSIC_NAMES, predicted_inputs
 from ankleloop.signals import PASSBAND
 from ankleloop.spectra import Band
 
-__all__ = ["MOTION", "Found", "Parameters", "Problem"]
+__all__ = ["MOTION", "WEIGHTINGS", "Found", "Parameters", "Problem"]
+
+WEIGHTINGS = ("noise", "flat")
 
 LOWEST = 0.05  # Hz: drifts and means lie below
 NOISE_RESOLUTION = 0.4  # Hz
-DELAYS = np.arange(0.01, 0.101, 0.01)  # s: where an unknown delay is looked for
+DELAYS = np.arange(0.02, 0.121, 0.01)  # s: where an unknown delay is looked for
+DELAY_LIMITS = (0.015, 0.15)  # s: no stretch reflex is faster; a shorter one could not be told from viscosity
 LARGEST_STEP = 0.4  # of a natural frequency or damping in one iteration
 LARGEST_DELAY_STEP = 0.01  # s
 WEAKEST = 0.05  # share of the position that the reference predicts
 FURTHEST = 20.0  # of the highest frequency: a pole beyond [rad/s] leaves no trace in the band
+SINGULAR = 1e-12  # of the largest singular value of scaled equations
 MOTION = len(INTRINSIC_NAMES)
 
 
@@ -54,8 +58,8 @@ class Found:
 class Problem:
     """Spectra of the measured and of the predicted inputs, and the equations between them."""
 
-    def __init__(self, trial, regressors, delay, free_delay, order):
-        self.trial, self.regressors, self.order = trial, regressors, order
+    def __init__(self, trial, regressors, delay, free_delay, order, weighting):
+        self.regressors, self.order, self.weighting = regressors, order, weighting
         self.delay, self.free_delay = delay, free_delay
         self.band = Band(regressors.torque.size, regressors.rate, LOWEST, PASSBAND * regressors.rate)
         self.torque = self.band.transform(regressors.torque)
@@ -102,11 +106,10 @@ class Problem:
         filters = np.array([dynamics.response(self.band.s)[0] for dynamics, _ in grid[:: len(shifts)]])
         late = np.exp(-np.outer(shifts, self.band.s))
         filters = (filters[:, None] * late).reshape(len(grid), -1)
-        noise = np.ones(self.band.s.size)
-        for _ in range(2):
-            best = self._best(grid, filters, noise)
-            noise = self._noise(self._residual(self.predicted, best))
-        return best
+        best = self._best(grid, filters, np.ones(self.band.s.size))
+        if self.weighting == "flat":
+            return best
+        return self._best(grid, filters, self._noise(self._residual(self.predicted, best)))
 
     def _best(self, grid, filters, noise):
         """Fit the linear parameters for all of the grid at once: normal equations are products with the filters."""
@@ -133,22 +136,24 @@ class Problem:
         parameters = start
         for iteration in range(1, max_iterations + 1):
             noise = self._noise(self._residual(self.measured, parameters))
-            parameters = self._linear(parameters, noise)
+            level = noise if self.weighting == "noise" else np.full(noise.size, noise.mean())
+            parameters = self._linear(parameters, level)
             instruments, jacobian = (np.vstack(self._terms(x, parameters)) for x in (self.predicted, self.measured))
-            weighted = instruments.conj() / noise
+            weighted = instruments.conj() / level
             normal = np.real(weighted @ jacobian.T)
-            step = linalg.solve(normal, np.real(weighted @ self._residual(self.measured, parameters)))
-            covariance = self._covariance(normal, np.real(weighted @ instruments.T))
+            step = _solved(normal, np.real(weighted @ self._residual(self.measured, parameters)))
+            scatter = np.real((weighted * noise) @ weighted.conj().T)
+            covariance = self._covariance(normal, scatter)
             share = self._share(step)
             parameters = parameters.moved(share * step)
-            if self.left_band(parameters):
+            if self.left_band(parameters) or self.left_delays(parameters):
                 converged = False
                 break
             converged = share == 1.0 and np.all(np.abs(step) <= tolerance * np.sqrt(np.diag(covariance)))
             if converged and iteration > 1:
                 break
-        criteria = tuple(self._criterion(weighted, instruments, at) for at in (start, parameters))
-        strength = _strength(instruments, jacobian, noise)
+        criteria = tuple(self._criterion(weighted, scatter, at) for at in (start, parameters))
+        strength = _strength(instruments, jacobian, level)
         return Found(parameters, covariance, iteration, bool(converged), criteria, strength, noise)
 
     def left_band(self, parameters):
@@ -156,11 +161,15 @@ class Problem:
         values = parameters.dynamics.values
         return max(values["omega_n"], values.get("pole", 0.0)) > FURTHEST * self.band.highest
 
+    def left_delays(self, parameters):
+        """Whether an estimated delay is none that a reflex can have."""
+        return self.free_delay and not DELAY_LIMITS[0] <= self.delay + parameters.shift <= DELAY_LIMITS[1]
+
     def _linear(self, parameters, noise):
         """Linear parameters in closed form, the dynamics being given."""
         instruments, terms = (self._terms(x, parameters)[0] for x in (self.predicted, self.measured))
         weighted = instruments.conj() / noise
-        linear = linalg.solve(np.real(weighted @ terms.T), np.real(weighted @ self.torque))
+        linear = _solved(np.real(weighted @ terms.T), np.real(weighted @ self.torque))
         return Parameters(linear, parameters.dynamics, parameters.shift)
 
     def _share(self, step):
@@ -168,20 +177,28 @@ class Problem:
         largest = np.array([LARGEST_STEP] * self.order + [LARGEST_DELAY_STEP] * self.free_delay)
         return min(1.0, float(np.min(largest / np.maximum(np.abs(step[-largest.size :]), 1e-30))))
 
-    def _covariance(self, normal, instruments):
+    def _covariance(self, normal, scatter):
         """Asymptotic covariance of the parameters; each frequency counts twice, as a complex number does.
 
-        The weights are an estimate themselves. To first order in the variance a of a smoothed periodogram over its
-        square the equations scatter by 1 + 3a more than with the true spectrum, where this formula says 1 + a.
+        Weights from the noise are an estimate themselves. To first order in the variance a of a smoothed periodogram
+        over its square the equations scatter by 1 + 3a more than with the true spectrum, where this formula says 1 + a.
         """
-        inverse = linalg.inv(normal)
-        estimated_weights = 1.0 + 2.0 * self.band.smoothing_variance(NOISE_RESOLUTION)
-        return 0.5 * self.band.correlation * estimated_weights * inverse @ instruments @ inverse.T
+        inverse = _solved(normal, np.eye(len(normal)))
+        estimated = 1.0 + 2.0 * self.band.smoothing_variance(NOISE_RESOLUTION) if self.weighting == "noise" else 1.0
+        return 0.5 * self.band.correlation * estimated * inverse @ scatter @ inverse.T
 
-    def _criterion(self, weighted, instruments, parameters):
+    def _criterion(self, weighted, scatter, parameters):
         """Size of the instrumental equations' left side, in units of its standard deviation."""
         left = np.real(weighted @ self._residual(self.measured, parameters))
-        return float(left @ linalg.solve(np.real(weighted @ instruments.T), left))
+        return float(left @ _solved(scatter, left))
+
+
+def _solved(normal, right):
+    """Solve normal equations whose unknowns have units of their own; directions without information stay put."""
+    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), np.finfo(float).tiny))
+    scaled = normal * np.outer(scale, scale)
+    right = (right.T * scale).T
+    return (linalg.lstsq(scaled, right, cond=SINGULAR)[0].T * scale).T
 
 
 def _stacked(terms, target):
