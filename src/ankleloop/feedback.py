@@ -1,0 +1,129 @@
+"""Does the torque feed back on the position? A test for closed loop from a record with its reference."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ankleloop.prediction import LEADS, finite_response
+from ankleloop.signals import convolve
+
+__all__ = ["FeedbackTest", "feedback_test", "unexplained"]
+
+SEGMENT = 2.0  # s
+BAND = (0.5, 20.0)  # Hz
+APART = 3  # bins: those of a Hann window are independent from there on
+LEVEL = 0.01
+
+
+@dataclass(frozen=True)
+class FeedbackTest:
+    """Outcome of the test.
+
+    Parameters
+    ----------
+    loop : {"closed", "open"}
+        The verdict.
+    p_value : float
+        Probability of such coherence if what the reference leaves of position and torque were unrelated.
+    coherence : float
+        Mean squared coherence of the two.
+    work : float
+        Between −1 and 1: positive if unexplained torque does work on what is outside, as it must on a passive load that
+        gives way; negative if unexplained movement does work on the joint.
+    unexplained : float
+        Share of the position's variance that the reference leaves.
+    """
+
+    loop: str
+    p_value: float
+    coherence: float
+    work: float
+    unexplained: float
+
+
+def unexplained(y, reference, rate):
+    """What leads and lags of a reference leave of a signal.
+
+    Parameters
+    ----------
+    y, reference : ndarray, shape (N,)
+        Signal and reference, decimated alike.
+    rate : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray, shape (M,)
+        Without the ends that the response touches.
+    """
+    taps = finite_response(y, reference, rate)
+    predicted = convolve(reference - reference.mean(), taps)[round(LEADS * rate) :][: y.size]
+    return (y - y.mean() - predicted)[taps.size : -taps.size]
+
+
+def feedback_test(position, torque, reference, rate):
+    r"""Test whether torque that the reference does not explain moves the joint.
+
+    Leads and lags of the reference are removed from both signals. In open loop nothing that is left of the position has
+    anything to do with what is left of the torque, but for a servo that does not follow its command: then the torque
+    follows the position, and the servo does work on the joint. Against a compliant load the position gives way, e_P =
+    −H e_T, and the torque does work on the load. The squared coherence of n segments, if there is none, has a known
+    distribution at each frequency, whatever the spectra are:
+
+    .. math:: -2 (n - 1) \ln(1 - C^2) \sim \chi^2_2 .
+
+    Its sum over independent frequencies between 0.5 and 20 Hz is the statistic; the sign of the cross spectrum of
+    velocity and torque, which is power, tells which of the two moves the other.
+
+    Parameters
+    ----------
+    position, torque, reference : ndarray, shape (N,)
+        Signals at the identification rate, decimated alike; a stretch is opposed by a positive torque.
+    rate : float
+        Identification rate [Hz].
+
+    Returns
+    -------
+    FeedbackTest
+
+    Raises
+    ------
+    DataError
+        If the record is too short for the response to the reference.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> r, v = rng.standard_normal((2, 5000))
+    >>> moved = np.cumsum(v - v.mean()) / 100
+    >>> feedback_test(r - moved, v, r, 100.0).loop, feedback_test(r, v, r, 100.0).loop
+    ('closed', 'open')
+    """
+    left = unexplained(position, reference, rate), unexplained(torque, reference, rate)
+    length = round(SEGMENT * rate)
+    count = left[0].size // length
+    spectra = []
+    for signal in left:
+        segments = signal[: count * length].reshape(count, length)
+        segments = (segments - segments.mean(axis=1, keepdims=True)) * np.hanning(length)
+        spectra.append(np.fft.rfft(segments, axis=1))
+    frequency = np.fft.rfftfreq(length, 1.0 / rate)
+    inside = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.38 * rate)))[::APART]
+    P, T = (spectrum[:, inside] for spectrum in spectra)
+    cross = np.sum(P * T.conj(), axis=0)
+    power = np.sum(np.abs(P) ** 2, axis=0) * np.sum(np.abs(T) ** 2, axis=0)
+    coherence = np.minimum(np.abs(cross) ** 2 / np.maximum(power, np.finfo(float).tiny), 1.0 - 1e-12)
+    statistic = -2.0 * (count - 1) * np.sum(np.log1p(-coherence))
+    p_value = float(stats.chi2.sf(statistic, 2 * inside.size))
+    power = np.real(1j * cross) / np.maximum(
+        np.abs(cross), np.finfo(float).tiny
+    )  # velocity leads position by a quarter
+    work = float(-np.sum(coherence * power) / np.sum(coherence))
+    return FeedbackTest(
+        loop="closed" if p_value < LEVEL and work > 0 else "open",
+        p_value=p_value,
+        coherence=float(coherence.mean()),
+        work=work,
+        unexplained=float(np.var(left[0]) / np.var(position)),
+    )
