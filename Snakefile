@@ -18,7 +18,9 @@ from studies import (
     article_parameters,
     article_studies,
     complete,
+    either,
     estimates,
+    existing,
     identify_options,
     notebook_inputs,
     notebook_parameters,
@@ -27,6 +29,7 @@ from studies import (
     studies,
     targets,
     trial_seeds,
+    without_selected,
 )
 
 CONFIG = complete(config)
@@ -48,5 +51,6 @@ rule all:
 include: "workflow/rules/simulate.smk"
 include: "workflow/rules/identify.smk"
 include: "workflow/rules/evaluate.smk"
+include: "workflow/rules/recordings.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/article.smk"

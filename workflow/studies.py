@@ -1,5 +1,6 @@
 """From the configuration to studies, points, methods and the files that each of them makes."""
 
+import csv
 import itertools
 import os
 import zlib
@@ -17,12 +18,13 @@ FIGURES = {
     "table1": lambda study: ["figure3", "order"],
     "figure4": lambda study: ["figure4", "passes"],
     "passes": lambda study: ["passes"],
-    "table2": lambda study: list(study.points) if study.kind == "recordings" else ["figure5"],
+    "table2": lambda study: ["figure5"],
     "comparison": lambda study: ["stiffness", "vaf"],
     "traces": lambda study: ["traces"],
     "sensitivity": lambda study: ["map"],
     "efficiency": lambda study: ["efficiency", "intervals"],
     "choosing": lambda study: ["choosing"],
+    "recordings": lambda study: ["group"],
 }
 ARTICLE = {
     "report": "results/article.html",
@@ -73,8 +75,13 @@ class Study:
     def points(self):
         """Parameters of each point, or the mapping of each recording, by name."""
         if self.kind == "recordings":
-            return self.settings["files"]
+            return {**self.settings["files"], **self.listed}
         return {point: {**self.settings["simulation"], **chosen} for point, chosen in self.combinations.items()}
+
+    @property
+    def listed(self):
+        """Recordings that a table lists, by name; once read they are settings."""
+        return self.settings.get("rows", {})
 
     @property
     def combinations(self):
@@ -108,6 +115,44 @@ class Study:
         return str(self.folder() / self.points[point]["file"])
 
 
+def read_rows(name, settings, schema):
+    """Rows of the table of a study of recordings, each checked; raises ConfigError naming table and line."""
+    path = Path(os.path.expandvars(settings["table"]))
+    if not path.exists():
+        raise ConfigError(f"study {name}: there is no table {path}.")
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = list(csv.DictReader(file))
+    found = {}
+    for line, row in enumerate(rows, start=2):
+        given = {key.strip(): _cell(value) for key, value in row.items() if key and (value or "").strip()}
+        of = [str(given.get(key)) for key in ("subject", "condition", "trial") if key in given]
+        point = str(given.pop("name", None) or "-".join(of))
+        _check({point: given}, {**schema["$defs"]["recordings"], "$defs": schema["$defs"]}, (f"{path}, line {line}",))
+        if point in found:
+            raise ConfigError(
+                f"{path}, line {line}: the name {point!r} stands there before; give each row its own name."
+            )
+        found[point] = given
+    if not found:
+        raise ConfigError(f"study {name}: the table {path} has no rows.")
+    return found
+
+
+def _cell(text):
+    """A cell as YAML would read it: numbers as numbers."""
+    return yaml.safe_load(text.strip())
+
+
+def existing(path):
+    """A file as an input if it is there: one that is missing is refused by its own job, and stops no other."""
+    return [path] if Path(path).exists() else []
+
+
+def either(names):
+    """Pattern of names, or of nothing at all."""
+    return "|".join(names) or "$^"
+
+
 def point_name(chosen):
     """Name of a point in paths, from the parameters that make it, whatever their order."""
     return ",".join(f"{name}={value}" for name, value in sorted(chosen.items())) or "only"
@@ -128,15 +173,12 @@ def complete(config):
     config = deepcopy(config)
     _check(config, schema)
     for name, settings in config["studies"].items():
-        points = Study(name, settings).points if settings["kind"] == "simulation" else {}
-        for point, parameters in points.items():
-            _check(dict(parameters), {**schema["$defs"]["simulation"], "$defs": schema["$defs"]}, ("points", point))
-        for method, given in settings["methods"].items():
-            for option, values in given["select"].items():
-                for value in values:
-                    alone = {"method": given["method"], "options": {option: value}}
-                    where = ("studies", name, "methods", method, "select")
-                    _check({method: alone}, {**schema["$defs"]["methods"], "$defs": schema["$defs"]}, where)
+        if settings["kind"] == "recordings":
+            _list_recordings(name, settings, schema)
+        else:
+            for point, parameters in Study(name, settings).points.items():
+                _check(dict(parameters), {**schema["$defs"]["simulation"], "$defs": schema["$defs"]}, ("points", point))
+        _check_selections(name, settings, schema)
     for key in ("run", "article"):
         unknown = set(config.get(key, ())) - set(config["studies"])
         if unknown:
@@ -144,6 +186,24 @@ def complete(config):
                 f"config: {key}: there is no study {sorted(unknown)[0]!r}; there are {sorted(config['studies'])}."
             )
     return config
+
+
+def _list_recordings(name, settings, schema):
+    """Read the table of a study of recordings, if it has one."""
+    if settings["table"]:
+        settings["rows"] = read_rows(name, settings, schema)
+    if not Study(name, settings).points:
+        raise ConfigError(f"study {name}: name its recordings under files, or a table that lists them.")
+
+
+def _check_selections(name, settings, schema):
+    """Every candidate that a method is to select from has to be an option that it can have."""
+    for method, given in settings["methods"].items():
+        for option, values in given["select"].items():
+            for value in values:
+                alone = {"method": given["method"], "options": {option: value}}
+                where = ("studies", name, "methods", method, "select")
+                _check({method: alone}, {**schema["$defs"]["methods"], "$defs": schema["$defs"]}, where)
 
 
 def studies(config):
@@ -177,22 +237,46 @@ def estimates(study, point):
     return [f"results/estimates/{study.name}/{point}/{method}.nc" for method in study.methods]
 
 
+def without_selected(method):
+    """A method whose options to be selected have no defaults."""
+    return {**method, "options": {k: value for k, value in method["options"].items() if k not in method["select"]}}
+
+
 def identify_options(method):
-    """Everything that `ankleloop.identify` is told of a method; an option to be selected has no default."""
+    """Everything that `ankleloop.identify` is told of a method."""
     chosen = {name: method[name] for name in ("select", "criterion")} if method["select"] else {}
-    return {name: value for name, value in method["options"].items() if name not in method["select"]} | chosen
+    return without_selected(method)["options"] | chosen
+
+
+def pages(study):
+    """Pages of a study of recordings, one for each."""
+    return [f"results/reports/{study.name}/{point}.html" for point in study.points]
 
 
 def notebook_parameters(study):
-    """Parameters of the notebook of a study; every notebook takes the same."""
+    """Parameters of the notebook of a study; every notebook takes the same. Recordings have tables and no scores."""
+    if study.kind == "recordings":
+        return {
+            **_shared_parameters(study),
+            "scores": [],
+            "parameters": scores(study, "parameters"),
+            "trials": {},
+            "estimates": {},
+        }
     return {
-        "study": study.name,
-        "kind": study.kind,
-        "title": study.settings["title"],
+        **_shared_parameters(study),
         "scores": scores(study),
         "parameters": scores(study, "parameters"),
         "trials": {point: f"results/trials/{study.name}/{point}.nc" for point in study.points},
         "estimates": {point: dict(zip(study.methods, estimates(study, point), strict=True)) for point in study.points},
+    }
+
+
+def _shared_parameters(study):
+    return {
+        "study": study.name,
+        "kind": study.kind,
+        "title": study.settings["title"],
         "labels": study.labels,
         "points": study.points,
         "varied": study.varied,
@@ -249,6 +333,9 @@ def targets(config):
         if study.kind == "recordings":
             # Here, and not only in the rule that reads: results of an earlier run would hide a folder that is not set.
             study.folder()
+            made += pages(study)
+            made += reports(study) or scores(study, "parameters")
+            continue
         made += reports(study) or [*scores(study), *scores(study, "parameters")]
     return [*made, *DIAGRAMS, *ARTICLE.values()] if article_studies(config) else made
 

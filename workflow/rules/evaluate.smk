@@ -8,6 +8,8 @@ rule evaluate:
         parameters="results/parameters/{study}/{point}.csv",
     log:
         "logs/evaluate/{study}/{point}.log",
+    wildcard_constraints:
+        study=either(SIMULATED),
     conda:
         "../envs/ankleloop.yaml"
     threads: 1

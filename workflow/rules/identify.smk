@@ -8,6 +8,8 @@ rule identify:
         "logs/identify/{study}/{point}/{method}.log",
     benchmark:
         "logs/identify/{study}/{point}/{method}.tsv"
+    wildcard_constraints:
+        study=either(SIMULATED),
     conda:
         "../envs/ankleloop.yaml"
     threads: 1

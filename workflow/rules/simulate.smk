@@ -1,4 +1,4 @@
-# Trials: simulated, or read from the files of a laboratory.
+# Simulated trials.
 SIMULATED = [name for name, study in STUDIES.items() if study.kind == "simulation"]
 RECORDED = [name for name, study in STUDIES.items() if study.kind == "recordings"]
 
@@ -11,7 +11,7 @@ rule simulate:
     benchmark:
         "logs/simulate/{study}/{point}.tsv"
     wildcard_constraints:
-        study="|".join(SIMULATED) or "$^",
+        study=either(SIMULATED),
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
@@ -26,26 +26,3 @@ rule simulate:
         "Simulating {wildcards.study} at {wildcards.point}"
     script:
         "../scripts/simulate.py"
-
-
-rule read:
-    input:
-        recording=lambda wildcards: STUDIES[wildcards.study].source(wildcards.point),
-    output:
-        trials="results/trials/{study}/{point}.nc",
-    log:
-        "logs/read/{study}/{point}.log",
-    wildcard_constraints:
-        study="|".join(RECORDED) or "$^",
-    conda:
-        "../envs/ankleloop.yaml"
-    threads: 1
-    resources:
-        mem_mb=2000,
-    params:
-        mapping=lambda wildcards: STUDIES[wildcards.study].points[wildcards.point],
-        library=fingerprint("workflow/scripts/read.py"),
-    message:
-        "Reading {wildcards.point} of {wildcards.study}"
-    script:
-        "../scripts/read.py"
