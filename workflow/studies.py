@@ -32,6 +32,7 @@ ARTICLE = {
     "page": "results/verification.md",
     "economy": "results/tables/economy.csv",
 }
+TOGETHER = 8  # recordings of one job
 DIAGRAMS = [f"results/figures/figure{number}{end}" for number in (1, 2) for end in (".png", ".pdf", ".svg")]
 
 
@@ -248,9 +249,17 @@ def identify_options(method):
     return without_selected(method)["options"] | chosen
 
 
-def pages(study):
-    """Pages of a study of recordings, one for each."""
-    return [f"results/reports/{study.name}/{point}.html" for point in study.points]
+def page(study, point):
+    """Page of a recording."""
+    return f"results/reports/{study.name}/{point}.html"
+
+
+def batches(study):
+    """Recordings that share a job; none of a study that is simulated."""
+    if study.kind != "recordings":
+        return []
+    points = list(study.points)
+    return [points[first : first + TOGETHER] for first in range(0, len(points), TOGETHER)]
 
 
 def notebook_parameters(study):
@@ -333,7 +342,7 @@ def targets(config):
         if study.kind == "recordings":
             # Here, and not only in the rule that reads: results of an earlier run would hide a folder that is not set.
             study.folder()
-            made += pages(study)
+            made += [page(study, point) for point in study.points]
             made += reports(study) or scores(study, "parameters")
             continue
         made += reports(study) or [*scores(study), *scores(study, "parameters")]

@@ -3,13 +3,13 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import signal as sps
 
 from ankleloop.errors import DataError
 from ankleloop.feedback import feedback_test
 from ankleloop.prediction import share_explained
 from ankleloop.regressors import build_regressors, predicted_inputs
 from ankleloop.signals import PASSBAND
+from ankleloop.spectra import segment_spectra
 
 __all__ = ["VERDICTS", "Check", "Finding", "check_trial"]
 
@@ -206,14 +206,23 @@ def _spectra(regressors):
     """Spectra and coherence at the identification rate, in segments of about five seconds."""
     rate, size = regressors.rate, min(512, regressors.torque.size // 4)
     signals = {"position": regressors.inputs[:, 0], "torque": regressors.torque}
-    options = {"fs": rate, "nperseg": size}
-    frequency, position = sps.welch(signals["position"], **options)
-    inside = (frequency > 0) & (frequency <= PASSBAND * rate)
-    found = {"frequency": frequency, "position": position, "torque": sps.welch(signals["torque"], **options)[1]}
-    found["coherence"] = sps.coherence(*signals.values(), **options)[1]
     if regressors.reference is not None:
-        found["reference_coherence"] = sps.coherence(regressors.reference, signals["position"], **options)[1]
-    return {name: values[inside] for name, values in found.items()}
+        signals["reference"] = regressors.reference
+    frequency = np.fft.rfftfreq(size, 1.0 / rate)
+    inside = (frequency > 0) & (frequency <= PASSBAND * rate)
+    found = {name: segment_spectra(x, size, size // 2)[:, inside] for name, x in signals.items()}
+    power = {name: np.mean(np.abs(spectrum) ** 2, axis=0) for name, spectrum in found.items()}
+    density = 0.5 * rate * np.sum(np.hanning(size) ** 2)
+
+    def coherence(one, other):
+        cross = np.mean(found[one] * found[other].conj(), axis=0)
+        return np.abs(cross) ** 2 / np.maximum(power[one] * power[other], np.finfo(float).tiny)
+
+    spectra = {"frequency": frequency[inside]} | {name: power[name] / density for name in ("position", "torque")}
+    spectra["coherence"] = coherence("position", "torque")
+    if "reference" in signals:
+        spectra["reference_coherence"] = coherence("reference", "position")
+    return spectra
 
 
 def _coherence(spectra):

@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from ankleloop.prediction import LEADS, finite_response
 from ankleloop.signals import convolve
+from ankleloop.spectra import segment_spectra
 
 __all__ = ["FeedbackTest", "feedback_test", "unexplained"]
 
@@ -102,12 +103,8 @@ def feedback_test(position, torque, reference, rate):
     """
     left = unexplained(position, reference, rate), unexplained(torque, reference, rate)
     length = round(SEGMENT * rate)
-    count = left[0].size // length
-    spectra = []
-    for signal in left:
-        segments = signal[: count * length].reshape(count, length)
-        segments = (segments - segments.mean(axis=1, keepdims=True)) * np.hanning(length)
-        spectra.append(np.fft.rfft(segments, axis=1))
+    spectra = [segment_spectra(signal, length, length) for signal in left]
+    count = len(spectra[0])
     frequency = np.fft.rfftfreq(length, 1.0 / rate)
     inside = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.38 * rate)))[::APART]
     P, T = (spectrum[:, inside] for spectrum in spectra)
@@ -115,7 +112,7 @@ def feedback_test(position, torque, reference, rate):
     power = np.sum(np.abs(P) ** 2, axis=0) * np.sum(np.abs(T) ** 2, axis=0)
     coherence = np.minimum(np.abs(cross) ** 2 / np.maximum(power, np.finfo(float).tiny), 1.0 - 1e-12)
     statistic = -2.0 * (count - 1) * np.sum(np.log1p(-coherence))
-    p_value = float(stats.chi2.sf(statistic, 2 * inside.size))
+    p_value = float(special.chdtrc(2 * inside.size, statistic))
     power = np.real(1j * cross) / np.maximum(
         np.abs(cross), np.finfo(float).tiny
     )  # velocity leads position by a quarter

@@ -71,19 +71,16 @@ class StaticNonlinearity:
         torque = self(velocity)
         centred = torque - torque.mean()
 
-        def fitted(threshold):
-            ramp = np.maximum(velocity - threshold, 0.0)
-            ramp = ramp - ramp.mean()
-            gain = ramp @ centred / (ramp @ ramp)
-            return np.sum((centred - gain * ramp) ** 2), gain
-
         low, high = velocity[0], velocity[-3]
         for _ in range(3):  # ever finer grids: the criterion has kinks, and may have several valleys
             grid = np.linspace(low, high, CANDIDATES)
-            best = int(np.argmin([fitted(at)[0] for at in grid]))
+            ramps = np.maximum(velocity - grid[:, None], 0.0)
+            ramps -= ramps.mean(axis=1, keepdims=True)
+            gains = ramps @ centred / np.sum(ramps**2, axis=1)
+            explained = gains * (ramps @ centred)
+            best = int(np.argmax(explained))
             low, high = grid[max(best - 1, 0)], grid[min(best + 1, CANDIDATES - 1)]
-        left, gain = fitted(grid[best])
-        return float(gain), float(grid[best]), float(1.0 - left / (centred @ centred))
+        return float(gains[best]), float(grid[best]), float(explained[best] / (centred @ centred))
 
 
 @dataclass(frozen=True)

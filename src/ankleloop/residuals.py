@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from ankleloop.signals import PASSBAND
 from ankleloop.spectra import Band
@@ -90,7 +90,7 @@ def residual_test(residual, signal, rate, lags=LAGS):
     ratio = np.array([group.mean() for group in groups]) / power.mean()
     # Logarithms of means of n squared magnitudes scatter by nearly 1/n, whatever the level.
     unevenness = np.sum(size * freedom / 2.0 * np.log(ratio) ** 2)
-    white_p = float(stats.chi2.sf(unevenness, GROUPS - 1))
+    white_p = float(special.chdtrc(GROUPS - 1, unevenness))
     whitened = [x / np.sqrt(band.smoothed(np.abs(x) ** 2, 1.0)) for x in spectra]
     full = np.zeros(residual.size // 2 + 1, dtype=complex)
     kept = np.round(band.frequency * residual.size / rate).astype(int)
@@ -103,7 +103,7 @@ def residual_test(residual, signal, rate, lags=LAGS):
     found = correlation[shifts] / scale
     # Samples of a signal with a share of the band only are that much less independent.
     independent = found[:: max(1, round(0.5 / PASSBAND))]
-    related_p = float(stats.chi2.sf(np.sum(independent**2), independent.size))
+    related_p = float(special.chdtrc(independent.size, np.sum(independent**2)))
     root = np.sqrt(kept.size * 2.0)
     return ResidualTest(
         frequency=band.frequency,
@@ -112,7 +112,7 @@ def residual_test(residual, signal, rate, lags=LAGS):
         white_p=white_p,
         lags=shifts / rate,
         correlation=found / root,
-        limit=float(stats.norm.ppf(0.995) / root),
+        limit=float(special.ndtri(0.995) / root),
         related=related_p < LEVEL,
         related_p=related_p,
     )

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-__all__ = ["Band", "smoothed"]
+__all__ = ["Band", "segment_spectra", "smoothed"]
 
 TAPERED = 0.1  # of the record, half at either end
 
@@ -108,6 +108,29 @@ class Band:
         """
         window = _window(resolution * self.samples / self.rate, self.frequency.size)
         return float(self.correlation * np.sum(window**2))
+
+
+def segment_spectra(x, length, step):
+    """Fourier transforms of segments of a record, each without its mean and under a Hann window.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N,)
+        The record.
+    length, step : int
+        Length of the segments, and from the start of one to that of the next.
+
+    Returns
+    -------
+    ndarray of complex, shape (segments, length // 2 + 1)
+
+    Examples
+    --------
+    >>> segment_spectra(np.ones(100), 20, 10).shape
+    (9, 11)
+    """
+    segments = np.lib.stride_tricks.sliding_window_view(np.asarray(x, dtype=float), length)[::step]
+    return np.fft.rfft((segments - segments.mean(axis=1, keepdims=True)) * np.hanning(length), axis=1)
 
 
 def smoothed(power, width):

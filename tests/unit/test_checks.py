@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy import signal as sps
 
 from ankleloop import DataError, identify, new_trial, simulate
 from ankleloop.checks import check_trial
 from ankleloop.preparation import remove_drift
+from ankleloop.regressors import build_regressors
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +26,17 @@ def test_a_good_record_is_ok(closed):
     assert list(check.methods) == ["riv", "pr-moesp"]
     assert check.reasons == []
     assert set(check.spectra) == {"frequency", "position", "torque", "coherence", "reference_coherence"}
+
+
+def test_spectra_against_scipy(closed):
+    spectra = check_trial(closed).spectra
+    r = build_regressors(closed, delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
+    options = {"fs": 100.0, "nperseg": 512, "window": np.hanning(512)}
+    frequency, density = sps.welch(r.torque, **options)
+    inside = np.isin(frequency, spectra["frequency"])
+    np.testing.assert_allclose(spectra["torque"], density[inside], rtol=1e-9)
+    coherence = sps.coherence(r.inputs[:, 0], r.torque, **options)[1]
+    np.testing.assert_allclose(spectra["coherence"], coherence[inside], rtol=1e-9)
 
 
 def test_valid_methods_can_be_run_as_they_are_named(closed):

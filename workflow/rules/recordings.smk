@@ -1,36 +1,45 @@
-# Recordings of a laboratory: one job each, from the file to its page. A bad one is refused with its reason; the others
-# go on.
-rule recording:
-    input:
-        recording=lambda wildcards: existing(
-            STUDIES[wildcards.study].source(wildcards.point)
-        ),
-        style="workflow/report/page.html",
-    output:
-        page="results/reports/{study}/{point}.html",
-        table="results/parameters/{study}/{point}.csv",
-        estimates=directory("results/estimates/{study}/{point}"),
-    log:
-        "logs/recording/{study}/{point}.log",
-    benchmark:
-        "logs/recording/{study}/{point}.tsv"
-    wildcard_constraints:
-        study=either(RECORDED),
-    conda:
-        "../envs/ankleloop.yaml"
-    threads: 1
-    resources:
-        mem_mb=1000,
-    params:
-        path=lambda wildcards: STUDIES[wildcards.study].source(wildcards.point),
-        mapping=lambda wildcards: STUDIES[wildcards.study].points[wildcards.point],
-        methods=lambda wildcards: {
-            name: without_selected(method)
-            for name, method in STUDIES[wildcards.study].methods.items()
-        },
-        figure=lambda wildcards: STUDIES[wildcards.study].settings["figure"],
-        library=fingerprint("workflow/scripts/recording.py"),
-    message:
-        "Recording {wildcards.point} of {wildcards.study}"
-    script:
-        "../scripts/recording.py"
+# Recordings of a laboratory, from the file to a page each. A job takes several, because starting one costs as much as a
+# recording does. A bad recording is refused with its reason; the others go on.
+for _study in STUDIES.values():
+    for _number, _points in enumerate(batches(_study)):
+
+        rule:
+            name:
+                f"recordings_{_study.name.replace('-', '_')}_{_number}"
+            input:
+                [existing(_study.source(point)) for point in _points],
+                style="workflow/report/page.html",
+            output:
+                pages=[page(_study, point) for point in _points],
+                tables=[
+                    f"results/parameters/{_study.name}/{point}.csv"
+                    for point in _points
+                ],
+                estimates=[
+                    directory(f"results/estimates/{_study.name}/{point}")
+                    for point in _points
+                ],
+            log:
+                f"logs/recordings/{_study.name}/{_number}.log",
+            benchmark:
+                f"logs/recordings/{_study.name}/{_number}.tsv"
+            conda:
+                "../envs/ankleloop.yaml"
+            threads: 1
+            resources:
+                mem_mb=1000,
+            params:
+                points={
+                    point: {**_study.points[point], "path": _study.source(point)}
+                    for point in _points
+                },
+                methods={
+                    name: without_selected(method)
+                    for name, method in _study.methods.items()
+                },
+                figure=_study.settings["figure"],
+                library=fingerprint("workflow/scripts/recordings.py"),
+            message:
+                f"{_study.name}: recordings {_number * len(_points) + 1} … of {len(_study.points)}, {', '.join(_points)}"
+            script:
+                "../scripts/recordings.py"

@@ -1,6 +1,5 @@
 # Simulated trials.
 SIMULATED = [name for name, study in STUDIES.items() if study.kind == "simulation"]
-RECORDED = [name for name, study in STUDIES.items() if study.kind == "recordings"]
 
 
 rule simulate:

@@ -1,4 +1,4 @@
-"""One recording from its file to a page: check, every valid method, export. A bad one is refused, not a failure."""
+"""Recordings from files to pages: check, every valid method, export. A bad one is refused, and no failure."""
 
 import base64
 import html
@@ -18,7 +18,7 @@ from ankleloop.readers import read_trial
 from ankleloop.storage import whole_file
 from ankleloop.trial import segment
 
-from job import log, running
+from job import log, progress, running
 
 READING = ("position", "torque", "reference", "sampling_rate", "position_unit", "position_sign", "torque_sign")
 SHOWN = {
@@ -144,25 +144,28 @@ def tests(residuals):
     return f"<ul>{''.join(lines)}</ul>"
 
 
-with running(snakemake):
-    given, name = snakemake.params.mapping, snakemake.wildcards.point
-    methods = {method["label"] or key: method for key, method in snakemake.params.methods.items()}
-    keys = {method["label"] or key: key for key, method in snakemake.params.methods.items()}
-    trial, analysis = analysed(snakemake.params.path, given, methods)
-    log.info("%s", analysis.check)
+def finish(name, given, page, table_path, folder):
+    """Everything that is kept of one recording."""
+    trial, analysis = analysed(given["path"], given, methods)
+    log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
     told = {"recording": name, **{key: given[key] for key in ("subject", "condition", "trial")}}
     table = analysis.table.assign(**told, key=analysis.table.get("label", pd.Series(dtype=object)).map(keys))
-    with whole_file(snakemake.output.table) as path:
+    with whole_file(table_path) as path:
         table[[*told, *[column for column in table if column not in told]]].to_csv(path, index=False)
-    folder = Path(snakemake.output.estimates)
-    folder.mkdir(parents=True, exist_ok=True)
+    Path(folder).mkdir(parents=True, exist_ok=True)
     for label, estimate in analysis.estimates.items():
         for suffix in (".nc", ".mat", ".csv"):
-            export_estimate(estimate, folder / f"{keys[label]}{suffix}")
+            export_estimate(estimate, Path(folder) / f"{keys[label]}{suffix}")
     window = {key: snakemake.params.figure[key] for key in ("start", "length")}
+    content = style.replace("{{ title }}", html.escape(name))
+    with whole_file(page) as path:
+        path.write_text(content.replace("{{ body }}", body(name, given, trial, analysis, window)), encoding="utf-8")
+
+
+with running(snakemake):
+    methods = {method["label"] or key: method for key, method in snakemake.params.methods.items()}
+    keys = {method["label"] or key: key for key, method in snakemake.params.methods.items()}
     style = Path(snakemake.input.style).read_text(encoding="utf-8")
-    content = body(name, given, trial, analysis, window)
-    with whole_file(snakemake.output.page) as path:
-        path.write_text(
-            style.replace("{{ title }}", html.escape(name)).replace("{{ body }}", content), encoding="utf-8"
-        )
+    outputs = zip(snakemake.output.pages, snakemake.output.tables, snakemake.output.estimates, strict=True)
+    for (name, given), made in zip(snakemake.params.points.items(), progress(list(outputs), "made"), strict=True):
+        finish(name, given, *made)
