@@ -127,12 +127,10 @@ def read_rows(name, settings, schema):
     for line, row in enumerate(rows, start=2):
         given = {key.strip(): _cell(value) for key, value in row.items() if key and (value or "").strip()}
         of = [str(given.get(key)) for key in ("subject", "condition", "trial") if key in given]
-        point = str(given.pop("name", None) or "-".join(of))
+        point = str(given.pop("name", None) or "-".join(of) or Path(str(given.get("file", line))).name)
         _check({point: given}, {**schema["$defs"]["recordings"], "$defs": schema["$defs"]}, (f"{path}, line {line}",))
         if point in found:
-            raise ConfigError(
-                f"{path}, line {line}: the name {point!r} stands there before; give each row its own name."
-            )
+            raise ConfigError(f"{path}, line {line}: the name {point!r} is taken; give each row a name of its own.")
         found[point] = given
     if not found:
         raise ConfigError(f"study {name}: the table {path} has no rows.")
@@ -140,8 +138,14 @@ def read_rows(name, settings, schema):
 
 
 def _cell(text):
-    """A cell as YAML would read it: numbers as numbers."""
-    return yaml.safe_load(text.strip())
+    """A cell of a table: a whole number, a number, or text."""
+    text = text.strip()
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
 
 
 def existing(path):

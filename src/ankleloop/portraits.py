@@ -70,14 +70,18 @@ def model_figure(estimates):
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 5.0), layout="constrained")
         (intrinsic, intrinsic_gain, curve), (reflex, reflex_gain, phase) = figure.subplots(2, 3)
+        free = any("intrinsic_response" in estimate.diagnostics for estimate in estimates.values())
         for number, (label, estimate) in enumerate(estimates.items()):
             look = {"color": COLOURS[number % len(COLOURS)], "lw": 1.1, "label": label}
-            _intrinsic(intrinsic, intrinsic_gain, estimate, look)
+            _intrinsic(intrinsic if free else None, intrinsic_gain, None if free else intrinsic, estimate, look)
             _reflex(reflex, reflex_gain, phase, estimate, look)
             shape = estimate.diagnostics.get("nonlinearity")
             if shape is not None:
                 curve.plot(shape["velocity"], shape["torque"], **look)
-        intrinsic.set(xlabel="time [s]", ylabel="intrinsic response [N·m/rad]", title="per sample, two-sided")
+        if free:
+            intrinsic.set(xlabel="time [s]", ylabel="intrinsic response [N·m/rad]", title="per sample, two-sided")
+        else:
+            intrinsic.set(xlabel="frequency [Hz]", ylabel="intrinsic phase [°]")
         intrinsic_gain.set(xlabel="frequency [Hz]", ylabel="intrinsic gain [N·m/rad]")
         curve.set(xlabel="delayed velocity [rad/s]", ylabel="nonlinearity [N·m]")
         reflex.set(xlabel="time after the delay [s]", ylabel="reflex response [1/s]", title="of unit gain")
@@ -92,15 +96,18 @@ def model_figure(estimates):
 FREQUENCY = np.geomspace(0.2, 38.0, 200)
 
 
-def _intrinsic(response, gain, estimate, look):
-    """Two-sided response where the method has one; the second-order model's gain."""
-    if "intrinsic_response" in estimate.diagnostics:
+def _intrinsic(response, gain, phase, estimate, look):
+    """Two-sided response where the method has one; gain of the second-order model, and its phase if there is room."""
+    if response is not None and "intrinsic_response" in estimate.diagnostics:
         response.plot(
             estimate.diagnostics["intrinsic_lags"], estimate.diagnostics["intrinsic_response"], "o-", ms=2, **look
         )
     s = 2j * np.pi * FREQUENCY
     K, B, I = (estimate.stiffness[name] for name in "KBI")  # noqa: E741 - the field's name
     gain.loglog(FREQUENCY, np.abs(K + B * s + I * s**2), **look)
+    if phase is not None:
+        phase.semilogx(FREQUENCY, np.degrees(np.unwrap(np.angle(K + B * s + I * s**2))), **look)
+        phase.xaxis.set_major_formatter("{x:g}")
 
 
 def _reflex(response, gain, phase, estimate, look):

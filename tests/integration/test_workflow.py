@@ -71,7 +71,18 @@ def test_scores_are_means_of_trials(made):
         pd.read_csv(made / "results/tables/table1.csv").query("gain == 13").set_index(["method", "torque", "against"])
     )
     scores = pd.read_csv(made / "results/scores/table1/reflex_gain=13.0.csv")
-    assert list(scores.columns) == ["study", "point", "reflex_gain", "method", "trial", "torque", "against", "vaf"]
+    assert list(scores.columns) == [
+        "study",
+        "point",
+        "reflex_gain",
+        "method",
+        "trial",
+        "torque",
+        "against",
+        "vaf",
+        "low",
+        "high",
+    ]
     for key, rows in scores.groupby(["method", "torque", "against"]):
         row = table.loc[key]
         assert row["mean"] == pytest.approx(rows["vaf"].mean(), abs=1e-9)
@@ -202,33 +213,48 @@ def laboratory(tmp_path_factory):
     return folder
 
 
-def recordings(folder, name):
-    mapping = {"position": "angle_deg", "torque": "tq", "position_unit": "deg", "torque_sign": -1}
+def recordings(folder, files):
+    """The example with other files, listed by a table."""
+    rows = ["name,file,subject,condition,position,torque,position_unit,torque_sign"]
+    rows += [f"{name},{file},Ann,{condition},angle_deg,tq,deg,-1" for name, (file, condition) in files.items()]
+    (folder / "config/laboratory.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     example = yaml.safe_load((folder / "config/recordings.example.yaml").read_text(encoding="utf-8"))
-    example["studies"]["recordings"]["files"] = {"S1": {"file": name, **mapping}}
+    example["studies"]["recordings"].pop("files")
+    example["studies"]["recordings"]["table"] = "config/laboratory.csv"
     (folder / "config/laboratory.yaml").write_text(yaml.safe_dump(example, sort_keys=False), encoding="utf-8")
     return "--configfile", "config/laboratory.yaml"
 
 
 def test_recordings_of_a_laboratory(house, laboratory, snakemake):
-    snakemake(house, *recordings(house, "good.csv.gz"), ANKLELOOP_RECORDINGS=str(laboratory))
-    table = pd.read_csv(house / "results/tables/recordings.csv").set_index("method")
-    assert list(table.index) == ["pi-moesp", "pr-moesp-position", "parallel-cascade"]
-    assert (table["K"] / 150.0 - 1).abs().max() < 0.15
-    assert (table[["B", "I"]] > 0).all(axis=None)
-    assert (table["vaf_net"] > 88).all()
-    assert table.loc["pr-moesp-position", "reference"] == "position"
-    assert "position as reference" in page(house / "results/reports/recordings.html")
-    assert (house / "results/figures/recordings-S1.png").stat().st_size > 10_000
+    """A good one, one with a gap and one that is not there: the last two are refused, the first one finishes."""
+    files = {"A1": ("good.csv.gz", "rest"), "A2": ("bad.csv", "rest"), "A3": ("nowhere.csv", "active")}
+    text = snakemake(house, *recordings(house, files), ANKLELOOP_RECORDINGS=str(laboratory))
+    table = pd.read_csv(house / "results/tables/recordings.csv")
+    good = table[table["recording"] == "A1"].set_index("method")
+    assert list(good.index) == ["riv", "pi-moesp", "pr-moesp-position", "parallel-cascade"]
+    assert (good["K"] / 150.0 - 1).abs().max() < 0.2
+    assert (good[["B", "I"]] > 0).all(axis=None)
+    assert (good["vaf_net"] > 88).all()
+    assert (good["vaf_unseen"] > 80).all()
+    assert (good["subject"] == "Ann").all()
+    assert good.loc["pr-moesp-position", "reference"] == "position"
+    refused = table[table["verdict"] == "refused"].set_index("recording")["reasons"]
+    assert "777" in refused["A2"]  # the sample
+    assert "there is no file nowhere.csv" in refused["A3"]
+    assert "A2 refused" in text
+    summary = page(house / "results/reports/recordings.html")
+    assert "position as reference" in summary
+    assert "nowhere.csv" in summary
+    assert "cannot be decided" in page(house / "results/reports/recordings/A1.html")
+    assert "nowhere.csv" in (house / "results/reports/recordings/A3.html").read_text(encoding="utf-8")
+    assert (house / "results/figures/recordings-group.png").stat().st_size > 10_000
+    exported = sorted(path.name for path in (house / "results/estimates/recordings/A1").iterdir())
+    assert exported[:3] == ["parallel-cascade.csv", "parallel-cascade.mat", "parallel-cascade.nc"]
+    assert len(exported) == 12
 
 
-def test_a_bad_recording_says_what_and_where(house, laboratory, snakemake):
-    arguments = recordings(house, "bad.csv")
-    text = snakemake(house, *arguments, check=False, ANKLELOOP_RECORDINGS=str(laboratory))
-    assert "DataError" in text
-    assert "bad.csv" in text
-    assert "777" in text  # the sample
-    unset = snakemake(house, *arguments, check=False)
+def test_recordings_need_their_folder(house, laboratory, snakemake):
+    unset = snakemake(house, *recordings(house, {"A1": ("good.csv.gz", "rest")}), check=False)
     assert "ANKLELOOP_RECORDINGS" in unset
     assert "not set" in unset
 
@@ -245,4 +271,7 @@ def test_real_recordings(house, snakemake):
     for recording, net in (("z_df", 93.4), ("z_pf", 87.7), ("z_df3", 93.4)):
         assert table.loc[(recording, "pi-moesp"), "vaf_net"] > net - 1
         assert table.loc[(recording, "parallel-cascade"), "vaf_net"] > net - 1
+        unseen = table.loc[recording]["vaf_unseen"]
+        assert unseen.drop("parallel-cascade").max() > unseen["parallel-cascade"] - 0.5
+        assert set(table.loc[recording]["loop"]) == {"undecided"}
     page(house / "results/reports/recordings.html")

@@ -9,7 +9,19 @@ import ankleloop
 from ankleloop.simulation import parameter_table
 
 from fingerprint import ROOT, fingerprint
-from studies import SCHEMA, ConfigError, complete, reports, scores, studies, targets, trial_seeds
+from studies import (
+    SCHEMA,
+    ConfigError,
+    batches,
+    complete,
+    existing,
+    identify_options,
+    reports,
+    scores,
+    studies,
+    targets,
+    trial_seeds,
+)
 
 DEFINITIONS = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))["$defs"]
 CONFIG = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
@@ -179,6 +191,67 @@ def test_recordings_need_their_folder(monkeypatch):
     assert study.source("z_pf") == "/somewhere/ankle_pf.mat"
     assert study.points["z_pf"]["torque_sign"] == -1
     assert study.points["z_pf"]["position"] == "position"
+
+
+def listing(tmp_path, text, **more):
+    """The example with a table instead of its files."""
+    example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
+    study = example["studies"]["recordings"]
+    study.pop("files")
+    (tmp_path / "list.csv").write_text(text, encoding="utf-8")
+    study |= {"table": str(tmp_path / "list.csv"), "folder": str(tmp_path), **more}
+    return example
+
+
+def test_a_table_lists_recordings(tmp_path):
+    text = (
+        "file,subject,condition,trial,torque_sign,start,stop,drift\na.mat,S1,rest,1,-1,2,30.5,2\nb.csv,S1,rest,2,,,,\n"
+    )
+    study = studies(complete(listing(tmp_path, text)))["recordings"]
+    assert list(study.points) == ["S1-rest-1", "S1-rest-2"]
+    first, second = study.points.values()
+    assert (first["torque_sign"], first["start"], first["stop"], first["drift"]) == (-1, 2, 30.5, 2)
+    assert (second["torque_sign"], second["start"], second["drift"], second["position"]) == (1, None, 0, "position")
+    assert [len(batch) for batch in batches(study)] == [2]
+    assert existing(study.source("S1-rest-1")) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("file,torque_sign\na.mat,2\n", r"line 2.*torque_sign.*2 is not one of \[1, -1\]"),
+        ("file,color\na.mat,red\n", "line 2.*'color' was unexpected"),
+        ("name,file\nx,a.mat\nx,b.mat\n", "line 3: the name 'x' is taken"),
+        ("name,file\na/b,a.mat\n", "line 2.*does not match"),
+        ("name,file\n", "has no rows"),
+        ("name,subject\nx,S1\n", "line 2.*'file' is a required property"),
+    ],
+)
+def test_tables_with_mistakes(tmp_path, text, message):
+    with pytest.raises(ConfigError, match=message):
+        complete(listing(tmp_path, text))
+
+
+def test_a_study_of_recordings_needs_some(tmp_path):
+    with pytest.raises(ConfigError, match="there is no table"):
+        complete(listing(tmp_path, "file\na.mat\n", table=str(tmp_path / "other.csv")))
+    with pytest.raises(ConfigError, match="name its recordings under files, or a table"):
+        complete(listing(tmp_path, "file\na.mat\n", table=None))
+
+
+def test_what_is_selected_must_be_an_option():
+    method = {"method": "pr-moesp", "select": {"order": [1, 0]}}
+    with pytest.raises(ConfigError, match=r"select → a → options → order.*0 is less than the minimum of 1"):
+        complete(changed("studies", "table1", "methods", "a", value=method))
+    method = {"method": "riv", "select": {"block_rows": [10]}}
+    with pytest.raises(ConfigError, match="'block_rows' was unexpected"):
+        complete(changed("studies", "table1", "methods", "a", value=method))
+    method = complete(
+        changed("studies", "table1", "methods", "a", value={"method": "riv", "select": {"order": [2, 3]}})
+    )
+    told = identify_options(method["studies"]["table1"]["methods"]["a"])
+    assert told["select"] == {"order": [2, 3]}
+    assert "order" not in told
 
 
 def test_fingerprints_follow_imports(tmp_path, monkeypatch):

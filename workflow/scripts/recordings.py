@@ -3,6 +3,7 @@
 import base64
 import html
 import io
+import sys
 from pathlib import Path
 
 import pandas as pd
@@ -50,13 +51,14 @@ def prepared(path, given):
     return remove_drift(trial, given["drift"]) if given["drift"] else trial
 
 
-def analysed(path, given, methods):
+def analysed(name, given, methods):
     """The analysis; of a file that cannot be used, its reason."""
     try:
-        trial = prepared(path, given)
+        trial = prepared(given["path"], given)
         return trial, analyse(trial, methods)
     except DataError as error:
         log.info("refused: %s", error)
+        print(f"{name} refused: {error}", file=sys.stderr)
         check = Check([Finding("file", "refused", str(error))], "undecided", {})
         return None, Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": str(error)}]))
 
@@ -146,7 +148,7 @@ def tests(residuals):
 
 def finish(name, given, page, table_path, folder):
     """Everything that is kept of one recording."""
-    trial, analysis = analysed(given["path"], given, methods)
+    trial, analysis = analysed(name, given, methods)
     log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
     told = {"recording": name, **{key: given[key] for key in ("subject", "condition", "trial")}}
     table = analysis.table.assign(**told, key=analysis.table.get("label", pd.Series(dtype=object)).map(keys))
