@@ -76,13 +76,13 @@ class Study:
     def points(self):
         """Parameters of each point, or the mapping of each recording, by name."""
         if self.kind == "recordings":
-            return {**self.settings["files"], **self.listed}
+            return {**self.settings["files"], **self.listed["first"]}
         return {point: {**self.settings["simulation"], **chosen} for point, chosen in self.combinations.items()}
 
     @property
     def listed(self):
         """Recordings that a table lists, by name; once read they are settings."""
-        return self.settings.get("rows", {})
+        return self.settings.get("rows", {"first": {}, "more": {}})
 
     @property
     def combinations(self):
@@ -112,8 +112,16 @@ class Study:
         return Path(folder)
 
     def source(self, point):
-        """Path of the file of a recording."""
-        return str(self.folder() / self.points[point]["file"])
+        """Path of the first file of a recording."""
+        return self.sources(point)[0]
+
+    def sources(self, point):
+        """Paths of all files of a recording."""
+        return [str(self.folder() / part["file"]) for part in self.parts(point)]
+
+    def parts(self, point):
+        """Mappings of all files of a recording: one, or those of the trials that are merged."""
+        return [self.points[point], *self.listed.get("more", {}).get(point, ())]
 
 
 def read_rows(name, settings, schema):
@@ -123,18 +131,22 @@ def read_rows(name, settings, schema):
         raise ConfigError(f"study {name}: there is no table {path}.")
     with path.open(newline="", encoding="utf-8-sig") as file:
         rows = list(csv.DictReader(file))
-    found = {}
+    first, more = {}, {}
     for line, row in enumerate(rows, start=2):
         given = {key.strip(): _cell(value) for key, value in row.items() if key and (value or "").strip()}
         of = [str(given.get(key)) for key in ("subject", "condition", "trial") if key in given]
-        point = str(given.pop("name", None) or "-".join(of) or Path(str(given.get("file", line))).name)
+        merged, called = given.pop("batch", None), given.pop("name", None)
+        point = str(merged or called or "-".join(of) or Path(str(given.get("file", line))).name)
         _check({point: given}, {**schema["$defs"]["recordings"], "$defs": schema["$defs"]}, (f"{path}, line {line}",))
-        if point in found:
+        if merged and point in first:
+            more.setdefault(point, []).append(given)
+            continue
+        if point in first:
             raise ConfigError(f"{path}, line {line}: the name {point!r} is taken; give each row a name of its own.")
-        found[point] = given
-    if not found:
+        first[point] = given
+    if not first:
         raise ConfigError(f"study {name}: the table {path} has no rows.")
-    return found
+    return {"first": first, "more": more}
 
 
 def _cell(text):

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from ankleloop.checks import Check, check_trial
+from ankleloop.checks import Check, check_batch, check_trial
 from ankleloop.errors import DataError
+from ankleloop.estimate import TORQUES
 from ankleloop.evaluation import evaluate, parameters
 from ankleloop.registry import identify
 from ankleloop.regressors import build_regressors, decimated, predicted_inputs
@@ -24,19 +25,25 @@ class Analysis:
     ----------
     check : Check
         What the recording can carry.
-    estimates : dict of str to Estimate
-        Estimates of the whole recording, by the label of the method; none if it was refused.
+    records : dict of str to list of Estimate
+        By the label of the method the estimates of the whole recording, one for each trial that was merged; none if it
+        was refused.
     residuals : dict of str to ResidualTest
-        Tests of what they leave.
+        Tests of what they leave of the longest trial.
     table : pandas.DataFrame
         One row for each method: whether it is valid here, cross-validated and fitted VAF [%] with intervals, parameters
         with intervals, tests of the residual, warnings; one row without a method if the recording was refused.
     """
 
     check: Check
-    estimates: dict = field(repr=False)
+    records: dict = field(repr=False)
     residuals: dict = field(repr=False)
     table: pd.DataFrame = field(repr=False)
+
+    @property
+    def estimates(self):
+        """Estimate of the first trial by the label of the method."""
+        return {label: estimates[0] for label, estimates in self.records.items()}
 
 
 def analyse(trial, methods, *, reference="reference"):
@@ -48,8 +55,8 @@ def analyse(trial, methods, *, reference="reference"):
 
     Parameters
     ----------
-    trial : xarray.Dataset
-        The recording.
+    trial : xarray.Dataset, or list of those
+        The recording. Several short trials are merged into one identification; their halves are halves of the list.
     methods : dict of str to dict
         For each label the `method`, its `options`, and options to `select` by a `criterion`.
     reference : str
@@ -66,23 +73,26 @@ def analyse(trial, methods, *, reference="reference"):
     >>> found.table[["label", "valid"]].values.tolist()
     [['riv', True], ['PI-MOESP', False]]
     """
-    check = check_trial(trial, reference=reference)
+    several = isinstance(trial, (list, tuple)) and len(trial) > 1
+    trials = list(trial) if isinstance(trial, (list, tuple)) else [trial]
+    check = check_batch(trials, reference=reference) if several else check_trial(trials[0], reference=reference)
     if check.verdict == "refused":
         return Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": " ".join(check.reasons)}]))
-    estimates, residuals, rows = {}, {}, []
+    longest = int(np.argmax([one.sizes["time"] for one in trials]))
+    records, residuals, rows = {}, {}, []
     for label, given in methods.items():
         row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": given["method"]}
         why_not = _not_valid(check, given)
         if why_not is None:
             try:
-                estimates[label], scores = _fitted(trial, given)
-                residuals[label] = _tested(trial, estimates[label], check.loop, reference)
-                row |= {"valid": True, **scores, **_told(residuals[label])}
-                row |= parameters(trial, estimates[label]).iloc[0].to_dict()
+                found, scores = _fitted(trials, given)
+                test = _tested(trials[longest], found[longest], check.loop, reference)
+                row |= {"valid": True, **scores, **_told(test), **parameters(trials[0], found[0]).iloc[0].to_dict()}
+                records[label], residuals[label] = found, test
             except DataError as error:
                 why_not = str(error)
         rows.append(row if why_not is None else row | {"valid": False, "warnings": why_not})
-    return Analysis(check, estimates, residuals, pd.DataFrame(rows))
+    return Analysis(check, records, residuals, pd.DataFrame(rows))
 
 
 def _not_valid(check, given):
@@ -100,24 +110,47 @@ def _not_valid(check, given):
     return None
 
 
-def _fitted(trial, given):
-    """Estimate of the whole, and VAFs of the half that was fitted, of the other one, and of the whole."""
-    time, rate = trial["time"].values, float(trial.attrs["sampling_rate"])
-    middle, end = 0.5 * (time[0] + time[-1]), time[-1] + 1.0 / rate
-    first, second = segment(trial, time[0], middle), segment(trial, middle, end)
+def _fitted(trials, given):
+    """Estimates of the whole, and VAFs of the whole and of the half that was not fitted."""
     method, options, select = given["method"], given.get("options", {}), given.get("select") or None
-    half = identify(first, method, select=select, criterion=given.get("criterion"), **options)
-    chosen = half.diagnostics["selection"]["chosen"] if select else {}
-    whole = identify(trial, method, **options, **chosen)
+    first, second = _halves(trials)
+    half = _identified(first, method, select=select, criterion=given.get("criterion"), **options)
+    chosen = half[0].diagnostics["selection"]["chosen"] if select else {}
+    whole = _identified(trials, method, **options, **chosen)
     scores = {"selected": ", ".join(f"{name} {value}" for name, value in chosen.items())}
     try:
-        unseen = evaluate(second, half.predict(second), against="measured", intervals=True).iloc[0]
-        scores |= {"vaf_unseen": unseen["vaf"], "vaf_unseen_low": unseen["low"], "vaf_unseen_high": unseen["high"]}
+        scores |= _scores([(one, half[0].predict(one)) for one in second], {"net": "vaf_unseen"})
     except DataError as error:
         scores |= {"vaf_unseen": np.nan, "unseen_error": str(error)}
-    for row in evaluate(trial, whole, against="measured", intervals=True).itertuples():
-        scores |= {f"vaf_{row.torque}": row.vaf, f"vaf_{row.torque}_low": row.low, f"vaf_{row.torque}_high": row.high}
-    return whole, scores
+    names = {torque: f"vaf_{torque}" for torque in TORQUES}
+    return whole, scores | _scores(list(zip(trials, whole, strict=True)), names)
+
+
+def _halves(trials):
+    """Two halves of a trial, or of a list of them."""
+    if len(trials) > 1:
+        return trials[: (len(trials) + 1) // 2], trials[(len(trials) + 1) // 2 :]
+    time, rate = trials[0]["time"].values, float(trials[0].attrs["sampling_rate"])
+    middle = 0.5 * (time[0] + time[-1])
+    return [segment(trials[0], time[0], middle)], [segment(trials[0], middle, time[-1] + 1.0 / rate)]
+
+
+def _identified(trials, method, **options):
+    """A list of estimates, whether trials are merged or not."""
+    return identify(trials, method, **options) if len(trials) > 1 else [identify(trials[0], method, **options)]
+
+
+def _scores(pairs, names):
+    """VAFs against the measured torque; means over trials that were merged, intervals of a single one."""
+    tables = [
+        evaluate(trial, estimate, against="measured", intervals=True).set_index("torque") for trial, estimate in pairs
+    ]
+    scores = {}
+    for torque, name in names.items():
+        scores[name] = float(np.mean([table.loc[torque, "vaf"] for table in tables]))
+        if len(tables) == 1:
+            scores |= {f"{name}_{end}": float(tables[0].loc[torque, end]) for end in ("low", "high")}
+    return scores
 
 
 def _tested(trial, estimate, loop, reference):

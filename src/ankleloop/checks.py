@@ -11,7 +11,7 @@ from ankleloop.regressors import build_regressors, predicted_inputs
 from ankleloop.signals import PASSBAND
 from ankleloop.spectra import segment_spectra
 
-__all__ = ["VERDICTS", "Check", "Finding", "check_trial"]
+__all__ = ["VERDICTS", "Check", "Finding", "check_batch", "check_trial"]
 
 VERDICTS = ("ok", "warning", "refused")
 SHORTEST, SHORT = 10.0, 25.0  # s
@@ -80,7 +80,43 @@ class Check:
         return "\n".join(f"{f.verdict:>8}  {f.name}: {f.text}" for f in self.findings)
 
 
-def check_trial(trial, *, reference="reference", delay=0.04, order=2, block_rows=15, identification_rate=100.0):
+def check_batch(trials, **options):
+    """Check several short trials that are to be merged into one identification.
+
+    Parameters
+    ----------
+    trials : sequence of xarray.Dataset
+        The trials.
+    **options
+        As of `check_trial`.
+
+    Returns
+    -------
+    Check
+        For each item what is worst, and in which trial; the length is that of all of them. Only methods that can merge
+        are valid. The spectra are those of the first trial.
+    """
+    total = sum(trial.sizes["time"] / float(trial.attrs["sampling_rate"]) for trial in trials)
+    checks = [check_trial(trial, total=total, **options) for trial in trials]
+    worst = {}
+    for number, check in enumerate(checks, start=1):
+        for found in check.findings:
+            told = Finding(found.name, found.verdict, f"trial {number} of {len(trials)}: {found.text}")
+            kept = worst.setdefault(found.name, told)
+            if VERDICTS.index(found.verdict) > VERDICTS.index(kept.verdict):
+                worst[found.name] = told
+    loops = {check.loop for check in checks}
+    loop = "closed" if "closed" in loops else "open" if loops == {"open"} else "undecided"
+    methods, said = _methods(loop)
+    merging = {name: given for name, given in methods.items() if name.endswith("moesp")}
+    if "methods" in worst:
+        worst["methods"] = Finding("methods", said.verdict, f"{said.text} Of these, the MOESP family merges trials.")
+    return Check(list(worst.values()), loop, merging, checks[0].spectra)
+
+
+def check_trial(
+    trial, *, reference="reference", delay=0.04, order=2, block_rows=15, identification_rate=100.0, total=None
+):
     """Check what a trial can carry before anything is fitted to it.
 
     Looked at are length and rates, clipping, the sign of the torque, spectrum and coherence, persistent excitation for
@@ -99,6 +135,8 @@ def check_trial(trial, *, reference="reference", delay=0.04, order=2, block_rows
         Order and block rows of the subspace methods that are meant.
     identification_rate : float
         Rate of the identification [Hz].
+    total : float, optional
+        Length of all trials with which this one is to be merged [s].
 
     Returns
     -------
@@ -118,7 +156,7 @@ def check_trial(trial, *, reference="reference", delay=0.04, order=2, block_rows
     """
     has_reference = reference in trial and reference != "position"
     duration = trial.sizes["time"] / float(trial.attrs["sampling_rate"])
-    first = _length(duration, trial, identification_rate)
+    first = _length(duration, duration if total is None else total, trial, identification_rate)
     if first.verdict == "refused":
         return Check([first], "undecided", {})
     try:
@@ -149,11 +187,13 @@ def check_trial(trial, *, reference="reference", delay=0.04, order=2, block_rows
     return Check(findings, loop, methods, spectra)
 
 
-def _length(duration, trial, rate):
+def _length(duration, total, trial, rate):
     told = f"{duration:.4g} s at {float(trial.attrs['sampling_rate']):g} Hz, without gaps"
-    if duration < SHORTEST:
+    if total != duration:
+        told = f"{told}, {total:.4g} s in all"
+    if total < SHORTEST:
         return Finding("length", "refused", f"{told}: record at least {SHORTEST:g} s.")
-    if duration < SHORT:
+    if total < SHORT:
         return Finding("length", "warning", f"{told}: short for a reflex; {2 * SHORT:g} s or more are usual.")
     return Finding("length", "ok", f"{told}; identified at {rate:g} Hz.")
 
@@ -282,7 +322,10 @@ def _reference(regressors):
             "warning",
             "there is none. Record the command of the servo: without it a closed loop cannot be told from an open one.",
         )
-    share = share_explained(regressors.inputs[:, 0], regressors.reference, regressors.rate)
+    try:
+        share = share_explained(regressors.inputs[:, 0], regressors.reference, regressors.rate)
+    except DataError as error:
+        return False, Finding("reference", "warning", f"what it explains cannot be told: {error}")
     told = f"{regressors.reference_name} explains {100 * max(share, 0.0):.1f} % of the position in unseen halves"
     if share < WEAKEST:
         return False, Finding(

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 
+from ankleloop.errors import DataError
 from ankleloop.methods.moesp import MEMBERS, identify_moesp
 from ankleloop.methods.parallel_cascade import identify_parallel_cascade
 from ankleloop.methods.real_time import identify_real_time
@@ -61,8 +62,9 @@ def identify(trial, method="pr-moesp", *, select=None, criterion=None, **options
 
     Parameters
     ----------
-    trial : xarray.Dataset
-        A trial from `new_trial`, `read_trial` or `simulate`.
+    trial : xarray.Dataset, or list of those
+        A trial from `new_trial`, `read_trial` or `simulate`. The MOESP family merges several short ones into one
+        identification.
     method : str
         One of `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
         `ankleloop.methods.moesp.identify_moesp`), "parallel-cascade" (see
@@ -80,7 +82,7 @@ def identify(trial, method="pr-moesp", *, select=None, criterion=None, **options
     Returns
     -------
     Estimate
-        Torques, model, K, B, I, reflex parameters and diagnostics.
+        Torques, model, K, B, I, reflex parameters and diagnostics; a list of them, with one model, for merged trials.
 
     Raises
     ------
@@ -103,6 +105,11 @@ def identify(trial, method="pr-moesp", *, select=None, criterion=None, **options
     unknown = sorted((set(options) | set(select)) - set(known))
     if unknown:
         raise TypeError(f"method {method!r} has no option {unknown[0]!r}; it has {', '.join(known)}.")
+    if isinstance(trial, (list, tuple)) and (method not in MEMBERS or select):
+        raise DataError(
+            f"{method} {'selects options on' if select else 'identifies'} one trial at a time; trials are merged by "
+            f"{', '.join(MEMBERS)}."
+        )
     if not select:
         return METHODS[method](trial, **options)
     twice = sorted(set(options) & set(select))

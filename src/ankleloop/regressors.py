@@ -24,6 +24,7 @@ __all__ = [
     "inputs_of",
     "predicted_inputs",
     "recording_grid",
+    "shared_basis",
 ]
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
@@ -180,6 +181,31 @@ def build_regressors(trial, *, delay, basis, degree=1, identification_rate, refe
         reference_name=reference,
         rate=float(identification_rate),
     )
+
+
+def shared_basis(trials, delay, basis, degree):
+    """Basis settled on the velocities of several trials together, so that they can share a model.
+
+    Parameters
+    ----------
+    trials : sequence of xarray.Dataset
+        The trials.
+    delay : float
+        Reflex delay [s].
+    basis : {"chebyshev", "rectifier", "spline"}
+        Kind of basis.
+    degree : int
+        Number of its terms.
+
+    Returns
+    -------
+    Basis
+    """
+    velocities = [
+        differentiate(validate(trial)["position"].values, float(trial.attrs["sampling_rate"]), delay)
+        for trial in trials
+    ]
+    return fit_basis(np.concatenate(velocities), basis, degree)
 
 
 def _inputs(position, velocity, basis, grid, rate):

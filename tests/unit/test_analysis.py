@@ -69,6 +69,27 @@ def test_options_are_selected_within_the_first_half(analyses):
     assert "selection" not in found.estimates["PI"].diagnostics
 
 
+def test_short_trials_are_merged():
+    """Eight trials of six seconds: too short each, long enough together; only methods that merge are valid."""
+    whole = simulate(seed=1, duration=48.0, closed_loop=False).drop_vars("reference")
+    trials = [segment(whole, 6.0 * k, 6.0 * (k + 1)) for k in range(8)]
+    found = analyse(trials, METHODS)
+    assert found.check.verdict == "warning"
+    assert "48 s in all" in found.check.findings[0].text
+    assert analyse(trials[:1], METHODS).check.verdict == "refused"
+    methods = {"PI": {"method": "pi-moesp", "options": {"basis": "rectifier"}}, "cascade": METHODS["cascade"]}
+    merged = analyse(trials, methods)
+    row = merged.table.set_index("label").loc["PI"]
+    assert row["K"] == pytest.approx(150.0, rel=0.1)
+    assert row["vaf_unseen"] > 85
+    assert len(merged.records["PI"]) == 8
+    assert not merged.table.set_index("label").loc["cascade", "valid"]
+    flipped = [*trials[:7], trials[7].assign(torque=-trials[7]["torque"])]
+    refused = analyse(flipped, methods)
+    assert refused.check.verdict == "refused"
+    assert "trial 8 of 8" in " ".join(refused.check.reasons)
+
+
 def test_a_refused_recording_has_its_reason_and_nothing_else():
     trial = simulate(seed=1, duration=30.0)
     found = analyse(trial.assign(torque=-trial["torque"]), METHODS)

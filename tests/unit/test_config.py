@@ -1,6 +1,7 @@
 """The configuration: schema against library, errors that name the key, points and seeds."""
 
 from copy import deepcopy
+from pathlib import Path
 
 import pytest
 import yaml
@@ -214,6 +215,15 @@ def test_a_table_lists_recordings(tmp_path):
     assert (second["torque_sign"], second["start"], second["drift"], second["position"]) == (1, None, 0, "position")
     assert [len(batch) for batch in batches(study)] == [2]
     assert existing(study.source("S1-rest-1")) == []
+
+
+def test_rows_of_one_batch_are_one_recording(tmp_path):
+    text = "batch,name,file,drift\nB1,,a.mat,1\n,other,c.mat,\nB1,,b.mat,2\n"
+    study = studies(complete(listing(tmp_path, text)))["recordings"]
+    assert list(study.points) == ["B1", "other"]
+    assert [Path(path).name for path in study.sources("B1")] == ["a.mat", "b.mat"]
+    assert [part["drift"] for part in study.parts("B1")] == [1, 2]
+    assert len(study.parts("other")) == 1
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 import ankleloop
-from ankleloop import DataError, identify, simulate, vaf
+from ankleloop import DataError, evaluate, identify, segment, simulate, vaf
 from ankleloop.estimate import save_estimates
 from ankleloop.methods.moesp import MEMBERS
 from ankleloop.regressors import build_regressors
@@ -542,3 +542,32 @@ def test_impossible_options_of_the_parallel_cascade(noisy, options, message):
 def test_responses_longer_than_the_record_are_refused(noisy):
     with pytest.raises(DataError, match=r"leaves \d+ samples for 2010 unknowns: record longer, or shorten"):
         identify(noisy, "parallel-cascade", reflex_lags=20.0)
+
+
+def test_short_trials_are_merged():
+    """Ten records of five seconds say what one of fifty does, and no joint is seen across their seams."""
+    whole = simulate(seed=1, snr_db=None, voluntary=0.0)
+    parts = [segment(whole, 5.0 * k, 5.0 * (k + 1)) for k in range(10)]
+    estimates = identify(parts, "pr-moesp", basis="rectifier")
+    assert len(estimates) == 10
+    assert all(e.stiffness == estimates[0].stiffness for e in estimates)
+    assert estimates[0].stiffness["K"] == pytest.approx(150.0, rel=2e-3)
+    assert estimates[0].reflex["G"] == pytest.approx(13.0, rel=5e-3)
+    for part, estimate in zip(parts, estimates, strict=True):
+        assert evaluate(part, estimate, trim=0.0).query("torque == 'net'")["vaf"].min() > 99.9
+    # Joined end to end as if they were one record, in another order, they are another record.
+    shuffled = [parts[k] for k in (3, 8, 1, 6, 0, 9, 4, 7, 2, 5)]
+    again = identify(shuffled, "pr-moesp", basis="rectifier")
+    assert again[0].stiffness["K"] == pytest.approx(estimates[0].stiffness["K"], rel=1e-6)
+
+
+def test_merging_has_its_limits():
+    parts = [simulate(seed=seed, duration=8.0) for seed in range(3)]
+    merged = identify(parts, "pr-moesp", basis="chebyshev", input_matrices="instruments")
+    assert len({id(e.matrices) for e in merged}) == 1
+    with pytest.raises(
+        DataError, match="parallel-cascade identifies one trial at a time; trials are merged by pr-moesp"
+    ):
+        identify(parts, "parallel-cascade")
+    with pytest.raises(DataError, match="no trials"):
+        identify([], "pi-moesp")

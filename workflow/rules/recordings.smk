@@ -7,7 +7,7 @@ for _study in STUDIES.values():
             name:
                 f"recordings_{_study.name.replace('-', '_')}_{_number}"
             input:
-                [existing(_study.source(point)) for point in _points],
+                [existing(path) for point in _points for path in _study.sources(point)],
                 style="workflow/report/page.html",
             output:
                 pages=[page(_study, point) for point in _points],
@@ -30,7 +30,11 @@ for _study in STUDIES.values():
                 mem_mb=1000,
             params:
                 points={
-                    point: {**_study.points[point], "path": _study.source(point)}
+                    point: {
+                        **_study.points[point],
+                        "paths": _study.sources(point),
+                        "parts": _study.parts(point),
+                    }
                     for point in _points
                 },
                 methods={

@@ -52,10 +52,10 @@ def prepared(path, given):
 
 
 def analysed(name, given, methods):
-    """The analysis; of a file that cannot be used, its reason."""
+    """The first trial and the analysis of all; of a file that cannot be used, its reason."""
     try:
-        trial = prepared(given["path"], given)
-        return trial, analyse(trial, methods)
+        trials = [prepared(path, part) for path, part in zip(given["paths"], given["parts"], strict=True)]
+        return trials[0], analyse(trials, methods)
     except DataError as error:
         log.info("refused: %s", error)
         print(f"{name} refused: {error}", file=sys.stderr)
@@ -107,7 +107,10 @@ def decision(analysis):
 def body(name, given, trial, analysis, window):
     """The page from top to bottom."""
     who = [f"{key} {given[key]}" for key in ("subject", "condition", "trial") if given[key] not in (None, "")]
-    parts = [f"<h1>{html.escape(name)}</h1>", f"<p>{html.escape(', '.join([*who, 'file ' + given['file']]))}</p>"]
+    parts = [
+        f"<h1>{html.escape(name)}</h1>",
+        f"<p>{html.escape(', '.join([*who, *('file ' + part['file'] for part in given['parts'])]))}</p>",
+    ]
     parts.append(f"<p><b>{analysis.check.verdict}.</b> {html.escape(decision(analysis))}</p><h2>Check</h2>")
     found = [[f.name, f.verdict, f.text] for f in analysis.check.findings]
     parts.append(pd.DataFrame(found, columns=["what", "verdict", "finding"]).to_html(index=False, border=0))
@@ -155,9 +158,11 @@ def finish(name, given, page, table_path, folder):
     with whole_file(table_path) as path:
         table[[*told, *[column for column in table if column not in told]]].to_csv(path, index=False)
     Path(folder).mkdir(parents=True, exist_ok=True)
-    for label, estimate in analysis.estimates.items():
-        for suffix in (".nc", ".mat", ".csv"):
-            export_estimate(estimate, Path(folder) / f"{keys[label]}{suffix}")
+    for label, estimates in analysis.records.items():
+        for number, estimate in enumerate(estimates, start=1):
+            stem = keys[label] if len(estimates) == 1 else f"{keys[label]}-{number}"
+            for suffix in (".nc", ".mat", ".csv"):
+                export_estimate(estimate, Path(folder) / f"{stem}{suffix}")
     window = {key: snakemake.params.figure[key] for key in ("start", "length")}
     content = style.replace("{{ title }}", html.escape(name))
     with whole_file(page) as path:

@@ -10,7 +10,7 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.estimate import Estimate, torque_dataset
 from ankleloop.hammerstein import separate
-from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, predicted_inputs
+from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, predicted_inputs, shared_basis
 from ankleloop.subspace.input_matrices import response
 from ankleloop.subspace.moesp import moesp
 
@@ -60,8 +60,8 @@ def identify_moesp(
 
     Parameters
     ----------
-    trial : xarray.Dataset
-        The trial.
+    trial : xarray.Dataset, or list of those
+        The trial; several are merged into one identification, without a joint across their seams.
     method : {"pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp"}
         Past reference (Zhao, Ludvig and Kearney, ACC 2008), past input and output in correlation form (Chou and
         Verhaegen 1997), past input (Verhaegen 1993), past input and output (Verhaegen 1994), or no instruments
@@ -99,7 +99,8 @@ def identify_moesp(
 
     Returns
     -------
-    Estimate
+    Estimate, or list of those
+        One for each trial where several were merged: the model is the same, the torques are those of the trial.
 
     Raises
     ------
@@ -114,49 +115,71 @@ def identify_moesp(
     >>> bool(abs(estimate.stiffness["K"] - 150) < 1)
     True
     """
+    several = isinstance(trial, (list, tuple))
+    trials = list(trial) if several else [trial]
+    if not trials:
+        raise DataError("there are no trials to merge.")
     instruments, usual_projection = MEMBERS[method]
     # Members that have no use for a reference take a trial that has none.
     needed = instruments == "past-reference" or input_matrices == "instruments"
-    regressors = build_regressors(
-        trial,
-        delay=delay,
-        basis=basis or "chebyshev",
-        degree=degree,
-        identification_rate=identification_rate,
-        reference=reference if needed else None,
-    )
+    given = basis or "chebyshev"
+    regressors = [
+        build_regressors(
+            one,
+            delay=delay,
+            basis=shared_basis(trials, delay, given, degree) if several else given,
+            degree=degree,
+            identification_rate=identification_rate,
+            reference=reference if needed else None,
+        )
+        for one in trials
+    ]
+    first = regressors[0]
+    predicted = None
+    if input_matrices == "instruments":
+        predicted = [predicted_inputs(one, part, delay) for one, part in zip(trials, regressors, strict=True)]
+
+    def signals(parts):
+        """One record as it is, several as a list of data batches."""
+        return None if parts is None or parts[0] is None else parts if several else parts[0]
+
     found = moesp(
-        regressors.inputs,
-        regressors.torque,
+        signals([part.inputs for part in regressors]),
+        signals([part.torque for part in regressors]),
         block_rows,
         order,
         instruments,
         projection or usual_projection,
-        regressors.reference,
-        dt=1.0 / regressors.rate,
+        signals([part.reference for part in regressors]),
+        dt=1.0 / first.rate,
         instrument_rows=instrument_rows,
         instrument_leads=instrument_leads,
         input_matrices=input_matrices,
-        dynamic=None if free_b else regressors.reflex,
-        predicted_inputs=predicted_inputs(trial, regressors, delay) if input_matrices == "instruments" else None,
+        dynamic=None if free_b else first.reflex,
+        predicted_inputs=signals(predicted),
         rank_tolerance=rank_tolerance,
         regression_tolerance=REGRESSION_TOLERANCE,
-        names=(regressors.names, ("torque",)),
+        names=(first.names, ("torque",)),
     )
     diagnostics = {"singular_values": found.singular_values, **found.diagnostics}
     if needed:
         diagnostics["reference"] = reference
-    torque = _torques(found.matrices, found.initial_state, regressors)
     path = _reflex_path(found.matrices, regressors)
-    return Estimate(
-        method=method,
-        torque=torque,
-        matrices=found.matrices,
-        stiffness=regressors.stiffness(torque["intrinsic"].values) if free_b else _direct_stiffness(found.matrices),
-        reflex={"delay": float(delay), **path.parameters},
-        diagnostics=diagnostics | path.diagnostics,
-        predictor=_Predictor(found.matrices, regressors.basis, delay),
-    )
+    estimates = []
+    for part, start in zip(regressors, np.atleast_2d(found.initial_state), strict=True):
+        torque = _torques(found.matrices, start, part)
+        estimates.append(
+            Estimate(
+                method=method,
+                torque=torque,
+                matrices=found.matrices,
+                stiffness=part.stiffness(torque["intrinsic"].values) if free_b else _direct_stiffness(found.matrices),
+                reflex={"delay": float(delay), **path.parameters},
+                diagnostics=diagnostics | path.diagnostics,
+                predictor=_Predictor(found.matrices, part.basis, delay),
+            )
+        )
+    return estimates if several else estimates[0]
 
 
 @dataclass(frozen=True)
@@ -192,6 +215,6 @@ def _torques(model, initial_state, regressors):
 
 def _reflex_path(matrices, regressors):
     """Nonlinearity and dynamics; the low-pass has a third pole where the model has three."""
-    used = regressors.reflex
-    order = 3 if len(matrices.A) == 3 else 2
-    return separate(matrices.of_inputs(used), regressors.inputs[:, used], regressors.basis, order)
+    used = regressors[0].reflex
+    inputs = np.vstack([part.inputs[:, used] - part.inputs[:, used].mean(axis=0) for part in regressors])
+    return separate(matrices.of_inputs(used), inputs, regressors[0].basis, 3 if len(matrices.A) == 3 else 2)
