@@ -75,14 +75,15 @@ def analyse(trial, methods, *, reference="reference"):
     """
     several = isinstance(trial, (list, tuple)) and len(trial) > 1
     trials = list(trial) if isinstance(trial, (list, tuple)) else [trial]
-    check = check_batch(trials, reference=reference) if several else check_trial(trials[0], reference=reference)
+    asked = {"reference": reference, **_largest(methods)}
+    check = check_batch(trials, **asked) if several else check_trial(trials[0], **asked)
     if check.verdict == "refused":
         return Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": " ".join(check.reasons)}]))
     longest = int(np.argmax([one.sizes["time"] for one in trials]))
     records, residuals, rows = {}, {}, []
     for label, given in methods.items():
         row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": given["method"]}
-        why_not = _not_valid(check, given)
+        why_not = _not_valid(check, given, several)
         if why_not is None:
             try:
                 found, scores = _fitted(trials, given)
@@ -95,9 +96,21 @@ def analyse(trial, methods, *, reference="reference"):
     return Analysis(check, records, residuals, pd.DataFrame(rows))
 
 
-def _not_valid(check, given):
+def _largest(methods):
+    """Largest order and number of block rows that any method may take: the movement has to excite as much."""
+    found = {"order": [2], "block_rows": [15]}
+    for given in methods.values():
+        for name, values in found.items():
+            asked = [given.get("options", {}).get(name), *(given.get("select") or {}).get(name, ())]
+            values += [value for value in asked if value is not None]
+    return {name: max(values) for name, values in found.items()}
+
+
+def _not_valid(check, given, several):
     """Why a method is not valid for this recording; None if it is."""
     method, options = given["method"], given.get("options", {})
+    if several and not method.endswith("moesp"):
+        return "identifies one trial at a time: it does not merge them"
     if method not in check.methods:
         return f"not valid in a loop that is {check.loop}"
     needs = check.methods[method]

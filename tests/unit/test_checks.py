@@ -1,10 +1,13 @@
 """What a recording can carry: every refusal and warning, for the reason that it names."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import signal as sps
 
-from ankleloop import DataError, identify, new_trial, simulate
+from ankleloop import DataError, identify, new_trial, read_trial, simulate
 from ankleloop.checks import check_trial
 from ankleloop.preparation import remove_drift
 from ankleloop.regressors import build_regressors
@@ -76,6 +79,29 @@ def test_without_a_reference_the_loop_cannot_be_decided(closed):
     swapped = check_trial(closed.assign(reference=closed["reference"].copy(data=other)))
     assert "too weak an instrument" in found(swapped, "reference").text
     assert swapped.loop == "undecided"
+
+
+@pytest.mark.skipif(
+    "ANKLELOOP_RECORDINGS" not in os.environ,
+    reason="set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this",
+)
+@pytest.mark.parametrize(
+    ("file", "mapping"),
+    [
+        ("ankle_df.csv.gz", {"position": "position_rad", "torque": "torque_nm", "sampling_rate": 1000.0}),
+        ("ankle_pf.mat", {}),
+        ("ankle_df3.h5", {}),
+    ],
+)
+def test_real_recordings(file, mapping):
+    """As they are their torque has the other sign; turned round, nothing but the missing reference is to be said."""
+    path = Path(os.environ["ANKLELOOP_RECORDINGS"]) / file
+    assert found(check_trial(read_trial(path, **mapping)), "sign of the torque").verdict == "refused"
+    check = check_trial(read_trial(path, torque_sign=-1, **mapping))
+    assert check.verdict == "warning"
+    assert check.loop == "undecided"
+    assert {f.name for f in check.findings if f.verdict != "ok"} == {"reference", "loop", "methods"}
+    assert set(check.methods) == {"riv", "pr-moesp", "pi-moesp", "po-moesp", "parallel-cascade"}
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.003, "warning"), (0.05, "refused")])

@@ -63,8 +63,9 @@ def analysed(name, given, methods):
         return None, Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": str(error)}]))
 
 
-def picture(figure, width=960):
-    """A figure inside the page."""
+def picture(figure):
+    """A figure inside the page, in the size in which its letters can be read."""
+    width = min(960, round(100 * figure.get_size_inches()[0]))
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=150, metadata={"Software": None})
     return f'<img width="{width}" src="data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}">'
@@ -84,7 +85,7 @@ def methods_table(table):
     valid = table[table["valid"]] if "valid" in table else table.iloc[:0]
     columns = {row["label"]: [cell(row, name) for name in list(SHOWN)[1:]] for _, row in valid.iterrows()}
     shown = pd.DataFrame(columns, index=list(SHOWN.values())[1:])
-    return shown[~(shown == "–").all(axis=1)].to_html(border=0)
+    return shown[~shown.isin(["–", ""]).all(axis=1)].to_html(border=0)
 
 
 def decision(analysis):
