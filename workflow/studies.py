@@ -134,6 +134,7 @@ def read_rows(name, settings, schema):
     first, more = {}, {}
     for line, row in enumerate(rows, start=2):
         given = {key.strip(): _cell(value) for key, value in row.items() if key and (value or "").strip()}
+        given = {**settings["defaults"], **given}
         of = [str(given.get(key)) for key in ("subject", "condition", "trial") if key in given]
         merged, called = given.pop("batch", None), given.pop("name", None)
         point = str(merged or called or "-".join(of) or Path(str(given.get("file", line))).name)
@@ -188,6 +189,7 @@ def complete(config):
     """
     schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
     config = deepcopy(config)
+    _apply_defaults(config)
     _check(config, schema)
     for name, settings in config["studies"].items():
         if settings["kind"] == "recordings":
@@ -203,6 +205,14 @@ def complete(config):
                 f"config: {key}: there is no study {sorted(unknown)[0]!r}; there are {sorted(config['studies'])}."
             )
     return config
+
+
+def _apply_defaults(config):
+    """What a study of recordings says of all of them, where a recording does not say otherwise."""
+    for settings in config.get("studies", {}).values():
+        if isinstance(settings, dict) and isinstance(settings.get("defaults"), dict):
+            files = settings.get("files") or {}
+            settings["files"] = {name: {**settings["defaults"], **given} for name, given in files.items()}
 
 
 def _list_recordings(name, settings, schema):

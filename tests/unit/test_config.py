@@ -217,6 +217,20 @@ def test_a_table_lists_recordings(tmp_path):
     assert existing(study.source("S1-rest-1")) == []
 
 
+def test_rows_override_what_holds_for_all(tmp_path):
+    text = "name,file,torque_sign\na,a.mat,\nb,b.mat,1\n"
+    example = listing(tmp_path, text, defaults={"torque_sign": -1, "position": "angle"})
+    example["studies"]["recordings"]["files"] = {"c": {"file": "c.mat", "position": "phi"}}
+    points = studies(complete(example))["recordings"].points
+    assert {name: (p["torque_sign"], p["position"]) for name, p in points.items()} == {
+        "a": (-1, "angle"),
+        "b": (1, "angle"),
+        "c": (-1, "phi"),
+    }
+    with pytest.raises(ConfigError, match="'colour' was unexpected"):
+        complete(listing(tmp_path, text, defaults={"colour": 1}))
+
+
 def test_rows_of_one_batch_are_one_recording(tmp_path):
     text = "batch,name,file,drift\nB1,,a.mat,1\n,other,c.mat,\nB1,,b.mat,2\n"
     study = studies(complete(listing(tmp_path, text)))["recordings"]
