@@ -198,7 +198,7 @@ def listing(tmp_path, text, **more):
     """The example with a table instead of its files."""
     example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
     study = example["studies"]["recordings"]
-    study.pop("files")
+    del study["files"], study["defaults"]
     (tmp_path / "list.csv").write_text(text, encoding="utf-8")
     study |= {"table": str(tmp_path / "list.csv"), "folder": str(tmp_path), **more}
     return example
