@@ -54,7 +54,7 @@ class ReflexDynamics:
 
     def moved(self, step):
         """Dynamics after a step of the logarithms of its parameters."""
-        return ReflexDynamics(*np.array(list(self.values.values())) * np.exp(step))
+        return ReflexDynamics(*(np.array(list(self.values.values())) * np.exp(step)).tolist())
 
     def response(self, s):
         """Frequency response, and its derivatives with respect to the logarithm of each parameter.
