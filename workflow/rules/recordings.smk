@@ -44,6 +44,6 @@ for _study in STUDIES.values():
                 figure=_study.settings["figure"],
                 library=fingerprint("workflow/scripts/recordings.py"),
             message:
-                f"{_study.name}: recordings {_number * len(_points) + 1} … of {len(_study.points)}, {', '.join(_points)}"
+                f"{_study.name}, {len(_study.points)} recordings: {', '.join(_points)}"
             script:
                 "../scripts/recordings.py"
