@@ -6,7 +6,7 @@ from scipy import signal as sps
 from ankleloop.reflex import ReflexDynamics
 from ankleloop.regressors import build_regressors
 from ankleloop.signals import PASSBAND
-from ankleloop.simulation import simulate
+from ankleloop.simulation import parameter_table, simulate
 from ankleloop.spectra import Band
 
 __all__ = ["cramer_rao", "disturbance_spectrum", "fisher_information"]
@@ -83,8 +83,9 @@ def fisher_information(*, seed, identification_rate=100.0, fed_back=True, known_
         In inverse squares of their units.
     """
     clean = simulate(seed=seed, **{**parameters, "snr_db": None, "voluntary": 0.0})
-    noisy = simulate(seed=seed, **parameters)
-    told = noisy.attrs
+    told = dict(clean.attrs)
+    for name in ("voluntary", "snr_db"):
+        told[name] = parameters.get(name, parameter_table()[name]["default"])
     regressors = build_regressors(
         clean, delay=told["delay"], basis="rectifier", identification_rate=identification_rate
     )
@@ -157,7 +158,7 @@ def disturbance_spectrum(frequency, level, told):
     power = np.abs(sps.freqz_sos(sos, np.concatenate([whole, frequency]), fs=rate)[1]) ** 2
     area = np.trapezoid(power[: whole.size], whole)
     voluntary = (told["voluntary"] * level) ** 2 * power[whole.size :] / area
-    if "snr_db" not in told:
+    if told.get("snr_db") is None:
         return voluntary
 
     def held(at):

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ankleloop.prediction import LEADS, finite_response
-from ankleloop.signals import convolve
+from ankleloop.prediction import unexplained
+from ankleloop.signals import PASSBAND
 from ankleloop.spectra import segment_spectra
 
-__all__ = ["FeedbackTest", "feedback_test", "unexplained"]
+__all__ = ["FeedbackTest", "feedback_test"]
 
 SEGMENT = 2.0  # s
 BAND = (0.5, 20.0)  # Hz
@@ -41,26 +41,6 @@ class FeedbackTest:
     coherence: float
     work: float
     unexplained: float
-
-
-def unexplained(y, reference, rate):
-    """What leads and lags of a reference leave of a signal.
-
-    Parameters
-    ----------
-    y, reference : ndarray, shape (N,)
-        Signal and reference, decimated alike.
-    rate : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    ndarray, shape (M,)
-        Without the ends that the response touches.
-    """
-    taps = finite_response(y, reference, rate)
-    predicted = convolve(reference - reference.mean(), taps)[round(LEADS * rate) :][: y.size]
-    return (y - y.mean() - predicted)[taps.size : -taps.size]
 
 
 def feedback_test(position, torque, reference, rate):
@@ -106,16 +86,15 @@ def feedback_test(position, torque, reference, rate):
     spectra = [segment_spectra(signal, length, length) for signal in left]
     count = len(spectra[0])
     frequency = np.fft.rfftfreq(length, 1.0 / rate)
-    inside = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], 0.38 * rate)))[::APART]
+    inside = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], PASSBAND * rate)))[::APART]
     P, T = (spectrum[:, inside] for spectrum in spectra)
     cross = np.sum(P * T.conj(), axis=0)
     power = np.sum(np.abs(P) ** 2, axis=0) * np.sum(np.abs(T) ** 2, axis=0)
     coherence = np.minimum(np.abs(cross) ** 2 / np.maximum(power, np.finfo(float).tiny), 1.0 - 1e-12)
     statistic = -2.0 * (count - 1) * np.sum(np.log1p(-coherence))
     p_value = float(special.chdtrc(2 * inside.size, statistic))
-    power = np.real(1j * cross) / np.maximum(
-        np.abs(cross), np.finfo(float).tiny
-    )  # velocity leads position by a quarter
+    # Velocity leads position by a quarter of a turn; its product with the torque is power.
+    power = np.real(1j * cross) / np.maximum(np.abs(cross), np.finfo(float).tiny)
     work = float(-np.sum(coherence * power) / np.sum(coherence))
     return FeedbackTest(
         loop="closed" if p_value < LEVEL and work > 0 else "open",

@@ -7,7 +7,7 @@ from ankleloop.errors import DataError
 from ankleloop.signals import PASSBAND, convolve, decimate, lowpass
 from ankleloop.spectra import smoothed
 
-__all__ = ["explained_by", "finite_response", "share_explained"]
+__all__ = ["explained_by", "finite_response", "share_explained", "unexplained"]
 
 LEADS, LAGS = 0.15, 0.80  # s: zero-phase decimation needs leads, a lightly damped load long lags
 RIDGE = 1e-3  # of the power of the source: it settles what lies beyond the pass band
@@ -71,6 +71,11 @@ def _correlated(spectrum, target, weight, shifts, size):
     return linalg.solve_toeplitz(own, np.fft.irfft(weight * spectrum.conj() * target, size)[shifts])
 
 
+def _responded(x, taps, ahead):
+    """Answer of a finite response that begins some samples ahead, where the signal is."""
+    return convolve(x, taps)[ahead:][: x.size]
+
+
 def explained_by(y, source, grid, rate, leads=LEADS, lags=LAGS):
     """Part of a decimated signal that a recorded source explains, at the recording rate.
 
@@ -96,8 +101,32 @@ def explained_by(y, source, grid, rate, leads=LEADS, lags=LAGS):
     taps = finite_response(y, decimate(source, *grid), rate / factor, leads, lags)
     spread = np.zeros(factor * (taps.size - 1) + 1)
     spread[::factor] = taps
-    ahead = factor * round(leads * rate / factor)
-    return convolve(lowpass(source, factor), spread)[ahead:][: source.size]
+    return _responded(lowpass(source, factor), spread, factor * round(leads * rate / factor))
+
+
+def unexplained(y, x, rate, leads=LEADS, lags=LAGS):
+    """What leads and lags of another signal leave of a signal.
+
+    Parameters
+    ----------
+    y, x : ndarray, shape (N,)
+        The signal, and what may explain it, decimated alike.
+    rate : float
+        Sampling rate [Hz].
+    leads, lags : float
+        Time ahead of and behind the present [s].
+
+    Returns
+    -------
+    ndarray, shape (M,)
+        Without the ends that the response touches.
+    """
+    taps = finite_response(y, x, rate, leads, lags)
+    return _left(y, x, taps, round(leads * rate))
+
+
+def _left(y, x, taps, ahead):
+    return (y - y.mean() - _responded(x - x.mean(), taps, ahead))[taps.size : -taps.size]
 
 
 def share_explained(y, x, rate, leads=LEADS, lags=LAGS):
@@ -129,9 +158,7 @@ def share_explained(y, x, rate, leads=LEADS, lags=LAGS):
     left = total = 0.0
     for fitted, judged in (halves, halves[::-1]):
         taps = finite_response(y[fitted], x[fitted], rate, leads, lags)
-        predicted = convolve(x[judged] - x[judged].mean(), taps)[ahead:][: judged.size]
         target = y[judged] - y[judged].mean()
-        inside = slice(taps.size, -taps.size)
-        left += np.sum((target - predicted)[inside] ** 2)
-        total += np.sum(target[inside] ** 2)
+        left += np.sum(_left(y[judged], x[judged], taps, ahead) ** 2)
+        total += np.sum(target[taps.size : -taps.size] ** 2)
     return float(1.0 - left / total)

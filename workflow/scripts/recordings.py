@@ -23,7 +23,6 @@ from job import log, progress, running
 
 READING = ("position", "torque", "reference", "sampling_rate", "position_unit", "position_sign", "torque_sign")
 SHOWN = {
-    "label": "method",
     "vaf_unseen": "net VAF, unseen half [%]",
     "vaf_net": "net VAF [%]",
     "vaf_intrinsic": "intrinsic contribution [%]",
@@ -80,18 +79,21 @@ def cell(row, name):
     return f"{value:.4g}{interval}"
 
 
+def valid_rows(table):
+    """Methods that were fitted; none of a recording that was refused."""
+    return table[table["valid"].astype(bool)] if "valid" in table else table.iloc[:0]
+
+
 def methods_table(table):
     """Methods side by side, one column each."""
-    valid = table[table["valid"]] if "valid" in table else table.iloc[:0]
-    columns = {row["label"]: [cell(row, name) for name in list(SHOWN)[1:]] for _, row in valid.iterrows()}
-    shown = pd.DataFrame(columns, index=list(SHOWN.values())[1:])
+    columns = {row["label"]: [cell(row, name) for name in SHOWN] for _, row in valid_rows(table).iterrows()}
+    shown = pd.DataFrame(columns, index=list(SHOWN.values()))
     return shown[~shown.isin(["–", ""]).all(axis=1)].to_html(border=0)
 
 
 def decision(analysis):
     """What to take, in one sentence."""
-    table = analysis.table
-    valid = table[table["valid"].astype(bool)] if "valid" in table else table.iloc[:0]
+    valid = valid_rows(analysis.table)
     if valid.empty:
         return "Nothing can be concluded from this recording."
     if analysis.check.loop == "closed":

@@ -122,12 +122,12 @@ def identify_moesp(
     instruments, usual_projection = MEMBERS[method]
     # Members that have no use for a reference take a trial that has none.
     needed = instruments == "past-reference" or input_matrices == "instruments"
-    given = basis or "chebyshev"
+    settled = shared_basis(trials, delay, basis or "chebyshev", degree) if several else basis or "chebyshev"
     regressors = [
         build_regressors(
             one,
             delay=delay,
-            basis=shared_basis(trials, delay, given, degree) if several else given,
+            basis=settled,
             degree=degree,
             identification_rate=identification_rate,
             reference=reference if needed else None,
