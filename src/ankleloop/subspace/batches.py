@@ -101,19 +101,25 @@ def scaled(batches, name):
     DataError
         If a channel is constant or has a value that is not finite.
     """
+    raw, samples = batches, sum(record.shape[0] for record in batches)
+    with np.errstate(invalid="ignore"):  # what is not finite shows in the scale
+        means = [record.mean(axis=0) for record in batches]
+        batches = [record - mean for record, mean in zip(batches, means, strict=True)]
+        scale = np.sqrt(sum(np.einsum("tc,tc->c", record, record) for record in batches) / max(samples, 1))
+    if not np.isfinite(scale).all():
+        _refuse_not_finite(raw, name)
+    constant = np.flatnonzero(scale <= 1e-13 * np.max(np.abs(means), axis=0))
+    if constant.size:
+        raise DataError(f"{name} {constant[0]} is constant and carries no information: leave it out.")
+    return [record / scale for record in batches], scale
+
+
+def _refuse_not_finite(batches, name):
     for k, record in enumerate(batches):
         bad = np.argwhere(~np.isfinite(record))
         if bad.size:
             batch = f" of data batch {k}" if len(batches) > 1 else ""
             raise DataError(f"{name} {bad[0, 1]} is not finite at sample {bad[0, 0]}{batch}: cut or repair the record.")
-    largest = np.max([np.max(np.abs(record), axis=0, initial=0.0) for record in batches], axis=0)
-    batches = centred(batches)
-    samples = sum(record.shape[0] for record in batches)
-    scale = np.sqrt(sum(np.einsum("tc,tc->c", record, record) for record in batches) / max(samples, 1))
-    constant = np.flatnonzero(scale <= 1e-13 * largest)
-    if constant.size:
-        raise DataError(f"{name} {constant[0]} is constant and carries no information: leave it out.")
-    return [record / scale for record in batches], scale
 
 
 def batch_hankel(batches, first, rows, before, *, own_means=False):

@@ -9,7 +9,9 @@ from scipy import linalg
 from ankleloop.errors import DataError
 from ankleloop.subspace.batches import are_batches, as_batches
 
-__all__ = ["InputMatrices", "estimate_input_matrices", "response", "state_trajectory"]
+__all__ = ["InputMatrices", "estimate_input_matrices", "response", "sensitivities", "state_trajectory"]
+
+SQUARED = 1e-4  # least ratio of singular values for which normal equations keep eight digits
 
 
 @dataclass(frozen=True)
@@ -82,34 +84,72 @@ def response(A, B, C, D, u, x0=None):
     return states @ C.T + u @ D.T
 
 
-def _responses(A, C, u, dynamic):
-    """Responses of every output to D and B, shape (N, p, m·p + n·(dynamic inputs))."""
-    (samples, m), n, p = u.shape, A.shape[0], C.shape[0]
-    blocks = [np.einsum("tj,ik->tijk", u, np.eye(p)).reshape(samples, p, m * p)]
-    for j in np.flatnonzero(dynamic):
-        for state in range(n):
-            drive = np.zeros((samples, n))
-            drive[:, state] = u[:, j]
-            blocks.append((state_trajectory(A, drive, np.zeros(n)) @ C.T)[:, :, None])
-    return np.concatenate(blocks, axis=2)
+@njit(cache=True)
+def _follow(A, u, which, c, states, out):
+    """Rows v(t+1) = v(t) A + u(t) c of some inputs side by side into `out`, from states that are carried on."""
+    count, n = states.shape
+    following = np.empty_like(states)
+    for t in range(out.shape[0]):
+        for j in range(count):
+            drive = u[t, which[j]]
+            for k in range(n):
+                out[t, j * n + k] = states[j, k]
+                total = drive * c[k]
+                for l in range(n):
+                    total += states[j, l] * A[l, k]
+                following[j, k] = total
+        for j in range(count):
+            for k in range(n):
+                states[j, k] = following[j, k]
 
 
-def _transients(A, C, samples):
-    """Responses of every output to the initial state and the offset, shape (N, p, n + p)."""
-    n, p = A.shape[0], C.shape[0]
-    nothing = np.zeros((samples, n))
-    blocks = [(state_trajectory(A, nothing, start) @ C.T)[:, :, None] for start in np.eye(n)]
-    blocks.append(np.broadcast_to(np.eye(p), (samples, p, p)))
-    return np.concatenate(blocks, axis=2)
+def sensitivities(A, C, u, dynamic, observed, driven):
+    """Responses of every output to the entries of D and B, the initial state and the offset.
+
+    The response to a column of B is a row C (q - A)⁻¹ u(t) for each input and output, which follows from the last one:
+    n numbers instead of the n² of a state for each entry. Both kinds of rows are carried on in place, so that a record
+    can come in chunks.
+
+    Parameters
+    ----------
+    A, C : ndarray, shape (n, n), (p, n)
+        The model so far.
+    u : ndarray, shape (N, m)
+        Inputs.
+    dynamic : ndarray of int
+        Inputs that drive the state.
+    observed : ndarray, shape (p, n)
+        C Aᵗ at the first sample.
+    driven : ndarray, shape (inputs that drive the state, p, n)
+        The rows at the first sample.
+
+    Returns
+    -------
+    ndarray, shape (N, p, m * p + n * dynamic inputs + n + p)
+    """
+    (samples, m), (p, n) = u.shape, C.shape
+    phi = np.zeros((samples, p, m * p + n * dynamic.size + n + p))
+    A, C, undriven = np.ascontiguousarray(A), np.ascontiguousarray(C), np.zeros((samples, 1))
+    for i in range(p):
+        phi[:, i, i : m * p : p] = u
+        _follow(A, u, dynamic, C[i], driven[:, i], phi[:, i, m * p : -n - p])
+        _follow(A, undriven, np.zeros(1, dtype=dynamic.dtype), C[i], observed[i : i + 1], phi[:, i, -n - p : -p])
+        phi[:, i, i - p] = 1.0
+    return phi
 
 
-def _regressors(A, C, batches, dynamic):
-    """Regressors for D and B, which all records share, and for the initial state and offset of each."""
-    A = np.ascontiguousarray(A)
-    flat = [_responses(A, C, u, dynamic) for u in batches]
-    shared = np.concatenate([part.reshape(-1, part.shape[2]) for part in flat])
-    own = [_transients(A, C, len(u)) for u in batches]
-    return np.hstack([shared, linalg.block_diag(*(part.reshape(-1, part.shape[2]) for part in own))])
+def _regressors(A, C, u, dynamic):
+    """Regressors of one record, for D and B, its initial state and its offset."""
+    phi = sensitivities(A, C, u, dynamic, C.copy(), np.zeros((dynamic.size, *C.shape)))
+    return phi.reshape(-1, phi.shape[2])
+
+
+def _stacked(parts, shared):
+    """Regressors of all records: the first columns are theirs together, the others belong to one record each."""
+    if len(parts) == 1:
+        return parts[0]
+    own = linalg.block_diag(*(part[:, shared:] for part in parts))
+    return np.hstack([np.concatenate([part[:, :shared] for part in parts]), own])
 
 
 def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, rank_tolerance=1e-10):
@@ -145,19 +185,44 @@ def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, ra
     u, y = as_batches(u, several), as_batches(y, several)
     m, n, p = u[0].shape[1], A.shape[0], C.shape[0]
     dynamic = np.ones(m, dtype=bool) if dynamic is None else np.asarray(dynamic, dtype=bool)
-    phi = _regressors(A, C, u, dynamic)
+    which = np.flatnonzero(dynamic)
+    shared = m * p + n * which.size
+    phi = _stacked([_regressors(A, C, record, which) for record in u], shared)
     if phi.shape[0] < phi.shape[1]:
         raise DataError(f"{phi.shape[0]} samples cannot determine {phi.shape[1]} entries of B, D, x0: record longer.")
-    scale = np.linalg.norm(phi, axis=0)
-    scale[scale == 0] = 1.0
-    left, right = phi / scale, np.concatenate([record.reshape(-1) for record in y])
+    target = np.concatenate([record.reshape(-1) for record in y])
+    psi = None
     if instrument_inputs is not None:
-        psi = _regressors(A, C, as_batches(instrument_inputs, several), dynamic)
-        psi_scale = np.linalg.norm(psi, axis=0)
-        psi = psi / np.where(psi_scale == 0, 1.0, psi_scale)
-        left, right = psi.T @ left, psi.T @ right
+        predicted = as_batches(instrument_inputs, several)
+        psi = _stacked([_regressors(A, C, record, which) for record in predicted], shared)
+    theta, rank, condition = _solved(phi, target, psi, rank_tolerance)
+    return _matrices(theta, (m, n, p), dynamic, len(u), rank, condition)
+
+
+def _solved(phi, target, psi, rank_tolerance):
+    """Unknowns, rank and condition, from columns of unit norm; by normal equations where they are accurate enough."""
+    if psi is not None:
+        scale, other = _norms(phi), _norms(psi)
+        left, right = (psi.T @ phi) / np.outer(other, scale), (psi.T @ target) / other
+    else:
+        gram = phi.T @ phi
+        scale = np.sqrt(np.diag(gram))
+        scale[scale == 0] = 1.0
+        values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+        singular = np.sqrt(np.maximum(values, 0.0)) / np.sqrt(values[-1])
+        # Squares lose twice the digits that the condition takes.
+        if singular[0] > max(SQUARED, 2.0 * rank_tolerance):
+            theta = vectors @ ((vectors.T @ ((phi.T @ target) / scale)) / values)
+            return theta / scale, len(values), float(1.0 / singular[0])
+        left, right = phi / scale, target
     theta, _, rank, values = linalg.lstsq(left, right, cond=rank_tolerance, lapack_driver="gelsd")
-    return _matrices(theta / scale, (m, n, p), dynamic, len(u), int(rank), float(values[0] / values[rank - 1]))
+    return theta / scale, int(rank), float(values[0] / values[rank - 1])
+
+
+def _norms(phi):
+    norms = np.linalg.norm(phi, axis=0)
+    norms[norms == 0] = 1.0
+    return norms
 
 
 def _matrices(theta, sizes, dynamic, records, rank, condition):

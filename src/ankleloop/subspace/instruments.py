@@ -6,7 +6,7 @@ from ankleloop.errors import DataError
 from ankleloop.subspace.batches import as_batches, batch_hankel, centred
 from ankleloop.subspace.hankel import block_hankel
 
-__all__ = ["INSTRUMENTS", "instrument_signals", "predict_from_reference", "reference_response"]
+__all__ = ["INSTRUMENTS", "instrument_channels", "predict_from_reference", "reference_response"]
 
 # Which signals each choice stacks.
 INSTRUMENTS = {
@@ -17,36 +17,37 @@ INSTRUMENTS = {
 }
 
 
-def instrument_signals(instruments, u, y, reference):
-    """Stack the signals that a choice of instruments consists of.
+def instrument_channels(instruments, inputs, outputs, references):
+    """Which channels a choice of instruments consists of, where a record holds inputs, outputs and reference.
 
     Parameters
     ----------
     instruments : str
         One of `INSTRUMENTS`.
-    u, y : list of ndarray, shape (N, m), (N, p) each
-        Inputs and outputs of every record.
-    reference : list of ndarray, shape (N, q) each, or None
-        External reference.
+    inputs, outputs, references : int
+        Number of channels of each; 0 references where there is none.
 
     Returns
     -------
-    list of ndarray, shape (N, z) each
+    ndarray of int
 
     Raises
     ------
     DataError
         If the choice needs a reference and there is none.
+
+    Examples
+    --------
+    >>> instrument_channels("past-reference", 2, 1, 1).tolist()
+    [3]
     """
     if instruments not in INSTRUMENTS:
         raise ValueError(f"unknown instruments {instruments!r}; known: {', '.join(INSTRUMENTS)}.")
-    if "reference" in INSTRUMENTS[instruments] and reference is None:
+    if "reference" in INSTRUMENTS[instruments] and not references:
         raise DataError("past-reference instruments need a reference: pass the external command of the loop.")
-    signals = {"input": u, "output": y, "reference": reference}
-    chosen = [signals[name] for name in INSTRUMENTS[instruments]]
-    if not chosen:
-        return [np.empty((record.shape[0], 0)) for record in u]
-    return [np.column_stack(record) for record in zip(*chosen, strict=True)]
+    edges = np.cumsum([0, inputs, outputs, references])
+    of = {name: np.arange(*edges[k : k + 2]) for k, name in enumerate(("input", "output", "reference"))}
+    return np.concatenate([of[name] for name in INSTRUMENTS[instruments]] or [np.arange(0)])
 
 
 def reference_response(u, reference, leads=15, lags=80):

@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.batches import are_batches, as_batches, batch_hankel, centred, scaled
+from ankleloop.subspace.batches import are_batches, as_batches, centred, scaled
+from ankleloop.subspace.compression import COMPRESSIONS, HankelRows, compressed
 from ankleloop.subspace.input_matrices import estimate_input_matrices
-from ankleloop.subspace.instruments import instrument_signals, predict_from_reference
+from ankleloop.subspace.instruments import instrument_channels, predict_from_reference
 from ankleloop.subspace.matrices import Matrices
-from ankleloop.subspace.projection import project
 from ankleloop.subspace.realisation import choose_order, realise
 
 __all__ = ["INPUT_MATRICES", "SubspaceEstimate", "moesp"]
@@ -64,6 +64,7 @@ def moesp(
     input_matrices="least-squares",
     dynamic=None,
     predicted_inputs=None,
+    compression="gram",
     rank_tolerance=1e-8,
     regression_tolerance=1e-10,
     names=None,
@@ -108,6 +109,10 @@ def moesp(
         Inputs that drive the state; the rest act through D alone.
     predicted_inputs : array_like, shape (N, m), or list of those, optional
         Noise-free predictions of the inputs to serve as instruments for B and D, instead of linear ones.
+    compression : {"gram", "qr"}
+        How the Hankel matrices are compressed. "gram" takes the inner products of their rows by the displacement
+        structure, and "qr" factorises them; where rounding of the squares would count, "gram" goes over to "qr" by
+        itself, and `diagnostics["compression"]` says so.
     rank_tolerance : float
         Rank policy of the projection: singular values below this fraction of the largest one count as zero.
     regression_tolerance : float
@@ -137,6 +142,8 @@ def moesp(
     """
     if input_matrices not in INPUT_MATRICES:
         raise ValueError(f"unknown input_matrices {input_matrices!r}; known: {', '.join(INPUT_MATRICES)}.")
+    if compression not in COMPRESSIONS:
+        raise ValueError(f"unknown compression {compression!r}; known: {', '.join(COMPRESSIONS)}.")
     several = are_batches(u)
     u, y = as_batches(u, several), as_batches(y, several)
     r = None if reference is None else as_batches(reference, several)
@@ -145,11 +152,13 @@ def moesp(
     (u, u_scale), (y, y_scale) = scaled(u, "input"), scaled(y, "output")
     r = None if r is None else scaled(r, "reference")[0]
     m, p = u[0].shape[1], y[0].shape[1]
-    z = instrument_signals(instruments, u, y, r)
-    width, past = z[0].shape[1], 0
+    channels = instrument_channels(instruments, m, p, 0 if r is None else r[0].shape[1])
+    width, past = channels.size, 0
     if width:
         past = instrument_rows or _instrument_rows(projection, block_rows, m, p, width)
-    found = _project(u, y, z, block_rows, past, instrument_leads, projection, rank_tolerance, order or 1)
+    rows = HankelRows(m, p, channels, block_rows, past, instrument_leads)
+    records = [np.column_stack(parts) for parts in zip(u, y, *([] if r is None else [r]), strict=True)]
+    found, used = compressed(records, rows, projection, rank_tolerance, order or 1, compression)
     n = choose_order(found.singular_values, (block_rows - 1) // 2) if order is None else order
     A, C, guarded = realise(found.observability, p, n)
     predicted = None
@@ -160,6 +169,7 @@ def moesp(
     poles = np.linalg.eigvals(A)
     diagnostics = {
         "order": n,
+        "compression": used,
         "poles": poles,
         "spectral_radius": float(np.abs(poles).max()),
         "rank": found.input_rank,
@@ -218,19 +228,3 @@ def _check_leads(instruments, leads, block_rows):
         raise ValueError(f"instrument_leads must be between 0 and block_rows ({block_rows}), got {leads}.")
     if leads and instruments != "past-reference":
         raise ValueError(f"instrument_leads need instruments made of the reference, not {instruments!r}: use 0.")
-
-
-def _project(u, y, z, block_rows, past, leads, form, rank_tolerance, least):
-    window = past + block_rows
-    columns = sum(max(0, record.shape[0] - window + 1) for record in u)
-    rows = (u[0].shape[1] + y[0].shape[1]) * block_rows + z[0].shape[1] * (past + leads)
-    if columns < rows:
-        samples = " + ".join(str(record.shape[0]) for record in u)
-        raise DataError(
-            f"the record of {samples} samples is shorter than its Hankel window: {rows} Hankel rows need at least "
-            f"{rows + window - 1} samples. Record longer, or use fewer block_rows or instrument_rows."
-        )
-    own = {"own_means": len(u) > 1}  # of a single record the projection removes them
-    future = [batch_hankel(signal, past, block_rows, window, **own) for signal in (u, y)]
-    instruments = batch_hankel(z, 0, past + leads, window, **own) if z[0].shape[1] else np.empty((0, columns))
-    return project(*future, instruments, form, rank_tolerance, least)

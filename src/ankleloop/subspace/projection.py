@@ -3,6 +3,9 @@
 The rows of the input Hankel matrix may be dependent by construction (for an ankle: a delayed velocity among the
 inputs is a shifted row of the velocity). Rank is therefore decided, never assumed: a direction counts if its singular
 value is above `rank_tolerance` times the largest one, all signals having been scaled to unit variance.
+
+Here the Hankel matrices are factorised, which is accurate whatever their condition. `gram_projection` has the fast
+route to the same projection.
 """
 
 from dataclasses import dataclass
@@ -12,7 +15,16 @@ from scipy import linalg
 
 from ankleloop.errors import DataError
 
-__all__ = ["PROJECTIONS", "Projection", "project"]
+__all__ = [
+    "PROJECTIONS",
+    "Projection",
+    "check_form",
+    "check_instrument_rank",
+    "check_instrument_rows",
+    "column_space",
+    "decomposed",
+    "project",
+]
 
 PROJECTIONS = ("ordinary", "correlation")
 
@@ -40,11 +52,11 @@ class Projection:
     condition: float
 
 
-def _column_space(matrix, rank_tolerance):
+def column_space(matrix, rank_tolerance):
     """Orthonormal basis of the columns that count, and the ratio of their largest to smallest singular value."""
     if matrix.shape[1] == 0:
         return matrix, 1.0
-    left, values, _ = linalg.svd(matrix, full_matrices=False)
+    left, values, _ = np.linalg.svd(matrix, full_matrices=False)
     kept = values > rank_tolerance * values[0] if values[0] > 0 else np.zeros(values.size, dtype=bool)
     condition = values[0] / values[kept][-1] if kept.any() else np.inf
     return left[:, kept], float(condition)
@@ -84,8 +96,7 @@ def project(U, Y, Z, form, rank_tolerance, order):
     DataError
         If too few columns or instruments are left to see the order.
     """
-    if form not in PROJECTIONS:
-        raise ValueError(f"unknown projection {form!r}; known: {', '.join(PROJECTIONS)}.")
+    check_form(form)
     stacked = np.vstack([U, Z, Y])
     # A constant offset is one more input whose Hankel rows are all alike: its projection is the mean of every row.
     stacked = stacked - stacked.mean(axis=1, keepdims=True)
@@ -99,15 +110,25 @@ def project(U, Y, Z, form, rank_tolerance, order):
     r_u, r_z, r_y = np.split(R, [U.shape[0], U.shape[0] + Z.shape[0]], axis=1)
     step = _ordinary if form == "ordinary" else _correlation
     residual, input_rank, instrument_rank, condition = step(r_u, r_y, r_z, rank_tolerance, order)
-    left, values, _ = linalg.svd(residual, full_matrices=False)
+    return decomposed(residual, input_rank, instrument_rank, condition, stacked.shape[1], form)
+
+
+def check_form(form):
+    """Refuse an unknown form of the projection."""
+    if form not in PROJECTIONS:
+        raise ValueError(f"unknown projection {form!r}; known: {', '.join(PROJECTIONS)}.")
+
+
+def decomposed(residual, input_rank, instrument_rank, condition, columns, form):
+    """Outcome of a projection from the matrix whose left singular vectors it is about."""
+    left, values, _ = np.linalg.svd(residual, full_matrices=False)
     # So that they do not grow with the record: a root mean square, or a correlation.
-    columns = stacked.shape[1]
     values = values / (np.sqrt(columns) if form == "ordinary" else columns)
     return Projection(left, values, input_rank, instrument_rank, condition)
 
 
 def _ordinary(r_u, r_y, r_z, rank_tolerance, order):
-    inputs, condition = _column_space(r_u, rank_tolerance)
+    inputs, condition = column_space(r_u, rank_tolerance)
     y_left = r_y - inputs @ (inputs.T @ r_y)
     if r_z.shape[1] == 0:
         return y_left.T, inputs.shape[1], 0, condition
@@ -115,22 +136,31 @@ def _ordinary(r_u, r_y, r_z, rank_tolerance, order):
     left, values, _ = linalg.svd(z_left, full_matrices=False)
     # Judged against the instruments before the inputs were removed: what is left may be nothing but rounding.
     rank = int(np.sum(values > max(rank_tolerance, 1e-12) * linalg.norm(r_z, 2)))
+    check_instrument_rank(rank, order)
+    return (left[:, :rank].T @ y_left).T, inputs.shape[1], rank, condition
+
+
+def check_instrument_rank(rank, order):
+    """Refuse instruments that leave fewer directions than the order."""
     if rank < order:
         raise DataError(
             f"the instruments have rank {rank} beside the future inputs, but order {order} needs at least {order}: "
             "use more instrument_rows, a richer reference, or a lower order."
         )
-    return (left[:, :rank].T @ y_left).T, inputs.shape[1], rank, condition
+
+
+def check_instrument_rows(rows, inputs, order):
+    """Refuse a correlation form that leaves nothing but rounding."""
+    if rows < inputs + order:
+        raise DataError(
+            f"the correlation form has {rows} rows of instruments, but needs at least {inputs + order} (inputs times "
+            "block rows, plus the order): with fewer, nothing but rounding is left. Raise instrument_rows."
+        )
 
 
 def _correlation(r_u, r_y, r_z, rank_tolerance, order):
-    needed = r_u.shape[1] + order
-    if r_z.shape[1] < needed:
-        raise DataError(
-            f"the correlation form has {r_z.shape[1]} rows of instruments, but needs at least {needed} (inputs times "
-            "block rows, plus the order): with fewer, nothing but rounding is left. Raise instrument_rows."
-        )
-    inputs, condition = _column_space(r_z.T @ r_u, rank_tolerance)
+    check_instrument_rows(r_z.shape[1], r_u.shape[1], order)
+    inputs, condition = column_space(r_z.T @ r_u, rank_tolerance)
     correlated = r_z.T @ r_y
     rank = int(np.linalg.matrix_rank(r_z, tol=max(rank_tolerance, 1e-12) * linalg.norm(r_z, 2)))
     residual = correlated - inputs @ (inputs.T @ correlated)

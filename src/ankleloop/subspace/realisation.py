@@ -1,7 +1,6 @@
 """From the extended observability matrix to A and C."""
 
 import numpy as np
-from scipy import linalg
 
 __all__ = ["choose_order", "realise"]
 
@@ -53,8 +52,8 @@ def realise(observability, outputs, order):
         Spectral radius of the unstable A that had to be replaced, None if least squares was stable.
     """
     columns = observability[:, :order]
-    A = linalg.lstsq(columns[:-outputs], columns[outputs:])[0]
-    radius = float(np.max(np.abs(linalg.eigvals(A))))
+    A = np.linalg.lstsq(columns[:-outputs], columns[outputs:], rcond=None)[0]
+    radius = float(np.max(np.abs(np.linalg.eigvals(A))))
     C = columns[:outputs]
     if radius < 1.0:
         return A, C, None

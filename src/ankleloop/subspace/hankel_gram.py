@@ -1,0 +1,143 @@
+"""Inner products of Hankel rows without the Hankel matrix, in constant memory however long the record is."""
+
+import numpy as np
+from numba import njit
+
+from ankleloop.errors import DataError
+
+__all__ = ["HankelGram"]
+
+BLOCK = 256  # columns: sums of sums round less than one long sum
+
+
+class HankelGram:
+    r"""Gram matrix H Hᵀ of a block-Hankel matrix, each row less its mean, accumulated over the chunks of one record.
+
+    Rows of a Hankel matrix are shifts of one signal, so each block follows from its upper left neighbour by what enters
+    and what leaves the window of n columns,
+
+    .. math:: G_{i+1,j+1} = G_{i,j} + w(i+n)\, w(j+n)^T - w(i)\, w(j)^T,
+
+    and only the first block row takes sums over the record (Mastronardi, Kressner, Sima, Van Dooren and Van Huffel, "A
+    fast algorithm for subspace state-space system identification via exploitation of the displacement structure", J.
+    Comput. Appl. Math. 132, 71-81, 2001).
+
+    Parameters
+    ----------
+    block_rows : int
+        Block rows of the Hankel matrix, which begins with the first sample.
+    lags : sequence of int, optional
+        For each channel, how many block rows later another row may be for their product to be of use: fewer are made
+        in less time. All `block_rows` by default.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(0).standard_normal((50, 1))
+    >>> gram = HankelGram(3)
+    >>> for chunk in np.array_split(x, 4):
+    ...     gram.add(chunk)
+    >>> H = np.lib.stride_tricks.sliding_window_view(x[:, 0], 3).T
+    >>> bool(np.allclose(gram.matrix(), 48 * np.cov(H, bias=True)))
+    True
+    """
+
+    def __init__(self, block_rows, lags=None):
+        self.block_rows = block_rows
+        self.lags = lags
+        self.columns = 0
+        self._head = self._tail = None
+        self._products = self._sums = 0.0
+
+    def add(self, chunk):
+        """Continue the record.
+
+        Parameters
+        ----------
+        chunk : ndarray, shape (N, channels)
+            The samples that follow those added before.
+        """
+        x = chunk if self._tail is None else np.concatenate([self._tail, chunk])
+        columns = x.shape[0] - self.block_rows + 1
+        if columns < 1:
+            self._tail = x.copy()
+            return
+        if self._head is None:
+            self._head = x[: self.block_rows - 1].copy()
+        lags = np.full(x.shape[1], self.block_rows) if self.lags is None else np.asarray(self.lags)
+        self._products = self._products + _lagged_products(np.ascontiguousarray(x), columns, self.block_rows, lags)
+        self._sums = self._sums + x[:columns].sum(axis=0)
+        self._tail = x[columns:].copy()
+        self.columns += columns
+
+    def matrix(self):
+        """The Gram matrix of what has been added.
+
+        Returns
+        -------
+        ndarray, shape (block_rows * channels, block_rows * channels)
+            Row i of the Hankel matrix holds channel i % channels at lag i // channels. Products that were not to be
+            made are nan.
+
+        Raises
+        ------
+        DataError
+            If the record is shorter than a single column.
+        """
+        if self.columns == 0:
+            raise DataError(f"the record is shorter than the {self.block_rows} samples of one Hankel column.")
+        moved = np.cumsum(np.vstack([np.zeros_like(self._head[:1]), self._tail - self._head]), axis=0)
+        means = (self._sums + moved).ravel() / np.sqrt(self.columns)
+        return _displaced(self._products, self._head.ravel(), self._tail.ravel(), means)
+
+
+# Contraction lets the compiler use fused multiply-adds; sums are not reordered.
+@njit(cache=True, fastmath={"contract"})
+def _lagged_products(x, columns, block_rows, lags):
+    """First block row of the Gram matrix, sums over t of x(t) times x(t) … x(t + block_rows - 1).
+
+    Samples follow each other in memory, so those of all lags are one row of numbers. Four columns at a time: the sums
+    are loaded and stored a fourth as often.
+    """
+    channels = x.shape[1]
+    flat, width = x.ravel(), block_rows * channels
+    sums, part = np.zeros((channels, width)), np.zeros((channels, width))
+    for start in range(0, columns, BLOCK):
+        stop = min(start + BLOCK, columns)
+        whole = stop - (stop - start) % 4
+        part[:] = 0.0
+        for t in range(start, whole, 4):
+            at, last = t * channels, (t + 3) * channels
+            x0, x1 = flat[at : at + width], flat[at + channels : at + channels + width]
+            x2, x3 = flat[last - channels : last - channels + width], flat[last : last + width]
+            for i in range(channels):
+                a0, a1, a2, a3 = x[t, i], x[t + 1, i], x[t + 2, i], x[t + 3, i]
+                row = part[i]
+                for k in range(lags[i] * channels):
+                    row[k] += a0 * x0[k] + a1 * x1[k] + a2 * x2[k] + a3 * x3[k]
+        for t in range(whole, stop):
+            for i in range(channels):
+                for k in range(lags[i] * channels):
+                    part[i, k] += x[t, i] * flat[t * channels + k]
+        sums += part
+    for i in range(channels):
+        sums[i, lags[i] * channels :] = np.nan
+    return sums
+
+
+@njit(cache=True)
+def _displaced(row, head, tail, means):
+    """All blocks of the Gram matrix from its first block row, the ends of the record and the means of the rows."""
+    channels, size = row.shape
+    gram = np.empty((size, size))
+    gram[:channels] = row
+    for i in range(channels, size):
+        a, b = tail[i - channels], head[i - channels]
+        for j in range(i - i % channels, size):
+            k = j - channels
+            gram[i, j] = gram[i - channels, k] + a * tail[k] - b * head[k]
+    for i in range(size):
+        for j in range(i - i % channels, size):
+            gram[i, j] -= means[i] * means[j]
+        for j in range(i - i % channels):
+            gram[i, j] = gram[j, i]
+    return gram
