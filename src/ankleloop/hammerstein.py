@@ -13,6 +13,7 @@ from ankleloop.spectra import Band
 __all__ = ["ReflexPath", "StaticNonlinearity", "response_gain", "separate"]
 
 LOWEST = 0.05  # Hz
+BIN = 0.2  # Hz
 CANDIDATES = 60  # thresholds looked at
 
 
@@ -153,24 +154,34 @@ def separate(matrices, inputs, basis, order=2):
     E.-W. Bai, "An optimal two-stage identification algorithm for Hammerstein-Wiener nonlinear systems", Automatica
     34(3), 333-338, 1998.
     """
-    band = Band(len(inputs), 1.0 / matrices.dt, LOWEST, PASSBAND / matrices.dt)
-    responses = matrices.frequency_response(np.exp(band.s * matrices.dt))
-    spectra = band.transform(inputs.T)
+    s, power = _power(inputs, 1.0 / matrices.dt)
+    responses = matrices.frequency_response(np.exp(s * matrices.dt))
     root = np.linalg.cholesky(_covariance(inputs))
-    weight = np.mean(np.abs(spectra / np.linalg.norm(spectra, axis=1, keepdims=True)) ** 2, axis=0)
+    own = np.einsum("fkk->fk", power)
+    weight = np.mean(own / own.sum(axis=0), axis=1)
     weighted = np.sqrt(weight)[:, None] * (responses @ root)
     _, values, right = np.linalg.svd(np.vstack([weighted.real, weighted.imag]), full_matrices=False)
     if not values[0] > 0:
         raise DataError("the model has no reflex torque, so there is nothing to separate.")
     coefficients = np.linalg.solve(root.T, right[0])
     single = responses @ (root @ right[0])
-    gain, dynamics, share = fit_dynamics(single, band.s, np.abs(coefficients @ spectra) ** 2, order)
+    gain, dynamics, share = fit_dynamics(single, s, np.maximum(power @ coefficients @ coefficients, 0.0), order)
     return ReflexPath(
         StaticNonlinearity(basis, gain * coefficients),
         dynamics,
         float(values[0] ** 2 / np.sum(values**2)),
         share,
     )
+
+
+def _power(inputs, rate):
+    """Spectral matrices of the inputs, summed over bins so narrow that the reflex answers all of a bin alike."""
+    band = Band(len(inputs), rate, LOWEST, PASSBAND * rate)
+    spectra = band.transform(inputs.T)
+    products = np.real(spectra[:, None] * spectra.conj()).transpose(2, 0, 1)
+    starts = np.arange(0, len(products), max(1, round(BIN * len(inputs) / rate)))
+    lines = np.diff(np.append(starts, len(products)))
+    return np.add.reduceat(band.s, starts) / lines, np.add.reduceat(products, starts)
 
 
 def _covariance(inputs):
@@ -199,7 +210,7 @@ def response_gain(response, drive, rate, basis, order=2):
     -------
     ReflexPath
     """
-    band = Band(len(drive), rate, LOWEST, PASSBAND * rate)
-    frequency_response = np.exp(-np.outer(band.s / rate, np.arange(response.size))) @ response
-    gain, dynamics, share = fit_dynamics(frequency_response, band.s, np.abs(band.transform(drive)) ** 2, order)
+    s, power = _power(drive[:, None], rate)
+    frequency_response = np.exp(-np.outer(s / rate, np.arange(response.size))) @ response
+    gain, dynamics, share = fit_dynamics(frequency_response, s, power[:, 0, 0], order)
     return ReflexPath(StaticNonlinearity(basis, np.array([gain])), dynamics, 1.0, share)

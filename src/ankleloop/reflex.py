@@ -10,6 +10,8 @@ __all__ = ["ReflexDynamics", "fit_dynamics"]
 
 STARTS = [(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]
 POLES = (15.0, 40.0, 120.0)  # rad/s
+ITERATIONS, CONVERGED = 100, 1e-6
+FURTHEST = 1e4  # rad/s, or 1: no reflex is as fast, or as damped
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,29 @@ class ReflexDynamics:
         poles = [None] if order == 2 else POLES
         return [cls(omega, zeta, pole) for pole in poles for omega, zeta in STARTS]
 
+    def within(self, limit):
+        """Whether all parameters are between a limit and its inverse."""
+        values = np.array(list(self.values.values()))
+        return bool(np.all((values < limit) & (values > 1.0 / limit)))
+
     def moved(self, step):
         """Dynamics after a step of the logarithms of its parameters."""
         return ReflexDynamics(*(np.array(list(self.values.values())) * np.exp(step)).tolist())
+
+    def shape(self, s):
+        """Frequency response.
+
+        Parameters
+        ----------
+        s : ndarray of complex
+            Laplace variable [rad/s].
+
+        Returns
+        -------
+        ndarray
+        """
+        response = self.omega_n**2 / (s * (s + 2 * self.zeta * self.omega_n) + self.omega_n**2)
+        return response if self.pole is None else response * self.pole / (s + self.pole)
 
     def response(self, s):
         """Frequency response, and its derivatives with respect to the logarithm of each parameter.
@@ -71,10 +93,9 @@ class ReflexDynamics:
         """
         square, damped = self.omega_n**2, 2 * self.zeta * self.omega_n * s
         denominator = s**2 + damped + square
-        response = square / denominator
+        response = self.shape(s)
         relative = [2 - (damped + 2 * square) / denominator, -damped / denominator]
         if self.pole is not None:
-            response = response * self.pole / (s + self.pole)
             relative.append(s / (s + self.pole))
         return response, [response * part for part in relative]
 
@@ -131,25 +152,45 @@ def fit_dynamics(response, s, weight, order=2):
     >>> round(gain, 6), round(dynamics.omega_n, 6), round(dynamics.zeta, 6), round(share, 6)
     (5.0, 40.0, 0.9, 1.0)
     """
-    from scipy.optimize import least_squares  # here, because only some methods need to wait for it
-
     root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
     target = root * response
+    found = _Fit(_nearest(ReflexDynamics.grid(order), s, root, target), s, root, target)
+    damping = 1e-6
+    for _ in range(ITERATIONS):
+        step = found.step(damping)
+        tried = _Fit(found.dynamics.moved(np.clip(step, -1.0, 1.0)), s, root, target)
+        better = tried.left <= found.left and tried.dynamics.within(FURTHEST)
+        damping = max(damping / 10, 1e-12) if better else 10 * damping
+        found = tried if better else found
+        if np.max(np.abs(step)) < CONVERGED or damping > 1e9:
+            break
+    return found.gain, found.dynamics, 1.0 - found.left
 
-    def projected(dynamics):
-        shape = root * dynamics.response(s)[0]
-        return np.real(np.vdot(shape, target)) / np.real(np.vdot(shape, shape)), shape
 
-    def left(dynamics):
-        gain, shape = projected(dynamics)
-        return target - gain * shape
+def _nearest(grid, s, root, target):
+    """The dynamics of a grid that explain most with the gain that suits them."""
+    shapes = _real(root * np.array([dynamics.shape(s) for dynamics in grid]))
+    return grid[int(np.argmax((shapes @ _real(target)) ** 2 / np.sum(shapes**2, axis=1)))]
 
-    start = min(ReflexDynamics.grid(order), key=lambda dynamics: np.sum(np.abs(left(dynamics)) ** 2))
 
-    def residual(step):
-        miss = left(start.moved(step))
-        return np.concatenate([miss.real, miss.imag])
+class _Fit:
+    """Dynamics with the gain that suits them best: the gain is projected out of the search (Golub and Pereyra 1973)."""
 
-    found = least_squares(residual, np.zeros(order), bounds=(-4.0, 4.0))
-    dynamics = start.moved(found.x)
-    return float(projected(dynamics)[0]), dynamics, float(1.0 - 2.0 * found.cost)
+    def __init__(self, dynamics, s, root, target):
+        self.dynamics = dynamics
+        shape, derivatives = dynamics.response(s)
+        self._shape, self._slopes = _real(root * shape), _real(root * np.array(derivatives))
+        self.gain = float(self._shape @ _real(target) / (self._shape @ self._shape))
+        self._miss = _real(target) - self.gain * self._shape
+        self.left = float(self._miss @ self._miss)
+
+    def step(self, damping):
+        """Step of the logarithms of the parameters (Levenberg and Marquardt)."""
+        along = self._slopes @ self._shape / (self._shape @ self._shape)
+        slopes = self.gain * (self._slopes - along[:, None] * self._shape)
+        normal = slopes @ slopes.T
+        return np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-30), slopes @ self._miss)
+
+
+def _real(values):
+    return np.concatenate([values.real, values.imag], axis=-1)

@@ -8,7 +8,7 @@ kernel passes anything at all, which a difference of samples is not.
 from functools import lru_cache
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
+from numba import njit
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.errors import DataError
@@ -166,20 +166,38 @@ def decimate(x, factor, first, count, *, rate=1.0, derivative=0):
     if derivative:
         # Constants are in the null space of a derivative: taking them out first keeps the rounding small.
         x = x - x.mean(axis=-1, keepdims=True)
-    return _filtered(x[..., start:stop], taps, factor, count) * (rate / factor) ** derivative
+    found = _filtered(x[..., start:stop], taps, factor, count)
+    return found * (rate / factor) ** derivative if derivative else found
 
 
 def _filtered(x, taps, factor, count):
-    """Every `factor`-th sample of a convolution, in polyphase form: one matrix product, one sum along its diagonals."""
-    rows = -(-taps.size // factor)
-    phases = np.zeros((rows, factor))
-    phases.flat[: taps.size] = taps[::-1]
-    blocks = np.zeros((*x.shape[:-1], count + rows - 1, factor))
-    blocks.reshape(*x.shape[:-1], -1)[..., : x.shape[-1]] = x
-    products = blocks @ phases.T
-    *outer, block, phase = products.strides
-    shape = (*x.shape[:-1], count, rows)
-    return as_strided(products, shape, (*outer, block, block + phase), writeable=False).sum(axis=-1)
+    """Every `factor`-th sample of the convolution that is complete, of one signal or of several."""
+    rows = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
+    return _products(rows, np.ascontiguousarray(taps[::-1]), factor, count).reshape(*x.shape[:-1], count)
+
+
+# Sums may be reordered, so that the compiler makes several terms at a time.
+@njit(cache=True, fastmath={"contract", "reassoc"})
+def _products(rows, weights, factor, count):
+    """Weighted sums of `weights.size` samples at every `factor`-th one, two at a time: each weight is loaded once."""
+    out = np.empty((rows.shape[0], count))
+    n = weights.size
+    for c in range(rows.shape[0]):
+        x = rows[c]
+        for i in range(0, count - 1, 2):
+            first, second = x[i * factor : i * factor + n], x[(i + 1) * factor : (i + 1) * factor + n]
+            a, b = 0.0, 0.0
+            for k in range(n):
+                a += weights[k] * first[k]
+                b += weights[k] * second[k]
+            out[c, i], out[c, i + 1] = a, b
+        if count % 2:
+            last = x[(count - 1) * factor : (count - 1) * factor + n]
+            a = 0.0
+            for k in range(n):
+                a += weights[k] * last[k]
+            out[c, count - 1] = a
+    return out
 
 
 def lowpass(x, factor):
@@ -302,7 +320,7 @@ def differentiate(x, rate, delay=0.0):
         raise DataError(
             f"a record of {x.size} samples is too short to differentiate: it takes at least {taps.size + abs(whole)}."
         )
-    complete = convolve(x - x.mean(), taps)[taps.size - 1 : x.size]
+    complete = _filtered(x - x.mean(), taps, 1, x.size - taps.size + 1)
     # complete[k] belongs to sample k + half; a delay of `whole` samples moves it to k + half + whole.
     index = np.clip(np.arange(x.size) - half - whole, 0, complete.size - 1)
     return complete[index]

@@ -1,53 +1,89 @@
 """The parallel-cascade method: two impulse responses, estimated in turn (Kearney, Stein and Parameswaran 1997)."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.estimate import Estimate, torque_dataset
 from ankleloop.hammerstein import response_gain
 from ankleloop.regressors import build_regressors
+from ankleloop.subspace.hankel_gram import HankelGram
 
 __all__ = ["identify_parallel_cascade"]
 
 RANKS = ("full", "mdl")
 PASS_CEILING = 10_000  # beyond any loop that converges at all
+SQUARED = 1e-10  # least ratio of eigenvalues for which inner products show all directions
 
 
 @dataclass(frozen=True)
 class _Pathway:
-    """Lagged inputs of one path in an orthonormal basis: a fit is a projection."""
+    """One path: inner products of its lagged inputs, and directions in which these are orthonormal."""
 
     lags: np.ndarray
-    responses: np.ndarray
-    scores: np.ndarray
+    gram: np.ndarray
+    with_torque: np.ndarray
+    directions: np.ndarray
 
-    def fit(self, target, rank):
-        """Impulse response that best explains a target, and the torque it gives."""
-        projections = self.scores.T @ target
-        kept = _kept(projections, target, rank)
-        return self.responses[:, kept] @ projections[kept], self.scores[:, kept] @ projections[kept]
+    def fit(self, with_target, energy, samples, rank):
+        """Impulse response that best explains a target, from its products with the lagged inputs and its energy."""
+        projections = self.directions.T @ with_target
+        kept = _kept(projections, energy, samples, rank)
+        return self.directions[:, kept] @ projections[kept]
+
+    def energy(self, response):
+        """Sum of squares of the torque of a response."""
+        return response @ self.gram @ response
 
 
-def _kept(projections, target, rank):
+def _kept(projections, energy, samples, rank):
     """Directions of the pseudo-inverse to keep; "mdl" takes as many as shorten the description of the target."""
     if rank == "full":
         return np.arange(projections.size)
     order = np.argsort(projections**2)[::-1]
-    residual = np.maximum(target @ target - np.cumsum(projections[order] ** 2), np.finfo(float).tiny)
+    residual = np.maximum(energy - np.cumsum(projections[order] ** 2), np.finfo(float).tiny)
     terms = np.arange(1, order.size + 1)
-    return order[: int(np.argmin(residual * (1 + terms * np.log(target.size) / target.size))) + 1]
+    return order[: int(np.argmin(residual * (1 + terms * np.log(samples) / samples))) + 1]
 
 
-def _pathway(x, first, last, rows, rank_tolerance):
-    """Lags first … last of an input (negative lags lead), at the given samples."""
-    lags = np.arange(first, last + 1)
-    lagged = np.stack([x[rows - lag] for lag in lags], axis=1)
-    left, values, right = linalg.svd(lagged - lagged.mean(axis=0), full_matrices=False)
+def _directions(gram, lagged, rank_tolerance):
+    """Directions of lagged inputs, each over its singular value; those below the tolerance are left out."""
+    values, vectors = np.linalg.eigh(gram)
+    if values[0] > max(SQUARED, 4.0 * rank_tolerance**2) * values[-1]:
+        return vectors / np.sqrt(values)
+    # Squares do not show which directions count: the lagged inputs themselves do.
+    _, values, right = np.linalg.svd(lagged(), full_matrices=False)
     kept = values > rank_tolerance * values[0]
-    return _Pathway(lags, right[kept].T / values[kept], left[:, kept])
+    return right[kept].T / values[kept]
+
+
+def _lagged(x, lags, rows):
+    """Lags of an input (negative ones lead) at some samples, each less its mean."""
+    lagged = np.stack([x[rows - lag] for lag in lags], axis=1)
+    return lagged - lagged.mean(axis=0)
+
+
+def _paths(regressors, rows, lags, rank_tolerance):
+    """Both paths, the products of their lagged inputs with each other, and the energy of the torque.
+
+    Lags of a signal are rows of a Hankel matrix, so all of these are entries of one Gram matrix.
+    """
+    inputs = regressors.inputs[:, [0, -1]]
+    window = rows[0] + regressors.torque.size - rows[-1]
+    gram = HankelGram(window)
+    gram.add(np.column_stack([inputs, regressors.torque]))
+    products = gram.matrix()
+    present = rows[0] * 3
+    at = [present - 3 * which + channel for channel, which in enumerate(lags)]
+    torque = present + 2
+    paths = []
+    for channel, (which, index) in enumerate(zip(lags, at, strict=True)):
+        own = products[np.ix_(index, index)]
+        lagged = partial(_lagged, inputs[:, channel], which, rows)
+        paths.append(_Pathway(which, own, products[index, torque], _directions(own, lagged, rank_tolerance)))
+    return paths, products[np.ix_(*at)], products[torque, torque]
 
 
 def identify_parallel_cascade(
@@ -128,13 +164,14 @@ def identify_parallel_cascade(
             f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer, or shorten "
             "intrinsic_lags and reflex_lags."
         )
-    paths = (
-        _pathway(regressors.inputs[:, 0], -ahead, ahead, rows, rank_tolerance),
-        _pathway(regressors.inputs[:, -1], 0, behind, rows, rank_tolerance),
+    lags = np.arange(-ahead, ahead + 1), np.arange(behind + 1)
+    paths, crossed, energy = _paths(regressors, rows, lags, rank_tolerance)
+    responses, history, converged = _alternate(paths, crossed, energy, rows.size, rank, max_passes, tolerance)
+    intrinsic, reflex = (
+        _centred(_responded(x, response, which[0])[rows])
+        for x, response, which in zip(regressors.inputs[:, [0, -1]].T, responses, lags, strict=True)
     )
-    responses, torques, history, converged = _alternate(paths, regressors.torque[rows], rank, max_passes, tolerance)
     warnings = [] if converged or max_passes else [f"no convergence within {PASS_CEILING} passes"]
-    intrinsic, reflex = torques
     path = response_gain(responses[1], regressors.inputs[rows, -1], regressors.rate, regressors.basis)
     return Estimate(
         method="parallel-cascade",
@@ -149,9 +186,9 @@ def identify_parallel_cascade(
             "converged": converged,
             "history": history,
             "intrinsic_response": responses[0],
-            "intrinsic_lags": paths[0].lags / regressors.rate,
+            "intrinsic_lags": lags[0] / regressors.rate,
             "reflex_response": responses[1],
-            "reflex_lags": paths[1].lags / regressors.rate,
+            "reflex_lags": lags[1] / regressors.rate,
             **path.diagnostics,
             "warnings": warnings,
         },
@@ -173,27 +210,36 @@ class _Predictor:
         regressors = build_regressors(trial, delay=self.delay, basis=self.basis, identification_rate=self.rate)
         intrinsic, reflex = self.responses
         rows = slice(max(self.ahead, reflex.size - 1), regressors.torque.size - self.ahead)
-        inputs = regressors.inputs - regressors.inputs.mean(axis=0)
         torques = {
-            "intrinsic": np.convolve(inputs[:, 0], intrinsic)[self.ahead :][rows],
-            "reflex": np.convolve(inputs[:, -1], reflex)[rows],
+            "intrinsic": _centred(_responded(regressors.inputs[:, 0], intrinsic, -self.ahead)[rows]),
+            "reflex": _centred(_responded(regressors.inputs[:, -1], reflex, 0)[rows]),
         }
-        torques = {name: torque - torque.mean() for name, torque in torques.items()}
         net = torques["intrinsic"] + torques["reflex"]
         return torque_dataset(regressors.time[rows], regressors.rate, net=net, **torques)
 
 
-def _alternate(paths, torque, rank, max_passes, tolerance):
+def _responded(x, response, first):
+    """Torque of an impulse response whose first lag is given."""
+    return np.convolve(x - x.mean(), response)[-first:][: x.size]
+
+
+def _centred(torque):
+    return torque - torque.mean()
+
+
+def _alternate(paths, crossed, energy, samples, rank, max_passes, tolerance):
     """Alternating least squares; the history holds the net VAF after each pass."""
-    torque = torque - torque.mean()
-    total = torque @ torque
-    reflex = np.zeros_like(torque)
+    intrinsic, reflex = paths
+    reflex_response = np.zeros(reflex.lags.size)
     history = []
     for _ in range(max_passes or PASS_CEILING):
-        intrinsic_response, intrinsic = paths[0].fit(torque - reflex, rank)
-        reflex_response, reflex = paths[1].fit(torque - intrinsic, rank)
-        residual = torque - intrinsic - reflex
-        history.append(float(100 * (1 - (residual @ residual) / total)))
+        left = energy - 2.0 * reflex.with_torque @ reflex_response + reflex.energy(reflex_response)
+        intrinsic_response = intrinsic.fit(intrinsic.with_torque - crossed @ reflex_response, left, samples, rank)
+        left = energy - 2.0 * intrinsic.with_torque @ intrinsic_response + intrinsic.energy(intrinsic_response)
+        target = reflex.with_torque - intrinsic_response @ crossed
+        reflex_response = reflex.fit(target, left, samples, rank)
+        left = left - 2.0 * target @ reflex_response + reflex.energy(reflex_response)
+        history.append(float(100 * (1 - left / energy)))
         if len(history) > 1 and history[-1] - history[-2] < tolerance:
-            return (intrinsic_response, reflex_response), (intrinsic, reflex), history, True
-    return (intrinsic_response, reflex_response), (intrinsic, reflex), history, False
+            return (intrinsic_response, reflex_response), history, True
+    return (intrinsic_response, reflex_response), history, False
