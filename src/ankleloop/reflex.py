@@ -155,13 +155,15 @@ def fit_dynamics(response, s, weight, order=2):
     root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
     target = root * response
     found = _Fit(_nearest(ReflexDynamics.grid(order), s, root, target), s, root, target)
-    damping = 1e-6
+    damping, bend = 1e-6, np.zeros((order, order))
     for _ in range(ITERATIONS):
-        step = found.step(damping)
+        step = found.step(damping, bend)
         tried = _Fit(found.dynamics.moved(np.clip(step, -1.0, 1.0)), s, root, target)
-        better = tried.left <= found.left and tried.dynamics.within(FURTHEST)
-        damping = max(damping / 10, 1e-12) if better else 10 * damping
-        found = tried if better else found
+        if tried.left <= found.left and tried.dynamics.within(FURTHEST):
+            bend = _bent(bend, found, tried, step)
+            found, damping = tried, max(damping / 10, 1e-12)
+        else:
+            damping, bend = 10 * damping, np.zeros_like(bend)
         if np.max(np.abs(step)) < CONVERGED or damping > 1e9:
             break
     return found.gain, found.dynamics, 1.0 - found.left
@@ -184,12 +186,26 @@ class _Fit:
         self._miss = _real(target) - self.gain * self._shape
         self.left = float(self._miss @ self._miss)
 
-    def step(self, damping):
-        """Step of the logarithms of the parameters (Levenberg and Marquardt)."""
         along = self._slopes @ self._shape / (self._shape @ self._shape)
-        slopes = self.gain * (self._slopes - along[:, None] * self._shape)
-        normal = slopes @ slopes.T
-        return np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-30), slopes @ self._miss)
+        aside = self._slopes @ self._miss / (self._shape @ self._shape)
+        self._slopes = self.gain * (self._slopes - along[:, None] * self._shape) + aside[:, None] * self._shape
+        self.normal, self.downhill = self._slopes @ self._slopes.T, self._slopes @ self._miss
+
+    def step(self, damping, bend):
+        """Step of the logarithms of the parameters (Levenberg and Marquardt), with what is known of the curvature."""
+        scale = damping * np.diag(np.diag(self.normal) + 1e-30)
+        if np.linalg.eigvalsh(self.normal + bend)[0] <= 0:
+            bend = 0.0
+        return np.linalg.solve(self.normal + bend + scale, self.downhill)
+
+
+def _bent(bend, before, after, step):
+    """Curvature that the slopes leave out, by a symmetric secant update: what a poor fit converges by."""
+    missing = before.downhill - after.downhill - (after.normal + bend) @ step
+    size = missing @ step
+    if abs(size) <= 1e-8 * np.linalg.norm(missing) * np.linalg.norm(step):
+        return bend
+    return bend + np.outer(missing, missing) / size
 
 
 def _real(values):

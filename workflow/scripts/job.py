@@ -23,9 +23,9 @@ def running(snakemake):
         sys.exit(f"{type(error).__name__} in {what}: {error}\nThe whole story is in {snakemake.log}.")
 
 
-def progress(items, done):
-    """Hand on items, and log how far the job has come."""
-    total = f" of {len(items)}" if hasattr(items, "__len__") else ""
+def progress(items, done, total=None):
+    """Hand on items, and log how far the job has come; a generator does not know how many there are in total."""
+    total = f" of {len(items) if total is None else total}" if total is not None or hasattr(items, "__len__") else ""
     start = time.perf_counter()
     for number, item in enumerate(items, start=1):
         yield item

@@ -3,11 +3,11 @@
 from numpy.random import SeedSequence
 
 from ankleloop.batch import save_trials
-from ankleloop.simulation import simulate
+from ankleloop.simulation import simulate_trials
 
 from job import progress, running
 
 with running(snakemake):
-    seeds = progress(snakemake.params.seeds, "simulated")
-    trials = (simulate(seed=SeedSequence(seed), **snakemake.params.parameters) for seed in seeds)
+    seeds = [SeedSequence(seed) for seed in snakemake.params.seeds]
+    trials = progress(simulate_trials(seeds, **snakemake.params.parameters), "simulated", len(seeds))
     save_trials(trials, snakemake.output.trials, precision=snakemake.params.precision)

@@ -12,7 +12,7 @@ from ankleloop.simulation.parameters import (
     Simulation,
     parameter_table,
 )
-from ankleloop.simulation.simulate import simulate
+from ankleloop.simulation.simulate import simulate, simulate_trials
 
 __all__ = [
     "Actuator",
@@ -26,4 +26,5 @@ __all__ = [
     "Simulation",
     "parameter_table",
     "simulate",
+    "simulate_trials",
 ]

@@ -1,5 +1,7 @@
 """What drives the loop from outside: perturbation, voluntary torque, measurement noise."""
 
+from functools import lru_cache
+
 import numpy as np
 from scipy import signal as sps
 
@@ -91,11 +93,17 @@ def voluntary_torque(rng, samples, rate, cutoff):
     >>> bool(abs(x.std() - 1) < 0.1)
     True
     """
+    sos, warmup, deviation = _voluntary_filter(rate, cutoff)
+    return sps.sosfilt(sos, rng.standard_normal(warmup + samples))[warmup:] / deviation
+
+
+@lru_cache
+def _voluntary_filter(rate, cutoff):
+    """Bessel low-pass, samples until it has settled, and the standard deviation that it leaves of white noise."""
     sos = sps.bessel(2, cutoff, fs=rate, norm="mag", output="sos")
     warmup = int(np.ceil(5 * rate / cutoff))
     response = sps.sosfilt(sos, np.concatenate(([1.0], np.zeros(2 * warmup))))
-    noise = sps.sosfilt(sos, rng.standard_normal(warmup + samples))[warmup:]
-    return noise / np.linalg.norm(response)
+    return sos, warmup, np.linalg.norm(response)
 
 
 def held_noise(rng, samples, hold):

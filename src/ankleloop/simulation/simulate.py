@@ -1,5 +1,8 @@
 """A simulated experiment: parameters and a seed in, a trial with its true torques out."""
 
+from functools import lru_cache
+from itertools import islice
+
 import numpy as np
 
 from ankleloop.errors import UnstableLoopError
@@ -8,7 +11,9 @@ from ankleloop.simulation.loop import antialias, build_loop, run_loop
 from ankleloop.simulation.parameters import Simulation
 from ankleloop.trial import new_trial
 
-__all__ = ["simulate"]
+__all__ = ["simulate", "simulate_trials"]
+
+TOGETHER = 16  # trials of one pass: more of them take memory and no less time
 
 
 def simulate(
@@ -74,70 +79,108 @@ def simulate(
     >>> trial.sizes["time"]
     10000
     """
+    names = {"duration": duration, "reflex_gain": reflex_gain, "load": load, "voluntary": voluntary, "snr_db": snr_db}
+    names |= {"closed_loop": closed_loop, "recording_rate": recording_rate}
+    return next(simulate_trials([seed], **names, **parameters))
+
+
+def simulate_trials(seeds, *, load=(1.1, 7.1, 250.0), **parameters):
+    """Simulate trials that differ in their seeds alone, several in one pass.
+
+    Parameters
+    ----------
+    seeds : iterable of int or numpy.random.SeedSequence
+        Seed of each trial; it gives the same bits as `simulate` does.
+    load, **parameters
+        As `simulate` takes them.
+
+    Yields
+    ------
+    xarray.Dataset
+        A trial.
+
+    Raises
+    ------
+    UnstableLoopError
+        If the loop diverges.
+    TypeError, ValueError
+        For an unknown parameter or a value outside its bounds.
+
+    Examples
+    --------
+    >>> [trial.attrs["seed"] for trial in simulate_trials([3, 4], duration=2.0)]
+    [3, 4]
+    """
     if np.shape(load) != (3,):
         raise ValueError(f"load must be three numbers (inertia, viscosity, stiffness), got {load!r}.")
-    if seed is None:
-        raise ValueError("seed must be a number or a SeedSequence: a trial has to be reproducible.")
-    overlap = {"load_inertia", "load_viscosity", "load_stiffness"} & set(parameters)
     names = dict(zip(("load_inertia", "load_viscosity", "load_stiffness"), load, strict=True))
-    names.update({name: parameters.pop(name) for name in overlap})
-    simulation = Simulation.from_flat(
-        duration=duration,
-        reflex_gain=reflex_gain,
-        voluntary=voluntary,
-        snr_db=snr_db,
-        closed_loop=closed_loop,
-        recording_rate=recording_rate,
-        **names,
-        **parameters,
-    )
-    return _simulate(simulation, seed)
+    simulation = Simulation.from_flat(**{**names, **parameters})
+    loop, waiting = build_loop(simulation), iter(seeds)
+    while block := list(islice(waiting, TOGETHER)):
+        yield from _simulated(simulation, loop, block)
 
 
-def _simulate(simulation, seed):
+def _simulated(simulation, loop, seeds):
+    """One pass over all signals of a block of trials."""
     rate = simulation.recorder.recording_rate
     dropped = round(simulation.run.settling * rate)
     samples = dropped + round(simulation.run.duration * rate)
-    disturbances = simulation.disturbances
-    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
-    # Children are keyed by hand, not spawned: spawning counts, and the same seed would give other bits next time.
-    streams = [
-        np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, k))) for k in range(3)
-    ]
-    command = _command(streams[0], samples, simulation.perturbation, rate)
-    loop = build_loop(simulation)
-    nothing = np.zeros(samples)
-    noise = spontaneous = nothing
+    streams = [_streams(seed) for seed in seeds]
+    command = np.stack([_command(of[0], samples, simulation.perturbation, rate) for of in streams])
+    nothing = np.zeros(command.shape)
     recorded = _recorded(loop, simulation, command, nothing, nothing)
-    if disturbances.voluntary > 0 or disturbances.snr_db is not None:
-        clean = np.std((recorded[1] + recorded[2])[dropped:])
-        if disturbances.voluntary > 0:
-            unit = voluntary_torque(streams[1], samples, rate, disturbances.voluntary_cutoff)
-            spontaneous = disturbances.voluntary * clean * unit
-        if disturbances.snr_db is not None:
-            hold = round(rate / disturbances.noise_rate)
-            level = clean * 10 ** (-disturbances.snr_db / 20) / _recorded_deviation(simulation, hold)
-            noise = level * held_noise(streams[2], samples, hold)
+    clean = np.std((recorded[1] + recorded[2])[:, dropped:], axis=1)[:, None]
+    disturbances, noise, spontaneous = simulation.disturbances, nothing, nothing
+    if disturbances.voluntary > 0:
+        unit = [voluntary_torque(of[1], samples, rate, disturbances.voluntary_cutoff) for of in streams]
+        spontaneous = disturbances.voluntary * clean * np.stack(unit)
+    if disturbances.snr_db is not None:
+        hold = round(rate / disturbances.noise_rate)
+        level = clean * 10 ** (-disturbances.snr_db / 20) / _recorded_deviation(simulation, hold)
+        noise = level * np.stack([held_noise(of[2], samples, hold) for of in streams])
+    if noise is not nothing or spontaneous is not nothing:
         recorded = _recorded(loop, simulation, command, noise, spontaneous)
-    position, intrinsic, reflex = recorded[:, dropped:]
-    reference = antialias(command, simulation, "zoh")[dropped:]
-    noise = antialias(noise, simulation, "zoh")[dropped:]
-    spontaneous = antialias(spontaneous, simulation, "foh")[dropped:]
+    external = [antialias(command, simulation, "zoh"), *_filtered_torques(simulation, noise, spontaneous, nothing)]
     described = {name: value for name, value in simulation.flat().items() if value is not None}
     described = {name: int(value) if isinstance(value, bool) else value for name, value in described.items()}
-    return new_trial(
-        position,
-        intrinsic + reflex + spontaneous + noise,
-        rate,
-        reference,
-        torque_intrinsic=intrinsic,
-        torque_reflex=reflex,
-        torque_voluntary=spontaneous,
-        torque_noise=noise,
-        # Any entropy, also what is too long for an integer of a file.
-        seed=seed if isinstance(seed, int) and abs(seed) < 2**63 else str(root),
-        **described,
-    )
+    for k, seed in enumerate(seeds):
+        position, intrinsic, reflex = recorded[:, k, dropped:]
+        reference, heard, own = (signal[k, dropped:] for signal in external)
+        yield new_trial(
+            position,
+            intrinsic + reflex + own + heard,
+            rate,
+            reference,
+            torque_intrinsic=intrinsic,
+            torque_reflex=reflex,
+            torque_voluntary=own,
+            torque_noise=heard,
+            # Any entropy, also what is too long for an integer of a file.
+            seed=seed if isinstance(seed, int) and abs(seed) < 2**63 else str(_sequence(seed)),
+            **described,
+        )
+
+
+def _filtered_torques(simulation, noise, spontaneous, nothing):
+    """Noise and voluntary torque as they are recorded; what is nothing needs no filter."""
+    pairs = ((noise, "zoh"), (spontaneous, "foh"))
+    return [signal if signal is nothing else antialias(signal, simulation, hold) for signal, hold in pairs]
+
+
+def _sequence(seed):
+    if seed is None:
+        raise ValueError("seed must be a number or a SeedSequence: a trial has to be reproducible.")
+    return seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+
+
+def _streams(seed):
+    """Generators of perturbation, voluntary torque and noise.
+
+    Children are keyed by hand, not spawned: spawning counts, and the same seed would give other bits next time.
+    """
+    root = _sequence(seed)
+    keys = [(*root.spawn_key, k) for k in range(3)]
+    return [np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key)) for key in keys]
 
 
 def _command(rng, samples, perturbation, rate):
@@ -147,6 +190,7 @@ def _command(rng, samples, perturbation, rate):
     return pulses(rng, samples, interval, round(perturbation.pulse_length * rate), perturbation.amplitude)
 
 
+@lru_cache
 def _recorded_deviation(simulation, hold):
     """Standard deviation that the recorder leaves of unit white noise, each value of which is held."""
     one_value = np.zeros(100 * hold)

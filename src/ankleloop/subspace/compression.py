@@ -69,10 +69,7 @@ class HankelRows:
     def indices(self, channels):
         """The rows of U, Z and Y among those of the Hankel matrix of all channels over the whole window."""
         return np.concatenate(
-            [
-                (np.arange(first, first + rows)[:, None] * channels + used).ravel()
-                for used, first, rows in self.matrices
-            ]
+            [(np.arange(first, first + rows)[:, None] * channels + used).ravel() for used, first, rows in self.matrices]
         )
 
     def check(self, samples):

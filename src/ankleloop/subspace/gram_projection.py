@@ -74,7 +74,7 @@ def _ordinary(gram, m, k, columns, rank_tolerance, order):
         return None
     check_instrument_rank(instruments.rank, order)
     explained = instruments.components(left[:z, z:])
-    fit = instruments.coefficients(left[:z, z:])[: z]
+    fit = instruments.coefficients(left[:z, z:])[:z]
     # Coefficients of all rows in what is explained, and in the outputs beside the inputs.
     size = np.sqrt(np.sum((weights[:, :z] @ fit) ** 2) + np.sum(fit**2))
     other = np.sqrt(np.sum(weights[:, z:] ** 2) + fit.shape[1])
