@@ -52,7 +52,6 @@ rule all:
 
 include: "workflow/rules/simulate.smk"
 include: "workflow/rules/identify.smk"
-include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/recordings.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/article.smk"

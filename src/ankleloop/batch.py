@@ -6,14 +6,13 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.storage import write_netcdf
+from ankleloop.storage import number_type, write_netcdf
 from ankleloop.trial import validate
 
-__all__ = ["PRECISIONS", "load_trials", "save_trials"]
+__all__ = ["load_trials", "save_trials"]
 
 OWN = "own_attributes"
 BLOCK = 16  # trials read at a time: each access to the file costs more than the numbers
-PRECISIONS = {"double": np.float64, "single": np.float32}
 
 
 def save_trials(trials, path, precision="double"):
@@ -48,8 +47,7 @@ def save_trials(trials, path, precision="double"):
     ...     [trial.attrs["seed"] for trial in load_trials(f"{folder}/batch.nc")]
     [0, 1]
     """
-    if precision not in PRECISIONS:
-        raise ValueError(f"unknown precision {precision!r}; known: {', '.join(PRECISIONS)}.")
+    kind = number_type(precision)
     first, gathered, attributes = None, {}, []
     for k, trial in enumerate(trials):
         first = trial if first is None else first
@@ -58,7 +56,7 @@ def save_trials(trials, path, precision="double"):
         for name, variable in trial.data_vars.items():
             values = variable.values
             values = values[:1] if np.ptp(values) == 0 else values
-            gathered.setdefault(name, []).append(values.astype(PRECISIONS[precision] if values.size > 1 else float))
+            gathered.setdefault(name, []).append(values.astype(kind if values.size > 1 else float))
     if first is None:
         raise DataError(f"{path}: there are no trials to save.")
     shared = {n: v for n, v in first.attrs.items() if all(given.get(n) == v for given in attributes)}

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.storage import write_netcdf
+from ankleloop.storage import number_type, write_netcdf
 
 __all__ = ["TORQUES", "Estimate", "load_estimates", "save_estimates", "torque_dataset"]
 
@@ -130,7 +130,7 @@ def _plain(value):
     raise TypeError(f"{type(value).__name__} cannot be kept in diagnostics")
 
 
-def save_estimates(estimates, path):
+def save_estimates(estimates, path, precision="double"):
     """Write the estimates of a batch of trials to one NetCDF file, whole or not at all.
 
     Parameters
@@ -139,8 +139,26 @@ def save_estimates(estimates, path):
         Estimates by one method, of trials of equal length.
     path : path-like
         File to write.
+    precision : {"double", "single"}
+        Floating-point numbers of the torques on disk.
+
+    Raises
+    ------
+    ValueError
+        For an unknown precision.
     """
-    torque = xr.concat([estimate.torque for estimate in estimates], dim="trial")
+    first = estimates[0].torque
+    kind = number_type(precision)
+    torque = first.assign(
+        {
+            name: (
+                ("trial", "time"),
+                np.stack([estimate.torque[name].values for estimate in estimates]).astype(kind),
+                first[name].attrs,
+            )
+            for name in first.data_vars
+        }
+    )
     names = list(estimates[0].stiffness)
     reflex_names = list(dict.fromkeys(name for estimate in estimates for name in estimate.reflex))
     batch = torque.assign(
@@ -155,7 +173,7 @@ def save_estimates(estimates, path):
     batch = batch.assign_coords(parameter=names, reflex_parameter=reflex_names)
     batch["stiffness"].attrs["units"] = ", ".join(STIFFNESS_UNITS[name] for name in names)
     batch.attrs["method"] = estimates[0].method
-    write_netcdf(batch, path)
+    write_netcdf(batch, path, {name: {"_FillValue": None} for name in TORQUES})
 
 
 def load_estimates(path):
@@ -184,7 +202,7 @@ def _estimate(one):
     reflex = _named(one, "reflex_parameter", "reflex_parameters")
     return Estimate(
         method=one.attrs["method"],
-        torque=one[list(TORQUES)].drop_vars(["parameter", "reflex_parameter"], errors="ignore"),
+        torque=one[list(TORQUES)].drop_vars(["parameter", "reflex_parameter"], errors="ignore").astype(float),
         matrices=None,
         stiffness=_named(one, "parameter", "stiffness"),
         reflex={name: value for name, value in reflex.items() if np.isfinite(value)},

@@ -7,7 +7,7 @@ from ankleloop.errors import DataError
 from ankleloop.metrics import vaf, vaf_interval
 from ankleloop.regressors import decimated
 
-__all__ = ["evaluate", "in_band_snr", "parameters", "summarise"]
+__all__ = ["evaluate", "in_band_snr", "parameter_row", "parameters", "score_rows", "summarise"]
 
 CORRELATED = 1.0  # s: over this the squares of torques may be correlated
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
@@ -64,6 +64,12 @@ def evaluate(trial, estimate, *, trim=TRIM, against=None, intervals=False):
     >>> evaluate(trial, identify_moesp(trial))["torque"].tolist()
     ['net', 'net', 'intrinsic', 'reflex']
     """
+    columns = ["torque", "against", "vaf", "low", "high"][: 5 if intervals else 3]
+    return pd.DataFrame(score_rows(trial, estimate, trim=trim, against=against, intervals=intervals), columns=columns)
+
+
+def score_rows(trial, estimate, *, trim=TRIM, against=None, intervals=False):
+    """The rows of `evaluate` as tuples, for those who put many together."""
     if against not in (None, "measured"):
         raise ValueError(f"against must be 'measured' or None, got {against!r}.")
     inside, time, rate = _scored(estimate, trim)
@@ -80,7 +86,7 @@ def evaluate(trial, estimate, *, trim=TRIM, against=None, intervals=False):
     for torque, against, signal in rows:
         pair = signal[inside], estimate.torque[torque].values[inside]
         scores.append((torque, against, vaf(*pair), *(vaf_interval(*pair, lags) if intervals else ())))
-    return pd.DataFrame(scores, columns=["torque", "against", "vaf", "low", "high"][: 5 if intervals else 3])
+    return scores
 
 
 def in_band_snr(trial, estimate, *, trim=TRIM):
@@ -136,6 +142,11 @@ def parameters(trial, estimate):
         order, passes, converged, stable, reference and warnings that the method reports, and where options were
         selected the scores [%] on unseen data (`unseen_instrumental`, `unseen_cross_validation`).
     """
+    return pd.DataFrame([parameter_row(trial, estimate)])
+
+
+def parameter_row(trial, estimate):
+    """The row of `parameters` as a dict, for those who put many together."""
     row = {**estimate.stiffness, **estimate.reflex}
     for name, (low, high) in estimate.intervals.items():
         row |= {f"{name}_low": low, f"{name}_high": high}
@@ -146,7 +157,7 @@ def parameters(trial, estimate):
             row[name] = estimate.diagnostics[name]
     row |= _unseen(estimate.diagnostics.get("selection"))
     row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
-    return pd.DataFrame([row])
+    return row
 
 
 def _unseen(selection):

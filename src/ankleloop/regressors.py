@@ -6,6 +6,7 @@ import numpy as np
 
 from ankleloop.basis import Basis, fit_basis
 from ankleloop.errors import DataError
+from ankleloop.once import once
 from ankleloop.prediction import explained_by
 from ankleloop.signals import (
     decimate,
@@ -157,7 +158,7 @@ def build_regressors(trial, *, delay, basis, degree=1, identification_rate, refe
     >>> regressors.names
     ('position', 'velocity', 'acceleration', 'rectified_velocity')
     """
-    validate(trial)
+    once(trial, "valid", lambda: validate(trial))
     if delay is None or not 0 <= delay <= 1:
         raise ValueError(f"delay must be a time between 0 and 1 s (this method does not estimate it), got {delay!r}.")
     if reference is not None and reference not in trial:
@@ -168,19 +169,34 @@ def build_regressors(trial, *, delay, basis, degree=1, identification_rate, refe
         )
     grid = recording_grid(trial, identification_rate, delay)
     factor, first, count = grid
-    rate = float(trial.attrs["sampling_rate"])
-    position = trial["position"].values
-    velocity = differentiate(position, rate, delay)
-    fitted = basis if isinstance(basis, Basis) else fit_basis(velocity, basis, degree)
+    fitted, inputs = _expanded(trial, delay, basis, degree, grid)
     return Regressors(
         time=trial["time"].values[first : first + factor * count : factor],
-        inputs=_inputs(position, velocity, fitted, grid, rate),
+        inputs=inputs,
         basis=fitted,
-        torque=decimate(trial["torque"].values, *grid),
-        reference=None if reference is None else decimate(trial[reference].values, *grid),
+        torque=_channel(trial, "torque", grid),
+        reference=None if reference is None else _channel(trial, reference, grid),
         reference_name=reference,
         rate=float(identification_rate),
     )
+
+
+def _channel(trial, name, grid):
+    return once(trial, (name, grid), lambda: decimate(trial[name].values, *grid))
+
+
+def _expanded(trial, delay, basis, degree, grid):
+    """Basis and inputs; methods that take the same ones share them."""
+    position, rate = trial["position"].values, float(trial.attrs["sampling_rate"])
+    velocity = once(trial, ("velocity", delay), lambda: differentiate(position, rate, delay))
+    motion = once(trial, ("motion", grid), lambda: _motion(position, grid, rate))
+
+    def driven(fitted):
+        return fitted, np.column_stack([*motion, *decimate(fitted(velocity), *grid)])
+
+    if isinstance(basis, Basis):
+        return driven(basis)
+    return once(trial, ("inputs", delay, basis, degree, grid), lambda: driven(fit_basis(velocity, basis, degree)))
 
 
 def shared_basis(trials, delay, basis, degree):
@@ -209,8 +225,11 @@ def shared_basis(trials, delay, basis, degree):
 
 
 def _inputs(position, velocity, basis, grid, rate):
-    intrinsic = [decimate(position, *grid, rate=rate, derivative=d) for d in range(3)]
-    return np.column_stack([*intrinsic, *decimate(basis(velocity), *grid)])
+    return np.column_stack([*_motion(position, grid, rate), *decimate(basis(velocity), *grid)])
+
+
+def _motion(position, grid, rate):
+    return [decimate(position, *grid, rate=rate, derivative=d) for d in range(3)]
 
 
 def inputs_of(position, trial, regressors, delay):
@@ -295,4 +314,4 @@ def decimated(trial, name, time, identification_rate):
     rate = float(trial.attrs["sampling_rate"])
     factor = decimation_factor(rate, identification_rate)
     first = round((float(time[0]) - float(trial["time"][0])) * rate)
-    return decimate(trial[name].values, factor, first, time.size)
+    return _channel(trial, name, (factor, first, time.size))

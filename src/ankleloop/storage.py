@@ -5,9 +5,36 @@ import uuid
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from ankleloop.errors import DataError
 
-__all__ = ["whole_file", "write_netcdf"]
+__all__ = ["number_type", "whole_file", "write_netcdf"]
+
+PRECISIONS = {"double": np.float64, "single": np.float32}
+
+
+def number_type(precision):
+    """Type of floating-point numbers on disk.
+
+    Parameters
+    ----------
+    precision : {"double", "single"}
+        Single takes half the space and rounds to 6e-8 of a value, where a 16-bit converter rounds to 1.5e-5 of its
+        range.
+
+    Returns
+    -------
+    type
+
+    Raises
+    ------
+    ValueError
+        For an unknown precision.
+    """
+    if precision not in PRECISIONS:
+        raise ValueError(f"unknown precision {precision!r}; known: {', '.join(PRECISIONS)}.")
+    return PRECISIONS[precision]
 
 
 @contextmanager

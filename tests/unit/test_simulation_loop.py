@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 
 from ankleloop import UnstableLoopError, simulate
 from ankleloop.simulation import Simulation, parameter_table
-from ankleloop.simulation.loop import antialias, build_loop, run_loop
+from ankleloop.simulation.filters import antialias
+from ankleloop.simulation.loop import build_loop, run_loop
 
 RATE = 1000.0
 PIECE = 0.01  # s: divides the switching interval, the delay and the hold of the noise

@@ -1,9 +1,8 @@
 """What drives the loop from outside: perturbation, voluntary torque, measurement noise."""
 
-from functools import lru_cache
-
 import numpy as np
-from scipy import signal as sps
+
+from ankleloop.simulation.filters import run_filter, voluntary_filter
 
 __all__ = ["held_noise", "prbs", "pulses", "voluntary_torque"]
 
@@ -93,17 +92,8 @@ def voluntary_torque(rng, samples, rate, cutoff):
     >>> bool(abs(x.std() - 1) < 0.1)
     True
     """
-    sos, warmup, deviation = _voluntary_filter(rate, cutoff)
-    return sps.sosfilt(sos, rng.standard_normal(warmup + samples))[warmup:] / deviation
-
-
-@lru_cache
-def _voluntary_filter(rate, cutoff):
-    """Bessel low-pass, samples until it has settled, and the standard deviation that it leaves of white noise."""
-    sos = sps.bessel(2, cutoff, fs=rate, norm="mag", output="sos")
-    warmup = int(np.ceil(5 * rate / cutoff))
-    response = sps.sosfilt(sos, np.concatenate(([1.0], np.zeros(2 * warmup))))
-    return sos, warmup, np.linalg.norm(response)
+    *system, warmup, deviation = voluntary_filter(rate, cutoff)
+    return run_filter(*system, rng.standard_normal((1, warmup + samples)))[0, warmup:] / deviation
 
 
 def held_noise(rng, samples, hold):

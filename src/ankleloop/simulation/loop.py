@@ -8,28 +8,18 @@ the rectified velocity is approximate, with an error of the order of (ω / integ
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from scipy import signal as sps
 
 from ankleloop.discretise import step_matrices
+from ankleloop.simulation.filters import ANTIALIAS_ORDER, bessel_denominator, companion
 
-__all__ = ["Loop", "antialias", "build_loop", "run_loop"]
+__all__ = ["Loop", "build_loop", "run_loop"]
 
-ANTIALIAS_ORDER = 4
 WIDTH = 16  # sums that the compiled kernel makes side by side
 # Inputs of the continuous model.
 COMMAND, NOISE, VOLUNTARY, RECTIFIED = range(4)
-
-
-@lru_cache
-def _filter(cutoff, rate, hold):
-    """Numerator and denominator of the anti-aliasing filter, discretised exactly."""
-    a = _bessel_denominator(cutoff)
-    numerator, denominator, _ = sps.cont2discrete(([a[-1]], a), 1.0 / rate, method=hold)
-    return numerator.ravel(), denominator
 
 
 @dataclass(frozen=True)
@@ -48,29 +38,10 @@ class Loop:
 
     @property
     def columns(self):
-        """Columns of the matrix that takes (x, w) to (x⁺, velocities, recorded), with as many of zeros as make fours."""
+        """Columns of the matrix that takes (x, w) to (x⁺, velocities, recorded), padded with zeros for the kernel."""
         C = np.hstack([self.C, np.zeros((len(self.C), self.G.shape[1]))])
         matrix = np.vstack([np.hstack([self.P, self.G]), np.hstack([self.VP, self.VG]), C])
         return np.ascontiguousarray(np.pad(matrix, ((0, -matrix.shape[0] % WIDTH), (0, -matrix.shape[1] % 4))).T)
-
-
-@lru_cache
-def _bessel_denominator(cutoff):
-    """Monic denominator of the unit-gain low-pass, constant term last."""
-    _, a = sps.bessel(ANTIALIAS_ORDER, 2 * np.pi * cutoff, analog=True, norm="mag")
-    a = a / a[0]
-    a.setflags(write=False)
-    return a
-
-
-def _companion(denominator):
-    """State matrix whose states are the low-pass output and its derivatives, with the input column."""
-    n = denominator.size - 1
-    A = np.eye(n, k=1)
-    A[-1] = -denominator[:0:-1]
-    b = np.zeros(n)
-    b[-1] = denominator[-1]
-    return A, b
 
 
 def _continuous_model(simulation):
@@ -80,8 +51,8 @@ def _continuous_model(simulation):
     denominator = np.array([1.0, 2 * reflex.zeta * reflex.omega_n, reflex.omega_n**2])
     if reflex.pole is not None:
         denominator = np.polymul(denominator, [1.0, reflex.pole])
-    Aq, bq = _companion(denominator)
-    Af, bf = _companion(_bessel_denominator(simulation.recorder.antialias_cutoff))
+    Aq, bq = companion(denominator)
+    Af, bf = companion(bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * simulation.recorder.antialias_cutoff))
     nq, nf = Aq.shape[0], Af.shape[0]
     servo = slice(0, 2)  # followed by the give of the load, 2 and 3
     q, fp, fr = slice(4, 4 + nq), slice(4 + nq, 4 + nq + nf), slice(4 + nq + nf, 4 + nq + 2 * nf)
@@ -217,23 +188,3 @@ def run_loop(loop, simulation, command, noise, voluntary):
     sizes = loop.P.shape[0], loop.VP.shape[0], loop.C.shape[0]
     recorded, diverged = _run(loop.columns, *sizes, *inputs, whole, fraction, simulation.run.position_limit)
     return recorded.reshape(len(recorded), *shape), diverged
-
-
-def antialias(x, simulation, hold):
-    """Pass external signals through the recorder's anti-aliasing filter, exactly.
-
-    Parameters
-    ----------
-    x : ndarray, shape (N,) or (trials, N)
-        The signals at the recording rate.
-    simulation : Simulation
-        The parameters.
-    hold : {"zoh", "foh"}
-        Whether the signal is held over each sample or linear between samples.
-
-    Returns
-    -------
-    ndarray, shape of `x`
-    """
-    recorder = simulation.recorder
-    return sps.lfilter(*_filter(recorder.antialias_cutoff, recorder.recording_rate, hold), x)

@@ -7,7 +7,8 @@ import numpy as np
 
 from ankleloop.errors import UnstableLoopError
 from ankleloop.simulation.excitation import held_noise, prbs, pulses, voluntary_torque
-from ankleloop.simulation.loop import antialias, build_loop, run_loop
+from ankleloop.simulation.filters import antialias
+from ankleloop.simulation.loop import build_loop, run_loop
 from ankleloop.simulation.parameters import Simulation
 from ankleloop.trial import new_trial
 

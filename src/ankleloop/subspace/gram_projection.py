@@ -93,7 +93,7 @@ def _from_outputs(left, weights, inputs, columns, order):
 
 
 def _correlation(gram, m, k, columns, rank_tolerance, order):
-    """This form is made of inner products in any case, so nothing is lost."""
+    """Nothing is lost: the form consists of inner products in any case."""
     check_instrument_rows(k - m, m, order)
     inputs, condition = column_space(gram[m:k, :m], rank_tolerance)
     correlated = gram[m:k, k:]

@@ -95,8 +95,8 @@ def _follow(A, u, which, c, states, out):
             for k in range(n):
                 out[t, j * n + k] = states[j, k]
                 total = drive * c[k]
-                for l in range(n):
-                    total += states[j, l] * A[l, k]
+                for i in range(n):
+                    total += states[j, i] * A[i, k]
                 following[j, k] = total
         for j in range(count):
             for k in range(n):
