@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
-from ankleloop.metrics import vaf, vaf_interval
+from ankleloop.metrics import vaf, vaf_and_interval
 from ankleloop.regressors import decimated
 
 __all__ = ["evaluate", "in_band_snr", "parameter_row", "parameters", "score_rows", "summarise"]
@@ -15,7 +15,7 @@ TRIM = 1.0  # s at either end: transients of filters and initial states are not 
 
 def _scored(estimate, trim):
     """Which samples of an estimate are scored, their times and their rate."""
-    time = estimate.torque["time"].values
+    time = estimate.torque.variables["time"].values
     inside = (time >= time[0] + trim) & (time <= time[-1] - trim)
     if inside.sum() < 2:
         raise DataError(f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s.")
@@ -84,8 +84,8 @@ def score_rows(trial, estimate, *, trim=TRIM, against=None, intervals=False):
     lags = round(CORRELATED * rate)
     scores = []
     for torque, against, signal in rows:
-        pair = signal[inside], estimate.torque[torque].values[inside]
-        scores.append((torque, against, vaf(*pair), *(vaf_interval(*pair, lags) if intervals else ())))
+        pair = signal[inside], estimate.torque.variables[torque].values[inside]
+        scores.append((torque, against, *(vaf_and_interval(*pair, lags) if intervals else [vaf(*pair)])))
     return scores
 
 
@@ -150,7 +150,7 @@ def parameter_row(trial, estimate):
     row = {**estimate.stiffness, **estimate.reflex}
     for name, (low, high) in estimate.intervals.items():
         row |= {f"{name}_low": low, f"{name}_high": high}
-    if "torque_noise" in trial and np.ptp(trial["torque_noise"].values) > 0:
+    if "torque_noise" in trial and np.ptp(trial.variables["torque_noise"].values) > 0:
         row["in_band_snr_db"] = in_band_snr(trial, estimate)
     for name in ("order", "spectral_radius", "passes", "converged", "stable", "reference"):
         if name in estimate.diagnostics:

@@ -5,7 +5,7 @@ from scipy import special
 
 from ankleloop.errors import DataError
 
-__all__ = ["TWO_SIDED", "confidence_margin", "long_run_variance", "vaf", "vaf_interval"]
+__all__ = ["TWO_SIDED", "confidence_margin", "long_run_variance", "vaf", "vaf_and_interval", "vaf_interval"]
 
 TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %
 
@@ -68,7 +68,8 @@ def vaf(measured, estimated):
     85.0
     """
     measured, variance = _judged(measured, estimated)
-    return float(100.0 * (1.0 - np.var(measured - np.asarray(estimated, dtype=float)) / variance))
+    error = measured - np.asarray(estimated, dtype=float)
+    return float(100.0 * (1.0 - np.var(error) / variance))
 
 
 def _judged(measured, estimated):
@@ -81,8 +82,8 @@ def _judged(measured, estimated):
             "cut both to the same samples."
         )
     for name, signal in (("measured", measured), ("estimated", estimated)):
-        bad = np.flatnonzero(~np.isfinite(signal))
-        if bad.size:
+        if not np.isfinite(signal).all():
+            bad = np.flatnonzero(~np.isfinite(signal))
             raise DataError(f"the {name} signal is not finite at sample {bad[0]} ({bad.size} samples in all).")
     variance = np.var(measured) if measured.size else 0.0
     # A constant differs from its mean by rounding only, so zero variance is judged against the signal's size.
@@ -116,11 +117,13 @@ def long_run_variance(x, lags):
     >>> bool(abs(long_run_variance(np.convolve(x, [1.0, 1.0]), 50) - 4.0) < 0.4)
     True
     """
-    x = x - np.mean(x)
-    lags = min(int(lags), x.size - 1)
-    size = int(2 ** np.ceil(np.log2(x.size + lags)))
-    covariance = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: lags + 1] / x.size
-    return float(covariance[0] + 2.0 * np.sum((1.0 - np.arange(1, lags + 1) / (lags + 1)) * covariance[1:]))
+    width = min(int(lags), x.size - 1) + 1
+    # The same weights come of squared sums over a window that moves across the signal, nothing being beyond its ends.
+    sums = np.zeros(x.size + 2 * width - 1)
+    sums[width : width + x.size] = np.cumsum(x - np.mean(x))
+    sums[width + x.size :] = sums[width + x.size - 1]
+    moving = sums[width:] - sums[:-width]
+    return float(moving @ moving / (width * x.size))
 
 
 def vaf_interval(measured, estimated, lags):
@@ -157,11 +160,18 @@ def vaf_interval(measured, estimated, lags):
     >>> low < 100 * (1 - 0.09 / 1.09) < high
     True
     """
+    return vaf_and_interval(measured, estimated, lags)[1:]
+
+
+def vaf_and_interval(measured, estimated, lags):
+    """Both at once: VAF, low and high [%], see `vaf` and `vaf_interval`."""
     measured, variance = _judged(measured, estimated)
     error = measured - np.asarray(estimated, dtype=float)
-    left = np.var(error)
+    error = error - error.mean()
+    left = float(np.mean(error**2))
     if left == 0.0:
-        return 100.0, 100.0
-    influence = (error - error.mean()) ** 2 / left - (measured - measured.mean()) ** 2 / variance
+        return 100.0, 100.0, 100.0
+    influence = error**2 / left - (measured - measured.mean()) ** 2 / variance
     spread = TWO_SIDED * np.sqrt(long_run_variance(influence, lags) / measured.size)
-    return tuple(float(100.0 * (1.0 - left / variance * np.exp(sign * spread))) for sign in (1.0, -1.0))
+    share = left / variance
+    return tuple(float(100.0 * (1.0 - share * np.exp(sign * spread))) for sign in (0.0, 1.0, -1.0))

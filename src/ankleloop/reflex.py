@@ -1,8 +1,9 @@
 """Dynamics of the reflex, continuous in time (Eq. 2)."""
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from ankleloop.discretise import held_linearly
 
@@ -35,7 +36,7 @@ class ReflexDynamics:
     @property
     def values(self):
         """Parameters by name."""
-        given = dict(zip(("omega_n", "zeta", "pole"), astuple(self), strict=True))
+        given = {"omega_n": self.omega_n, "zeta": self.zeta, "pole": self.pole}
         return {name: value for name, value in given.items() if value is not None}
 
     @classmethod
@@ -54,29 +55,9 @@ class ReflexDynamics:
         poles = [None] if order == 2 else POLES
         return [cls(omega, zeta, pole) for pole in poles for omega, zeta in STARTS]
 
-    def within(self, limit):
-        """Whether all parameters are between a limit and its inverse."""
-        values = np.array(list(self.values.values()))
-        return bool(np.all((values < limit) & (values > 1.0 / limit)))
-
     def moved(self, step):
         """Dynamics after a step of the logarithms of its parameters."""
         return ReflexDynamics(*(np.array(list(self.values.values())) * np.exp(step)).tolist())
-
-    def shape(self, s):
-        """Frequency response.
-
-        Parameters
-        ----------
-        s : ndarray of complex
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        ndarray
-        """
-        response = self.omega_n**2 / (s * (s + 2 * self.zeta * self.omega_n) + self.omega_n**2)
-        return response if self.pole is None else response * self.pole / (s + self.pole)
 
     def response(self, s):
         """Frequency response, and its derivatives with respect to the logarithm of each parameter.
@@ -93,9 +74,10 @@ class ReflexDynamics:
         """
         square, damped = self.omega_n**2, 2 * self.zeta * self.omega_n * s
         denominator = s**2 + damped + square
-        response = self.shape(s)
+        response = square / denominator
         relative = [2 - (damped + 2 * square) / denominator, -damped / denominator]
         if self.pole is not None:
+            response = response * self.pole / (s + self.pole)
             relative.append(s / (s + self.pole))
         return response, [response * part for part in relative]
 
@@ -152,44 +134,34 @@ def fit_dynamics(response, s, weight, order=2):
     >>> round(gain, 6), round(dynamics.omega_n, 6), round(dynamics.zeta, 6), round(share, 6)
     (5.0, 40.0, 0.9, 1.0)
     """
-    root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
-    target = root * response
-    found = _Fit(_nearest(ReflexDynamics.grid(order), s, root, target), s, root, target)
+    weight = weight / np.sum(weight * np.abs(response) ** 2)
+    given = s.imag, weight, np.ascontiguousarray(response, dtype=complex)
+    starts = [np.array(list(dynamics.values.values())) for dynamics in ReflexDynamics.grid(order)]
+    found = min((_Fit(values, *_projected(values, *given)) for values in starts), key=lambda fit: fit.left)
     damping, bend = 1e-6, np.zeros((order, order))
     for _ in range(ITERATIONS):
         step = found.step(damping, bend)
-        tried = _Fit(found.dynamics.moved(np.clip(step, -1.0, 1.0)), s, root, target)
-        if tried.left <= found.left and tried.dynamics.within(FURTHEST):
+        values = found.values * np.exp(np.clip(step, -1.0, 1.0))
+        tried = _Fit(values, *_projected(values, *given))
+        if tried.left <= found.left and 1.0 / FURTHEST < values.min() and values.max() < FURTHEST:
             bend = _bent(bend, found, tried, step)
             found, damping = tried, max(damping / 10, 1e-12)
         else:
             damping, bend = 10 * damping, np.zeros_like(bend)
         if np.max(np.abs(step)) < CONVERGED or damping > 1e9:
             break
-    return found.gain, found.dynamics, 1.0 - found.left
+    return float(found.gain), ReflexDynamics(*found.values.tolist()), float(1.0 - found.left)
 
 
-def _nearest(grid, s, root, target):
-    """The dynamics of a grid that explain most with the gain that suits them."""
-    shapes = _real(root * np.array([dynamics.shape(s) for dynamics in grid]))
-    return grid[int(np.argmax((shapes @ _real(target)) ** 2 / np.sum(shapes**2, axis=1)))]
-
-
+@dataclass(frozen=True)
 class _Fit:
-    """Dynamics with the gain that suits them best: the gain is projected out of the search (Golub and Pereyra 1973)."""
+    """Parameters of the dynamics with the gain that suits them best, and where to go from there."""
 
-    def __init__(self, dynamics, s, root, target):
-        self.dynamics = dynamics
-        shape, derivatives = dynamics.response(s)
-        self._shape, self._slopes = _real(root * shape), _real(root * np.array(derivatives))
-        self.gain = float(self._shape @ _real(target) / (self._shape @ self._shape))
-        self._miss = _real(target) - self.gain * self._shape
-        self.left = float(self._miss @ self._miss)
-
-        along = self._slopes @ self._shape / (self._shape @ self._shape)
-        aside = self._slopes @ self._miss / (self._shape @ self._shape)
-        self._slopes = self.gain * (self._slopes - along[:, None] * self._shape) + aside[:, None] * self._shape
-        self.normal, self.downhill = self._slopes @ self._slopes.T, self._slopes @ self._miss
+    values: np.ndarray
+    gain: float
+    left: float
+    normal: np.ndarray
+    downhill: np.ndarray
 
     def step(self, damping, bend):
         """Step of the logarithms of the parameters (Levenberg and Marquardt), with what is known of the curvature."""
@@ -203,10 +175,44 @@ def _bent(bend, before, after, step):
     """Curvature that the slopes leave out, by a symmetric secant update: what a poor fit converges by."""
     missing = before.downhill - after.downhill - (after.normal + bend) @ step
     size = missing @ step
-    if abs(size) <= 1e-8 * np.linalg.norm(missing) * np.linalg.norm(step):
+    if abs(size) <= 1e-8 * np.sqrt((missing @ missing) * (step @ step)):
         return bend
     return bend + np.outer(missing, missing) / size
 
 
-def _real(values):
-    return np.concatenate([values.real, values.imag], axis=-1)
+@njit(cache=True)
+def _projected(values, omega, weight, target):
+    """Gain, what it leaves, and normal equations of the slopes: the gain is projected out (Golub and Pereyra 1973)."""
+    n, size = values.size, omega.size
+    square, damping = values[0] ** 2, 2.0 * values[0] * values[1]
+    shape, slopes = np.empty(size, dtype=np.complex128), np.empty((n, size), dtype=np.complex128)
+    own, answer = 0.0, 0.0
+    for f in range(size):
+        s = 1j * omega[f]
+        denominator = s * s + damping * s + square
+        h = square / denominator
+        if n == 3:
+            h = h * values[2] / (s + values[2])
+            slopes[2, f] = h * s / (s + values[2])
+        slopes[0, f] = h * (2.0 - (damping * s + 2.0 * square) / denominator)
+        slopes[1, f] = -h * damping * s / denominator
+        shape[f] = h
+        own += weight[f] * (h.real**2 + h.imag**2)
+        answer += weight[f] * (h.real * target[f].real + h.imag * target[f].imag)
+    gain, left = answer / own, 0.0
+    along, downhill, normal = np.zeros(n), np.zeros(n), np.zeros((n, n))
+    for f in range(size):
+        h, miss = shape[f], target[f] - gain * shape[f]
+        left += weight[f] * (miss.real**2 + miss.imag**2)
+        for i in range(n):
+            a = slopes[i, f]
+            along[i] += weight[f] * (a.real * h.real + a.imag * h.imag)
+            downhill[i] += weight[f] * (a.real * miss.real + a.imag * miss.imag)
+            for j in range(i + 1):
+                b = slopes[j, f]
+                normal[i, j] += weight[f] * (a.real * b.real + a.imag * b.imag)
+    for i in range(n):
+        for j in range(i + 1):
+            aside = gain**2 * (normal[i, j] - along[i] * along[j] / own) + downhill[i] * downhill[j] / own
+            normal[i, j], normal[j, i] = aside, aside
+    return gain, left, normal, gain * downhill

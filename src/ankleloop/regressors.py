@@ -171,7 +171,7 @@ def build_regressors(trial, *, delay, basis, degree=1, identification_rate, refe
     factor, first, count = grid
     fitted, inputs = _expanded(trial, delay, basis, degree, grid)
     return Regressors(
-        time=trial["time"].values[first : first + factor * count : factor],
+        time=trial.variables["time"].values[first : first + factor * count : factor],
         inputs=inputs,
         basis=fitted,
         torque=_channel(trial, "torque", grid),
@@ -182,12 +182,12 @@ def build_regressors(trial, *, delay, basis, degree=1, identification_rate, refe
 
 
 def _channel(trial, name, grid):
-    return once(trial, (name, grid), lambda: decimate(trial[name].values, *grid))
+    return once(trial, (name, grid), lambda: decimate(trial.variables[name].values, *grid))
 
 
 def _expanded(trial, delay, basis, degree, grid):
     """Basis and inputs; methods that take the same ones share them."""
-    position, rate = trial["position"].values, float(trial.attrs["sampling_rate"])
+    position, rate = trial.variables["position"].values, float(trial.attrs["sampling_rate"])
     velocity = once(trial, ("velocity", delay), lambda: differentiate(position, rate, delay))
     motion = once(trial, ("motion", grid), lambda: _motion(position, grid, rate))
 
@@ -313,5 +313,5 @@ def decimated(trial, name, time, identification_rate):
     """
     rate = float(trial.attrs["sampling_rate"])
     factor = decimation_factor(rate, identification_rate)
-    first = round((float(time[0]) - float(trial["time"][0])) * rate)
+    first = round((float(time[0]) - float(trial.variables["time"].values[0])) * rate)
     return _channel(trial, name, (factor, first, time.size))
