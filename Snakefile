@@ -19,7 +19,6 @@ from studies import (
     article_studies,
     batches,
     complete,
-    either,
     estimates,
     existing,
     identify_options,
@@ -27,21 +26,18 @@ from studies import (
     notebook_parameters,
     page,
     reports,
+    rule_name,
     scores,
+    simulated,
     studies,
     targets,
     trial_seeds,
+    trials,
     without_selected,
 )
 
 CONFIG = complete(config)
 STUDIES = studies(CONFIG)
-
-
-wildcard_constraints:
-    study="[A-Za-z0-9_-]+",
-    point="[^/]+",
-    method="[A-Za-z0-9_-]+",
 
 
 rule all:

@@ -100,6 +100,12 @@ class Study:
         """Legend of each method."""
         return {name: method["label"] or name for name, method in self.methods.items()}
 
+    @property
+    def jobs(self):
+        """Points of a simulation that share a job."""
+        points, count = list(self.points), self.settings["together"]
+        return [points[first : first + count] for first in range(0, len(points), count)]
+
     def folder(self):
         """Folder of the recordings."""
         folder = os.path.expandvars(self.settings["folder"])
@@ -164,11 +170,6 @@ def _cell(text):
 def existing(path):
     """A file as an input if it is there: one that is missing is refused by its own job, and stops no other."""
     return [path] if Path(path).exists() else []
-
-
-def either(names):
-    """Pattern of names, or of nothing at all."""
-    return "|".join(names) or "$^"
 
 
 def point_name(chosen):
@@ -259,6 +260,21 @@ def scores(study, folder="scores"):
     return [f"results/{folder}/{study.name}/{point}.csv" for point in study.points]
 
 
+def simulated(studies):
+    """The studies that are simulated."""
+    return [study for study in studies.values() if study.kind == "simulation"]
+
+
+def rule_name(step, study, number):
+    """Name of the rule that makes a step for the points of one job."""
+    return f"{step}_{study.name.replace('-', '_')}_{number}"
+
+
+def trials(study, point):
+    """Trials of a point."""
+    return f"results/trials/{study.name}/{point}.nc"
+
+
 def estimates(study, point):
     """Estimates of a point, a file for each method."""
     return [f"results/estimates/{study.name}/{point}/{method}.nc" for method in study.methods]
@@ -302,7 +318,7 @@ def notebook_parameters(study):
         **_shared_parameters(study),
         "scores": scores(study),
         "parameters": scores(study, "parameters"),
-        "trials": {point: f"results/trials/{study.name}/{point}.nc" for point in study.points},
+        "trials": {point: trials(study, point) for point in study.points},
         "estimates": {point: dict(zip(study.methods, estimates(study, point), strict=True)) for point in study.points},
     }
 

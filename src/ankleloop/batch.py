@@ -12,7 +12,7 @@ from ankleloop.trial import validate
 __all__ = ["load_trials", "save_trials"]
 
 OWN = "own_attributes"
-BLOCK = 16  # trials read at a time: each access to the file costs more than the numbers
+BLOCK = 32  # trials read at a time: each access to the file costs more than the numbers
 
 
 def save_trials(trials, path, precision="double"):

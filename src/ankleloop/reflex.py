@@ -143,7 +143,7 @@ def fit_dynamics(response, s, weight, order=2):
         step = found.step(damping, bend)
         values = found.values * np.exp(np.clip(step, -1.0, 1.0))
         tried = _Fit(values, *_projected(values, *given))
-        if tried.left <= found.left and 1.0 / FURTHEST < values.min() and values.max() < FURTHEST:
+        if tried.left <= found.left and values.min() > 1.0 / FURTHEST and values.max() < FURTHEST:
             bend = _bent(bend, found, tried, step)
             found, damping = tried, max(damping / 10, 1e-12)
         else:

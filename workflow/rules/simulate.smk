@@ -1,27 +1,28 @@
-# Simulated trials.
-SIMULATED = [name for name, study in STUDIES.items() if study.kind == "simulation"]
+# Simulated trials. A job takes as many points as its study says (`together`): starting one costs as much as some fifty
+# trials do.
+for _study in simulated(STUDIES):
+    for _number, _points in enumerate(_study.jobs):
 
-
-rule simulate:
-    output:
-        trials="results/trials/{study}/{point}.nc",
-    log:
-        "logs/simulate/{study}/{point}.log",
-    benchmark:
-        "logs/simulate/{study}/{point}.tsv"
-    wildcard_constraints:
-        study=either(SIMULATED),
-    conda:
-        "../envs/ankleloop.yaml"
-    threads: 1
-    resources:
-        mem_mb=2000,
-    params:
-        parameters=lambda wildcards: STUDIES[wildcards.study].points[wildcards.point],
-        seeds=lambda wildcards: trial_seeds(STUDIES[wildcards.study], wildcards.point),
-        precision=lambda wildcards: STUDIES[wildcards.study].settings["precision"],
-        library=fingerprint("workflow/scripts/simulate.py"),
-    message:
-        "Simulating {wildcards.study} at {wildcards.point}"
-    script:
-        "../scripts/simulate.py"
+        rule:
+            name:
+                rule_name("simulate", _study, _number)
+            output:
+                trials=[trials(_study, point) for point in _points],
+            log:
+                f"logs/simulate/{_study.name}/{_number}.log",
+            benchmark:
+                f"logs/simulate/{_study.name}/{_number}.tsv"
+            conda:
+                "../envs/ankleloop.yaml"
+            threads: 1
+            resources:
+                mem_mb=2000,
+            params:
+                points={point: _study.points[point] for point in _points},
+                seeds={point: trial_seeds(_study, point) for point in _points},
+                precision=_study.settings["precision"],
+                library=fingerprint("workflow/scripts/simulate.py"),
+            message:
+                f"Simulating {_study.name} at {'; '.join(_points)}"
+            script:
+                "../scripts/simulate.py"

@@ -1,4 +1,4 @@
-"""Identify all trials of one point by every method of its study, and score the estimates."""
+"""Identify all trials of some points by every method of their study, and score the estimates."""
 
 import pandas as pd
 
@@ -14,26 +14,34 @@ from job import progress, running
 SCORES = ["torque", "against", "vaf", "low", "high"]
 
 
-def keyed(rows):
-    """Rows of all methods one below the other: the columns of a method are those it has."""
-    return pd.concat([pd.DataFrame(of_one) for of_one in rows.values()], ignore_index=True)
-
-
-with running(snakemake):
-    key = {"study": snakemake.params.study, "point": snakemake.wildcards.point, **snakemake.params.varied}
-    methods = snakemake.params.methods
+def identified(source, key, methods, against):
+    """Estimates, scores and parameters of the trials of a point, each by method."""
     found, scores, parameters = ({name: [] for name in methods} for _ in range(3))
-    for number, trial in enumerate(progress(load_trials(snakemake.input.trials), "identified")):
+    for number, trial in enumerate(progress(load_trials(source), f"{key['point']}: identified")):
         with made_once():
             for name, method in methods.items():
                 estimate = identify(trial, method["method"], **method["options"])
                 row = {**key, "method": name, "trial": number}
                 found[name].append(estimate)
-                rated = score_rows(trial, estimate, against=snakemake.params.against, intervals=True)
+                rated = score_rows(trial, estimate, against=against, intervals=True)
                 scores[name] += [{**row, **dict(zip(SCORES, values, strict=True))} for values in rated]
                 parameters[name].append({**row, **parameter_row(trial, estimate)})
-    for name, path in zip(methods, snakemake.output.estimates, strict=True):
-        save_estimates(found[name], path, snakemake.params.precision)
-    for name, rows in (("scores", scores), ("parameters", parameters)):
-        with whole_file(snakemake.output[name]) as path:
-            keyed(rows).to_csv(path, index=False)
+    return found, scores, parameters
+
+
+def save_table(rows, path):
+    """Write the rows of all methods, one below the other; the columns of a method are those it has."""
+    with whole_file(path) as partial:
+        pd.concat([pd.DataFrame(of_one) for of_one in rows.values()], ignore_index=True).to_csv(partial, index=False)
+
+
+with running(snakemake):
+    given, made = snakemake.params, snakemake.output
+    paths = iter(made.estimates)
+    for k, (point, varied) in enumerate(given.points.items()):
+        key = {"study": given.study, "point": point, **varied}
+        found, scores, parameters = identified(snakemake.input.trials[k], key, given.methods, given.against)
+        for estimates in found.values():
+            save_estimates(estimates, next(paths), given.precision)
+        save_table(scores, made.scores[k])
+        save_table(parameters, made.parameters[k])

@@ -1,4 +1,4 @@
-"""Simulate all trials of one point."""
+"""Simulate all trials of some points of a study."""
 
 from numpy.random import SeedSequence
 
@@ -8,6 +8,8 @@ from ankleloop.simulation import simulate_trials
 from job import progress, running
 
 with running(snakemake):
-    seeds = [SeedSequence(seed) for seed in snakemake.params.seeds]
-    trials = progress(simulate_trials(seeds, **snakemake.params.parameters), "simulated", len(seeds))
-    save_trials(trials, snakemake.output.trials, precision=snakemake.params.precision)
+    given = snakemake.params
+    for (point, parameters), path in zip(given.points.items(), snakemake.output.trials, strict=True):
+        seeds = [SeedSequence(seed) for seed in given.seeds[point]]
+        trials = progress(simulate_trials(seeds, **parameters), f"{point}: simulated", len(seeds))
+        save_trials(trials, path, precision=given.precision)
