@@ -12,7 +12,7 @@ from ankleloop.trial import validate
 __all__ = ["load_trials", "save_trials"]
 
 OWN = "own_attributes"
-BLOCK = 32  # trials read at a time: each access to the file costs more than the numbers
+BLOCK = 8  # trials read at a time: each access to the file costs more than the numbers
 
 
 def save_trials(trials, path, precision="double"):
@@ -108,16 +108,15 @@ def load_trials(path):
         time = batch["time"].load().variable
         for start in range(0, batch.sizes["trial"], BLOCK):
             block = batch.isel(trial=slice(start, start + BLOCK)).load()
-            for k in range(block.sizes["trial"]):
-                yield validate(_unpacked(block, k, time), source=f"{path}, trial {start + k}")
+            own = [json.loads(str(text)) for text in block[OWN].values]
+            shared = {name: value.item() if hasattr(value, "item") else value for name, value in block.attrs.items()}
+            kept = {name: (v.values, v.attrs) for name, v in block.variables.items() if name not in (OWN, "time")}
+            for k, attributes in enumerate(own):
+                variables = {n: ("time", _samples(values[k], time.size), attrs) for n, (values, attrs) in kept.items()}
+                trial = xr.Dataset(variables, coords={"time": time}, attrs=shared | attributes)
+                yield validate(trial, source=f"{path}, trial {start + k}")
 
 
-def _unpacked(block, k, time):
-    own = json.loads(str(block[OWN].values[k]))
-    variables = {}
-    for name, variable in block.data_vars.items():
-        if name != OWN:
-            values = np.broadcast_to(variable.values[k].astype(float), time.size).copy()
-            variables[name] = ("time", values, variable.attrs)
-    attributes = {n: v.item() if hasattr(v, "item") else v for n, v in (block.attrs | own).items()}
-    return xr.Dataset(variables, coords={"time": time}, attrs=attributes)
+def _samples(values, samples):
+    """Samples of a trial in double precision, of its own; what is one number is that at every sample."""
+    return np.array(values, dtype=float) if np.ndim(values) else np.full(samples, float(values))

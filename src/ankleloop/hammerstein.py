@@ -211,6 +211,6 @@ def response_gain(response, drive, rate, basis, order=2):
     ReflexPath
     """
     s, power = _power(drive[:, None], rate)
-    frequency_response = np.exp(-np.outer(s / rate, np.arange(response.size))) @ response
+    frequency_response = np.polyval(response[::-1], np.exp(-s / rate))
     gain, dynamics, share = fit_dynamics(frequency_response, s, power[:, 0, 0], order)
     return ReflexPath(StaticNonlinearity(basis, np.array([gain])), dynamics, 1.0, share)

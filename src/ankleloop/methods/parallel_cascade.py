@@ -8,6 +8,7 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.estimate import Estimate, torque_dataset
 from ankleloop.hammerstein import response_gain
+from ankleloop.once import once
 from ankleloop.regressors import build_regressors
 from ankleloop.subspace.hankel_gram import HankelGram
 
@@ -165,7 +166,8 @@ def identify_parallel_cascade(
             "intrinsic_lags and reflex_lags."
         )
     lags = np.arange(-ahead, ahead + 1), np.arange(behind + 1)
-    paths, crossed, energy = _paths(regressors, rows, lags, rank_tolerance)
+    settings = ("paths", delay, identification_rate, ahead, behind, rank_tolerance)
+    paths, crossed, energy = once(trial, settings, lambda: _paths(regressors, rows, lags, rank_tolerance))
     responses, history, converged = _alternate(paths, crossed, energy, rows.size, rank, max_passes, tolerance)
     intrinsic, reflex = (
         _centred(_responded(x, response, which[0])[rows])
