@@ -20,11 +20,13 @@ from ankleloop.trial import validate
 __all__ = [
     "INTRINSIC_NAMES",
     "Regressors",
+    "assembled",
     "build_regressors",
     "decimated",
     "inputs_of",
     "predicted_inputs",
     "recording_grid",
+    "recording_margins",
     "shared_basis",
 ]
 
@@ -107,17 +109,36 @@ def recording_grid(trial, identification_rate, delay):
     """
     rate = float(trial.attrs["sampling_rate"])
     factor = decimation_factor(rate, identification_rate)
-    margin = decimation_margin(factor)
-    before, after = differentiation_margin(rate, delay)
-    first = -(-(margin + max(before, 0)) // factor) * factor
-    last = trial.sizes["time"] - 1 - margin - max(after, 0)
+    first, after = recording_margins(rate, factor, delay)
+    last = trial.sizes["time"] - 1 - after
     count = (last - first) // factor + 1
     if count < 2:
         raise DataError(
             f"the record of {trial.sizes['time'] / rate:.3g} s is too short: its filters touch "
-            f"{(first + margin + max(after, 0)) / rate:.3g} s at the ends. Record longer."
+            f"{(first + after) / rate:.3g} s at the ends. Record longer."
         )
     return factor, first, count
+
+
+def recording_margins(rate, factor, delay):
+    """Recorded samples that the filters touch: before the first identified one, in whole factors, and after the last.
+
+    Parameters
+    ----------
+    rate : float
+        Recording rate [Hz].
+    factor : int
+        Decimation factor.
+    delay : float
+        Reflex delay [s].
+
+    Returns
+    -------
+    tuple of int
+    """
+    margin = decimation_margin(factor)
+    before, after = differentiation_margin(rate, delay)
+    return -(-(margin + max(before, 0)) // factor) * factor, margin + max(after, 0)
 
 
 def build_regressors(trial, *, delay, basis, degree=1, identification_rate, reference=None):
@@ -167,6 +188,11 @@ def build_regressors(trial, *, delay, basis, degree=1, identification_rate, refe
             f"the trial has no variable {reference!r} to serve as reference; it has {known}."
             " Give the command of the servo as reference, or reference='position' for an open-loop record."
         )
+    return assembled(trial, delay, basis, degree, identification_rate, reference)
+
+
+def assembled(trial, delay, basis, degree, identification_rate, reference):
+    """Regressors of a trial, or of a chunk of one, that is known to be fit for it; see `build_regressors`."""
     grid = recording_grid(trial, identification_rate, delay)
     factor, first, count = grid
     fitted, inputs = _expanded(trial, delay, basis, degree, grid)

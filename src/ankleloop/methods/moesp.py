@@ -14,7 +14,7 @@ from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, predicted_in
 from ankleloop.subspace.input_matrices import response
 from ankleloop.subspace.moesp import moesp
 
-__all__ = ["MEMBERS", "identify_moesp"]
+__all__ = ["MEMBERS", "REGRESSION_TOLERANCE", "direct_stiffness", "identify_moesp", "reflex_path"]
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
 # squares would give torques that are huge and cancel. Without it the regression is far from this (condition below 100).
@@ -164,7 +164,7 @@ def identify_moesp(
     diagnostics = {"singular_values": found.singular_values, **found.diagnostics}
     if needed:
         diagnostics["reference"] = reference
-    path = _reflex_path(found.matrices, regressors)
+    path = reflex_path(found.matrices, regressors)
     estimates = []
     for part, start in zip(regressors, np.atleast_2d(found.initial_state), strict=True):
         torque = _torques(found.matrices, start, part)
@@ -173,7 +173,7 @@ def identify_moesp(
                 method=method,
                 torque=torque,
                 matrices=found.matrices,
-                stiffness=part.stiffness(torque["intrinsic"].values) if free_b else _direct_stiffness(found.matrices),
+                stiffness=part.stiffness(torque["intrinsic"].values) if free_b else direct_stiffness(found.matrices),
                 reflex={"delay": float(delay), **path.parameters},
                 diagnostics=diagnostics | path.diagnostics,
                 predictor=_Predictor(found.matrices, part.basis, delay),
@@ -196,7 +196,7 @@ class _Predictor:
         return _torques(self.matrices, None, regressors)
 
 
-def _direct_stiffness(model):
+def direct_stiffness(model):
     """K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
     return dict(zip("KBI", map(float, model.D[0, : len(INTRINSIC_NAMES)]), strict=True))
 
@@ -213,7 +213,7 @@ def _torques(model, initial_state, regressors):
     return torque_dataset(regressors.time, regressors.rate, net=paths["intrinsic"] + paths["reflex"], **paths)
 
 
-def _reflex_path(matrices, regressors):
+def reflex_path(matrices, regressors):
     """Nonlinearity and dynamics; the low-pass has a third pole where the model has three."""
     used = regressors[0].reflex
     inputs = np.vstack([part.inputs[:, used] - part.inputs[:, used].mean(axis=0) for part in regressors])

@@ -9,7 +9,15 @@ from scipy import linalg
 from ankleloop.errors import DataError
 from ankleloop.subspace.batches import are_batches, as_batches
 
-__all__ = ["InputMatrices", "estimate_input_matrices", "response", "sensitivities", "state_trajectory"]
+__all__ = [
+    "InputMatrices",
+    "estimate_input_matrices",
+    "least_squares",
+    "matrices_of",
+    "response",
+    "sensitivities",
+    "state_trajectory",
+]
 
 SQUARED = 1e-4  # least ratio of singular values for which normal equations keep eight digits
 
@@ -196,7 +204,7 @@ def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, ra
         predicted = as_batches(instrument_inputs, several)
         psi = _stacked([_regressors(A, C, record, which) for record in predicted], shared)
     theta, rank, condition = _solved(phi, target, psi, rank_tolerance)
-    return _matrices(theta, (m, n, p), dynamic, len(u), rank, condition)
+    return matrices_of(theta, (m, n, p), dynamic, len(u), rank, condition)
 
 
 def _solved(phi, target, psi, rank_tolerance):
@@ -214,8 +222,32 @@ def _solved(phi, target, psi, rank_tolerance):
         if singular[0] > max(SQUARED, 2.0 * rank_tolerance):
             theta = vectors @ ((vectors.T @ ((phi.T @ target) / scale)) / values)
             return theta / scale, len(values), float(1.0 / singular[0])
-        left, right = phi / scale, target
+        return least_squares(phi, target, rank_tolerance)
     theta, _, rank, values = linalg.lstsq(left, right, cond=rank_tolerance, lapack_driver="gelsd")
+    return theta / scale, int(rank), float(values[0] / values[rank - 1])
+
+
+def least_squares(phi, target, rank_tolerance):
+    """Least squares from columns of unit norm.
+
+    Parameters
+    ----------
+    phi : ndarray, shape (N, k)
+        Regressors, or a triangular factor of them.
+    target : ndarray, shape (N,)
+        What they explain.
+    rank_tolerance : float
+        Directions below this fraction of the largest one are left out.
+
+    Returns
+    -------
+    theta : ndarray, shape (k,)
+    rank : int
+    condition : float
+        Ratio of the largest to the smallest singular value that counts.
+    """
+    scale = _norms(phi)
+    theta, _, rank, values = linalg.lstsq(phi / scale, target, cond=rank_tolerance, lapack_driver="gelsd")
     return theta / scale, int(rank), float(values[0] / values[rank - 1])
 
 
@@ -225,7 +257,8 @@ def _norms(phi):
     return norms
 
 
-def _matrices(theta, sizes, dynamic, records, rank, condition):
+def matrices_of(theta, sizes, dynamic, records, rank, condition):
+    """The unknowns of the regression, sorted into matrices; `sizes` are those of inputs, state and outputs."""
     m, n, p = sizes
     count = int(dynamic.sum())
     direct, driven, own = np.split(theta, [m * p, m * p + n * count])

@@ -13,7 +13,14 @@ from ankleloop.subspace.instruments import instrument_channels, predict_from_ref
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.realisation import choose_order, realise
 
-__all__ = ["INPUT_MATRICES", "SubspaceEstimate", "moesp"]
+__all__ = [
+    "INPUT_MATRICES",
+    "SubspaceEstimate",
+    "check_options",
+    "described",
+    "instrument_block_rows",
+    "moesp",
+]
 
 INPUT_MATRICES = ("least-squares", "instruments")
 GUARDED = (
@@ -147,15 +154,13 @@ def moesp(
     several = are_batches(u)
     u, y = as_batches(u, several), as_batches(y, several)
     r = None if reference is None else as_batches(reference, several)
-    _check(u, y, r, block_rows, order)
-    _check_leads(instruments, instrument_leads, block_rows)
+    _check_lengths(u, y, r)
+    check_options(block_rows, order, instruments, instrument_leads)
     (u, u_scale), (y, y_scale) = scaled(u, "input"), scaled(y, "output")
     r = None if r is None else scaled(r, "reference")[0]
     m, p = u[0].shape[1], y[0].shape[1]
     channels = instrument_channels(instruments, m, p, 0 if r is None else r[0].shape[1])
-    width, past = channels.size, 0
-    if width:
-        past = instrument_rows or _instrument_rows(projection, block_rows, m, p, width)
+    past = instrument_block_rows(instrument_rows, projection, block_rows, m, p, channels.size)
     rows = HankelRows(m, p, channels, block_rows, past, instrument_leads)
     records = [np.column_stack(parts) for parts in zip(u, y, *([] if r is None else [r]), strict=True)]
     found, used = compressed(records, rows, projection, rank_tolerance, order or 1, compression)
@@ -165,26 +170,57 @@ def moesp(
     if input_matrices == "instruments":
         predicted = _prediction(u, r) if predicted_inputs is None else _given(predicted_inputs, several, u_scale)
     inputs = estimate_input_matrices(A, C, u, y, dynamic, predicted, regression_tolerance)
-    B, D, C = inputs.B / u_scale, y_scale[:, None] * inputs.D / u_scale, y_scale[:, None] * C
+    described_as = {"compression": used, "instruments": instruments, "projection": projection}
+    described_as["input_matrices"] = input_matrices
+    return described(found, (A, C, guarded), inputs, (u_scale, y_scale), rows, described_as, dt, names)
+
+
+def described(found, realised, inputs, scales, rows, options, dt, names):
+    """Put an estimate together: matrices in the units of the data, and what was seen on the way.
+
+    Parameters
+    ----------
+    found : Projection
+        Outcome of the projection.
+    realised : tuple
+        A, C and the guarded radius, from `realise`.
+    inputs : InputMatrices
+        B, D and initial state.
+    scales : tuple of ndarray
+        Scales of inputs and outputs.
+    rows : HankelRows
+        The rows that were projected.
+    options : dict
+        Options to be kept with the diagnostics.
+    dt : float
+        Sampling interval [s].
+    names : tuple or None
+        Names of inputs and outputs.
+
+    Returns
+    -------
+    SubspaceEstimate
+    """
+    A, C, guarded = realised
+    u_scale, y_scale = scales
     poles = np.linalg.eigvals(A)
     diagnostics = {
-        "order": n,
-        "compression": used,
+        "order": len(A),
         "poles": poles,
         "spectral_radius": float(np.abs(poles).max()),
         "rank": found.input_rank,
         "condition": found.condition,
-        "instruments": instruments,
-        "projection": projection,
-        "instrument_rows": (past + instrument_leads) * width,
+        "instrument_rows": rows.sizes[1],
         "instrument_rank": found.instrument_rank,
-        "input_matrices": input_matrices,
+        "input_matrices": "least-squares",
         "regression_rank": inputs.rank,
         "regression_condition": inputs.condition,
         "stable": guarded is None,
-        "warnings": [] if guarded is None else [GUARDED.format(radius=guarded, order=n)],
+        **options,
+        "warnings": [] if guarded is None else [GUARDED.format(radius=guarded, order=len(A))],
     }
-    return SubspaceEstimate(Matrices(A, B, C, D, dt, names), found.singular_values, inputs.initial_state, diagnostics)
+    matrices = Matrices(A, inputs.B / u_scale, y_scale[:, None] * C, y_scale[:, None] * inputs.D / u_scale, dt, names)
+    return SubspaceEstimate(matrices, found.singular_values, inputs.initial_state, diagnostics)
 
 
 def _given(predicted, several, scale):
@@ -197,7 +233,7 @@ def _prediction(u, r):
     return predict_from_reference(u, r)
 
 
-def _check(u, y, r, block_rows, order):
+def _check_lengths(u, y, r):
     for name, signal in (("output", y), ("reference", r)):
         if signal is None:
             continue
@@ -210,21 +246,25 @@ def _check(u, y, r, block_rows, order):
                     f"{inputs.shape[0]} samples of inputs, {other.shape[0]} of the {name}{batch}: cut them to one "
                     "length."
                 )
+
+
+def check_options(block_rows, order, instruments, leads):
+    """Refuse options outside their ranges."""
     if order is not None and order < 1:
         raise ValueError(f"order must be at least 1, got {order}.")
     if block_rows <= (order or 1):
         raise ValueError(f"block_rows must be larger than the order ({order or 1}), got {block_rows}.")
-
-
-def _instrument_rows(projection, block_rows, inputs, outputs, width):
-    if projection == "ordinary":
-        return block_rows
-    # The correlation form spends m·s directions on the inputs; leave p·s of them for the outputs.
-    return max(block_rows, -(-(inputs + outputs) * block_rows // width))
-
-
-def _check_leads(instruments, leads, block_rows):
     if not 0 <= leads <= block_rows:
         raise ValueError(f"instrument_leads must be between 0 and block_rows ({block_rows}), got {leads}.")
     if leads and instruments != "past-reference":
         raise ValueError(f"instrument_leads need instruments made of the reference, not {instruments!r}: use 0.")
+
+
+def instrument_block_rows(given, projection, block_rows, inputs, outputs, width):
+    """Block rows of the past, from what was given: as many as those of the future, or as the correlation form needs."""
+    if not width:
+        return 0
+    if given or projection == "ordinary":
+        return given or block_rows
+    # The correlation form spends m·s directions on the inputs; leave p·s of them for the outputs.
+    return max(block_rows, -(-(inputs + outputs) * block_rows // width))

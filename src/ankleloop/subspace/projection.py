@@ -24,6 +24,7 @@ __all__ = [
     "column_space",
     "decomposed",
     "project",
+    "project_factor",
 ]
 
 PROJECTIONS = ("ordinary", "correlation")
@@ -97,6 +98,7 @@ def project(U, Y, Z, form, rank_tolerance, order):
         If too few columns or instruments are left to see the order.
     """
     check_form(form)
+    sizes, columns = (U.shape[0], Z.shape[0]), U.shape[1]
     stacked = np.vstack([U, Z, Y])
     # A constant offset is one more input whose Hankel rows are all alike: its projection is the mean of every row.
     stacked = stacked - stacked.mean(axis=1, keepdims=True)
@@ -107,10 +109,31 @@ def project(U, Y, Z, form, rank_tolerance, order):
         )
     # The triangular factor has the row spaces of the long matrix, and all of its inner products.
     R = linalg.qr(stacked.T, mode="r", check_finite=False)[0][: stacked.shape[0]]
-    r_u, r_z, r_y = np.split(R, [U.shape[0], U.shape[0] + Z.shape[0]], axis=1)
+    return project_factor(R, sizes, columns, form, rank_tolerance, order)
+
+
+def project_factor(R, sizes, columns, form, rank_tolerance, order):
+    """The projection from a triangular factor of the rows of U, Z and Y, each less its mean.
+
+    Parameters
+    ----------
+    R : ndarray, shape (k, k)
+        The factor, Rᵀ R being the inner products of the rows.
+    sizes : tuple of int
+        Rows of U and of Z.
+    columns : int
+        Columns of the Hankel matrices.
+    form, rank_tolerance, order
+        As `project` takes them.
+
+    Returns
+    -------
+    Projection
+    """
+    r_u, r_z, r_y = np.split(R, np.cumsum(sizes), axis=1)
     step = _ordinary if form == "ordinary" else _correlation
     residual, input_rank, instrument_rank, condition = step(r_u, r_y, r_z, rank_tolerance, order)
-    return decomposed(residual, input_rank, instrument_rank, condition, stacked.shape[1], form)
+    return decomposed(residual, input_rank, instrument_rank, condition, columns, form)
 
 
 def check_form(form):
