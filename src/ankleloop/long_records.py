@@ -243,7 +243,7 @@ class _Pieces:
             position = self._read(*bounds, ["position"])["position"].values
             velocity = differentiate(position, self.record.sampling_rate, self.delay)[before : position.size - after]
             largest = max(largest, float(np.abs(velocity).max()))
-            kept.append(velocity[::step])
+            kept.append(velocity[::step].copy())  # not a view, which would keep all of it
         return replace(fit_basis(np.concatenate(kept), kind, degree), scale=largest)
 
     def regressors(self, basis, start, stop):

@@ -14,7 +14,7 @@ from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, predicted_in
 from ankleloop.subspace.input_matrices import response
 from ankleloop.subspace.moesp import moesp
 
-__all__ = ["MEMBERS", "REGRESSION_TOLERANCE", "direct_stiffness", "identify_moesp", "reflex_path"]
+__all__ = ["MEMBERS", "REGRESSION_TOLERANCE", "direct_stiffness", "identify_moesp", "reflex_path", "torques"]
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
 # squares would give torques that are huge and cancel. Without it the regression is far from this (condition below 100).
@@ -201,16 +201,44 @@ def direct_stiffness(model):
     return dict(zip("KBI", map(float, model.D[0, : len(INTRINSIC_NAMES)]), strict=True))
 
 
-def _torques(model, initial_state, regressors):
-    """Simulate the model with the inputs of one path at a time; the initial state belongs to the reflex."""
+def torques(model, initial_state, regressors):
+    """Torques of the model with the inputs of one path at a time; the initial state belongs to the reflex.
+
+    Parameters
+    ----------
+    model : Matrices
+        The model, in physical units.
+    initial_state : ndarray, shape (n,), or None
+        Rest, if None.
+    regressors : Regressors
+        Its inputs.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (N,)
+        `net`, `intrinsic` and `reflex` [N·m], without their means.
+
+    Raises
+    ------
+    DataError
+        If they are not finite.
+    """
     u = regressors.inputs - regressors.inputs.mean(axis=0)
     paths = {}
     for name, used, start in (("intrinsic", ~regressors.reflex, None), ("reflex", regressors.reflex, initial_state)):
-        torque = response(model.A, model.B, model.C, model.D, np.where(used, u, 0.0), start)[:, 0]
+        of_path = model.of_inputs(used)
+        if start is None and not of_path.B.any():
+            torque = u[:, used] @ of_path.D[0]
+        else:
+            torque = response(of_path.A, of_path.B, of_path.C, of_path.D, u[:, used], start)[:, 0]
         paths[name] = torque - torque.mean()
     if not all(np.all(np.isfinite(torque)) for torque in paths.values()):
         raise DataError("the estimated torques are not finite: the model does not suit the record; lower its order.")
-    return torque_dataset(regressors.time, regressors.rate, net=paths["intrinsic"] + paths["reflex"], **paths)
+    return {"net": paths["intrinsic"] + paths["reflex"], **paths}
+
+
+def _torques(model, initial_state, regressors):
+    return torque_dataset(regressors.time, regressors.rate, **torques(model, initial_state, regressors))
 
 
 def reflex_path(matrices, regressors):

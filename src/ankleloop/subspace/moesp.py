@@ -159,6 +159,8 @@ def moesp(
     (u, u_scale), (y, y_scale) = scaled(u, "input"), scaled(y, "output")
     r = None if r is None else scaled(r, "reference")[0]
     m, p = u[0].shape[1], y[0].shape[1]
+    if instruments == "past-reference" and r is not None and _same(r, u):
+        instruments, r = "past-input", None  # open loop: the past reference is the past input, and is stored once
     channels = instrument_channels(instruments, m, p, 0 if r is None else r[0].shape[1])
     past = instrument_block_rows(instrument_rows, projection, block_rows, m, p, channels.size)
     rows = HankelRows(m, p, channels, block_rows, past, instrument_leads)
@@ -231,6 +233,10 @@ def _prediction(u, r):
     if r is None:
         raise DataError("input_matrices='instruments' needs a reference: pass the external command of the loop.")
     return predict_from_reference(u, r)
+
+
+def _same(r, u):
+    return all(np.array_equal(a, b) for a, b in zip(r, u, strict=True))
 
 
 def _check_lengths(u, y, r):
