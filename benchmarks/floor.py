@@ -13,8 +13,8 @@ def floor(data, rows):
 
     They are: products of lagged samples and the displacement of their blocks; the factor of the input rows and its
     eigenvalues, for the rank policy (eigenvectors where the inputs are deficient); what the inputs leave of the other
-    rows; factor and eigenvalues of the instruments; the decomposition that shows the order; and for B, D and the initial
-    state their regressors, normal equations and solution.
+    rows; factor and eigenvalues of the instruments; the decomposition that shows the order; and for B, D and the
+    initial state their regressors, normal equations and solution.
     """
     u, y = (x - x.mean(axis=0) for x in (data.u, data.y))
     scale = u.std(axis=0)

@@ -1,16 +1,13 @@
 """Identification with other programs side by side: time, peak memory and accuracy, on one thread.
 
-Run by `make benchmark`. Everything is timed in one process, program after program in each round, so that a busy machine
-slows all of them alike; memory is taken in a process for each. Writes results/benchmarks/peers.csv, peers.md, peers.png.
+Run by `make benchmark`. Everything is timed in one process, program after program in each round, so that a busy
+machine slows all of them alike; memory is taken in a process for each. Writes results/benchmarks/peers.csv, peers.md
+and peers.png.
 """
 
 import argparse
-import os
-
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_name] = "1"
-
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -19,27 +16,24 @@ import warnings
 from functools import partial
 from pathlib import Path
 
+os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+sys.path.append(str(Path(__file__).resolve().parent / ".peers"))  # behind the environment
+
 import numpy as np
 import pandas as pd
-
-HERE = Path(__file__).resolve().parent
-PEERS = HERE / ".peers"
-RESULTS = HERE.parent / "results" / "benchmarks"
-if PEERS.is_dir():
-    sys.path.append(str(PEERS))  # behind the environment, which has the packages that they share
-
 import programs
 from datasets import accuracy, open_loop, paper
 from floor import floor
 
+RESULTS = Path(__file__).resolve().parents[1] / "results" / "benchmarks"
 LIMIT = 8 * 2**30  # bytes of address space of a process that is asked for its memory
 SLOW = 20.0  # s: what takes longer is timed once
 ROUNDS = 7
 MAIN = [(kind, samples, rows) for kind in ("open loop", "paper") for samples in (5_000, 50_000) for rows in (15, 20)]
 SWEEPS = {
-    "samples": [dict(samples=n) for n in (1_000, 2_000, 5_000, 10_000, 20_000, 50_000)],
-    "inputs": [dict(inputs=m) for m in (1, 2, 4, 8, 16)],
-    "block rows": [dict(rows=s) for s in (10, 15, 20, 30, 40)],
+    "samples": [{"samples": n} for n in (1_000, 2_000, 5_000, 10_000, 20_000, 50_000)],
+    "inputs": [{"inputs": m} for m in (1, 2, 4, 8, 16)],
+    "block rows": [{"rows": s} for s in (10, 15, 20, 30, 40)],
 }
 
 

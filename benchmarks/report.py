@@ -41,7 +41,7 @@ def markdown(table):
         shown[name] = shown[name].map(lambda value, count=count: _text(value, count))
     shown["pole_error"] = shown["pole_error"].map(lambda value: "" if pd.isna(value) else f"{value:.1e}")
     shown["failed"] = shown["failed"].fillna("")
-    lines = [list(COLUMNS[name] for name in shown), ["---"] * shown.shape[1], *shown.astype(str).values.tolist()]
+    lines = [[COLUMNS[name] for name in shown], ["---"] * shown.shape[1], *shown.astype(str).values.tolist()]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
