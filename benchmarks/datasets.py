@@ -30,14 +30,12 @@ class Data:
 
 @lru_cache
 def open_loop(samples, inputs=8, seed=0):
-    """White inputs of a stable fourth-order system with one output, 20 dB of white noise; the inputs are the reference."""
+    """White inputs of a fourth-order system with one output and 20 dB of white noise; the inputs are the reference."""
     rng = np.random.default_rng(seed)
-    radius, angle = np.array([0.9, 0.75]), np.array([0.5, 1.4])
-    blocks = [
-        r * np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) for r, a in zip(radius, angle, strict=True)
-    ]
     A = np.zeros((4, 4))
-    A[:2, :2], A[2:, 2:] = blocks
+    for k, (radius, angle) in enumerate(((0.9, 0.5), (0.75, 1.4))):
+        along, across = radius * np.cos(angle), radius * np.sin(angle)
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[along, across], [-across, along]]
     B, C, D = rng.standard_normal((4, inputs)), rng.standard_normal((1, 4)), rng.standard_normal((1, inputs))
     u, fresh = rng.standard_normal((samples, inputs)), rng.standard_normal((FRESH, inputs))
     clean = response(A, B, C, D, u)
@@ -47,7 +45,7 @@ def open_loop(samples, inputs=8, seed=0):
 
 @lru_cache
 def paper(samples, seed=1):
-    """Position, velocity, acceleration and Chebyshev terms of a closed-loop trial at 10 dB, and a trial without noise."""
+    """The inputs of the paper for a closed-loop trial at 10 dB, Chebyshev terms among them; and one without noise."""
     options = {"delay": 0.04, "basis": "chebyshev", "degree": 5, "identification_rate": RATE, "reference": "reference"}
     regressors = _cut(build_regressors(simulate(seed=seed, duration=samples / RATE + 2.0), **options), samples)
     clean = simulate(seed=seed + 1, duration=FRESH / RATE + 2.0, snr_db=None, voluntary=0.0)
