@@ -220,13 +220,10 @@ class _Pieces:
         extent = SimpleNamespace(attrs={"sampling_rate": record.sampling_rate}, sizes={"time": record.samples})
         self.factor, self.first, self.count = recording_grid(extent, rate, delay)
         self._after = recording_margins(record.sampling_rate, self.factor, delay)[1]
-        self.sums, self.names = None, ("basis", "projection", "regression", "torques")
-        self._pass = 0
+        self.sums, self._passes = None, 0
 
-    def _bounds(self):
+    def _bounds(self, name):
         """First and last identified sample of each chunk, with a report of the pass and its share."""
-        name = self.names[min(self._pass, len(self.names) - 1)]
-        self._pass += 1
         for start in range(0, self.count, self.chunk):
             stop = min(start + self.chunk, self.count)
             yield start, stop
@@ -239,7 +236,7 @@ class _Pieces:
         """Basis settled on velocities that are evenly spread over the record, and on the largest of all."""
         before, after = differentiation_margin(self.record.sampling_rate, self.delay)
         step, kept, largest = -(-self.record.samples // VELOCITIES), [], 0.0
-        for bounds in self._bounds():
+        for bounds in self._bounds("basis"):
             position = self._read(*bounds, ["position"])["position"].values
             velocity = differentiate(position, self.record.sampling_rate, self.delay)[before : position.size - after]
             largest = max(largest, float(np.abs(velocity).max()))
@@ -252,18 +249,19 @@ class _Pieces:
         reference = "reference" if "reference" in piece else None
         return assembled(piece, self.delay, basis, None, self.rate, reference)
 
-    def __call__(self, basis):
+    def __call__(self, basis, name):
         """Regressors of all chunks."""
-        for bounds in self._bounds():
+        for bounds in self._bounds(name):
             yield bounds, self.regressors(basis, *bounds)
 
     def signals(self, basis):
         """Inputs, torque and reference of all chunks; sums of the first two are kept for their means."""
         self.sums = 0.0
-        for _, part in self(basis):
+        for _, part in self(basis, f"pass {self._passes + 1}"):
             torque = part.torque[:, None]
             self.sums = self.sums + np.hstack([part.inputs, torque]).sum(axis=0)
             yield part.inputs, torque, None if part.reference is None else part.reference[:, None]
+        self._passes += 1
 
 
 def _write_torques(pieces, basis, found, output, method):
@@ -273,7 +271,7 @@ def _write_torques(pieces, basis, found, output, method):
     energy, left, total = 0.0, 0.0, 0.0
     with whole_file(output) as partial, h5netcdf.File(partial, "w") as file:
         variables = _torque_variables(file, pieces, method)
-        for (start, stop), part in pieces(basis):
+        for (start, stop), part in pieces(basis, "torques"):
             u = part.inputs - input_means
             reflex_inputs = u[:, part.reflex]
             drive = np.ascontiguousarray(reflex_inputs @ model.B[:, part.reflex].T)

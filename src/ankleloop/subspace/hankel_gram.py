@@ -85,7 +85,7 @@ class HankelGram:
         """
         if self.columns == 0:
             raise DataError(f"the record is shorter than the {self.block_rows} samples of one Hankel column.")
-        moved = np.cumsum(np.vstack([np.zeros_like(self._head[:1]), self._tail - self._head]), axis=0)
+        moved = np.cumsum(np.vstack([np.zeros(self._sums.size), self._tail - self._head]), axis=0)
         means = (self._sums + moved).ravel() / np.sqrt(self.columns)
         return _displaced(self._products, self._head.ravel(), self._tail.ravel(), means)
 
