@@ -1,11 +1,12 @@
 # make          set up what is missing, then reproduce the paper
 # make test     set up what is missing, then run the tests
+# make beyond   the paper, and the studies that go further
 # make coverage how often the intervals of riv hold the truth: 1,000 trials of five settings
 # make benchmark  time, memory and accuracy beside other programs
 SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := all
-.PHONY: all setup test coverage benchmark expected lint format lock clean
+.PHONY: all setup test beyond coverage benchmark expected lint format lock clean
 
 CORES ?= 2
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
@@ -24,6 +25,9 @@ setup: $(READY)
 
 test: setup
 	python -m pytest $(ARGS)
+
+beyond: setup
+	snakemake --cores $(CORES) --configfile config/beyond.yaml
 
 # Eight minutes on two cores; prints its progress and a table.
 coverage: setup

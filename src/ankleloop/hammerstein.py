@@ -13,7 +13,7 @@ from ankleloop.spectra import Band
 __all__ = ["ReflexPath", "StaticNonlinearity", "response_gain", "separate"]
 
 LOWEST = 0.05  # Hz
-BIN = 0.2  # Hz
+BIN = 0.05  # Hz
 CANDIDATES = 60  # thresholds looked at
 
 
