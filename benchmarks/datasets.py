@@ -30,17 +30,15 @@ class Data:
 
 @lru_cache
 def open_loop(samples, inputs=8, seed=0):
-    """White inputs of a fourth-order system with one output and 20 dB of white noise; the inputs are the reference."""
+    """White inputs of a second-order system with one output and 20 dB of white noise; the inputs are the reference."""
     rng = np.random.default_rng(seed)
-    A = np.zeros((4, 4))
-    for k, (radius, angle) in enumerate(((0.9, 0.5), (0.75, 1.4))):
-        along, across = radius * np.cos(angle), radius * np.sin(angle)
-        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[along, across], [-across, along]]
-    B, C, D = rng.standard_normal((4, inputs)), rng.standard_normal((1, 4)), rng.standard_normal((1, inputs))
+    along, across = 0.85 * np.cos(0.6), 0.85 * np.sin(0.6)
+    A = np.array([[along, across], [-across, along]])
+    B, C, D = rng.standard_normal((2, inputs)), rng.standard_normal((1, 2)), rng.standard_normal((1, inputs))
     u, fresh = rng.standard_normal((samples, inputs)), rng.standard_normal((FRESH, inputs))
     clean = response(A, B, C, D, u)
     y = clean + 0.1 * clean.std() * rng.standard_normal(clean.shape)
-    return Data(u, y, u, 4, np.linalg.eigvals(A), fresh, response(A, B, C, D, fresh))
+    return Data(u, y, u, 2, np.linalg.eigvals(A), fresh, response(A, B, C, D, fresh))
 
 
 @lru_cache

@@ -7,7 +7,12 @@ import numpy as np
 from ankleloop.methods.moesp import REGRESSION_TOLERANCE, torques
 from ankleloop.subspace import moesp
 
-PEERS = {"ctrlsys": "ctrlsys", "sippy_unipi": "sippy_unipi", "nfoursid": "nfoursid"}
+PEERS = {
+    "ctrlsys": "ctrlsys",
+    "ctrlsys, IB01BD": "ctrlsys",
+    "sippy_unipi": "sippy_unipi",
+    "nfoursid": "nfoursid",
+}
 RANK_TOLERANCE = 1e-5  # what identify_moesp takes
 
 
@@ -39,18 +44,42 @@ def with_torques(data, rows):
     return torques(found.matrices, found.initial_state, data.regressors)
 
 
-def ctrlsys(data, rows):
-    """SLICOT: IB01AD with past inputs and outputs, IB01BD by the combined method, whose B and D are right."""
+def _slicot(data, rows):
+    """SLICOT as far as A, B, C, D: IB01AD by its fastest route, IB01BD by the combined method, whose B and D are right."""
     import ctrlsys as slicot
 
     u, y = (np.array(x - x.mean(axis=0), order="F") for x in (data.u, data.y))
     samples, m, p = len(u), u.shape[1], y.shape[1]
-    _, r, _, _, info = slicot.ib01ad("M", "Q", "N", "O", "N", "N", rows, m, p, u, y, 0.0, -1.0)
+    for route in "CQ":  # Cholesky factor; QR where that breaks down
+        try:
+            _, r, _, _, info = slicot.ib01ad("M", route, "N", "O", "N", "N", rows, m, p, u, y, 0.0, -1.0)
+        except ArithmeticError:
+            info = -1
+        if not info:
+            break
     if info:
         raise ArithmeticError(f"IB01AD ended with info {info}")
     A, C, B, D, *_, info = slicot.ib01bd("C", "A", "N", rows, data.order, m, p, samples, r, 0.0)
     if info:
         raise ArithmeticError(f"IB01BD ended with info {info}")
+    return u, y, A, B, C, D
+
+
+def slicot_matrices(data, rows):
+    """SLICOT without initial state: B and D from the factor of the Hankel matrix."""
+    return _slicot(data, rows)[2:]
+
+
+def ctrlsys(data, rows):
+    """SLICOT, complete: B, D and the initial state by IB01CD, from simulated responses, as ankleloop finds them."""
+    import ctrlsys as slicot
+
+    u, y, *matrices = _slicot(data, rows)
+    A, B, C, D = (np.asfortranarray(matrix) for matrix in matrices)
+    n, m, p = len(A), u.shape[1], y.shape[1]
+    _, B, D, *_, info = slicot.ib01cd("X", "C", "D", n, m, p, A, B, C, D, u, y, 0.0)
+    if info:
+        raise ArithmeticError(f"IB01CD ended with info {info}")
     return A, B, C, D
 
 
@@ -78,5 +107,11 @@ def nfoursid(data, rows):
     return model.a, model.b, model.c, model.d
 
 
-_ALL = {"ankleloop": ankleloop, "ctrlsys": ctrlsys, "sippy_unipi": sippy, "nfoursid": nfoursid}
+_ALL = {
+    "ankleloop": ankleloop,
+    "ctrlsys": ctrlsys,
+    "ctrlsys, IB01BD": slicot_matrices,
+    "sippy_unipi": sippy,
+    "nfoursid": nfoursid,
+}
 PROGRAMS = {name: program for name, program in _ALL.items() if name == "ankleloop" or available(name)}

@@ -21,11 +21,12 @@ COLUMNS = {
 COLOURS = {
     "ankleloop": "#0b5394",
     "ctrlsys": "#b45f06",
+    "ctrlsys, IB01BD": "#e69138",
     "sippy_unipi": "#6aa84f",
     "nfoursid": "#a64d79",
     "floor": "0.55",
 }
-MARKERS = {"ankleloop": "o", "ctrlsys": "s", "sippy_unipi": "^", "nfoursid": "D", "floor": "_"}
+MARKERS = {"ankleloop": "o", "ctrlsys": "s", "ctrlsys, IB01BD": "v", "sippy_unipi": "^", "nfoursid": "D", "floor": "_"}
 ALONG = {"samples": "samples", "inputs": "inputs", "block rows": "rows"}
 
 

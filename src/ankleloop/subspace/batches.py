@@ -103,7 +103,7 @@ def scaled(batches, name):
     """
     raw, samples = batches, sum(record.shape[0] for record in batches)
     with np.errstate(invalid="ignore"):  # what is not finite shows in the scale
-        means = [record.mean(axis=0) for record in batches]
+        means = [np.ones(len(record)) @ record / len(record) for record in batches]
         batches = [record - mean for record, mean in zip(batches, means, strict=True)]
         scale = np.sqrt(sum(np.einsum("tc,tc->c", record, record) for record in batches) / max(samples, 1))
     if not np.isfinite(scale).all():
@@ -111,7 +111,9 @@ def scaled(batches, name):
     constant = np.flatnonzero(scale <= 1e-13 * np.max(np.abs(means), axis=0))
     if constant.size:
         raise DataError(f"{name} {constant[0]} is constant and carries no information: leave it out.")
-    return [record / scale for record in batches], scale
+    for record in batches:
+        record /= scale
+    return batches, scale
 
 
 def _refuse_not_finite(batches, name):

@@ -149,7 +149,9 @@ def projected_gram(grams, rows, form, rank_tolerance, order):
     -------
     Projection or None
     """
-    total = sum(gram.matrix() for gram in grams)
-    chosen = rows.indices(len(total) // rows.window)
+    chosen = rows.indices(len(grams[0].lags))
+    total = grams[0].matrix(chosen)
+    for gram in grams[1:]:
+        total = total + gram.matrix(chosen)
     columns = sum(gram.columns for gram in grams)
-    return project_gram(total[np.ix_(chosen, chosen)], rows.sizes, columns, form, rank_tolerance, order)
+    return project_gram(total, rows.sizes, columns, form, rank_tolerance, order)

@@ -69,12 +69,17 @@ class HankelGram:
         self._tail = x[columns:].copy()
         self.columns += columns
 
-    def matrix(self):
+    def matrix(self, rows=None):
         """The Gram matrix of what has been added.
+
+        Parameters
+        ----------
+        rows : ndarray of int, optional
+            Rows of the Hankel matrix to take, each once, in this order; all by default.
 
         Returns
         -------
-        ndarray, shape (block_rows * channels, block_rows * channels)
+        ndarray, shape (rows, rows)
             Row i of the Hankel matrix holds channel i % channels at lag i // channels. Products that were not to be
             made are nan.
 
@@ -87,7 +92,10 @@ class HankelGram:
             raise DataError(f"the record is shorter than the {self.block_rows} samples of one Hankel column.")
         moved = np.cumsum(np.vstack([np.zeros(self._sums.size), self._tail - self._head]), axis=0)
         means = (self._sums + moved).ravel() / np.sqrt(self.columns)
-        return _displaced(self._products, self._head.ravel(), self._tail.ravel(), means)
+        rows = np.arange(means.size) if rows is None else rows
+        place = np.full(means.size, -1)
+        place[rows] = np.arange(rows.size)
+        return _displaced(self._products, self._head.ravel(), self._tail.ravel(), means, place, rows.size)
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.
@@ -125,19 +133,19 @@ def _lagged_products(x, columns, block_rows, lags):
 
 
 @njit(cache=True)
-def _displaced(row, head, tail, means):
-    """All blocks of the Gram matrix from its first block row, the ends of the record and the means of the rows."""
-    channels, size = row.shape
+def _displaced(products, head, tail, means, place, size):
+    """Blocks of the Gram matrix along their diagonals, from its first block row and the ends of the record."""
+    channels, width = products.shape
     gram = np.empty((size, size))
-    gram[:channels] = row
-    for i in range(channels, size):
-        a, b = tail[i - channels], head[i - channels]
-        for j in range(i - i % channels, size):
-            k = j - channels
-            gram[i, j] = gram[i - channels, k] + a * tail[k] - b * head[k]
-    for i in range(size):
-        for j in range(i - i % channels, size):
-            gram[i, j] -= means[i] * means[j]
-        for j in range(i - i % channels):
-            gram[i, j] = gram[j, i]
+    for a in range(channels):
+        for first in range(width):
+            value = products[a, first]
+            i = a
+            for j in range(first, width, channels):
+                if place[i] >= 0 and place[j] >= 0:
+                    gram[place[i], place[j]] = value - means[i] * means[j]
+                    gram[place[j], place[i]] = gram[place[i], place[j]]
+                if j + channels < width:
+                    value += tail[i] * tail[j] - head[i] * head[j]
+                i += channels
     return gram

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from scipy import linalg
+from scipy.linalg import blas
 
 from ankleloop.errors import DataError
 from ankleloop.subspace.batches import are_batches, as_batches
@@ -19,6 +20,7 @@ __all__ = [
     "state_trajectory",
 ]
 
+BLOCK = 1024  # samples
 SQUARED = 1e-4  # least ratio of singular values for which normal equations keep eight digits
 
 
@@ -111,7 +113,7 @@ def _follow(A, u, which, c, states, out):
                 states[j, k] = following[j, k]
 
 
-def sensitivities(A, C, u, dynamic, observed, driven):
+def sensitivities(A, C, u, dynamic, observed, driven, out=None):
     """Responses of every output to the entries of D and B, the initial state and the offset.
 
     The response to a column of B is a row C (q - A)⁻¹ u(t) for each input and output, which follows from the last one:
@@ -130,13 +132,15 @@ def sensitivities(A, C, u, dynamic, observed, driven):
         C Aᵗ at the first sample.
     driven : ndarray, shape (inputs that drive the state, p, n)
         The rows at the first sample.
+    out : ndarray, optional
+        Where to put them, with zeros between the outputs: memory that is used again costs less than new one.
 
     Returns
     -------
     ndarray, shape (N, p, m * p + n * dynamic inputs + n + p)
     """
     (samples, m), (p, n) = u.shape, C.shape
-    phi = np.zeros((samples, p, m * p + n * dynamic.size + n + p))
+    phi = np.zeros((samples, p, m * p + n * dynamic.size + n + p)) if out is None else out
     A, C, undriven = np.ascontiguousarray(A), np.ascontiguousarray(C), np.zeros((samples, 1))
     for i in range(p):
         phi[:, i, i : m * p : p] = u
@@ -195,6 +199,10 @@ def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, ra
     dynamic = np.ones(m, dtype=bool) if dynamic is None else np.asarray(dynamic, dtype=bool)
     which = np.flatnonzero(dynamic)
     shared = m * p + n * which.size
+    if instrument_inputs is None and len(u) == 1:
+        found = _by_normal_equations(A, C, u[0], y[0], which, rank_tolerance)
+        if found is not None:
+            return matrices_of(found[0], (m, n, p), dynamic, 1, *found[1:])
     phi = _stacked([_regressors(A, C, record, which) for record in u], shared)
     if phi.shape[0] < phi.shape[1]:
         raise DataError(f"{phi.shape[0]} samples cannot determine {phi.shape[1]} entries of B, D, x0: record longer.")
@@ -203,26 +211,42 @@ def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, ra
     if instrument_inputs is not None:
         predicted = as_batches(instrument_inputs, several)
         psi = _stacked([_regressors(A, C, record, which) for record in predicted], shared)
-    theta, rank, condition = _solved(phi, target, psi, rank_tolerance)
+    if psi is None:
+        theta, rank, condition = least_squares(phi, target, rank_tolerance)
+    else:
+        theta, rank, condition = _instrumental(phi, target, psi, rank_tolerance)
     return matrices_of(theta, (m, n, p), dynamic, len(u), rank, condition)
 
 
-def _solved(phi, target, psi, rank_tolerance):
-    """Unknowns, rank and condition, from columns of unit norm; by normal equations where they are accurate enough."""
-    if psi is not None:
-        scale, other = _norms(phi), _norms(psi)
-        left, right = (psi.T @ phi) / np.outer(other, scale), (psi.T @ target) / other
-    else:
-        gram = phi.T @ phi
-        scale = np.sqrt(np.diag(gram))
-        scale[scale == 0] = 1.0
-        values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-        singular = np.sqrt(np.maximum(values, 0.0)) / np.sqrt(values[-1])
-        # Squares lose twice the digits that the condition takes.
-        if singular[0] > max(SQUARED, 2.0 * rank_tolerance):
-            theta = vectors @ ((vectors.T @ ((phi.T @ target) / scale)) / values)
-            return theta / scale, len(values), float(1.0 / singular[0])
-        return least_squares(phi, target, rank_tolerance)
+def _by_normal_equations(A, C, u, y, which, rank_tolerance):
+    """Unknowns, rank and condition for one record; None where squares are not accurate enough.
+
+    The regressors are made a block at a time, which stays in the cache, and are not kept.
+    """
+    observed, driven = C.copy(), np.zeros((which.size, *C.shape))
+    p, n = C.shape
+    space = np.zeros((min(BLOCK, len(u)), p, u.shape[1] * p + n * which.size + n + p))
+    gram, right = 0.0, 0.0
+    for start in range(0, len(u), BLOCK):
+        rows = slice(start, start + BLOCK)
+        phi = sensitivities(A, C, u[rows], which, observed, driven, space[: len(u) - start])
+        phi = phi.reshape(-1, phi.shape[2])
+        gram = gram + blas.dsyrk(1.0, phi.T)  # its upper triangle
+        right = right + y[rows].reshape(-1) @ phi
+    scale = np.sqrt(np.diag(gram))
+    if scale.size > y.size or not scale.all():
+        return None
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale), UPLO="U")
+    # Squares lose twice the digits that the condition takes.
+    if not values[0] > max(SQUARED, 2.0 * rank_tolerance) ** 2 * values[-1]:
+        return None
+    theta = vectors @ ((vectors.T @ (right / scale)) / values)
+    return theta / scale, len(values), float(np.sqrt(values[-1] / values[0]))
+
+
+def _instrumental(phi, target, psi, rank_tolerance):
+    scale, other = _norms(phi), _norms(psi)
+    left, right = (psi.T @ phi) / np.outer(other, scale), (psi.T @ target) / other
     theta, _, rank, values = linalg.lstsq(left, right, cond=rank_tolerance, lapack_driver="gelsd")
     return theta / scale, int(rank), float(values[0] / values[rank - 1])
 

@@ -156,11 +156,11 @@ def moesp(
     r = None if reference is None else as_batches(reference, several)
     _check_lengths(u, y, r)
     check_options(block_rows, order, instruments, instrument_leads)
+    if (instruments, input_matrices) == ("past-reference", "least-squares") and r is not None and _same(r, u):
+        instruments, r = "past-input", None  # open loop: the past reference is the past input
     (u, u_scale), (y, y_scale) = scaled(u, "input"), scaled(y, "output")
     r = None if r is None else scaled(r, "reference")[0]
     m, p = u[0].shape[1], y[0].shape[1]
-    if instruments == "past-reference" and r is not None and _same(r, u):
-        instruments, r = "past-input", None  # open loop: the past reference is the past input, and is stored once
     channels = instrument_channels(instruments, m, p, 0 if r is None else r[0].shape[1])
     past = instrument_block_rows(instrument_rows, projection, block_rows, m, p, channels.size)
     rows = HankelRows(m, p, channels, block_rows, past, instrument_leads)

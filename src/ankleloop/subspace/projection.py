@@ -43,7 +43,8 @@ class Projection:
     input_rank, instrument_rank : int
         Directions that the rank policy kept.
     condition : float
-        Ratio of the largest to the smallest kept singular value of the input directions.
+        Ratio of the largest to the smallest kept singular value of the input directions, or, by the fast route and
+        where all are kept, a bound of it.
     """
 
     observability: np.ndarray

@@ -138,7 +138,7 @@ def _projected(record, rows, form, rank_tolerance, order):
     deviation = record.settle(sums, squares, samples)
     chosen = rows.indices(width)
     each = deviation[chosen % width]
-    inner = gram.matrix()[np.ix_(chosen, chosen)] / np.outer(each, each)
+    inner = gram.matrix(chosen) / np.outer(each, each)
     found = project_gram(inner, rows.sizes, columns, form, rank_tolerance, order)
     if found is not None:
         return found, "gram"
