@@ -83,4 +83,7 @@ $(PACKAGES): environment.lock
 $(READY): $(PACKAGES) pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	$(BIN)/python -m compileall -q src
+	@echo "Compiling the kernels, once: half a minute."
+	$(BIN)/python -c "import ankleloop as a; t = a.simulate(seed=1, duration=12.0); \
+	  [a.evaluate(t, a.identify(t, m)) for m in ('pr-moesp', 'eiv-moesp', 'parallel-cascade', 'riv')]"
 	@touch $@

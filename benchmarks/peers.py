@@ -45,7 +45,7 @@ def data_of(kind, samples, inputs=8):
 def timed(calls, rounds):
     """Median time of each call [s], one of each in every round; slow ones once. What fails says why.
 
-    A quick call is made twice, and the second one timed: what another program has left in the cache is not its business.
+    A quick call is made twice, and the second one timed: what other programs leave in the cache is not its business.
     """
     times, failed = {name: [] for name in calls}, {}
     for k in range(rounds + 1):

@@ -45,7 +45,7 @@ def with_torques(data, rows):
 
 
 def _slicot(data, rows):
-    """SLICOT as far as A, B, C, D: IB01AD by its fastest route, IB01BD by the combined method, whose B and D are right."""
+    """A, B, C, D by SLICOT: IB01AD by its fastest route, IB01BD by the combined method, whose B and D are right."""
     import ctrlsys as slicot
 
     u, y = (np.array(x - x.mean(axis=0), order="F") for x in (data.u, data.y))
