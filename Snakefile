@@ -1,4 +1,5 @@
 # Closed-loop identification of intrinsic and reflex joint stiffness: simulate, identify, evaluate, report.
+import os
 import sys
 from pathlib import Path
 
@@ -9,6 +10,10 @@ min_version("9.0")
 
 configfile: "config/config.yaml"
 
+
+# Jobs keep the memory that they have freed: the first touch of new memory can cost more than the numbers in it.
+os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(2**30))
+os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(2**31))
 
 sys.path.insert(0, f"{workflow.basedir}/workflow")
 from fingerprint import fingerprint

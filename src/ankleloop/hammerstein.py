@@ -1,6 +1,7 @@
 """The reflex path taken apart: a static nonlinearity, and linear dynamics of unit gain behind it."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from ankleloop.spectra import Band
 __all__ = ["ReflexPath", "StaticNonlinearity", "response_gain", "separate"]
 
 LOWEST = 0.05  # Hz
-BIN = 0.05  # Hz
+BIN = 0.2  # Hz
 CANDIDATES = 60  # thresholds looked at
 
 
@@ -174,14 +175,23 @@ def separate(matrices, inputs, basis, order=2):
     )
 
 
+@lru_cache(maxsize=8)
+def _band(samples, rate):
+    return Band(samples, rate, LOWEST, PASSBAND * rate)
+
+
 def _power(inputs, rate):
-    """Spectral matrices of the inputs, summed over bins so narrow that the reflex answers all of a bin alike."""
-    band = Band(len(inputs), rate, LOWEST, PASSBAND * rate)
+    """Spectral matrices of the inputs, summed over bins, and the centre of each bin's power.
+
+    About that centre a response that is nearly linear in a bin gives what all of its lines give.
+    """
+    band = _band(len(inputs), rate)
     spectra = band.transform(inputs.T)
     products = np.real(spectra[:, None] * spectra.conj()).transpose(2, 0, 1)
     starts = np.arange(0, len(products), max(1, round(BIN * len(inputs) / rate)))
-    lines = np.diff(np.append(starts, len(products)))
-    return np.add.reduceat(band.s, starts) / lines, np.add.reduceat(products, starts)
+    own = np.einsum("fkk->fk", products)
+    weight = np.sum(own / own.sum(axis=0), axis=1)
+    return np.add.reduceat(weight * band.s, starts) / np.add.reduceat(weight, starts), np.add.reduceat(products, starts)
 
 
 def _covariance(inputs):
