@@ -33,8 +33,8 @@ beyond: setup
 coverage: setup
 	python benchmarks/coverage.py --cores $(CORES) $(ARGS)
 
-# Ten minutes; the peers that are measured against go into a folder of their own, not into the environment.
-PEERS := benchmarks/.peers
+# Ten minutes; the peers that are measured against go into a folder of their own, behind the environment.
+PEERS := $(VENV)/peers
 benchmark: setup $(PEERS)
 	python benchmarks/peers.py $(ARGS)
 

@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
-sys.path.append(str(Path(__file__).resolve().parent / ".peers"))  # behind the environment
+sys.path.append(str(Path(sys.prefix) / "peers"))  # behind the packages of the environment
 
 import numpy as np
 import pandas as pd

@@ -281,7 +281,7 @@ def test_what_is_selected_must_be_an_option():
 def test_fingerprints_follow_imports(tmp_path, monkeypatch):
     import fingerprint as module
 
-    before = {name: fingerprint(f"workflow/scripts/{name}.py") for name in ("simulate", "identify", "evaluate")}
+    before = {name: fingerprint(f"workflow/scripts/{name}.py") for name in ("simulate", "identify", "economy")}
     library = tmp_path / "src"
     for file in (ROOT / "src").rglob("*.py"):
         copy = library / file.relative_to(ROOT / "src")
@@ -297,5 +297,5 @@ def test_fingerprints_follow_imports(tmp_path, monkeypatch):
     touched = library / "ankleloop" / "signals.py"
     touched.write_text(touched.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
     assert fingerprint("workflow/scripts/simulate.py") == before["simulate"]
-    assert fingerprint("workflow/scripts/evaluate.py") != before["evaluate"]
+    assert fingerprint("workflow/scripts/economy.py") != before["economy"]
     module._parsed.cache_clear()
