@@ -1,18 +1,20 @@
 """Batches: all trials of one condition in one file, so that a job can loop over them."""
 
 import json
+from functools import partial
 
 import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
+from ankleloop.once import once
 from ankleloop.storage import number_type, write_netcdf
 from ankleloop.trial import validate
 
 __all__ = ["load_trials", "save_trials"]
 
 OWN = "own_attributes"
-BLOCK = 8  # trials read at a time: each access to the file costs more than the numbers
+BLOCK = 25  # trials read at a time: each access to the file costs more than the numbers
 
 
 def save_trials(trials, path, precision="double"):
@@ -114,7 +116,8 @@ def load_trials(path):
             for k, attributes in enumerate(own):
                 variables = {n: ("time", _samples(values[k], time.size), attrs) for n, (values, attrs) in kept.items()}
                 trial = xr.Dataset(variables, coords={"time": time}, attrs=shared | attributes)
-                yield validate(trial, source=f"{path}, trial {start + k}")
+                source = f"{path}, trial {start + k}"
+                yield once(trial, "valid", partial(validate, trial, source=source))
 
 
 def _samples(values, samples):

@@ -135,49 +135,45 @@ def fit_dynamics(response, s, weight, order=2):
     (5.0, 40.0, 0.9, 1.0)
     """
     weight = weight / np.sum(weight * np.abs(response) ** 2)
-    given = s.imag, weight, np.ascontiguousarray(response, dtype=complex)
-    starts = [np.array(list(dynamics.values.values())) for dynamics in ReflexDynamics.grid(order)]
-    found = min((_Fit(values, *_projected(values, *given)) for values in starts), key=lambda fit: fit.left)
-    damping, bend = 1e-6, np.zeros((order, order))
+    starts = np.array([list(dynamics.values.values()) for dynamics in ReflexDynamics.grid(order)])
+    values, gain, left = _search(starts, s.imag.copy(), weight, np.ascontiguousarray(response, dtype=complex))
+    return float(gain), ReflexDynamics(*values.tolist()), float(1.0 - left)
+
+
+@njit(cache=True)
+def _search(starts, omega, weight, target):
+    """Parameters, gain and what they leave, from the best of some starts (Levenberg and Marquardt).
+
+    What the slopes leave out of the curvature is learnt by symmetric secant updates: a poor fit converges by it.
+    """
+    values = starts[0]
+    gain, left, normal, downhill = _projected(values, omega, weight, target)
+    for start in starts[1:]:
+        found = _projected(start, omega, weight, target)
+        if found[1] < left:
+            values, (gain, left, normal, downhill) = start, found
+    damping, bend = 1e-6, np.zeros_like(normal)
     for _ in range(ITERATIONS):
-        step = found.step(damping, bend)
-        values = found.values * np.exp(np.clip(step, -1.0, 1.0))
-        tried = _Fit(values, *_projected(values, *given))
-        if tried.left <= found.left and values.min() > 1.0 / FURTHEST and values.max() < FURTHEST:
-            bend = _bent(bend, found, tried, step)
-            found, damping = tried, max(damping / 10, 1e-12)
+        curved = normal + bend
+        if np.linalg.eigvalsh(curved)[0] <= 0:
+            curved = normal.copy()
+        for i in range(values.size):
+            curved[i, i] += damping * (normal[i, i] + 1e-30)
+        step = np.linalg.solve(curved, downhill)
+        tried = values * np.exp(np.minimum(np.maximum(step, -1.0), 1.0))
+        found = _projected(tried, omega, weight, target)
+        if found[1] <= left and tried.min() > 1.0 / FURTHEST and tried.max() < FURTHEST:
+            missing = downhill - found[3] - (found[2] + bend) @ step
+            size = missing @ step
+            if abs(size) > 1e-8 * np.sqrt((missing @ missing) * (step @ step)):
+                bend = bend + np.outer(missing, missing) / size
+            values, (gain, left, normal, downhill) = tried, found
+            damping = max(damping / 10.0, 1e-12)
         else:
-            damping, bend = 10 * damping, np.zeros_like(bend)
+            damping, bend = 10.0 * damping, np.zeros_like(bend)
         if np.max(np.abs(step)) < CONVERGED or damping > 1e9:
             break
-    return float(found.gain), ReflexDynamics(*found.values.tolist()), float(1.0 - found.left)
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """Parameters of the dynamics with the gain that suits them best, and where to go from there."""
-
-    values: np.ndarray
-    gain: float
-    left: float
-    normal: np.ndarray
-    downhill: np.ndarray
-
-    def step(self, damping, bend):
-        """Step of the logarithms of the parameters (Levenberg and Marquardt), with what is known of the curvature."""
-        scale = damping * np.diag(np.diag(self.normal) + 1e-30)
-        if np.linalg.eigvalsh(self.normal + bend)[0] <= 0:
-            bend = 0.0
-        return np.linalg.solve(self.normal + bend + scale, self.downhill)
-
-
-def _bent(bend, before, after, step):
-    """Curvature that the slopes leave out, by a symmetric secant update: what a poor fit converges by."""
-    missing = before.downhill - after.downhill - (after.normal + bend) @ step
-    size = missing @ step
-    if abs(size) <= 1e-8 * np.sqrt((missing @ missing) * (step @ step)):
-        return bend
-    return bend + np.outer(missing, missing) / size
+    return values, gain, left
 
 
 @njit(cache=True)

@@ -17,8 +17,12 @@ SCORES = ["torque", "against", "vaf", "low", "high"]
 def identified(source, key, methods, against):
     """Estimates, scores and parameters of the trials of a point, each by method."""
     found, scores, parameters = ({name: [] for name in methods} for _ in range(3))
-    for number, trial in enumerate(progress(load_trials(source), f"{key['point']}: identified")):
-        with made_once():
+    trials = enumerate(progress(load_trials(source), f"{key['point']}: identified"))
+    while True:
+        with made_once():  # loading is part of it: a trial is validated once
+            number, trial = next(trials, (None, None))
+            if trial is None:
+                return found, scores, parameters
             for name, method in methods.items():
                 estimate = identify(trial, method["method"], **method["options"])
                 row = {**key, "method": name, "trial": number}
@@ -26,7 +30,6 @@ def identified(source, key, methods, against):
                 rated = score_rows(trial, estimate, against=against, intervals=True)
                 scores[name] += [{**row, **dict(zip(SCORES, values, strict=True))} for values in rated]
                 parameters[name].append({**row, **parameter_row(trial, estimate)})
-    return found, scores, parameters
 
 
 def save_table(rows, path):
