@@ -116,7 +116,7 @@ class _Directions:
 
     @property
     def condition(self):
-        """Ratio of the largest to the smallest singular value that counts; where all do, a bound of it."""
+        """Ratio of the largest to the smallest singular value that counts; where all do, an estimate of it."""
         return float(np.sqrt(self.largest / self.smallest)) if self.rank else np.inf
 
     @property

@@ -44,7 +44,7 @@ class Projection:
         Directions that the rank policy kept.
     condition : float
         Ratio of the largest to the smallest kept singular value of the input directions, or, by the fast route and
-        where all are kept, a bound of it.
+        where all are kept, an estimate of it from norms.
     """
 
     observability: np.ndarray
