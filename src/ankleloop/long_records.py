@@ -13,7 +13,7 @@ from ankleloop.basis import fit_basis
 from ankleloop.errors import DataError
 from ankleloop.estimate import TORQUES, Estimate
 from ankleloop.methods.moesp import MEMBERS, REGRESSION_TOLERANCE, direct_stiffness, reflex_path
-from ankleloop.regressors import assembled, recording_grid, recording_margins
+from ankleloop.regressors import assembled, check_delay, recording_grid, recording_margins
 from ankleloop.signals import differentiate, differentiation_margin
 from ankleloop.storage import whole_file
 from ankleloop.subspace.input_matrices import state_trajectory
@@ -176,8 +176,7 @@ def identify_file(
     """
     if method not in MEMBERS:
         raise DataError(f"long records are identified by {', '.join(MEMBERS)}, not by {method!r}.")
-    if not 0 <= delay <= 1:
-        raise ValueError(f"delay must be a time between 0 and 1 s, got {delay!r}.")
+    check_delay(delay)
     instruments, usual_projection = MEMBERS[method]
     if instruments != "past-reference":
         record = replace(record, reference=None)

@@ -22,6 +22,7 @@ __all__ = [
     "Regressors",
     "assembled",
     "build_regressors",
+    "check_delay",
     "decimated",
     "inputs_of",
     "predicted_inputs",
@@ -180,8 +181,7 @@ def build_regressors(trial, *, delay, basis, degree=1, identification_rate, refe
     ('position', 'velocity', 'acceleration', 'rectified_velocity')
     """
     once(trial, "valid", lambda: validate(trial))
-    if delay is None or not 0 <= delay <= 1:
-        raise ValueError(f"delay must be a time between 0 and 1 s (this method does not estimate it), got {delay!r}.")
+    check_delay(delay)
     if reference is not None and reference not in trial:
         known = ", ".join(map(str, trial.data_vars))
         raise DataError(
@@ -189,6 +189,12 @@ def build_regressors(trial, *, delay, basis, degree=1, identification_rate, refe
             " Give the command of the servo as reference, or reference='position' for an open-loop record."
         )
     return assembled(trial, delay, basis, degree, identification_rate, reference)
+
+
+def check_delay(delay):
+    """Refuse a delay that is none."""
+    if delay is None or not 0 <= delay <= 1:
+        raise ValueError(f"delay must be a time between 0 and 1 s (this method does not estimate it), got {delay!r}.")
 
 
 def assembled(trial, delay, basis, degree, identification_rate, reference):
@@ -208,7 +214,7 @@ def assembled(trial, delay, basis, degree, identification_rate, reference):
 
 
 def _channel(trial, name, grid):
-    return once(trial, (name, grid), lambda: decimate(trial.variables[name].values, *grid))
+    return once(trial, ("channel", name, grid), lambda: decimate(trial.variables[name].values, *grid))
 
 
 def _expanded(trial, delay, basis, degree, grid):

@@ -23,7 +23,6 @@ SQUARED = 1e-10  # least ratio of eigenvalues for which inner products show all 
 class _Pathway:
     """One path: inner products of its lagged inputs, and directions in which these are orthonormal."""
 
-    lags: np.ndarray
     gram: np.ndarray
     with_torque: np.ndarray
     directions: np.ndarray
@@ -83,7 +82,7 @@ def _paths(regressors, rows, lags, rank_tolerance):
     for channel, (which, index) in enumerate(zip(lags, at, strict=True)):
         own = products[np.ix_(index, index)]
         lagged = partial(_lagged, inputs[:, channel], which, rows)
-        paths.append(_Pathway(which, own, products[index, torque], _directions(own, lagged, rank_tolerance)))
+        paths.append(_Pathway(own, products[index, torque], _directions(own, lagged, rank_tolerance)))
     return paths, products[np.ix_(*at)], products[torque, torque]
 
 
@@ -232,7 +231,7 @@ def _centred(torque):
 def _alternate(paths, crossed, energy, samples, rank, max_passes, tolerance):
     """Alternating least squares; the history holds the net VAF after each pass."""
     intrinsic, reflex = paths
-    reflex_response = np.zeros(reflex.lags.size)
+    reflex_response = np.zeros(reflex.with_torque.size)
     history = []
     for _ in range(max_passes or PASS_CEILING):
         left = energy - 2.0 * reflex.with_torque @ reflex_response + reflex.energy(reflex_response)

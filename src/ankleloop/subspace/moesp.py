@@ -156,15 +156,18 @@ def moesp(
     r = None if reference is None else as_batches(reference, several)
     _check_lengths(u, y, r)
     check_options(block_rows, order, instruments, instrument_leads)
-    if (instruments, input_matrices) == ("past-reference", "least-squares") and r is not None and _same(r, u):
-        instruments, r = "past-input", None  # open loop: the past reference is the past input
+    open_loop = instruments == "past-reference" and r is not None and _same(r, u)
     (u, u_scale), (y, y_scale) = scaled(u, "input"), scaled(y, "output")
-    r = None if r is None else scaled(r, "reference")[0]
+    if r is not None:
+        r = u if open_loop else scaled(r, "reference")[0]
     m, p = u[0].shape[1], y[0].shape[1]
-    channels = instrument_channels(instruments, m, p, 0 if r is None else r[0].shape[1])
+    # In open loop the past reference is the past input, which is there already.
+    source = "past-input" if open_loop else instruments
+    channels = instrument_channels(source, m, p, 0 if r is None else r[0].shape[1])
     past = instrument_block_rows(instrument_rows, projection, block_rows, m, p, channels.size)
     rows = HankelRows(m, p, channels, block_rows, past, instrument_leads)
-    records = [np.column_stack(parts) for parts in zip(u, y, *([] if r is None else [r]), strict=True)]
+    referred = channels.max(initial=0) >= m + p
+    records = [np.column_stack(parts) for parts in zip(u, y, *([r] if referred else []), strict=True)]
     found, used = compressed(records, rows, projection, rank_tolerance, order or 1, compression)
     n = choose_order(found.singular_values, (block_rows - 1) // 2) if order is None else order
     A, C, guarded = realise(found.observability, p, n)
