@@ -16,7 +16,7 @@ from ankleloop.methods.moesp import MEMBERS, REGRESSION_TOLERANCE, direct_stiffn
 from ankleloop.regressors import assembled, check_delay, recording_grid, recording_margins
 from ankleloop.signals import differentiate, differentiation_margin
 from ankleloop.storage import whole_file
-from ankleloop.subspace.input_matrices import state_trajectory
+from ankleloop.subspace.input_matrices import continued
 from ankleloop.subspace.streaming import moesp_chunks
 
 __all__ = ["LongRecord", "identify_file"]
@@ -271,13 +271,10 @@ def _write_torques(pieces, basis, found, output, method):
     with whole_file(output) as partial, h5netcdf.File(partial, "w") as file:
         variables = _torque_variables(file, pieces, method)
         for (start, stop), part in pieces(basis, "torques"):
-            u = part.inputs - input_means
-            reflex_inputs = u[:, part.reflex]
-            drive = np.ascontiguousarray(reflex_inputs @ model.B[:, part.reflex].T)
-            states = state_trajectory(np.ascontiguousarray(model.A), drive, state)
-            state = model.A @ states[-1] + drive[-1]
+            u, driven = part.inputs - input_means, model.of_inputs(part.reflex)
             intrinsic = u[:, ~part.reflex] @ model.D[0, ~part.reflex]
-            reflex = states @ model.C[0] + reflex_inputs @ model.D[0, part.reflex]
+            reflex, state = continued(driven.A, driven.B, driven.C, driven.D, u[:, part.reflex], state)
+            reflex = reflex[:, 0]
             torques = {"time": part.time, "net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
             for name, values in torques.items():
                 variables[name][start:stop] = values

@@ -5,7 +5,7 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.subspace.hankel import block_hankel
 
-__all__ = ["are_batches", "as_batches", "batch_hankel", "centred", "scaled"]
+__all__ = ["are_batches", "as_batches", "batch_hankel", "centred", "refuse_constant", "scaled"]
 
 
 def are_batches(x):
@@ -108,12 +108,17 @@ def scaled(batches, name):
         scale = np.sqrt(sum(np.einsum("tc,tc->c", record, record) for record in batches) / max(samples, 1))
     if not np.isfinite(scale).all():
         _refuse_not_finite(raw, name)
-    constant = np.flatnonzero(scale <= 1e-13 * np.max(np.abs(means), axis=0))
-    if constant.size:
-        raise DataError(f"{name} {constant[0]} is constant and carries no information: leave it out.")
+    refuse_constant(scale, np.max(np.abs(means), axis=0), name)
     for record in batches:
         record /= scale
     return batches, scale
+
+
+def refuse_constant(scale, size, name):
+    """Refuse channels, called by a name and their number, that deviate from a mean by rounding alone."""
+    constant = np.flatnonzero(scale <= 1e-13 * size)
+    if constant.size:
+        raise DataError(f"{name} {constant[0]} is constant and carries no information: leave it out.")
 
 
 def _refuse_not_finite(batches, name):

@@ -12,6 +12,8 @@ from ankleloop.subspace.batches import are_batches, as_batches
 
 __all__ = [
     "InputMatrices",
+    "continued",
+    "driving",
     "estimate_input_matrices",
     "least_squares",
     "matrices_of",
@@ -90,8 +92,34 @@ def response(A, B, C, D, u, x0=None):
     array([0. , 1. , 0.5])
     """
     x0 = np.zeros(A.shape[0]) if x0 is None else np.asarray(x0, dtype=float)
-    states = state_trajectory(np.ascontiguousarray(A), np.ascontiguousarray(u @ B.T), x0)
-    return states @ C.T + u @ D.T
+    return continued(A, B, C, D, u, x0)[0]
+
+
+def continued(A, B, C, D, u, x0):
+    """Output of a state-space model, and the state that follows, so that a record can come in chunks.
+
+    Parameters
+    ----------
+    A, B, C, D : ndarray
+        The model.
+    u : ndarray, shape (N, m)
+        Inputs.
+    x0 : ndarray, shape (n,)
+        State at the first sample.
+
+    Returns
+    -------
+    y : ndarray, shape (N, p)
+    x : ndarray, shape (n,)
+    """
+    drive = np.ascontiguousarray(u @ B.T)
+    states = state_trajectory(np.ascontiguousarray(A), drive, x0)
+    return states @ C.T + u @ D.T, A @ states[-1] + drive[-1]
+
+
+def driving(dynamic, inputs):
+    """Mask of the inputs that drive the state; all of them, by default."""
+    return np.ones(inputs, dtype=bool) if dynamic is None else np.asarray(dynamic, dtype=bool)
 
 
 @njit(cache=True)
@@ -196,7 +224,7 @@ def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, ra
     several = are_batches(u)
     u, y = as_batches(u, several), as_batches(y, several)
     m, n, p = u[0].shape[1], A.shape[0], C.shape[0]
-    dynamic = np.ones(m, dtype=bool) if dynamic is None else np.asarray(dynamic, dtype=bool)
+    dynamic = driving(dynamic, m)
     which = np.flatnonzero(dynamic)
     shared = m * p + n * which.size
     if instrument_inputs is None and len(u) == 1:

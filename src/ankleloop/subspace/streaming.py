@@ -4,10 +4,11 @@ import numpy as np
 from scipy import linalg
 
 from ankleloop.errors import DataError
+from ankleloop.subspace.batches import refuse_constant
 from ankleloop.subspace.compression import HankelRows
 from ankleloop.subspace.gram_projection import project_gram
 from ankleloop.subspace.hankel import block_hankel
-from ankleloop.subspace.input_matrices import least_squares, matrices_of, sensitivities
+from ankleloop.subspace.input_matrices import driving, least_squares, matrices_of, sensitivities
 from ankleloop.subspace.instruments import instrument_channels
 from ankleloop.subspace.moesp import check_options, described, instrument_block_rows
 from ankleloop.subspace.projection import project_factor
@@ -115,14 +116,9 @@ class _Record:
         shift = sums / samples
         deviation = np.sqrt(np.maximum(squares / samples - shift**2, 0.0))
         mean, scale = self.mean + shift * self.scale, self.scale * deviation
-        constant = np.flatnonzero(scale <= 1e-13 * np.abs(mean))
-        if constant.size:
-            names = [
-                f"{name} {k}"
-                for name, count in zip(("input", "output", "reference"), self.sizes, strict=True)
-                for k in range(count)
-            ]
-            raise DataError(f"{names[constant[0]]} is constant and carries no information: leave it out.")
+        edges = np.cumsum([0, *self.sizes])
+        for name, start, stop in zip(("input", "output", "reference"), edges, edges[1:], strict=False):
+            refuse_constant(scale[start:stop], np.abs(mean[start:stop]), name)
         self.mean, self.scale = mean, scale
         return deviation
 
@@ -164,7 +160,7 @@ def _input_matrices(record, A, C, dynamic, rank_tolerance):
     """Last pass: the regression of `estimate_input_matrices`, by a triangular factor that grows with the chunks."""
     m, p, _ = record.sizes
     n = A.shape[0]
-    dynamic = np.ones(m, dtype=bool) if dynamic is None else np.asarray(dynamic, dtype=bool)
+    dynamic = driving(dynamic, m)
     which = np.flatnonzero(dynamic)
     observed, driven = np.array(C), np.zeros((which.size, p, n))
     R = np.zeros((0, m * p + n * which.size + n + p + 1))
