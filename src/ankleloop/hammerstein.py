@@ -4,9 +4,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 
 from ankleloop.basis import Basis
 from ankleloop.errors import DataError
+from ankleloop.once import once
 from ankleloop.reflex import fit_dynamics
 from ankleloop.signals import PASSBAND
 from ankleloop.spectra import Band
@@ -155,9 +157,9 @@ def separate(matrices, inputs, basis, order=2):
     E.-W. Bai, "An optimal two-stage identification algorithm for Hammerstein-Wiener nonlinear systems", Automatica
     34(3), 333-338, 1998.
     """
-    s, power = _power(inputs, 1.0 / matrices.dt)
+    s, power = once(inputs, "power", lambda: _power(inputs, 1.0 / matrices.dt))
     responses = matrices.frequency_response(np.exp(s * matrices.dt))
-    root = np.linalg.cholesky(_covariance(inputs))
+    root = once(inputs, "root", lambda: np.linalg.cholesky(_covariance(inputs)))
     own = np.einsum("fkk->fk", power)
     weight = np.mean(own / own.sum(axis=0), axis=1)
     weighted = np.sqrt(weight)[:, None] * (responses @ root)
@@ -181,17 +183,38 @@ def _band(samples, rate):
 
 
 def _power(inputs, rate):
-    """Spectral matrices of the inputs, summed over bins, and the centre of each bin's power.
+    """Spectral matrices of the inputs, summed over bins, and the centre of each bin's power on the imaginary axis.
 
     About that centre a response that is nearly linear in a bin gives what all of its lines give.
     """
     band = _band(len(inputs), rate)
-    spectra = band.transform(inputs.T)
-    products = np.real(spectra[:, None] * spectra.conj()).transpose(2, 0, 1)
-    starts = np.arange(0, len(products), max(1, round(BIN * len(inputs) / rate)))
-    own = np.einsum("fkk->fk", products)
-    weight = np.sum(own / own.sum(axis=0), axis=1)
-    return np.add.reduceat(weight * band.s, starts) / np.add.reduceat(weight, starts), np.add.reduceat(products, starts)
+    centres, power = _binned(band.transform(inputs.T), band.frequency, max(1, round(BIN * len(inputs) / rate)))
+    return 2j * np.pi * centres, power
+
+
+@njit(cache=True)
+def _binned(spectra, frequency, width):
+    channels, lines = spectra.shape
+    bins = -(-lines // width)
+    own = np.zeros(channels)
+    for k in range(channels):
+        for f in range(lines):
+            own[k] += abs(spectra[k, f]) ** 2
+    power, centres = np.zeros((bins, channels, channels)), np.zeros(bins)
+    for b in range(bins):
+        weights = 0.0
+        for f in range(b * width, min((b + 1) * width, lines)):
+            weight = 0.0
+            for i in range(channels):
+                for j in range(i + 1):
+                    power[b, i, j] += (spectra[i, f] * spectra[j, f].conjugate()).real
+                weight += abs(spectra[i, f]) ** 2 / own[i]
+            weights += weight
+            centres[b] += weight * frequency[f]
+        centres[b] /= weights
+        for i in range(channels):
+            power[b, :i, i] = power[b, i, :i]
+    return centres, power
 
 
 def _covariance(inputs):
@@ -220,7 +243,7 @@ def response_gain(response, drive, rate, basis, order=2):
     -------
     ReflexPath
     """
-    s, power = _power(drive[:, None], rate)
+    s, power = once(drive, "power", lambda: _power(drive[:, None], rate))
     frequency_response = np.polyval(response[::-1], np.exp(-s / rate))
     gain, dynamics, share = fit_dynamics(frequency_response, s, power[:, 0, 0], order)
     return ReflexPath(StaticNonlinearity(basis, np.array([gain])), dynamics, 1.0, share)

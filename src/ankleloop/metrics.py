@@ -1,6 +1,7 @@
 """How well an estimate explains a signal."""
 
 import numpy as np
+from numba import njit
 from scipy import special
 
 from ankleloop.errors import DataError
@@ -67,29 +68,62 @@ def vaf(measured, estimated):
     >>> float(round(vaf([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 4.0]), 6))
     85.0
     """
-    measured, variance = _judged(measured, estimated)
-    error = measured - np.asarray(estimated, dtype=float)
-    return float(100.0 * (1.0 - np.var(error) / variance))
+    signal, estimate = _pair(measured, estimated)
+    left, variance, _ = _energies(signal, estimate, 1)
+    _check(signal, estimate, left, variance)
+    return 100.0 * (1.0 - left / variance)
 
 
-def _judged(measured, estimated):
-    """The measured signal and its variance, if a VAF can be taken."""
-    measured = np.asarray(measured, dtype=float)
-    estimated = np.asarray(estimated, dtype=float)
+def _pair(measured, estimated):
+    """Both as arrays that go together."""
+    measured, estimated = np.ascontiguousarray(measured, dtype=float), np.ascontiguousarray(estimated, dtype=float)
     if measured.ndim != 1 or measured.shape != estimated.shape:
         raise DataError(
             f"VAF needs two 1-D signals of equal length, got shapes {measured.shape} and {estimated.shape}: "
             "cut both to the same samples."
         )
-    for name, signal in (("measured", measured), ("estimated", estimated)):
-        if not np.isfinite(signal).all():
+    return measured, estimated
+
+
+def _check(measured, estimated, left, variance):
+    """Refuse signals without a VAF, which variances show."""
+    if not np.isfinite(left + variance):
+        for name, signal in (("measured", measured), ("estimated", estimated)):
             bad = np.flatnonzero(~np.isfinite(signal))
-            raise DataError(f"the {name} signal is not finite at sample {bad[0]} ({bad.size} samples in all).")
-    variance = np.var(measured) if measured.size else 0.0
+            if bad.size:
+                raise DataError(f"the {name} signal is not finite at sample {bad[0]} ({bad.size} samples in all).")
     # A constant differs from its mean by rounding only, so zero variance is judged against the signal's size.
-    if variance <= (np.finfo(float).eps * np.max(np.abs(measured), initial=0.0)) ** 2:
+    if not variance > (np.finfo(float).eps * np.max(np.abs(measured), initial=0.0)) ** 2:
         raise DataError("the measured signal is constant, so it has no variance to account for.")
-    return measured, variance
+
+
+@njit(cache=True, error_model="numpy")
+def _energies(measured, estimated, width):
+    """Variances of the error and of the measured signal, and the long-run variance of the influence on their ratio."""
+    size = measured.size
+    mean, offset = measured.mean(), (measured - estimated).mean()
+    left, variance = 0.0, 0.0
+    for k in range(size):
+        left += (measured[k] - estimated[k] - offset) ** 2
+        variance += (measured[k] - mean) ** 2
+    left, variance = left / size, variance / size
+    influence = np.empty(size)
+    for k in range(size):
+        influence[k] = (measured[k] - estimated[k] - offset) ** 2 / left - (measured[k] - mean) ** 2 / variance
+    return left, variance, _bartlett(influence, width)
+
+
+@njit(cache=True, error_model="numpy")
+def _bartlett(x, width):
+    """Sums of covariances with the weights of the kernel: squared sums over a window that moves across the signal."""
+    total, moving = 0.0, 0.0
+    for k in range(x.size + width - 1):  # nothing is beyond the ends
+        if k < x.size:
+            moving += x[k]
+        if k >= width:
+            moving -= x[k - width]
+        total += moving**2
+    return total / (width * x.size)
 
 
 def long_run_variance(x, lags):
@@ -117,13 +151,12 @@ def long_run_variance(x, lags):
     >>> bool(abs(long_run_variance(np.convolve(x, [1.0, 1.0]), 50) - 4.0) < 0.4)
     True
     """
-    width = min(int(lags), x.size - 1) + 1
-    # The same weights come of squared sums over a window that moves across the signal, nothing being beyond its ends.
-    sums = np.zeros(x.size + 2 * width - 1)
-    sums[width : width + x.size] = np.cumsum(x - np.mean(x))
-    sums[width + x.size :] = sums[width + x.size - 1]
-    moving = sums[width:] - sums[:-width]
-    return float(moving @ moving / (width * x.size))
+    x = np.asarray(x, dtype=float)
+    return _bartlett(x - np.mean(x), _width(x.size, lags))
+
+
+def _width(size, lags):
+    return min(int(lags), size - 1) + 1
 
 
 def vaf_interval(measured, estimated, lags):
@@ -165,13 +198,10 @@ def vaf_interval(measured, estimated, lags):
 
 def vaf_and_interval(measured, estimated, lags):
     """Both at once: VAF, low and high [%], see `vaf` and `vaf_interval`."""
-    measured, variance = _judged(measured, estimated)
-    error = measured - np.asarray(estimated, dtype=float)
-    error = error - error.mean()
-    left = float(np.mean(error**2))
+    signal, estimate = _pair(measured, estimated)
+    left, variance, spread = _energies(signal, estimate, _width(signal.size, lags))
+    _check(signal, estimate, left, variance)
     if left == 0.0:
         return 100.0, 100.0, 100.0
-    influence = error**2 / left - (measured - measured.mean()) ** 2 / variance
-    spread = TWO_SIDED * np.sqrt(long_run_variance(influence, lags) / measured.size)
-    share = left / variance
-    return tuple(float(100.0 * (1.0 - share * np.exp(sign * spread))) for sign in (0.0, 1.0, -1.0))
+    deviation, share = TWO_SIDED * np.sqrt(spread / signal.size), left / variance
+    return tuple(float(100.0 * (1.0 - share * np.exp(sign * deviation))) for sign in (0.0, 1.0, -1.0))

@@ -15,6 +15,7 @@ from ankleloop.signals import (
     differentiate,
     differentiation_margin,
 )
+from ankleloop.subspace.batches import centred
 from ankleloop.trial import validate
 
 __all__ = [
@@ -80,10 +81,15 @@ class Regressors:
         """Boolean mask of the inputs of the reflex path."""
         return np.arange(self.inputs.shape[1]) >= len(INTRINSIC_NAMES)
 
+    @property
+    def centred_inputs(self):
+        """Inputs of the intrinsic and of the reflex path, without their means."""
+        return once(self.inputs, "centred", lambda: centred(np.split(self.inputs, [len(INTRINSIC_NAMES)], axis=1)))
+
     def stiffness(self, torque, rows=slice(None)):
         """K, B and I of the second-order model that explains a torque, given at some of the samples, best."""
-        motion = self.inputs[rows][:, : len(INTRINSIC_NAMES)]
-        found = np.linalg.lstsq(motion - motion.mean(axis=0), torque - np.mean(torque), rcond=None)[0]
+        motion = centred([self.inputs[rows, : len(INTRINSIC_NAMES)]])[0]
+        found = np.linalg.lstsq(motion, torque - np.mean(torque), rcond=None)[0]
         return dict(zip("KBI", map(float, found), strict=True))
 
 

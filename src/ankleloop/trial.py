@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from numba import njit
 
 from ankleloop.errors import DataError
 from ankleloop.storage import write_netcdf
@@ -272,10 +273,14 @@ def rate_from_time(time, *, source, name="time"):
     bad = np.flatnonzero(~np.isfinite(time))
     if bad.size:
         raise DataError(f"{source}: {name} is not finite at sample {bad[0]} ({_samples(bad.size)} in all): repair it.")
+    mean = (time[-1] - time[0]) / (time.size - 1)
+    # Times kept in single precision are off by up to N·eps steps; half a step or more is a fault all the same.
+    allowed = min(0.01 + np.finfo(np.float32).eps * time.size, 0.5)
+    if mean > 0 and _irregularity(time, mean) < 0.49 * allowed * mean:
+        return _nine_digits(1.0 / mean)  # all steps being that close to the mean, none is far from the usual one
     steps = np.diff(time)
     usual = float(np.median(steps))
-    # Times kept in single precision are off by up to N·eps steps; half a step or more is a fault all the same.
-    tolerance = min(0.01 + np.finfo(np.float32).eps * time.size, 0.5) * abs(usual)
+    tolerance = allowed * abs(usual)
     bad = np.flatnonzero((np.abs(steps - usual) > tolerance) | (steps <= 0))
     if bad.size:
         first = bad[0] + 1
@@ -284,8 +289,21 @@ def rate_from_time(time, *, source, name="time"):
             f"where {usual:g} s is usual ({_samples(bad.size)} in all): cut the trial there or resample it; if the "
             "times are only rounded, write them with more digits."
         )
-    # Nine digits hide the rounding of the times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001.
-    return float(f"{(time.size - 1) / (time[-1] - time[0]):.9g}")
+    return _nine_digits(1.0 / mean)
+
+
+def _nine_digits(rate):
+    """Nine digits hide the rounding of times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001."""
+    return float(f"{rate:.9g}")
+
+
+@njit(cache=True)
+def _irregularity(time, mean):
+    """Largest deviation of a step from their mean."""
+    largest = 0.0
+    for k in range(time.size - 1):
+        largest = max(largest, abs(time[k + 1] - time[k] - mean))
+    return largest
 
 
 def check_same_rate(stated, measured, *, source, name="time"):
@@ -393,30 +411,44 @@ def _check_varies(trial, name, source):
 
 
 def _check_velocity(trial, source):
-    velocity = _velocity(trial.variables["position"].values, float(trial.attrs["sampling_rate"]))
-    at = int(np.argmax(velocity))
-    moment = trial.variables["time"].values[at]
-    if not velocity[at] <= FASTEST:
+    at, speed = _fastest(trial.variables["position"].values, float(trial.attrs["sampling_rate"]))
+    if not speed <= FASTEST:
+        moment = trial.variables["time"].values[at]
         raise DataError(
-            f"{source}: position moves at {velocity[at]:.4g} rad/s at sample {at} ({moment:g} s), above "
+            f"{source}: position moves at {speed:.4g} rad/s at sample {at} ({moment:g} s), above "
             f"{FASTEST:g} rad/s: is the position in degrees? pass position_unit='deg' to read_trial, or convert "
             "it to rad; otherwise look for a spike there."
         )
 
 
-def _velocity(position, rate):
-    """Speed [rad/s] at each sample: the mean of the 3 ms after it less the mean of the 3 ms before it.
+def _fastest(position, rate):
+    """Sample at which the position moves fastest, and how fast [rad/s].
 
-    A plain difference at 1 kHz would turn a noise of 0.02 rad into 20 rad/s and more.
+    Speed is the mean of the 3 ms after a sample less the mean of the 3 ms before it: a plain difference at 1 kHz would
+    turn a noise of 0.02 rad into 20 rad/s and more.
     """
     half = min(max(1, round(0.003 * rate)), (position.size - 1) // 2)
-    speed = np.zeros(position.size)
-    with np.errstate(over="ignore", invalid="ignore"):
-        if half == 0:
-            speed[1:] = np.abs(np.diff(position)) * rate
-            return speed
-        sums = np.cumsum(np.concatenate(([0.0], position - np.mean(position))))
-        after = sums[2 * half + 1 :] - sums[half + 1 : -half]
-        before = sums[half : -half - 1] - sums[: -2 * half - 1]
-        speed[half:-half] = np.abs(after - before) / half / (half + 1) * rate
-    return speed
+    at, change = _largest_change(np.ascontiguousarray(position), half)
+    return at, change * rate
+
+
+@njit(cache=True)
+def _largest_change(position, half):
+    """Sample with the largest change for one sample, from means over `half` samples at either side, and that change."""
+    at, largest = 0, 0.0
+    if half == 0:
+        for k in range(1, position.size):
+            change = abs(position[k] - position[k - 1])
+            if not change <= largest:
+                at, largest = k, change
+        return at, largest
+    for k in range(half, position.size - half):
+        change = 0.0
+        for lag in range(1, half + 1):
+            change += position[k + lag] - position[k - lag]
+        change = abs(change) / half / (half + 1)
+        if not change <= largest:
+            at, largest = k, change
+            if not change < np.inf:  # an overflow
+                return at, largest
+    return at, largest

@@ -251,9 +251,23 @@ def test_position_noise_is_no_velocity(rate):
 @pytest.mark.parametrize("size", [2, 3, 4, 6, 7, 8, 50])
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 def test_velocity_of_a_ramp_is_exact(size, rate):
-    speed = trial_module._velocity(5.0 * np.arange(size) / rate, rate)
-    assert speed.shape == (size,)
-    np.testing.assert_allclose(np.max(speed), 5.0, rtol=1e-9)
+    at, speed = trial_module._fastest(5.0 * np.arange(size) / rate, rate)
+    assert 0 < at < size
+    np.testing.assert_allclose(speed, 5.0, rtol=1e-9)
+
+
+@settings(max_examples=50)
+@given(hnp.arrays(float, st.integers(2, 40), elements=st.floats(-1.0, 1.0)), st.sampled_from([100.0, 700.0, 1000.0]))
+def test_fastest_is_the_largest_difference_of_means(position, rate):
+    half = min(max(1, round(0.003 * rate)), (position.size - 1) // 2)
+    speeds = {k: abs(position[k] - position[k - 1]) * rate for k in range(1, position.size)}
+    if half:
+        inside = range(half, position.size - half)
+        means = {k: (position[k + 1 : k + half + 1].mean(), position[k - half : k].mean()) for k in inside}
+        speeds = {k: abs(after - before) / (half + 1) * rate for k, (after, before) in means.items()}
+    at, speed = trial_module._fastest(position, rate)
+    assert speed == pytest.approx(max(speeds.values()), abs=1e-9)
+    assert speed == 0.0 or speeds[at] == pytest.approx(speed, abs=1e-9)
 
 
 def test_other_dimensions_are_refused(trial):

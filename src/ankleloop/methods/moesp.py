@@ -223,14 +223,17 @@ def torques(model, initial_state, regressors):
     DataError
         If they are not finite.
     """
-    u = regressors.inputs - regressors.inputs.mean(axis=0)
+    motion, drive = regressors.centred_inputs
     paths = {}
-    for name, used, start in (("intrinsic", ~regressors.reflex, None), ("reflex", regressors.reflex, initial_state)):
+    for name, u, used, start in (
+        ("intrinsic", motion, ~regressors.reflex, None),
+        ("reflex", drive, regressors.reflex, initial_state),
+    ):
         of_path = model.of_inputs(used)
         if start is None and not of_path.B.any():
-            torque = u[:, used] @ of_path.D[0]
+            torque = u @ of_path.D[0]
         else:
-            torque = response(of_path.A, of_path.B, of_path.C, of_path.D, u[:, used], start)[:, 0]
+            torque = response(of_path.A, of_path.B, of_path.C, of_path.D, u, start)[:, 0]
         paths[name] = torque - torque.mean()
     if not all(np.all(np.isfinite(torque)) for torque in paths.values()):
         raise DataError("the estimated torques are not finite: the model does not suit the record; lower its order.")
@@ -243,6 +246,7 @@ def _torques(model, initial_state, regressors):
 
 def reflex_path(matrices, regressors):
     """Nonlinearity and dynamics; the low-pass has a third pole where the model has three."""
-    used = regressors[0].reflex
-    inputs = np.vstack([part.inputs[:, used] - part.inputs[:, used].mean(axis=0) for part in regressors])
-    return separate(matrices.of_inputs(used), inputs, regressors[0].basis, 3 if len(matrices.A) == 3 else 2)
+    parts = [part.centred_inputs[1] for part in regressors]
+    inputs = parts[0] if len(parts) == 1 else np.concatenate(parts)
+    of_path = matrices.of_inputs(regressors[0].reflex)
+    return separate(of_path, inputs, regressors[0].basis, 3 if len(matrices.A) == 3 else 2)

@@ -173,7 +173,8 @@ def identify_parallel_cascade(
         for x, response, which in zip(regressors.inputs[:, [0, -1]].T, responses, lags, strict=True)
     )
     warnings = [] if converged or max_passes else [f"no convergence within {PASS_CEILING} passes"]
-    path = response_gain(responses[1], regressors.inputs[rows, -1], regressors.rate, regressors.basis)
+    drive = once(regressors.inputs, ("drive", rows[0], rows[-1]), lambda: regressors.inputs[rows, -1])
+    path = response_gain(responses[1], drive, regressors.rate, regressors.basis)
     return Estimate(
         method="parallel-cascade",
         torque=torque_dataset(

@@ -5,7 +5,7 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.subspace.hankel import block_hankel
 
-__all__ = ["are_batches", "as_batches", "batch_hankel", "centred", "refuse_constant", "scaled"]
+__all__ = ["are_batches", "as_batches", "batch_hankel", "centred", "channel_means", "refuse_constant", "scaled"]
 
 
 def are_batches(x):
@@ -64,6 +64,11 @@ def as_batches(x, several=None):
     return records
 
 
+def channel_means(record):
+    """Mean of each channel of a record, shape (N, m): a product with ones, several times as fast as a sum by rows."""
+    return np.ones(len(record)) @ record / len(record)
+
+
 def centred(batches):
     """Every record less its own means.
 
@@ -76,7 +81,7 @@ def centred(batches):
     -------
     list of ndarray
     """
-    return [record - record.mean(axis=0) for record in batches]
+    return [record - channel_means(record) for record in batches]
 
 
 def scaled(batches, name):
@@ -103,7 +108,7 @@ def scaled(batches, name):
     """
     raw, samples = batches, sum(record.shape[0] for record in batches)
     with np.errstate(invalid="ignore"):  # what is not finite shows in the scale
-        means = [np.ones(len(record)) @ record / len(record) for record in batches]
+        means = [channel_means(record) for record in batches]
         batches = [record - mean for record, mean in zip(batches, means, strict=True)]
         scale = np.sqrt(sum(np.einsum("tc,tc->c", record, record) for record in batches) / max(samples, 1))
     if not np.isfinite(scale).all():

@@ -14,8 +14,8 @@ from ankleloop.subspace.projection import (
     check_form,
     check_instrument_rank,
     check_instrument_rows,
-    column_space,
     decomposed,
+    left_over,
 )
 
 __all__ = ["project_gram"]
@@ -59,7 +59,7 @@ def project_gram(gram, sizes, columns, form, rank_tolerance, order):
 
 
 def _ordinary(gram, m, k, columns, rank_tolerance, order):
-    inputs = _directions(gram[:m, :m], rank_tolerance, gram[:m, :m])
+    inputs = _directions(gram[:m, :m], rank_tolerance)
     if inputs is None:
         return None
     others = gram[:m, m:]
@@ -95,12 +95,10 @@ def _from_outputs(left, weights, inputs, columns, order):
 def _correlation(gram, m, k, columns, rank_tolerance, order):
     """Nothing is lost: the form consists of inner products in any case."""
     check_instrument_rows(k - m, m, order)
-    inputs, condition = column_space(gram[m:k, :m], rank_tolerance)
-    correlated = gram[m:k, k:]
+    residual, inputs, condition = left_over(gram[m:k, :m], gram[m:k, k:], rank_tolerance)
     values = np.linalg.eigvalsh(gram[m:k, m:k])
     rank = int(np.sum(values > max(rank_tolerance**2, len(values) * ROUNDING) * values[-1]))
-    residual = correlated - inputs @ (inputs.T @ correlated)
-    return decomposed(residual.T, inputs.shape[1], rank, condition, columns, "correlation")
+    return decomposed(residual.T, inputs, rank, condition, columns, "correlation")
 
 
 @dataclass(frozen=True)
@@ -150,18 +148,19 @@ class _Directions:
         return (self.vectors.T @ products) / distance[:, None]
 
 
-def _directions(gram, rank_tolerance, whole):
-    """Directions whose eigenvalue is above the squared tolerance times the largest one of another Gram matrix.
+def _directions(gram, rank_tolerance, whole=None):
+    """Directions whose eigenvalue is above the squared tolerance times the largest one, or that of a whole of it.
 
     None if rounding leaves open which. Eigenvectors are made where a direction does not count; where all do, by a bound
     of the condition, a Cholesky factor is enough and takes a twentieth of the time.
     """
-    bound = np.abs(whole).sum(axis=0).max()  # not less than the largest eigenvalue, and at most √n times it
+    # Not less than the largest eigenvalue, and at most √n times it.
+    bound = np.abs(gram if whole is None else whole).sum(axis=0).max()
     found = _factored(gram, rank_tolerance**2 * bound)
     if found is not None:
         return found
     values, vectors = np.linalg.eigh(gram)
-    largest = values[-1] if whole is gram else float(np.linalg.eigvalsh(whole)[-1])
+    largest = values[-1] if whole is None else float(np.linalg.eigvalsh(whole)[-1])
     limit = rank_tolerance**2 * largest
     if np.any(np.abs(values - limit) < 10 * ROUNDING * largest):
         return None

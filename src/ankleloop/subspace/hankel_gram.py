@@ -65,7 +65,7 @@ class HankelGram:
             self._head = x[: self.block_rows - 1].copy()
         lags = np.full(x.shape[1], self.block_rows) if self.lags is None else np.asarray(self.lags)
         self._products = self._products + _lagged_products(np.ascontiguousarray(x), columns, self.block_rows, lags)
-        self._sums = self._sums + x[:columns].sum(axis=0)
+        self._sums = self._sums + np.ones(columns) @ x[:columns]
         self._tail = x[columns:].copy()
         self.columns += columns
 
@@ -93,9 +93,9 @@ class HankelGram:
         moved = np.cumsum(np.vstack([np.zeros(self._sums.size), self._tail - self._head]), axis=0)
         means = (self._sums + moved).ravel() / np.sqrt(self.columns)
         rows = np.arange(means.size) if rows is None else rows
-        place = np.full(means.size, -1)
-        place[rows] = np.arange(rows.size)
-        return _displaced(self._products, self._head.ravel(), self._tail.ravel(), means, place, rows.size)
+        place = np.argsort(rows)
+        ascending = rows[place].astype(np.uint64), place.astype(np.uint64)
+        return _displaced(self._products, self._head.ravel(), self._tail.ravel(), means, *ascending)
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.
@@ -133,19 +133,27 @@ def _lagged_products(x, columns, block_rows, lags):
 
 
 @njit(cache=True)
-def _displaced(products, head, tail, means, place, size):
-    """Blocks of the Gram matrix along their diagonals, from its first block row and the ends of the record."""
+def _displaced(products, head, tail, means, rows, place):
+    """Rows of the Gram matrix one after the other: each is that of a block before, moved by a block and displaced.
+
+    Rows to take come in ascending order, with their places in the result; both unsigned, which index without a check.
+    """
     channels, width = products.shape
+    size, taken = rows.size, 0
+    last, row = products.copy(), np.empty(width)
     gram = np.empty((size, size))
-    for a in range(channels):
-        for first in range(width):
-            value = products[a, first]
-            i = a
-            for j in range(first, width, channels):
-                if place[i] >= 0 and place[j] >= 0:
-                    gram[place[i], place[j]] = value - means[i] * means[j]
-                    gram[place[j], place[i]] = gram[place[i], place[j]]
-                if j + channels < width:
-                    value += tail[i] * tail[j] - head[i] * head[j]
-                i += channels
+    for i in range(width):
+        same_channel = last[i % channels]
+        if i >= channels:
+            before, after = head[i - channels], tail[i - channels]
+            for j in range(i - channels, width - channels):
+                row[j + channels] = same_channel[j] + after * tail[j] - before * head[j]
+            same_channel[i:] = row[i:]
+        if taken == size or rows[taken] != i:
+            continue
+        for k in range(taken, size):
+            value = same_channel[rows[k]] - means[i] * means[rows[k]]
+            gram[place[taken], place[k]] = value
+            gram[place[k], place[taken]] = value
+        taken += 1
     return gram

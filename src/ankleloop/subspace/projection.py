@@ -21,8 +21,8 @@ __all__ = [
     "check_form",
     "check_instrument_rank",
     "check_instrument_rows",
-    "column_space",
     "decomposed",
+    "left_over",
     "project",
     "project_factor",
 ]
@@ -54,7 +54,7 @@ class Projection:
     condition: float
 
 
-def column_space(matrix, rank_tolerance):
+def _column_space(matrix, rank_tolerance):
     """Orthonormal basis of the columns that count, and the ratio of their largest to smallest singular value."""
     if matrix.shape[1] == 0:
         return matrix, 1.0
@@ -62,6 +62,16 @@ def column_space(matrix, rank_tolerance):
     kept = values > rank_tolerance * values[0] if values[0] > 0 else np.zeros(values.size, dtype=bool)
     condition = values[0] / values[kept][-1] if kept.any() else np.inf
     return left[:, kept], float(condition)
+
+
+def left_over(matrix, others, rank_tolerance):
+    """What the columns of a matrix that count leave of others; how many count, and their condition.
+
+    By least squares of that rank, which takes half the time of a basis of the columns.
+    """
+    solution, _, rank, values = np.linalg.lstsq(matrix, others, rcond=rank_tolerance)
+    condition = float(values[0] / values[rank - 1]) if rank else np.inf
+    return others - matrix @ solution, int(rank), condition
 
 
 def project(U, Y, Z, form, rank_tolerance, order):
@@ -152,7 +162,7 @@ def decomposed(residual, input_rank, instrument_rank, condition, columns, form):
 
 
 def _ordinary(r_u, r_y, r_z, rank_tolerance, order):
-    inputs, condition = column_space(r_u, rank_tolerance)
+    inputs, condition = _column_space(r_u, rank_tolerance)
     y_left = r_y - inputs @ (inputs.T @ r_y)
     if r_z.shape[1] == 0:
         return y_left.T, inputs.shape[1], 0, condition
@@ -184,8 +194,6 @@ def check_instrument_rows(rows, inputs, order):
 
 def _correlation(r_u, r_y, r_z, rank_tolerance, order):
     check_instrument_rows(r_z.shape[1], r_u.shape[1], order)
-    inputs, condition = column_space(r_z.T @ r_u, rank_tolerance)
-    correlated = r_z.T @ r_y
+    residual, inputs, condition = left_over(r_z.T @ r_u, r_z.T @ r_y, rank_tolerance)
     rank = int(np.linalg.matrix_rank(r_z, tol=max(rank_tolerance, 1e-12) * linalg.norm(r_z, 2)))
-    residual = correlated - inputs @ (inputs.T @ correlated)
-    return residual.T, inputs.shape[1], rank, condition
+    return residual.T, inputs, rank, condition
