@@ -3,12 +3,12 @@
 import csv
 import itertools
 import os
+import sys
 import zlib
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 
-import jsonschema
 import yaml
 
 SCHEMA = Path(__file__).parent / "schemas" / "config.schema.yaml"
@@ -102,9 +102,11 @@ class Study:
 
     @property
     def jobs(self):
-        """Points of a simulation that share a job."""
-        points, count = list(self.points), self.settings["together"]
-        return [points[first : first + count] for first in range(0, len(points), count)]
+        """Points of a simulation that share a job: as few jobs as it says, of nearly equal size."""
+        points = list(self.points)
+        count = -(-len(points) // self.settings["together"])
+        edges = [len(points) * k // count for k in range(count + 1)]
+        return [points[start:stop] for start, stop in itertools.pairwise(edges)]
 
     def folder(self):
         """Folder of the recordings."""
@@ -391,7 +393,16 @@ def targets(config):
     return [*made, *DIAGRAMS, *ARTICLE.values()] if article_studies(config) else made
 
 
+def _jsonschema():
+    """Without its grammar of IRIs, which takes two seconds to compile: no schema here has one."""
+    sys.modules.setdefault("rfc3987_syntax", None)
+    import jsonschema
+
+    return jsonschema
+
+
 def _check(config, schema, where=()):
+    jsonschema = _jsonschema()
     validator = _with_defaults(jsonschema.Draft202012Validator)(schema)
     error = jsonschema.exceptions.best_match(validator.iter_errors(config), key=lambda e: -len(e.absolute_path))
     if error is None:
@@ -414,4 +425,4 @@ def _with_defaults(validator_class):
                     instance.setdefault(name, deepcopy(subschema["default"]))
         yield from check(validator, properties, instance, schema)
 
-    return jsonschema.validators.extend(validator_class, {"properties": fill})
+    return _jsonschema().validators.extend(validator_class, {"properties": fill})

@@ -7,6 +7,8 @@ import traceback
 from contextlib import contextmanager
 
 log = logging.getLogger("ankleloop")
+# Where this package is, jsonschema compiles a grammar of IRIs for two seconds; what jobs read has none.
+sys.modules.setdefault("rfc3987_syntax", None)
 
 
 @contextmanager

@@ -1,5 +1,8 @@
 """Run a parameterised notebook and render it as one page that needs nothing from elsewhere."""
 
+from job import log, running  # first, for what it spares the imports of others
+
+# isort: split
 import html
 import tempfile
 from pathlib import Path
@@ -9,8 +12,6 @@ import papermill
 from nbconvert import HTMLExporter
 
 from ankleloop.storage import whole_file
-
-from job import log, running
 
 
 def check(notebook, given):
