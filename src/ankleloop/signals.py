@@ -91,11 +91,14 @@ def _lowpass(rate, passband, stopband, derivative=0, shift=0.0):
     return kernel, wide
 
 
+@lru_cache(maxsize=64)
 def _decimation_taps(factor, derivative):
     # Design at unit identification rate, so that one cached design serves every rate.
     taps, half = _lowpass(float(factor), PASSBAND, STOPBAND, derivative)
     padded = -(-half // factor) * factor  # whole decimated samples
-    return np.pad(taps, padded - half), padded
+    taps = np.pad(taps, padded - half)
+    taps.setflags(write=False)
+    return taps, padded
 
 
 def decimation_margin(factor):

@@ -96,8 +96,11 @@ def _correlation(gram, m, k, columns, rank_tolerance, order):
     """Nothing is lost: the form consists of inner products in any case."""
     check_instrument_rows(k - m, m, order)
     residual, inputs, condition = left_over(gram[m:k, :m], gram[m:k, k:], rank_tolerance)
-    values = np.linalg.eigvalsh(gram[m:k, m:k])
-    rank = int(np.sum(values > max(rank_tolerance**2, len(values) * ROUNDING) * values[-1]))
+    instruments, limit = gram[m:k, m:k], max(rank_tolerance**2, (k - m) * ROUNDING)
+    rank = k - m
+    if _factored(instruments, limit * _largest(instruments)) is None:
+        values = np.linalg.eigvalsh(instruments)
+        rank = int(np.sum(values > limit * values[-1]))
     return decomposed(residual.T, inputs, rank, condition, columns, "correlation")
 
 
@@ -154,9 +157,7 @@ def _directions(gram, rank_tolerance, whole=None):
     None if rounding leaves open which. Eigenvectors are made where a direction does not count; where all do, by a bound
     of the condition, a Cholesky factor is enough and takes a twentieth of the time.
     """
-    # Not less than the largest eigenvalue, and at most √n times it.
-    bound = np.abs(gram if whole is None else whole).sum(axis=0).max()
-    found = _factored(gram, rank_tolerance**2 * bound)
+    found = _factored(gram, rank_tolerance**2 * _largest(gram if whole is None else whole))
     if found is not None:
         return found
     values, vectors = np.linalg.eigh(gram)
@@ -168,12 +169,17 @@ def _directions(gram, rank_tolerance, whole=None):
     return _Directions(rank, float(values[-rank]) if rank else np.inf, float(values[-1]), None, values, vectors)
 
 
+def _largest(gram):
+    """A bound of the largest eigenvalue: not less than it, and at most √n times as much."""
+    return np.abs(gram).sum(axis=0).max()
+
+
 def _factored(gram, limit):
     """All directions by a Cholesky factor, if its estimated condition says that every eigenvalue is above a limit."""
     factor, failed = lapack.dpotrf(gram, lower=1)
     if failed or np.min(np.diag(factor)) ** 2 <= limit:  # no eigenvalue is above the smallest pivot
         return None
-    norm = np.abs(gram).sum(axis=0).max()
+    norm = _largest(gram)
     reciprocal, _ = lapack.dpocon(factor, norm, uplo="L")
     smallest = reciprocal * norm
     if smallest / len(gram) <= max(limit, len(gram) * ROUNDING * norm):
