@@ -63,12 +63,14 @@ class Basis:
         return {"chebyshev": self._chebyshev, "rectifier": self._rectifier, "spline": self._spline}[self.kind](velocity)
 
     def _chebyshev(self, velocity):
-        v = velocity / self.scale
-        terms = [np.ones_like(v), v]
-        while len(terms) <= self.degree:
-            terms.append(2 * v * terms[-1] - terms[-2])
         # The constant would repeat one row through the whole Hankel matrix: offsets are removed as means instead.
-        return np.array(terms[1 : self.degree + 1])
+        terms = np.empty((self.degree, np.size(velocity)))
+        np.divide(velocity, self.scale, out=terms[0])
+        double = 2 * terms[0]
+        for k in range(1, self.degree):
+            np.multiply(double, terms[k - 1], out=terms[k])
+            terms[k] -= terms[k - 2] if k > 1 else 1.0
+        return terms
 
     def _rectifier(self, velocity):
         return np.maximum(velocity, 0.0)[None, :]
