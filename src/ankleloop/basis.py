@@ -123,7 +123,8 @@ def fit_basis(velocity, kind, degree):
     if scale == 0:
         raise DataError("the velocity is zero throughout: the position channel carries no perturbation.")
     knots = _quantile_knots(velocity, degree) if kind == "spline" else np.empty(0)
-    quantiles = np.quantile(velocity[:: max(1, velocity.size // 5000)], QUANTILES)
+    ordered = np.sort(velocity[:: max(1, velocity.size // 5000)])  # faster than so many partitions
+    quantiles = np.interp(QUANTILES * (ordered.size - 1), np.arange(ordered.size), ordered)
     return Basis(kind, 1 if kind == "rectifier" else int(degree), scale, knots, quantiles)
 
 

@@ -74,17 +74,26 @@ class StaticNonlinearity:
         velocity = self.basis.quantiles
         torque = self(velocity)
         centred = torque - torque.mean()
-
         low, high = velocity[0], velocity[-3]
         for _ in range(3):  # ever finer grids: the criterion has kinks, and may have several valleys
             grid = np.linspace(low, high, CANDIDATES)
-            ramps = np.maximum(velocity - grid[:, None], 0.0)
-            ramps -= ramps.mean(axis=1, keepdims=True)
-            gains = ramps @ centred / np.sum(ramps**2, axis=1)
-            explained = gains * (ramps @ centred)
+            gains, explained = _ramps(velocity, centred, grid)
             best = int(np.argmax(explained))
             low, high = grid[max(best - 1, 0)], grid[min(best + 1, CANDIDATES - 1)]
         return float(gains[best]), float(grid[best]), float(explained[best] / (centred @ centred))
+
+
+@njit(cache=True)
+def _ramps(velocity, centred, thresholds):
+    """Gain of the ramp that comes closest to a curve without its mean, at each threshold, and what it explains."""
+    gains, explained = np.empty(thresholds.size), np.empty(thresholds.size)
+    for k in range(thresholds.size):
+        ramp = np.maximum(velocity - thresholds[k], 0.0)
+        ramp -= ramp.mean()
+        product, energy = np.sum(ramp * centred), np.sum(ramp * ramp)
+        gains[k] = product / energy if energy > 0 else 0.0
+        explained[k] = gains[k] * product
+    return gains, explained
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import inspect
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from types import MappingProxyType
 
 from ankleloop.errors import DataError
@@ -48,7 +48,11 @@ def method_options(method):
     """
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}.")
-    function = METHODS[method]
+    return dict(_defaults(METHODS[method]))
+
+
+@lru_cache
+def _defaults(function):
     bound = getattr(function, "keywords", {})
     return {
         name: parameter.default

@@ -436,19 +436,13 @@ def _fastest(position, rate):
 def _largest_change(position, half):
     """Sample with the largest change for one sample, from means over `half` samples at either side, and that change."""
     at, largest = 0, 0.0
-    if half == 0:
-        for k in range(1, position.size):
-            change = abs(position[k] - position[k - 1])
-            if not change <= largest:
-                at, largest = k, change
-        return at, largest
-    for k in range(half, position.size - half):
-        change = 0.0
+    span = half * (half + 1)  # of sums over the samples at either side; of neighbours, if there are but those
+    for k in range(max(half, 1), position.size - half):
+        change = 0.0 if half else position[k] - position[k - 1]
         for lag in range(1, half + 1):
             change += position[k + lag] - position[k - lag]
-        change = abs(change) / half / (half + 1)
-        if not change <= largest:
-            at, largest = k, change
-            if not change < np.inf:  # an overflow
-                return at, largest
-    return at, largest
+        if not abs(change) <= largest:
+            at, largest = k, abs(change)
+            if not largest < np.inf:  # an overflow
+                break
+    return at, largest / max(span, 1)
