@@ -102,11 +102,9 @@ class Study:
 
     @property
     def jobs(self):
-        """Points of a simulation that share a job: as few jobs as it says, of nearly equal size."""
-        points = list(self.points)
-        count = -(-len(points) // self.settings["together"])
-        edges = [len(points) * k // count for k in range(count + 1)]
-        return [points[start:stop] for start, stop in itertools.pairwise(edges)]
+        """Points of a simulation that share a job; one more at the end changes the last job alone."""
+        points, count = list(self.points), self.settings["together"]
+        return [points[first : first + count] for first in range(0, len(points), count)]
 
     def folder(self):
         """Folder of the recordings."""
