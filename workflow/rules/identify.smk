@@ -23,6 +23,8 @@ for _study in simulated(STUDIES):
                 f"logs/identify/{_study.name}/{_number}.log",
             benchmark:
                 f"logs/identify/{_study.name}/{_number}.tsv"
+            # Long jobs first, so that no core waits for one at the end.
+            priority: len(_points)
             conda:
                 "../envs/ankleloop.yaml"
             threads: 1

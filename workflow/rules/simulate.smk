@@ -12,6 +12,8 @@ for _study in simulated(STUDIES):
                 f"logs/simulate/{_study.name}/{_number}.log",
             benchmark:
                 f"logs/simulate/{_study.name}/{_number}.tsv"
+            # Before any identification, and long jobs first, so that no core waits for one at the end.
+            priority: 1000 + len(_points)
             conda:
                 "../envs/ankleloop.yaml"
             threads: 1
