@@ -18,6 +18,7 @@ from ankleloop.signals import differentiate, differentiation_margin
 from ankleloop.storage import whole_file
 from ankleloop.subspace.input_matrices import continued
 from ankleloop.subspace.streaming import moesp_chunks
+from ankleloop.trial import check_speed
 
 __all__ = ["LongRecord", "identify_file"]
 
@@ -157,7 +158,8 @@ def identify_file(
     Returns
     -------
     Estimate
-        Its torques are read from `output` when they are asked for; `diagnostics["vaf"]` [%] is that of the net torque.
+        Its torques are read from `output` when they are asked for, by number of sample (`isel`): their time has no
+        index, which would have to be in memory. `diagnostics["vaf"]` [%] is that of the net torque.
 
     Raises
     ------
@@ -203,7 +205,8 @@ def identify_file(
     path = reflex_path(found.matrices, [beginning])
     return Estimate(
         method=method,
-        torque=xr.open_dataset(output, engine="h5netcdf", decode_times=False),
+        # An index of the time would take it, and several times its size, into memory.
+        torque=xr.open_dataset(output, engine="h5netcdf", decode_times=False, create_default_indexes=False),
         matrices=found.matrices,
         stiffness=direct_stiffness(found.matrices),
         reflex={"delay": float(delay), **path.parameters},
@@ -236,7 +239,9 @@ class _Pieces:
         before, after = differentiation_margin(self.record.sampling_rate, self.delay)
         step, kept, largest = -(-self.record.samples // VELOCITIES), [], 0.0
         for bounds in self._bounds("basis"):
-            position = self._read(*bounds, ["position"])["position"].values
+            piece = self._read(*bounds, ["position"])
+            check_speed(piece, source=self.record.path.name, first=self.factor * bounds[0])
+            position = piece["position"].values
             velocity = differentiate(position, self.record.sampling_rate, self.delay)[before : position.size - after]
             largest = max(largest, float(np.abs(velocity).max()))
             kept.append(velocity[::step].copy())  # not a view, which would keep all of it

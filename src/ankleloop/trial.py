@@ -14,7 +14,7 @@ from numba import njit
 from ankleloop.errors import DataError
 from ankleloop.storage import write_netcdf
 
-__all__ = ["TRUTHS", "load_trial", "new_trial", "save_trial", "segment", "validate"]
+__all__ = ["TRUTHS", "check_speed", "load_trial", "new_trial", "save_trial", "segment", "validate"]
 
 TRUTHS = ("torque_intrinsic", "torque_reflex", "torque_voluntary", "torque_noise")
 
@@ -133,7 +133,7 @@ def validate(trial, *, source="trial"):
     for name in ("position", "torque", "reference"):
         if name in trial:
             _check_varies(trial, name, source)
-    _check_velocity(trial, source)
+    check_speed(trial, source=source)
     return trial
 
 
@@ -410,14 +410,30 @@ def _check_varies(trial, name, source):
     raise DataError(f"{source}: {name} is constant ({values[0]:g} at all {_samples(values.size)}): {remedy}.")
 
 
-def _check_velocity(trial, source):
+def check_speed(trial, *, source, first=0):
+    """Refuse a position that moves faster than a joint can, as one in degrees seems to.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The position [rad] over time [s], of a trial or of a piece of one, and the sampling rate [Hz].
+    source : str
+        What to call the data in the error.
+    first : int
+        Number of the first sample of the piece.
+
+    Raises
+    ------
+    DataError
+        Naming the sample.
+    """
     at, speed = _fastest(trial.variables["position"].values, float(trial.attrs["sampling_rate"]))
     if not speed <= FASTEST:
         moment = trial.variables["time"].values[at]
         raise DataError(
-            f"{source}: position moves at {speed:.4g} rad/s at sample {at} ({moment:g} s), above "
-            f"{FASTEST:g} rad/s: is the position in degrees? pass position_unit='deg' to read_trial, or convert "
-            "it to rad; otherwise look for a spike there."
+            f"{source}: position moves at {speed:.4g} rad/s at sample {first + at} ({moment:g} s), above "
+            f"{FASTEST:g} rad/s: is the position in degrees? pass position_unit='deg', or convert it to rad; otherwise "
+            "look for a spike there."
         )
 
 

@@ -44,6 +44,7 @@ def test_the_same_as_in_memory(trial, saved, tmp_path, method, chunk):
         assert found.torque[name].attrs["units"] == "N·m"
     measured = decimated(trial, "torque", whole.torque["time"].values, 100.0)
     assert found.diagnostics["vaf"] == pytest.approx(ankleloop.vaf(measured, whole.torque["net"].values), abs=1e-4)
+    assert not found.torque.indexes  # an index of the time would be in memory, all of it
     found.torque.close()
 
 
@@ -80,5 +81,9 @@ def test_what_is_wrong_is_said(trial, saved, tmp_path):
     with pytest.raises(DataError, match=r"short has shape \(5,\)"):
         LongRecord(path, 1000.0, torque="short")
     with pytest.raises(DataError, match="torque is not finite at sample 20345"):
+        identify_file(LongRecord(path, 1000.0), tmp_path / "torques.nc", chunk=500)
+    with h5py.File(path, "r+") as file:
+        file["position"][20_345] += np.pi
+    with pytest.raises(DataError, match=r"^broken.h5: position moves at .* rad/s at sample 2\d{4} .* in degrees"):
         identify_file(LongRecord(path, 1000.0), tmp_path / "torques.nc", chunk=500)
     assert not list(tmp_path.glob("*torques*"))
