@@ -1,6 +1,7 @@
 """Data batches: several records of one system, which no Hankel column and no state may join."""
 
 import numpy as np
+from numba import njit
 
 from ankleloop.errors import DataError
 from ankleloop.subspace.hankel import block_hankel
@@ -107,16 +108,30 @@ def scaled(batches, name):
         If a channel is constant or has a value that is not finite.
     """
     raw, samples = batches, sum(record.shape[0] for record in batches)
-    with np.errstate(invalid="ignore"):  # what is not finite shows in the scale
-        means = [channel_means(record) for record in batches]
-        batches = [record - mean for record, mean in zip(batches, means, strict=True)]
-        scale = np.sqrt(sum(np.einsum("tc,tc->c", record, record) for record in batches) / max(samples, 1))
+    batches, means, squares = zip(*map(_about_means, batches), strict=True)
+    scale = np.sqrt(sum(squares) / max(samples, 1))
     if not np.isfinite(scale).all():
         _refuse_not_finite(raw, name)
     refuse_constant(scale, np.max(np.abs(means), axis=0), name)
     for record in batches:
         record /= scale
-    return batches, scale
+    return list(batches), scale
+
+
+@njit(cache=True, error_model="numpy")
+def _about_means(record):
+    """A record less the means of its channels, those means, and the sums of squares about them."""
+    samples, channels = record.shape
+    means, squares, left = np.zeros(channels), np.zeros(channels), np.empty((samples, channels))
+    for t in range(samples):
+        for c in range(channels):
+            means[c] += record[t, c]
+    means /= samples
+    for t in range(samples):
+        for c in range(channels):
+            left[t, c] = record[t, c] - means[c]
+            squares[c] += left[t, c] ** 2
+    return left, means, squares
 
 
 def refuse_constant(scale, size, name):

@@ -99,12 +99,22 @@ class HankelGram:
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.
+@njit(fastmath={"contract"})
+def _add_singly(flat, start, stop, lags, part):
+    """The products of the columns that are left."""
+    channels = len(part)
+    for at in range(start * channels, stop * channels, channels):
+        for i in range(channels):
+            for k in range(lags[i] * channels):
+                part[i, k] += flat[at + i] * flat[at + k]
+
+
 @njit(cache=True, fastmath={"contract"})
 def _lagged_products(x, columns, block_rows, lags):
     """First block row of the Gram matrix, sums over t of x(t) times x(t) … x(t + block_rows - 1).
 
     Samples follow each other in memory, so those of all lags are one row of numbers. Four columns at a time: the sums
-    are loaded and stored a fourth as often.
+    are loaded and stored a fourth as often; two channels at a time: samples are loaded half as often.
     """
     channels = x.shape[1]
     flat, width = x.ravel(), block_rows * channels
@@ -117,15 +127,23 @@ def _lagged_products(x, columns, block_rows, lags):
             at, last = t * channels, (t + 3) * channels
             x0, x1 = flat[at : at + width], flat[at + channels : at + channels + width]
             x2, x3 = flat[last - channels : last - channels + width], flat[last : last + width]
-            for i in range(channels):
-                a0, a1, a2, a3 = x[t, i], x[t + 1, i], x[t + 2, i], x[t + 3, i]
+            i = 0
+            while i < channels:
+                a0, a1, a2, a3 = x0[i], x1[i], x2[i], x3[i]
                 row = part[i]
+                if i + 1 == channels or lags[i] != lags[i + 1]:
+                    for k in range(lags[i] * channels):
+                        row[k] += a0 * x0[k] + a1 * x1[k] + a2 * x2[k] + a3 * x3[k]
+                    i += 1
+                    continue
+                b0, b1, b2, b3 = x0[i + 1], x1[i + 1], x2[i + 1], x3[i + 1]
+                other = part[i + 1]
                 for k in range(lags[i] * channels):
-                    row[k] += a0 * x0[k] + a1 * x1[k] + a2 * x2[k] + a3 * x3[k]
-        for t in range(whole, stop):
-            for i in range(channels):
-                for k in range(lags[i] * channels):
-                    part[i, k] += x[t, i] * flat[t * channels + k]
+                    p, q, r, s = x0[k], x1[k], x2[k], x3[k]
+                    row[k] += a0 * p + a1 * q + a2 * r + a3 * s
+                    other[k] += b0 * p + b1 * q + b2 * r + b3 * s
+                i += 2
+        _add_singly(flat, whole, stop, lags, part)
         sums += part
     for i in range(channels):
         sums[i, lags[i] * channels :] = np.nan

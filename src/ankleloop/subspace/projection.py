@@ -155,7 +155,8 @@ def check_form(form):
 
 def decomposed(residual, input_rank, instrument_rank, condition, columns, form):
     """Outcome of a projection from the matrix whose left singular vectors it is about."""
-    left, values, _ = np.linalg.svd(residual, full_matrices=False)
+    # The right singular vectors are of no use: the triangular factor has all else.
+    left, values, _ = np.linalg.svd(np.linalg.qr(residual.T, mode="r").T, full_matrices=False)
     # So that they do not grow with the record: a root mean square, or a correlation.
     values = values / (np.sqrt(columns) if form == "ordinary" else columns)
     return Projection(left, values, input_rank, instrument_rank, condition)

@@ -162,7 +162,7 @@ def _input_matrices(record, A, C, dynamic, rank_tolerance):
     n = A.shape[0]
     dynamic = driving(dynamic, m)
     which = np.flatnonzero(dynamic)
-    observed, driven = np.array(C), np.zeros((which.size, p, n))
+    observed, driven = np.array(C), np.zeros((p, n * which.size))
     R = np.zeros((0, m * p + n * which.size + n + p + 1))
     for x in record:
         phi = sensitivities(A, C, np.ascontiguousarray(x[:, :m]), which, observed, driven)
