@@ -84,7 +84,7 @@ class Regressors:
     @property
     def centred_inputs(self):
         """Inputs of the intrinsic and of the reflex path, without their means."""
-        return once(self.inputs, "centred", lambda: centred(np.split(self.inputs, [len(INTRINSIC_NAMES)], axis=1)))
+        return once(self.inputs, "centred", lambda: np.split(centred([self.inputs])[0], [len(INTRINSIC_NAMES)], axis=1))
 
     def stiffness(self, torque, rows=slice(None)):
         """K, B and I of the second-order model that explains a torque, given at some of the samples, best."""

@@ -169,24 +169,24 @@ def decimate(x, factor, first, count, *, rate=1.0, derivative=0):
     if derivative:
         # Constants are in the null space of a derivative: taking them out first keeps the rounding small.
         x = x - x.mean(axis=-1, keepdims=True)
-    found = _filtered(x[..., start:stop], taps, factor, count)
+    found = _filtered(x, taps, start, factor, count)
     return found * (rate / factor) ** derivative if derivative else found
 
 
-def _filtered(x, taps, factor, count):
-    """Every `factor`-th sample of the convolution that is complete, of one signal or of several."""
+def _filtered(x, taps, start, factor, count):
+    """Every `factor`-th sample from `start` on of the convolution that is complete, of one signal or of several."""
     rows = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
-    return _products(rows, np.ascontiguousarray(taps[::-1]), factor, count).reshape(*x.shape[:-1], count)
+    return _products(rows, np.ascontiguousarray(taps[::-1]), start, factor, count).reshape(*x.shape[:-1], count)
 
 
 # Sums may be reordered, so that the compiler makes several terms at a time.
 @njit(cache=True, fastmath={"contract", "reassoc"})
-def _products(rows, weights, factor, count):
+def _products(rows, weights, start, factor, count):
     """Weighted sums of `weights.size` samples at every `factor`-th one, two at a time: each weight is loaded once."""
     out = np.empty((rows.shape[0], count))
     n = weights.size
     for c in range(rows.shape[0]):
-        x = rows[c]
+        x = rows[c, start:]
         for i in range(0, count - 1, 2):
             first, second = x[i * factor : i * factor + n], x[(i + 1) * factor : (i + 1) * factor + n]
             a, b = 0.0, 0.0
@@ -323,7 +323,7 @@ def differentiate(x, rate, delay=0.0):
         raise DataError(
             f"a record of {x.size} samples is too short to differentiate: it takes at least {taps.size + abs(whole)}."
         )
-    complete = _filtered(x - x.mean(), taps, 1, x.size - taps.size + 1)
+    complete = _filtered(x - x.mean(), taps, 0, 1, x.size - taps.size + 1)
     # complete[k] belongs to sample k + half; a delay of `whole` samples moves it to k + half + whole.
     index = np.clip(np.arange(x.size) - half - whole, 0, complete.size - 1)
     return complete[index]
