@@ -11,7 +11,7 @@ from ankleloop.once import once
 from ankleloop.storage import number_type, write_netcdf
 from ankleloop.trial import validate
 
-__all__ = ["load_trials", "save_trials"]
+__all__ = ["load_blocks", "load_trials", "save_trials"]
 
 OWN = "own_attributes"
 BLOCK = 25  # trials read at a time: each access to the file costs more than the numbers
@@ -106,20 +106,50 @@ def load_trials(path):
       ...
     FileNotFoundError: ...
     """
+    for trials, _ in load_blocks(path):
+        yield from trials
+
+
+def load_blocks(path):
+    """Read what `save_trials` wrote, several trials at a time: one pass over a signal then serves all of them.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Yields
+    ------
+    trials : list of xarray.Dataset
+        Valid trials.
+    signals : dict of str to ndarray, shape (trials, N)
+        Variables by name, in double precision; a row belongs to a trial. Those that are constant are not among them.
+
+    Raises
+    ------
+    DataError
+        If a trial in the file is not valid.
+    """
     with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as batch:
         time = batch["time"].load().variable
         for start in range(0, batch.sizes["trial"], BLOCK):
             block = batch.isel(trial=slice(start, start + BLOCK)).load()
             own = [json.loads(str(text)) for text in block[OWN].values]
             shared = {name: value.item() if hasattr(value, "item") else value for name, value in block.attrs.items()}
-            kept = {name: (v.values, v.attrs) for name, v in block.variables.items() if name not in (OWN, "time")}
+            kept = {name: variable for name, variable in block.variables.items() if name not in (OWN, "time")}
+            signals = {name: kept[name].values.astype(float) for name in kept if kept[name].ndim > 1}
+            trials = []
             for k, attributes in enumerate(own):
-                variables = {n: ("time", _samples(values[k], time.size), attrs) for n, (values, attrs) in kept.items()}
+                variables = {
+                    name: ("time", signals[name][k] if name in signals else _constant(v, k, time.size), v.attrs)
+                    for name, v in kept.items()
+                }
                 trial = xr.Dataset(variables, coords={"time": time}, attrs=shared | attributes)
                 source = f"{path}, trial {start + k}"
-                yield once(trial, "valid", partial(validate, trial, source=source))
+                trials.append(once(trial, "valid", partial(validate, trial, source=source)))
+            yield trials, signals
 
 
-def _samples(values, samples):
-    """Samples of a trial in double precision, of its own; what is one number is that at every sample."""
-    return np.array(values, dtype=float) if np.ndim(values) else np.full(samples, float(values))
+def _constant(variable, trial, samples):
+    """Samples of what is one number for each trial."""
+    return np.full(samples, float(variable.values[trial]))

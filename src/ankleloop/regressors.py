@@ -1,6 +1,7 @@
 """From a trial to the inputs of Eq. 3, 9 and 11, all decimated through the same kernel."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -29,10 +30,12 @@ __all__ = [
     "predicted_inputs",
     "recording_grid",
     "recording_margins",
+    "share_channels",
     "shared_basis",
 ]
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
+SHARED = {"torque", "reference", "torque_intrinsic", "torque_reflex"}  # what every method is made of, or scored by
 INTRINSIC_UNITS = ("rad", "rad/s", "rad/s²")
 
 
@@ -260,6 +263,36 @@ def shared_basis(trials, delay, basis, degree):
         for trial in trials
     ]
     return fit_basis(np.concatenate(velocities), basis, degree)
+
+
+def share_channels(trials, signals, identification_rate, delay):
+    """Decimate what methods need alike of several trials, each signal of all of them in one pass.
+
+    Within `made_once`, `build_regressors` and the scores find it there.
+
+    Parameters
+    ----------
+    trials : sequence of xarray.Dataset
+        Trials of one length.
+    signals : dict of str to ndarray, shape (trials, N)
+        Their variables by name.
+    identification_rate : float
+        Rate of the identification [Hz].
+    delay : float
+        Reflex delay [s].
+
+    Raises
+    ------
+    DataError
+        For a sampling rate that is not a multiple of the rate, or trials that are too short.
+    """
+    grid = recording_grid(trials[0], identification_rate, delay)
+    for name in SHARED & set(signals):
+        for trial, values in zip(trials, decimate(signals[name], *grid), strict=True):
+            once(trial, ("channel", name, grid), partial(np.asarray, values))
+    rate = float(trials[0].attrs["sampling_rate"])
+    for trial, *motion in zip(trials, *_motion(signals["position"], grid, rate), strict=True):
+        once(trial, ("motion", grid), partial(list, motion))
 
 
 def _inputs(position, velocity, basis, grid, rate):

@@ -1,8 +1,11 @@
 import numpy as np
 import pytest
 
-from ankleloop import DataError, new_trial, simulate
-from ankleloop.batch import load_trials, save_trials
+from ankleloop import DataError, new_trial, regressors, simulate
+from ankleloop.batch import load_blocks, load_trials, save_trials
+from ankleloop.once import made_once
+from ankleloop.regressors import build_regressors, decimated, share_channels
+from ankleloop.signals import decimate
 
 
 def trials(count=3, samples=50, **more):
@@ -75,3 +78,28 @@ def test_more_trials_than_are_read_at_a_time(tmp_path):
     batch = trials(37)
     save_trials(batch, tmp_path / "batch.nc")
     assert [trial.attrs["number"] for trial in load_trials(tmp_path / "batch.nc")] == list(range(37))
+
+
+def test_blocks_share_one_pass_for_each_signal(tmp_path, monkeypatch):
+    save_trials([simulate(seed=k, duration=5.0, snr_db=None, voluntary=0.0) for k in range(3)], tmp_path / "batch.nc")
+    given = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0, "reference": "reference"}
+    alone = [build_regressors(trial, **given) for trial in load_trials(tmp_path / "batch.nc")]
+    passes = []
+
+    def counted(x, *args, **options):
+        passes.append(np.shape(x))
+        return decimate(x, *args, **options)
+
+    monkeypatch.setattr(regressors, "decimate", counted)
+    with made_once():
+        ((trials_of_block, signals),) = load_blocks(tmp_path / "batch.nc")
+        assert set(signals) == {"position", "torque", "reference", "torque_intrinsic", "torque_reflex"}
+        share_channels(trials_of_block, signals, 100.0, 0.04)
+        assert passes == [(3, 5000)] * 7  # four torques and references, and the position with two derivatives
+        for trial, before in zip(trials_of_block, alone, strict=True):
+            found = build_regressors(trial, **given)
+            truth = decimated(trial, "torque_reflex", found.time, 100.0)
+            for name in ("inputs", "torque", "reference"):
+                np.testing.assert_array_equal(getattr(found, name), getattr(before, name))
+            assert truth.shape == found.torque.shape
+    assert len(passes) == 7 + 3  # the rectified velocity of each trial, and nothing twice

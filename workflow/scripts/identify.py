@@ -2,11 +2,12 @@
 
 import pandas as pd
 
-from ankleloop.batch import load_trials
+from ankleloop.batch import load_blocks
 from ankleloop.estimate import save_estimates
 from ankleloop.evaluation import parameter_row, score_rows
 from ankleloop.once import made_once
-from ankleloop.registry import identify
+from ankleloop.registry import identify, method_options
+from ankleloop.regressors import share_channels
 from ankleloop.storage import whole_file
 
 from job import progress, running
@@ -14,22 +15,38 @@ from job import progress, running
 SCORES = ["torque", "against", "vaf", "low", "high"]
 
 
+def settings(methods):
+    """Rate and delay of each method that has both."""
+    options = [method_options(method["method"]) | method["options"] for method in methods.values()]
+    found = {(given.get("identification_rate"), given.get("delay")) for given in options}
+    return [pair for pair in found if None not in pair]
+
+
+def prepared(source, methods):
+    """Trials one after the other, while what their methods need alike is kept for a block of them."""
+    blocks = load_blocks(source)
+    while True:
+        with made_once():  # loading is part of it: a trial is validated once
+            trials, signals = next(blocks, ([], {}))
+            if not trials:
+                return
+            for rate, delay in settings(methods):
+                share_channels(trials, signals, rate, delay)
+            yield from trials
+
+
 def identified(source, key, methods, against):
     """Estimates, scores and parameters of the trials of a point, each by method."""
     found, scores, parameters = ({name: [] for name in methods} for _ in range(3))
-    trials = enumerate(progress(load_trials(source), f"{key['point']}: identified"))
-    while True:
-        with made_once():  # loading is part of it: a trial is validated once
-            number, trial = next(trials, (None, None))
-            if trial is None:
-                return found, scores, parameters
-            for name, method in methods.items():
-                estimate = identify(trial, method["method"], **method["options"])
-                row = {**key, "method": name, "trial": number}
-                found[name].append(estimate)
-                rated = score_rows(trial, estimate, against=against, intervals=True)
-                scores[name] += [{**row, **dict(zip(SCORES, values, strict=True))} for values in rated]
-                parameters[name].append({**row, **parameter_row(trial, estimate)})
+    for number, trial in enumerate(progress(prepared(source, methods), f"{key['point']}: identified")):
+        for name, method in methods.items():
+            estimate = identify(trial, method["method"], **method["options"])
+            row = {**key, "method": name, "trial": number}
+            found[name].append(estimate)
+            rated = score_rows(trial, estimate, against=against, intervals=True)
+            scores[name] += [{**row, **dict(zip(SCORES, values, strict=True))} for values in rated]
+            parameters[name].append({**row, **parameter_row(trial, estimate)})
+    return found, scores, parameters
 
 
 def save_table(rows, path):
