@@ -111,12 +111,7 @@ def load_trials(path):
 
 
 def load_blocks(path):
-    """Read what `save_trials` wrote, several trials at a time: one pass over a signal then serves all of them.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
+    """Read what `load_trials` reads, several trials at a time: one pass over a signal then serves all of them.
 
     Yields
     ------

@@ -13,7 +13,8 @@ import scipy.io
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trial import TRUTHS, as_rate, as_signal, check_same_rate, new_trial, rate_from_time
+from ankleloop.sampling import as_rate, check_same_rate, rate_from_time
+from ankleloop.trial import TRUTHS, as_signal, new_trial
 
 __all__ = ["read_trial"]
 

@@ -233,7 +233,7 @@ def _expanded(trial, delay, basis, degree, grid):
     motion = once(trial, ("motion", grid), lambda: _motion(position, grid, rate))
 
     def driven(fitted):
-        return fitted, np.column_stack([*motion, *decimate(fitted(velocity), *grid)])
+        return fitted, _inputs(motion, velocity, fitted, grid)
 
     if isinstance(basis, Basis):
         return driven(basis)
@@ -295,8 +295,8 @@ def share_channels(trials, signals, identification_rate, delay):
         once(trial, ("motion", grid), partial(list, motion))
 
 
-def _inputs(position, velocity, basis, grid, rate):
-    return np.column_stack([*_motion(position, grid, rate), *decimate(basis(velocity), *grid)])
+def _inputs(motion, velocity, basis, grid):
+    return np.column_stack([*motion, *decimate(basis(velocity), *grid)])
 
 
 def _motion(position, grid, rate):
@@ -323,7 +323,8 @@ def inputs_of(position, trial, regressors, delay):
     """
     rate = float(trial.attrs["sampling_rate"])
     velocity = differentiate(position, rate, delay)
-    return _inputs(position, velocity, regressors.basis, recording_grid(trial, regressors.rate, delay), rate)
+    grid = recording_grid(trial, regressors.rate, delay)
+    return _inputs(_motion(position, grid, rate), velocity, regressors.basis, grid)
 
 
 def predicted_inputs(trial, regressors, delay):

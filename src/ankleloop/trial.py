@@ -12,6 +12,7 @@ import xarray as xr
 from numba import njit
 
 from ankleloop.errors import DataError
+from ankleloop.sampling import as_rate, check_same_rate, in_samples, rate_from_time
 from ankleloop.storage import write_netcdf
 
 __all__ = ["TRUTHS", "check_speed", "load_trial", "new_trial", "save_trial", "segment", "validate"]
@@ -19,7 +20,6 @@ __all__ = ["TRUTHS", "check_speed", "load_trial", "new_trial", "save_trial", "se
 TRUTHS = ("torque_intrinsic", "torque_reflex", "torque_voluntary", "torque_noise")
 
 FASTEST = 20.0  # rad/s: no joint moves this fast, but one recorded in degrees seems to
-RATE_TOLERANCE = 1e-3  # two statements of one sampling rate may differ by this fraction
 
 _LONG_NAMES = {
     "time": "time from the first sample",
@@ -255,66 +255,6 @@ def as_signal(values, name, *, source):
     return array.astype(float).filled(np.nan)
 
 
-def as_rate(value, *, source):
-    """Turn a sampling rate [Hz] into a positive float."""
-    try:
-        rate = float(np.asarray(value).item())
-    except (TypeError, ValueError):
-        raise DataError(f"{source}: sampling_rate is {value!r}: pass a single number in Hz.") from None
-    if not (np.isfinite(rate) and rate > 0):
-        raise DataError(f"{source}: sampling_rate is {rate:g} Hz: pass a positive number of samples per second.")
-    return rate
-
-
-def rate_from_time(time, *, source, name="time"):
-    """Compute the sampling rate [Hz] of times [s], shape (N,); a gap, a duplicate or jitter is a DataError."""
-    if time.size < 2:
-        raise DataError(f"{source}: {name} has {time.size} sample: a trial needs at least 2.")
-    bad = np.flatnonzero(~np.isfinite(time))
-    if bad.size:
-        raise DataError(f"{source}: {name} is not finite at sample {bad[0]} ({_samples(bad.size)} in all): repair it.")
-    mean = (time[-1] - time[0]) / (time.size - 1)
-    # Times kept in single precision are off by up to N·eps steps; half a step or more is a fault all the same.
-    allowed = min(0.01 + np.finfo(np.float32).eps * time.size, 0.5)
-    if mean > 0 and _irregularity(time, mean) < 0.49 * allowed * mean:
-        return _nine_digits(1.0 / mean)  # all steps being that close to the mean, none is far from the usual one
-    steps = np.diff(time)
-    usual = float(np.median(steps))
-    tolerance = allowed * abs(usual)
-    bad = np.flatnonzero((np.abs(steps - usual) > tolerance) | (steps <= 0))
-    if bad.size:
-        first = bad[0] + 1
-        raise DataError(
-            f"{source}: {name} is irregular at sample {first} ({time[first]:g} s): it steps by {steps[first - 1]:g} s "
-            f"where {usual:g} s is usual ({_samples(bad.size)} in all): cut the trial there or resample it; if the "
-            "times are only rounded, write them with more digits."
-        )
-    return _nine_digits(1.0 / mean)
-
-
-def _nine_digits(rate):
-    """Nine digits hide the rounding of times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001."""
-    return float(f"{rate:.9g}")
-
-
-@njit(cache=True)
-def _irregularity(time, mean):
-    """Largest deviation of a step from their mean."""
-    largest = 0.0
-    for k in range(time.size - 1):
-        largest = max(largest, abs(time[k + 1] - time[k] - mean))
-    return largest
-
-
-def check_same_rate(stated, measured, *, source, name="time"):
-    """Refuse a stated sampling rate [Hz] that contradicts the one of the time axis."""
-    if abs(measured - stated) > RATE_TOLERANCE * stated:
-        raise DataError(
-            f"{source}: the sampling rate is stated as {stated:.9g} Hz, but {name} runs at {measured:.9g} Hz: "
-            "correct the one that is wrong."
-        )
-
-
 def _quiet_array(values):
     """Masked array of the values; a ragged list becomes an object array, refused later with its name."""
     try:
@@ -341,16 +281,12 @@ def _describe(name):
     return {"units": unit, "long_name": _LONG_NAMES.get(name, name.replace("_", " "))}
 
 
-def _samples(count):
-    return f"{count} sample" + ("s" if count != 1 else "")
-
-
 def _check_lengths(arrays, source):
     size = arrays["position"].size
     for name, array in arrays.items():
         if array.size != size:
             raise DataError(
-                f"{source}: {name} has {_samples(array.size)} but position has {size}: cut all variables to the same "
+                f"{source}: {name} has {in_samples(array.size)} but position has {size}: cut all variables to the same "
                 "samples."
             )
 
@@ -392,7 +328,7 @@ def _check_finite(trial, name, source):
         bad = np.flatnonzero(~np.isfinite(values))
         raise DataError(
             f"{source}: {name} is not finite at sample {bad[0]} ({trial['time'].to_numpy()[bad[0]]:g} s), "
-            f"{_samples(bad.size)} in all: cut the trial there or repair the channel."
+            f"{in_samples(bad.size)} in all: cut the trial there or repair the channel."
         )
 
 
@@ -407,7 +343,7 @@ def _check_varies(trial, name, source):
     remedy = "check the channel"
     if name == "reference":
         remedy = "it carries no information: leave it out, or check the channel"
-    raise DataError(f"{source}: {name} is constant ({values[0]:g} at all {_samples(values.size)}): {remedy}.")
+    raise DataError(f"{source}: {name} is constant ({values[0]:g} at all {in_samples(values.size)}): {remedy}.")
 
 
 def check_speed(trial, *, source, first=0):

@@ -12,6 +12,7 @@ from hypothesis.extra import numpy as hnp
 from ankleloop import storage
 from ankleloop import trial as trial_module
 from ankleloop.errors import DataError
+from ankleloop.sampling import rate_from_time
 from ankleloop.trial import TRUTHS, load_trial, new_trial, save_trial, validate
 
 RATE = 1000.0
@@ -312,7 +313,7 @@ def test_time_must_be_regular(trial, change, message):
 
 def test_time_in_single_precision_is_regular():
     time = (np.arange(300_000) / RATE).astype(np.float32).astype(float)
-    assert trial_module.rate_from_time(time, source="x") == pytest.approx(RATE, rel=1e-6)
+    assert rate_from_time(time, source="x") == pytest.approx(RATE, rel=1e-6)
 
 
 # --- files

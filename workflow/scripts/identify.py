@@ -15,8 +15,8 @@ from job import progress, running
 SCORES = ["torque", "against", "vaf", "low", "high"]
 
 
-def settings(methods):
-    """Rate and delay of each method that has both."""
+def rates_and_delays(methods):
+    """Those of the methods that have both."""
     options = [method_options(method["method"]) | method["options"] for method in methods.values()]
     found = {(given.get("identification_rate"), given.get("delay")) for given in options}
     return [pair for pair in found if None not in pair]
@@ -24,13 +24,13 @@ def settings(methods):
 
 def prepared(source, methods):
     """Trials one after the other, while what their methods need alike is kept for a block of them."""
-    blocks = load_blocks(source)
+    blocks, shared = load_blocks(source), rates_and_delays(methods)
     while True:
         with made_once():  # loading is part of it: a trial is validated once
             trials, signals = next(blocks, ([], {}))
             if not trials:
                 return
-            for rate, delay in settings(methods):
+            for rate, delay in shared:
                 share_channels(trials, signals, rate, delay)
             yield from trials
 

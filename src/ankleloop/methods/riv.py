@@ -10,7 +10,6 @@ from ankleloop.methods.riv_problem import MOTION, WEIGHTINGS, Parameters, Proble
 from ankleloop.metrics import TWO_SIDED
 from ankleloop.regressors import build_regressors, recording_grid
 from ankleloop.signals import decimate, differentiate
-from ankleloop.subspace.batches import centred
 from ankleloop.subspace.input_matrices import response
 from ankleloop.subspace.matrices import Matrices
 
@@ -175,8 +174,7 @@ def _estimate(trial, problem, start, found):
 
 def _torques(trial, regressors, delay, parameters):
     """Torques of a trial; the dynamics act at the recording rate."""
-    motion = regressors.inputs[:, :MOTION]
-    intrinsic = centred([motion])[0] @ parameters.linear[:MOTION]
+    intrinsic = regressors.centred_inputs[0] @ parameters.linear[:MOTION]
     rate = float(trial.attrs["sampling_rate"])
     velocity = differentiate(trial["position"].values, rate, delay + parameters.shift)
     drive = parameters.linear[MOTION:] @ regressors.basis(velocity)

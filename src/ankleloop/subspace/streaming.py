@@ -165,7 +165,7 @@ def _input_matrices(record, A, C, dynamic, rank_tolerance):
     observed, driven = np.array(C), np.zeros((p, n * which.size))
     R = np.zeros((0, m * p + n * which.size + n + p + 1))
     for x in record:
-        phi = sensitivities(A, C, np.ascontiguousarray(x[:, :m]), which, observed, driven)
+        phi = sensitivities(A, C, x[:, :m], which, observed, driven)
         observed[np.abs(observed) < SPENT] = 0.0
         both = np.column_stack([phi.reshape(-1, phi.shape[2]), x[:, m : m + p].reshape(-1)])
         R = linalg.qr(np.vstack([R, both]), mode="r", check_finite=False)[0][: R.shape[1]]
