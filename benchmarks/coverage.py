@@ -16,11 +16,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import pandas as pd
 import yaml
 
-from ankleloop.captions import setting
-from ankleloop.evaluation import parameters
-from ankleloop.registry import identify
+from ankleloop.assessment.scores import parameters
+from ankleloop.methods.registry import identify
+from ankleloop.replication.captions import setting
+from ankleloop.replication.tables import efficiency, write_table
 from ankleloop.simulation import Simulation, simulate
-from ankleloop.tables import efficiency, write_table
 
 CONFIG = Path(__file__).resolve().parents[1] / "config" / "config.yaml"
 TRUTHS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain", "omega_n": "omega_n", "zeta": "zeta"}

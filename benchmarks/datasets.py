@@ -5,8 +5,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from ankleloop.metrics import vaf
-from ankleloop.regressors import build_regressors
+from ankleloop.joint.regressors import build_regressors
+from ankleloop.signals.vaf import vaf
 from ankleloop.simulation import simulate
 from ankleloop.subspace import response
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ankleloop.long_records import LongRecord, identify_file
+from ankleloop.methods.long_records import LongRecord, identify_file
 from ankleloop.simulation import simulate_trials
 
 RATE = 100.0  # Hz

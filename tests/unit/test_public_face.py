@@ -23,7 +23,7 @@ def test_every_public_name_is_there():
     [
         ("import ankleloop", ("numpy", "xarray", "numba", "scipy")),
         (
-            "import ankleloop.batch, ankleloop.registry",
+            "import ankleloop.records.trial_files, ankleloop.methods.registry",
             ("scipy.signal", "scipy.stats", "matplotlib", "control", "h5py"),
         ),
     ],

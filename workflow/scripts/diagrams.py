@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from ankleloop.diagrams import closed_loop_diagram, parallel_cascade_diagram
-from ankleloop.figures import save_figure
+from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
+from ankleloop.plotting.style import save_figure
 
 from job import running
 

@@ -8,11 +8,11 @@ from itertools import islice
 import numpy as np
 import pandas as pd
 
-from ankleloop.batch import load_trials
-from ankleloop.evaluation import evaluate
+from ankleloop.assessment.scores import evaluate
+from ankleloop.joint.regressors import build_regressors
 from ankleloop.methods.moesp import MEMBERS, identify_moesp
-from ankleloop.regressors import build_regressors
-from ankleloop.storage import whole_file
+from ankleloop.records.files import whole_file
+from ankleloop.records.trial_files import load_trials
 from ankleloop.subspace import block_hankel, moesp
 
 from job import log, running

@@ -2,13 +2,13 @@
 
 import pandas as pd
 
-from ankleloop.batch import load_blocks
-from ankleloop.estimate import save_estimates
-from ankleloop.evaluation import parameter_row, score_rows
-from ankleloop.once import made_once
-from ankleloop.registry import identify, method_options
-from ankleloop.regressors import share_channels
-from ankleloop.storage import whole_file
+from ankleloop.assessment.scores import parameter_row, score_rows
+from ankleloop.joint.estimate import save_estimates
+from ankleloop.joint.once import made_once
+from ankleloop.joint.regressors import share_channels
+from ankleloop.methods.registry import identify, method_options
+from ankleloop.records.files import whole_file
+from ankleloop.records.trial_files import load_blocks
 
 from job import progress, running
 

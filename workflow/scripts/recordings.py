@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pandas as pd
 
-from ankleloop.analysis import Analysis, analyse
-from ankleloop.checks import Check, Finding
 from ankleloop.errors import DataError
-from ankleloop.export import export_estimate
-from ankleloop.figures import torque_figure
-from ankleloop.portraits import model_figure, residual_figure, spectra_figure
-from ankleloop.preparation import remove_drift
-from ankleloop.readers import read_trial
-from ankleloop.storage import whole_file
-from ankleloop.trial import segment
+from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
+from ankleloop.plotting.style import torque_figure
+from ankleloop.recordings.analysis import Analysis, analyse
+from ankleloop.recordings.checks import Check, Finding
+from ankleloop.recordings.export import export_estimate
+from ankleloop.records.drift import remove_drift
+from ankleloop.records.files import whole_file
+from ankleloop.records.readers import read_trial
+from ankleloop.records.trial import segment
 
 from job import log, progress, running
 

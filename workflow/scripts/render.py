@@ -11,7 +11,7 @@ import nbformat
 import papermill
 from nbconvert import HTMLExporter
 
-from ankleloop.storage import whole_file
+from ankleloop.records.files import whole_file
 
 
 def check(notebook, given):

@@ -2,7 +2,7 @@
 
 from numpy.random import SeedSequence
 
-from ankleloop.batch import save_trials
+from ankleloop.records.trial_files import save_trials
 from ankleloop.simulation import simulate_trials
 
 from job import progress, running

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from ankleloop.storage import whole_file
-from ankleloop.verification import StudyResults, as_markdown, verify
+from ankleloop.records.files import whole_file
+from ankleloop.replication.ledger import StudyResults, as_markdown, verify
 
 from job import running
 

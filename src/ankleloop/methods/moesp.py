@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.estimate import Estimate, torque_dataset
-from ankleloop.hammerstein import separate
-from ankleloop.regressors import INTRINSIC_NAMES, build_regressors, predicted_inputs, shared_basis
+from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.joint.hammerstein import separate
+from ankleloop.joint.regressors import INTRINSIC_NAMES, build_regressors, predicted_inputs, shared_basis
 from ankleloop.subspace.input_matrices import response
 from ankleloop.subspace.moesp import moesp
 

@@ -6,10 +6,10 @@ from functools import partial
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.estimate import Estimate, torque_dataset
-from ankleloop.hammerstein import response_gain
-from ankleloop.once import once
-from ankleloop.regressors import build_regressors
+from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.joint.hammerstein import response_gain
+from ankleloop.joint.once import once
+from ankleloop.joint.regressors import build_regressors
 from ankleloop.subspace.hankel_gram import HankelGram
 
 __all__ = ["identify_parallel_cascade"]

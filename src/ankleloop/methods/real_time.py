@@ -4,8 +4,8 @@ import numpy as np
 from scipy import linalg
 
 from ankleloop.errors import DataError
-from ankleloop.estimate import Estimate, torque_dataset
-from ankleloop.regressors import INTRINSIC_NAMES, build_regressors
+from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.joint.regressors import INTRINSIC_NAMES, build_regressors
 
 __all__ = ["identify_real_time"]
 

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ankleloop.estimate import Estimate, torque_dataset
-from ankleloop.hammerstein import ReflexPath, StaticNonlinearity
-from ankleloop.methods.riv_problem import MOTION, WEIGHTINGS, Parameters, Problem
-from ankleloop.metrics import TWO_SIDED
-from ankleloop.regressors import build_regressors, recording_grid
-from ankleloop.signals import decimate, differentiate
+from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
+from ankleloop.joint.regressors import build_regressors, recording_grid
+from ankleloop.methods.riv_equations import MOTION, WEIGHTINGS, Parameters, Problem
+from ankleloop.signals.decimation import decimate, differentiate
+from ankleloop.signals.vaf import TWO_SIDED
 from ankleloop.subspace.input_matrices import response
 from ankleloop.subspace.matrices import Matrices
 

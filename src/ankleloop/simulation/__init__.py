@@ -1,6 +1,6 @@
 """Simulation of a joint that pushes against a compliant load."""
 
-from ankleloop.simulation.parameters import (
+from ankleloop.simulation.settings import (
     Actuator,
     Disturbances,
     Intrinsic,

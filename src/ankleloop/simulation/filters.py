@@ -9,7 +9,7 @@ from math import factorial
 import numpy as np
 from numba import njit
 
-from ankleloop.discretise import held_linearly, step_matrices
+from ankleloop.signals.discretisation import held_linearly, step_matrices
 
 __all__ = ["antialias", "bessel_denominator", "companion", "run_filter", "voluntary_filter"]
 

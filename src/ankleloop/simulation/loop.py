@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from ankleloop.discretise import step_matrices
+from ankleloop.signals.discretisation import step_matrices
 from ankleloop.simulation.filters import ANTIALIAS_ORDER, bessel_denominator, companion
 
 __all__ = ["Loop", "build_loop", "run_loop"]

@@ -6,11 +6,11 @@ from itertools import islice
 import numpy as np
 
 from ankleloop.errors import UnstableLoopError
+from ankleloop.records.trial import new_trial
 from ankleloop.simulation.excitation import held_noise, prbs, pulses, voluntary_torque
 from ankleloop.simulation.filters import antialias
 from ankleloop.simulation.loop import build_loop, run_loop
-from ankleloop.simulation.parameters import Simulation
-from ankleloop.trial import new_trial
+from ankleloop.simulation.settings import Simulation
 
 __all__ = ["simulate", "simulate_trials"]
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.batches import batch_hankel
 from ankleloop.subspace.gram_projection import project_gram
 from ankleloop.subspace.hankel_gram import HankelGram
 from ankleloop.subspace.projection import project
+from ankleloop.subspace.records import batch_hankel
 
 __all__ = ["COMPRESSIONS", "HankelRows", "compressed", "projected_gram"]
 

@@ -8,7 +8,7 @@ from scipy import linalg
 from scipy.linalg import blas
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.batches import are_batches, as_batches
+from ankleloop.subspace.records import are_batches, as_batches
 
 __all__ = [
     "InputMatrices",

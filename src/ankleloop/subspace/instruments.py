@@ -3,8 +3,8 @@
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.batches import as_batches, batch_hankel, centred
 from ankleloop.subspace.hankel import block_hankel
+from ankleloop.subspace.records import as_batches, batch_hankel, centred
 
 __all__ = ["INSTRUMENTS", "instrument_channels", "predict_from_reference", "reference_response"]
 

@@ -6,12 +6,12 @@ from functools import cached_property
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.batches import are_batches, as_batches, centred, scaled
 from ankleloop.subspace.compression import COMPRESSIONS, HankelRows, compressed
 from ankleloop.subspace.input_matrices import estimate_input_matrices
 from ankleloop.subspace.instruments import instrument_channels, predict_from_reference
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.realisation import choose_order, realise
+from ankleloop.subspace.records import are_batches, as_batches, centred, scaled
 
 __all__ = [
     "INPUT_MATRICES",

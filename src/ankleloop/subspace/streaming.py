@@ -4,7 +4,6 @@ import numpy as np
 from scipy import linalg
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.batches import refuse_constant
 from ankleloop.subspace.compression import HankelRows
 from ankleloop.subspace.gram_projection import project_gram
 from ankleloop.subspace.hankel import block_hankel
@@ -13,6 +12,7 @@ from ankleloop.subspace.instruments import instrument_channels
 from ankleloop.subspace.moesp import check_options, described, instrument_block_rows
 from ankleloop.subspace.projection import project_factor
 from ankleloop.subspace.realisation import choose_order, realise
+from ankleloop.subspace.records import refuse_constant
 
 __all__ = ["moesp_chunks"]
 

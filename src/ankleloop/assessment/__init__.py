@@ -1,0 +1,1 @@
+"""How good an estimate is: scores, residual tests, bootstrap, Cramér-Rao bound."""

@@ -1,0 +1,1 @@
+"""The model of the joint: basis, reflex dynamics, Hammerstein path, regressors of a trial, estimate."""

@@ -1,0 +1,187 @@
+"""Settings and options: one declaration of a field gives its default, bounds, checks, documentation and JSON schema."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import NoneType, UnionType
+from typing import Any, Literal, Self, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+
+__all__ = ["Options", "describe_error", "option"]
+
+KINDS = {"int": "a whole number", "float": "a finite number", "bool": "true or false", "string": "text", "str": "text"}
+BOUNDS = {
+    "greater_than_equal": ("at least", "ge"),
+    "less_than_equal": ("at most", "le"),
+    "greater_than": ("above", "gt"),
+    "less_than": ("below", "lt"),
+}
+
+
+def option(default: Any = ..., description: str = "", *, unit: str = "1", **bounds: Any) -> Any:
+    """Declare a field of `Options`.
+
+    Parameters
+    ----------
+    default : object
+        Default; left out, the field is required.
+    description : str
+        What it is, in one phrase.
+    unit : str
+        Unit, "1" where it has none.
+    **bounds
+        `ge`, `gt`, `le`, `lt` and whatever else `pydantic.Field` takes.
+
+    Returns
+    -------
+    pydantic.fields.FieldInfo
+    """
+    return Field(default, description=description, json_schema_extra={"unit": unit}, **bounds)
+
+
+class Options(BaseModel):
+    """A frozen set of values whose fields are declared by `option`: an unknown name or a wrong value is refused.
+
+    Examples
+    --------
+    >>> class Window(Options):
+    ...     length: float = option(5.0, "length of the window", unit="s", gt=0)
+    >>> Window.parse("the window", length=2).length
+    2.0
+    >>> Window.parse("the window", length=0.0)
+    Traceback (most recent call last):
+      ...
+    ValueError: length must be above 0 s, got 0.0.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        cls.__doc__ = f"{(cls.__doc__ or '').rstrip()}\n\n{cls.numpydoc()}"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_numpy(cls, values: Any) -> Any:
+        """Numbers of numpy are numbers."""
+        if not isinstance(values, Mapping):
+            return values
+        return {name: value.item() if _is_numpy_scalar(value) else value for name, value in values.items()}
+
+    @classmethod
+    def parse(cls, owner: str, /, **values: Any) -> Self:
+        """Check values and fill in the defaults.
+
+        Parameters
+        ----------
+        owner : str
+            What has these options, for error messages.
+        **values
+            Values by name.
+
+        Returns
+        -------
+        Options
+
+        Raises
+        ------
+        TypeError
+            For a name that is not an option.
+        ValueError
+            For a value out of its range; the message names it, its bound and its unit.
+        """
+        unknown = sorted(set(values) - set(cls.model_fields))
+        if unknown:
+            raise TypeError(f"{owner} has no option {unknown[0]!r}; it has {', '.join(cls.model_fields)}.")
+        try:
+            return cls(**values)
+        except ValidationError as error:
+            raise ValueError(cls.describe(error)) from None
+
+    @classmethod
+    def describe(cls, error: ValidationError) -> str:
+        """Sentence about the first fault of a validation error."""
+        first = error.errors()[0]
+        if first["type"] == "value_error":  # of a validator of ours, whose message says all
+            return str(first["ctx"]["error"])
+        name = str(first["loc"][0])
+        return f"{name} {describe_error(first, cls.unit(name))}."
+
+    @classmethod
+    def defaults(cls) -> dict[str, Any]:
+        """Default of every option that has one, by name."""
+        return {name: field.get_default() for name, field in cls.model_fields.items() if not field.is_required()}
+
+    @classmethod
+    def unit(cls, name: str) -> str:
+        """Unit of a field, "1" where it has none."""
+        return _unit(cls.model_fields[name]) if name in cls.model_fields else "1"
+
+    @classmethod
+    def numpydoc(cls) -> str:
+        """The fields as a numpydoc section."""
+        lines = ["Parameters", "----------"]
+        for name, field in cls.model_fields.items():
+            default = "required" if field.is_required() else f"default {field.get_default()!r}"
+            unit = "" if _unit(field) == "1" else f" [{_unit(field)}]"
+            lines += [f"{name} : {type_name(field.annotation)}, {default}", f"    {field.description}{unit}."]
+        return "\n".join(lines) + "\n"
+
+
+def _is_numpy_scalar(value: Any) -> bool:
+    return type(value).__module__ == "numpy" and hasattr(value, "item") and getattr(value, "ndim", None) == 0
+
+
+def _unit(field: FieldInfo) -> str:
+    extra = field.json_schema_extra
+    return str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else "1"
+
+
+def type_name(annotation: Any) -> str:
+    """The type of a field as numpydoc writes it.
+
+    Examples
+    --------
+    >>> type_name(float | None), type_name(Literal["noise", "flat"])
+    ('float or None', "{'noise', 'flat'}")
+    """
+    if get_origin(annotation) is Literal:
+        return "{" + ", ".join(map(repr, get_args(annotation))) + "}"
+    if isinstance(annotation, UnionType) or get_origin(annotation) is not None and NoneType in get_args(annotation):
+        return " or ".join(type_name(part) for part in get_args(annotation))
+    if annotation is NoneType:
+        return "None"
+    return getattr(annotation, "__name__", str(annotation))
+
+
+def describe_error(error: Mapping[str, Any], unit: str = "1") -> str:
+    """What is wrong with a value, as a predicate: "must be at least 1, got 0".
+
+    Parameters
+    ----------
+    error : mapping
+        One of the errors of a `pydantic.ValidationError`.
+    unit : str
+        Unit of the value.
+
+    Returns
+    -------
+    str
+    """
+    kind, value, context = error["type"], error["input"], error.get("ctx", {})
+    of_unit = "" if unit == "1" else f" {unit}"
+    if kind in BOUNDS:
+        word, key = BOUNDS[kind]
+        return f"must be {word} {context[key]:g}{of_unit}, got {value!r}"
+    if kind == "literal_error":
+        return f"must be one of {context['expected']}; got {value!r}"
+    if kind == "finite_number":
+        return f"must be a finite number{of_unit and f' [{unit}]'}, got {value!r}"
+    if kind == "value_error":
+        return str(context["error"])
+    expected = KINDS.get(kind.partition("_")[0])
+    if expected and kind.endswith(("_type", "_parsing", "_from_float")):
+        return f"must be {expected}{of_unit and f' [{unit}]'}, got {value!r}"
+    return f"{error['msg'][0].lower()}{error['msg'][1:]}, got {value!r}"

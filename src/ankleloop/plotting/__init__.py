@@ -1,0 +1,1 @@
+"""Figures: units on every axis, and the same bytes for the same data."""

@@ -1,0 +1,157 @@
+"""Block diagrams of the joint, and of the joint with its load in closed loop (Figures 1 and 2 of the paper)."""
+
+import matplotlib
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+
+from ankleloop.plotting.style import STYLE
+
+__all__ = ["closed_loop_diagram", "parallel_cascade_diagram"]
+
+INK = "#222222"
+HEIGHT = 0.56  # of a block; one unit is an inch
+RADIUS = 0.13  # of a summing point
+
+
+class _Diagram:
+    """A drawing of blocks, summing points and wires on a canvas in inches."""
+
+    def __init__(self, width, height):
+        self.figure = Figure(figsize=(width, height))
+        self.axis = self.figure.add_axes((0, 0, 1, 1))
+        self.axis.set(xlim=(0, width), ylim=(0, height), aspect="equal")
+        self.axis.set_axis_off()
+
+    def block(self, x, y, text, width=1.0, height=HEIGHT, shade="white"):
+        corner = (x - width / 2, y - height / 2)
+        self.axis.add_patch(Rectangle(corner, width, height, fc=shade, ec=INK, lw=1.0, zorder=2))
+        self.axis.text(x, y, text, ha="center", va="center", color=INK, zorder=3)
+
+    def sum(self, x, y, **signs):
+        self.axis.add_patch(Circle((x, y), RADIUS, fc="white", ec=INK, lw=1.0, zorder=2))
+        places = {"left": (-0.24, 0.11), "right": (0.24, 0.11), "above": (0.11, 0.23), "below": (0.11, -0.23)}
+        for side, sign in signs.items():
+            dx, dy = places[side]
+            self.text(x + dx, y + dy, sign, size=8)
+
+    def wire(self, *corners, arrow=True):
+        x, y = zip(*corners, strict=True)
+        self.axis.plot(x, y, color=INK, lw=1.0, solid_capstyle="butt", solid_joinstyle="miter", zorder=1)
+        if arrow:
+            style = {"arrowstyle": "-|>,head_width=0.16,head_length=0.32", "color": INK, "lw": 1.0}
+            self.axis.annotate("", corners[-1], corners[-2], arrowprops={**style, "shrinkA": 0, "shrinkB": 0})
+
+    def branch(self, x, y):
+        self.axis.plot([x], [y], "o", color=INK, ms=3.2, zorder=2)
+
+    def text(self, x, y, text, size=7.5, **where):
+        self.axis.text(x, y, text, **{"ha": "center", "va": "center", "color": INK, "fontsize": size, **where})
+
+    def rectifier(self, x, y):
+        """The static nonlinearity, drawn as its curve."""
+        self.block(x, y, "", width=0.62)
+        self.axis.plot([x - 0.2, x + 0.2], [y - 0.1, y - 0.1], color="#999999", lw=0.6, zorder=3)
+        self.axis.plot([x, x], [y - 0.18, y + 0.2], color="#999999", lw=0.6, zorder=3)
+        self.axis.plot([x - 0.2, x, x + 0.2], [y - 0.1, y - 0.1, y + 0.18], color=INK, lw=1.3, zorder=4)
+
+
+def _joint(diagram, left, upper, lower):
+    """Intrinsic path above the reflex path, from the branch at `left`; returns where their torques come out."""
+    middle = (upper + lower) / 2
+    diagram.branch(left, middle)
+    diagram.block(left + 2.3, upper, r"$K + Bs + Is^2$", width=1.5)
+    diagram.text(left + 2.3, upper + 0.42, "intrinsic stiffness")
+    diagram.wire((left, middle), (left, upper), (left + 1.55, upper))
+    diagram.wire((left, middle), (left, lower), (left + 0.3, lower))
+    diagram.block(left + 0.55, lower, "$s$", width=0.5)
+    diagram.wire((left + 0.8, lower), (left + 1.05, lower))
+    diagram.block(left + 1.35, lower, r"$e^{-s\tau}$", width=0.6)
+    diagram.wire((left + 1.65, lower), (left + 1.9, lower))
+    diagram.rectifier(left + 2.21, lower)
+    diagram.wire((left + 2.52, lower), (left + 2.77, lower))
+    diagram.block(
+        left + 3.5, lower, r"$\dfrac{G\omega_n^2}{s^2 + 2\zeta\omega_n s + \omega_n^2}$", width=1.46, height=0.7
+    )
+    diagram.text(left + 2.3, lower - 0.5, "reflex stiffness: delay, static nonlinearity, linear dynamics")
+    return (left + 3.05, upper), (left + 4.23, lower)
+
+
+def parallel_cascade_diagram():
+    r"""Draw the parallel cascade of intrinsic and reflex stiffness, Figure 1 of the paper.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Joint position θ in [rad], torques in [N·m].
+
+    Examples
+    --------
+    >>> parallel_cascade_diagram().get_size_inches().tolist()
+    [6.6, 2.5]
+    """
+    with matplotlib.rc_context(STYLE):
+        diagram = _Diagram(6.6, 2.5)
+        upper, lower, middle = 1.85, 0.85, 1.35
+        intrinsic, reflex = _joint(diagram, 0.7, upper, lower)
+        diagram.wire((0.15, middle), (0.7, middle), arrow=False)
+        diagram.text(0.3, middle + 0.16, r"$\theta$ [rad]", ha="center")
+        x = 5.4
+        diagram.sum(x, middle, above="+", below="+")
+        diagram.wire(intrinsic, (x, upper), (x, middle + RADIUS))
+        diagram.wire(reflex, (x, lower), (x, middle - RADIUS))
+        diagram.text(4.55, upper + 0.16, r"$TQ_I$ [N·m]")
+        diagram.text(x + 0.1, lower, r"$TQ_R$ [N·m]", ha="left")
+        diagram.wire((x + RADIUS, middle), (6.45, middle))
+        diagram.text(6.05, middle + 0.16, r"$TQ$ [N·m]")
+    return diagram.figure
+
+
+def closed_loop_diagram():
+    r"""Draw the joint and its load in closed loop, Figure 2 of the paper.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The reference INP passes the actuator; all torque that acts on the load, voluntary torque and noise included,
+        moves the joint back through the admittance of the load.
+
+    Examples
+    --------
+    >>> closed_loop_diagram().get_size_inches().tolist()
+    [8.6, 3.6]
+    """
+    with matplotlib.rc_context(STYLE):
+        diagram = _Diagram(8.6, 3.6)
+        upper, lower, middle, back = 2.9, 1.9, 2.4, 0.6
+        diagram.text(0.38, middle + 0.17, "INP [rad]")
+        diagram.wire((0.1, middle), (0.72, middle))
+        diagram.block(1.17, middle, "actuator", width=0.9, shade="#eeeeee")
+        diagram.wire((1.62, middle), (2.0, middle))
+        diagram.sum(2.13, middle, left="+", below="−")
+        diagram.wire((2.26, middle), (2.85, middle), arrow=False)
+        diagram.text(2.55, middle + 0.17, r"$\theta$ [rad]")
+        intrinsic, reflex = _joint(diagram, 2.85, upper, lower)
+        _torques(diagram, intrinsic, reflex, (upper, middle, lower))
+        diagram.branch(8.05, middle)
+        diagram.wire((8.05, middle), (8.05, back), (5.95, back))
+        diagram.block(
+            4.95, back, r"$H_{imp} = \dfrac{1}{I_L s^2 + B_L s + K_L}$", width=2.0, height=0.7, shade="#eeeeee"
+        )
+        diagram.text(4.95, back - 0.47, "impedance controller: the load")
+        diagram.wire((3.95, back), (2.13, back), (2.13, middle - RADIUS))
+    return diagram.figure
+
+
+def _torques(diagram, intrinsic, reflex, heights):
+    """Sum of the torques of both paths, of voluntary torque and of noise."""
+    upper, middle, lower = heights
+    x = 7.35
+    diagram.sum(x, middle, above="+", below="+", left="+")
+    diagram.wire(intrinsic, (x, upper), (x, middle + RADIUS))
+    diagram.wire(reflex, (x, lower), (x, middle - RADIUS))
+    diagram.text(6.6, upper + 0.16, r"$TQ_I$")
+    diagram.text(x + 0.1, lower, r"$TQ_R$", ha="left")
+    diagram.wire((6.85, middle), (x - RADIUS, middle))
+    diagram.text(6.8, middle, "voluntary\ntorque, noise", ha="right")
+    diagram.wire((x + RADIUS, middle), (8.5, middle))
+    diagram.text(8.2, middle + 0.17, "TQ [N·m]")

@@ -1,0 +1,54 @@
+"""The quantities of the field: name, symbol and unit of each, for labels, tables and messages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["QUANTITIES", "Quantity"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity that estimates and tables hold.
+
+    Parameters
+    ----------
+    name : str
+        What it is called.
+    symbol : str
+        How it is written.
+    unit : str
+        Its unit, "1" where it has none.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+
+    @property
+    def label(self) -> str:
+        """Symbol with unit, for an axis or a column.
+
+        Examples
+        --------
+        >>> QUANTITIES["omega_n"].label
+        'ωn [rad/s]'
+        """
+        return f"{self.symbol} [{self.unit}]"
+
+
+QUANTITIES = {
+    "K": Quantity("intrinsic stiffness", "K", "N·m/rad"),
+    "B": Quantity("intrinsic viscosity", "B", "N·m·s/rad"),
+    "I": Quantity("intrinsic inertia", "I", "kg·m²"),
+    "G": Quantity("reflex gain", "G", "N·m·s/rad"),
+    "omega_n": Quantity("natural frequency of the reflex", "ωn", "rad/s"),
+    "zeta": Quantity("damping of the reflex", "ζ", "1"),
+    "pole": Quantity("third pole of the reflex", "p", "rad/s"),
+    "threshold": Quantity("threshold of the reflex", "threshold", "rad/s"),
+    "delay": Quantity("reflex delay", "delay", "s"),
+    "vaf_unseen": Quantity("net VAF, unseen half", "net VAF, unseen half", "%"),
+    "vaf_net": Quantity("net VAF", "net VAF", "%"),
+    "vaf_intrinsic": Quantity("intrinsic contribution", "intrinsic contribution", "%"),
+    "vaf_reflex": Quantity("reflex contribution", "reflex contribution", "%"),
+}

@@ -1,0 +1,1 @@
+"""One recording of a laboratory: loop test, checks, analysis by every valid method, export."""

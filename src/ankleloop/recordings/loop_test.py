@@ -1,0 +1,105 @@
+"""Does the torque feed back on the position? A test for closed loop from a record with its reference."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from ankleloop.joint.reference_response import unexplained
+from ankleloop.signals.decimation import PASSBAND
+from ankleloop.signals.spectra import segment_spectra
+
+__all__ = ["FeedbackTest", "feedback_test"]
+
+SEGMENT = 2.0  # s
+BAND = (0.5, 20.0)  # Hz
+APART = 3  # bins: those of a Hann window are independent from there on
+LEVEL = 0.01
+
+
+@dataclass(frozen=True)
+class FeedbackTest:
+    """Outcome of the test.
+
+    Parameters
+    ----------
+    loop : {"closed", "open"}
+        The verdict.
+    p_value : float
+        Probability of such coherence if what the reference leaves of position and torque were unrelated.
+    coherence : float
+        Mean squared coherence of the two.
+    work : float
+        Between −1 and 1: positive if unexplained torque does work on what is outside, as it must on a passive load that
+        gives way; negative if unexplained movement does work on the joint.
+    unexplained : float
+        Share of the position's variance that the reference leaves.
+    """
+
+    loop: str
+    p_value: float
+    coherence: float
+    work: float
+    unexplained: float
+
+
+def feedback_test(position, torque, reference, rate):
+    r"""Test whether torque that the reference does not explain moves the joint.
+
+    Leads and lags of the reference are removed from both signals. In open loop nothing that is left of the position has
+    anything to do with what is left of the torque, but for a servo that does not follow its command: then the torque
+    follows the position, and the servo does work on the joint. Against a compliant load the position gives way, e_P =
+    −H e_T, and the torque does work on the load. The squared coherence of n segments, if there is none, has a known
+    distribution at each frequency, whatever the spectra are:
+
+    .. math:: -2 (n - 1) \ln(1 - C^2) \sim \chi^2_2 .
+
+    Its sum over independent frequencies between 0.5 and 20 Hz is the statistic; the sign of the cross spectrum of
+    velocity and torque, which is power, tells which of the two moves the other.
+
+    Parameters
+    ----------
+    position, torque, reference : ndarray, shape (N,)
+        Signals at the identification rate, decimated alike; a stretch is opposed by a positive torque.
+    rate : float
+        Identification rate [Hz].
+
+    Returns
+    -------
+    FeedbackTest
+
+    Raises
+    ------
+    DataError
+        If the record is too short for the response to the reference.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> r, v = rng.standard_normal((2, 5000))
+    >>> moved = np.cumsum(v - v.mean()) / 100
+    >>> feedback_test(r - moved, v, r, 100.0).loop, feedback_test(r, v, r, 100.0).loop
+    ('closed', 'open')
+    """
+    left = unexplained(position, reference, rate), unexplained(torque, reference, rate)
+    length = round(SEGMENT * rate)
+    spectra = [segment_spectra(signal, length, length) for signal in left]
+    count = len(spectra[0])
+    frequency = np.fft.rfftfreq(length, 1.0 / rate)
+    inside = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], PASSBAND * rate)))[::APART]
+    P, T = (spectrum[:, inside] for spectrum in spectra)
+    cross = np.sum(P * T.conj(), axis=0)
+    power = np.sum(np.abs(P) ** 2, axis=0) * np.sum(np.abs(T) ** 2, axis=0)
+    coherence = np.minimum(np.abs(cross) ** 2 / np.maximum(power, np.finfo(float).tiny), 1.0 - 1e-12)
+    statistic = -2.0 * (count - 1) * np.sum(np.log1p(-coherence))
+    p_value = float(special.chdtrc(2 * inside.size, statistic))
+    # Velocity leads position by a quarter of a turn; its product with the torque is power.
+    power = np.real(1j * cross) / np.maximum(np.abs(cross), np.finfo(float).tiny)
+    work = float(-np.sum(coherence * power) / np.sum(coherence))
+    return FeedbackTest(
+        loop="closed" if p_value < LEVEL and work > 0 else "open",
+        p_value=p_value,
+        coherence=float(coherence.mean()),
+        work=work,
+        unexplained=float(np.var(left[0]) / np.var(position)),
+    )

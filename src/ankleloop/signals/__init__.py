@@ -1,0 +1,1 @@
+"""Signal processing on plain arrays: decimation, derivatives, spectra, discretisation, sampling rates, VAF."""

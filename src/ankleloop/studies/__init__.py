@@ -1,0 +1,1 @@
+"""Studies: from the configuration to points, chunks and files."""

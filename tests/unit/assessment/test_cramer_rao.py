@@ -1,0 +1,103 @@
+"""The Cramér-Rao bound against differences of simulated records, and against what an efficient method reaches."""
+
+import numpy as np
+import pytest
+
+from ankleloop import cramer_rao, identify, simulate
+from ankleloop.assessment.cramer_rao import disturbance_spectrum, fisher_information
+from ankleloop.joint.regressors import decimated
+from ankleloop.signals.spectra import Band
+
+LINEAR = {"reflex_gain": 1e-6, "duration": 30.0, "seed": 4}
+TRUTH = {"stiffness": 150.0, "viscosity": 0.8, "inertia": 0.015}
+
+
+def torque_spectrum(**parameters):
+    trial = simulate(**LINEAR, snr_db=None, voluntary=0.0, **parameters)
+    time = np.arange(1.0, 29.0, 0.01)
+    band = Band(time.size, 100.0, 0.05, 38.0)
+    return band, band.transform(decimated(trial, "torque", time, 100.0))
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_information_against_differences_of_records(number):
+    """A changed parameter changes the torque by S ψ δθ, and the noise that is there by S too."""
+    name, truth = list(TRUTH.items())[number]
+    band, below = torque_spectrum(**{name: 0.999 * truth})
+    _, above = torque_spectrum(**{name: 1.001 * truth})
+    slope = (above - below) / (0.002 * truth)
+    s = band.s
+    passive = 0.015 * s**2 + 0.8 * s + 150.0
+    sensitivity = 1.0 / (1.0 + passive / (1.1 * s**2 + 7.1 * s + 250.0))
+    told = simulate(**LINEAR).attrs
+    level = np.std(simulate(**LINEAR, snr_db=None, voluntary=0.0)["torque"].values)
+    noise = disturbance_spectrum(band.frequency, level, told) * band.density * np.abs(sensitivity) ** 2
+    expected = 2.0 * np.sum(np.abs(slope) ** 2 / noise)
+    _, information = fisher_information(**LINEAR, fed_back=False)
+    # The differences see 28 of the 30 seconds.
+    assert information[number, number] == pytest.approx(expected * 29.6 / 28.0, rel=0.04)
+
+
+def test_what_a_known_spectrum_tells():
+    """Against differences of the logarithm of a spectrum, computed from the transfer functions."""
+    names, with_it = fisher_information(**LINEAR)
+    _, without = fisher_information(**LINEAR, fed_back=False)
+    frequency = np.arange(0.05, 38.0, 0.01)
+    s = 2j * np.pi * frequency
+    load = 1.1 * s**2 + 7.1 * s + 250.0
+
+    def spectrum(K, B, I):  # noqa: E741 - the field's name
+        return -2 * np.log(np.abs(1 + (K + B * s + I * s**2) / load))
+
+    slope = (spectrum(150.01, 0.8, 0.015) - spectrum(149.99, 0.8, 0.015)) / 0.02
+    # One number for each independent frequency, 1 / T apart.
+    expected = 29.6 * np.trapezoid(slope**2, frequency)
+    assert names[:3] == ["K", "B", "I"]
+    assert (with_it - without)[0, 0] == pytest.approx(expected, rel=0.03)
+    assert np.all(np.linalg.eigvalsh(with_it - without) > -1e-9 * np.max(with_it))
+
+
+def test_an_unknown_delay_costs_what_it_is_confused_with():
+    known, unknown = (cramer_rao(seed=1, duration=25.0, known_delay=on) for on in (True, False))
+    assert unknown["omega_n"] > 1.5 * known["omega_n"]
+    assert unknown["K"] < 1.2 * known["K"]
+    found = [identify(simulate(seed=seed), "riv", delay=None).reflex["delay"] for seed in range(25)]
+    bound = cramer_rao(seed=1, known_delay=False)["delay"]
+    assert 0.6 * bound < np.std(found) < 1.6 * bound
+
+
+def test_open_loop_has_nothing_fed_back():
+    both = [cramer_rao(seed=1, duration=20.0, closed_loop=False, fed_back=on) for on in (True, False)]
+    assert both[0] == both[1]
+
+
+def test_spectra_of_simulated_disturbances():
+    ratios = []
+    for seed in range(8):
+        trial = simulate(seed=seed, voluntary=0.3)
+        clean = simulate(seed=seed, voluntary=0.0, snr_db=None)
+        disturbance = (trial["torque_voluntary"] + trial["torque_noise"]).values
+        band = Band(disturbance.size, 1000.0, 0.05, 38.0)
+        density = np.abs(band.transform(disturbance)) ** 2 / band.density
+        ratios.append(density / disturbance_spectrum(band.frequency, np.std(clean["torque"].values), trial.attrs))
+    mean = np.mean(ratios, axis=0)
+    for low, high in ((0.05, 3.0), (3.0, 10.0), (10.0, 38.0)):
+        inside = (band.frequency >= low) & (band.frequency < high)
+        margin = 5.0 * np.sqrt(band.correlation / (8 * inside.sum()))
+        assert mean[inside].mean() == pytest.approx(1.0, abs=margin)
+
+
+def test_the_bound_shrinks_as_it_should():
+    short, long = (cramer_rao(seed=1, duration=duration) for duration in (25.0, 100.0))
+    assert long["K"] == pytest.approx(short["K"] / 2, rel=0.15)
+    quiet = cramer_rao(seed=1, duration=25.0, snr_db=30.0, voluntary=0.005, fed_back=False)
+    loud = cramer_rao(seed=1, duration=25.0, snr_db=10.0, voluntary=0.05, fed_back=False)
+    for name in loud:
+        assert loud[name] / quiet[name] == pytest.approx(10.0, rel=1e-6)
+
+
+def test_an_efficient_method_reaches_it():
+    bound = np.mean([cramer_rao(seed=seed)["K"] for seed in range(4)])
+    found = [identify(simulate(seed=seed), "riv").stiffness["K"] for seed in range(25)]
+    rmse = np.sqrt(np.mean((np.array(found) - 150.0) ** 2))
+    assert 0.65 * bound < rmse < 1.5 * bound

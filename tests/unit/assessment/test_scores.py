@@ -1,0 +1,277 @@
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import signal as sps
+
+from ankleloop import DataError, evaluate, identify, new_trial, simulate
+from ankleloop.assessment.scores import in_band_snr, parameters, summarise
+from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.signals.decimation import decimate
+
+RATE, FACTOR, FIRST = 1000.0, 10, 500
+COLUMNS = ["torque", "against", "vaf"]
+
+
+@pytest.fixture(scope="module")
+def trial():
+    return simulate(seed=3, duration=20.0)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return simulate(seed=3, duration=20.0, voluntary=0.0, snr_db=None)
+
+
+def decimated(trial, name, count=1900):
+    return decimate(trial[name].values, FACTOR, FIRST, count)
+
+
+def make_estimate(intrinsic, reflex, net=None, first=FIRST, **fields):
+    """Any torques, as the result of some identification at 100 Hz."""
+    time = (first + FACTOR * np.arange(intrinsic.size)) / RATE
+    net = intrinsic + reflex if net is None else net
+    torque = torque_dataset(time, RATE / FACTOR, net=net, intrinsic=intrinsic, reflex=reflex)
+    return Estimate("test", torque, None, {"K": 150.0, "B": 0.8, "I": 0.015}, {"delay": 0.04}, **fields)
+
+
+@pytest.fixture(scope="module")
+def perfect(trial):
+    return make_estimate(decimated(trial, "torque_intrinsic"), decimated(trial, "torque_reflex"))
+
+
+def percent(signal, error):
+    """Equation 18, written out."""
+    signal, error = signal - signal.mean(), error - error.mean()
+    return 100 * (1 - (error @ error) / (signal @ signal))
+
+
+# --- evaluate
+
+
+def test_rows_with_truths(trial, perfect):
+    table = evaluate(trial, perfect)
+    assert list(table.columns) == COLUMNS
+    rows = [("net", "measured"), ("net", "true"), ("intrinsic", "true"), ("reflex", "true")]
+    assert list(table[["torque", "against"]].itertuples(index=False, name=None)) == rows
+    assert table["vaf"].dtype == np.float64
+
+
+def test_the_truth_scores_100(trial, perfect):
+    vaf = evaluate(trial, perfect)["vaf"]
+    np.testing.assert_allclose(vaf[1:], 100.0, atol=1e-10)
+    # The measured torque holds noise and voluntary torque, which no estimate explains.
+    disturbance = decimated(trial, "torque_voluntary") + decimated(trial, "torque_noise")
+    expected = percent(decimated(trial, "torque")[100:-100], disturbance[100:-100])
+    assert vaf[0] == pytest.approx(expected, abs=1e-9)
+    assert 90 < vaf[0] < 97
+
+
+def test_each_row_has_its_own_pair_of_signals(trial):
+    """Estimates that are wrong in three ways are scored each against its own truth."""
+    intrinsic, reflex = decimated(trial, "torque_intrinsic"), decimated(trial, "torque_reflex")
+    rng = np.random.default_rng(1)
+    errors = [0.3 * rng.standard_normal(intrinsic.size) for _ in range(3)]
+    estimate = make_estimate(intrinsic + errors[0], reflex + 2 * errors[1], net=intrinsic + reflex + 4 * errors[2])
+    inside = slice(100, -100)
+    measured = decimated(trial, "torque")
+    expected = [
+        percent(measured[inside], (measured - estimate.torque["net"].values)[inside]),
+        percent((intrinsic + reflex)[inside], 4 * errors[2][inside]),
+        percent(intrinsic[inside], errors[0][inside]),
+        percent(reflex[inside], 2 * errors[1][inside]),
+    ]
+    np.testing.assert_allclose(evaluate(trial, estimate)["vaf"], expected, atol=1e-9)
+
+
+def test_rows_without_truths(trial):
+    """Without truths every row is against the measured torque, and the rows do not add up."""
+    bare = trial.drop_vars([name for name in trial.data_vars if name.startswith("torque_")])
+    torque = decimated(bare, "torque")
+    table = evaluate(bare, make_estimate(0.25 * torque, 0.5 * torque))
+    assert list(table.columns) == COLUMNS
+    rows = [("net", "measured"), ("intrinsic", "measured"), ("reflex", "measured")]
+    assert list(table[["torque", "against"]].itertuples(index=False, name=None)) == rows
+    np.testing.assert_allclose(table["vaf"], 100 * (1 - np.array([0.25, 0.75, 0.5]) ** 2), atol=1e-10)
+
+
+def test_one_truth_alone_is_none(trial):
+    table = evaluate(trial.drop_vars("torque_reflex"), make_estimate(*np.ones((2, 1900)) * np.arange(1900)))
+    assert table["against"].tolist() == ["measured"] * 3
+
+
+def test_a_path_that_does_nothing_is_not_scored():
+    trial = simulate(seed=3, duration=20.0, reflex_gain=0.0)
+    table = evaluate(trial, make_estimate(decimated(trial, "torque_intrinsic"), np.zeros(1900)))
+    assert table["torque"].tolist() == ["net", "net", "intrinsic"]
+
+
+def test_offsets_are_free_and_gains_are_not(trial, perfect):
+    moved = make_estimate(perfect.torque["intrinsic"].values + 5.0, 0.9 * perfect.torque["reflex"].values - 3.0)
+    vaf = evaluate(trial, moved).set_index(["torque", "against"])["vaf"]
+    assert vaf["intrinsic", "true"] == pytest.approx(100.0, abs=1e-10)
+    assert vaf["reflex", "true"] == pytest.approx(99.0, abs=1e-10)
+
+
+@pytest.mark.parametrize("first", [FIRST + 10, 2000])
+def test_the_times_of_the_estimate_pick_the_samples(trial, first):
+    parts = [decimate(trial[f"torque_{part}"].values, FACTOR, first, 1700) for part in ("intrinsic", "reflex")]
+    np.testing.assert_allclose(evaluate(trial, make_estimate(*parts, first=first))["vaf"][1:], 100.0, atol=1e-10)
+    assert evaluate(trial, make_estimate(*parts, first=first - 10))["vaf"][1] < 99.9
+
+
+def test_a_cut_trial_keeps_its_time(trial, perfect):
+    """Estimates are on the time axis of the record, wherever it was cut."""
+    cut = trial.isel(time=slice(203, None))
+    np.testing.assert_allclose(evaluate(cut, perfect)["vaf"], evaluate(trial, perfect)["vaf"], atol=1e-9)
+    time = identify(cut, "moesp", basis="rectifier").torque["time"]
+    assert np.isin(np.round(time * RATE), np.round(cut["time"] * RATE)).all()
+    assert time[0] % 0.01 == pytest.approx(0.003, abs=1e-9)  # whole steps from the first sample of the cut
+
+
+@pytest.mark.parametrize(("trim", "samples"), [(1.0, 100), (0.0, 0), (0.255, 26), (5.005, 501)])
+def test_trimming(trial, perfect, trim, samples):
+    """Errors at the ends do not count, the first one inside does."""
+    default = {} if trim == 1.0 else {"trim": trim}
+    intrinsic, reflex = (perfect.torque[part].values.copy() for part in ("intrinsic", "reflex"))
+    if samples:
+        intrinsic[:samples] = 1e3
+        intrinsic[-samples:] = np.nan
+    scores = evaluate(trial, make_estimate(intrinsic, reflex), **default).set_index(["torque", "against"])["vaf"]
+    assert scores["intrinsic", "true"] == pytest.approx(100.0, abs=1e-10)
+    for at in (samples, -samples - 1):
+        off = perfect.torque["intrinsic"].values.copy()
+        off[at] += 100.0
+        scores = evaluate(trial, make_estimate(off, reflex), **default).set_index(["torque", "against"])["vaf"]
+        assert scores["intrinsic", "true"] < 80
+
+
+def test_nothing_left_to_score(trial):
+    with pytest.raises(DataError, match=r"the estimate covers 1\.99 s; nothing is left after a trim of 1 s"):
+        evaluate(trial, make_estimate(*np.ones((2, 200))))
+    with pytest.raises(DataError, match="nothing is left after a trim of 20 s"):
+        in_band_snr(trial, make_estimate(*np.ones((2, 1900))), trim=20.0)
+
+
+def test_the_inputs_are_not_changed(trial, perfect):
+    before, torque = trial.copy(deep=True), perfect.torque.copy(deep=True)
+    evaluate(trial, perfect)
+    assert trial.identical(before)
+    assert perfect.torque.identical(torque)
+
+
+# --- in-band SNR
+
+
+def decimation_gain(frequencies):
+    """Magnitude of the decimation filter, from its response to impulses at every distance."""
+    impulse = np.zeros(2001)
+    impulse[1000] = 1.0
+    lags = np.arange(-150, 151)
+    kernel = np.concatenate([decimate(np.roll(impulse, lag), FACTOR, 1000, 1) for lag in lags])
+    return np.abs(np.exp(-2j * np.pi * np.outer(frequencies, lags) / RATE) @ kernel)
+
+
+def test_in_band_snr_by_its_definition(trial, perfect):
+    """Powers from the spectra of the recorded torques, weighted by the response of the decimation filter."""
+    inside = slice(FIRST + 1000, FIRST + 18_000)
+    powers = []
+    for signal in (trial["torque_intrinsic"] + trial["torque_reflex"], trial["torque_noise"]):
+        frequencies, density = sps.welch(signal.values[inside], RATE, nperseg=4000, detrend="constant")
+        powers.append(np.sum(density * decimation_gain(frequencies) ** 2))
+    assert in_band_snr(trial, perfect) == pytest.approx(10 * np.log10(powers[0] / powers[1]), abs=0.25)
+
+
+def test_in_band_snr_of_known_sinusoids():
+    """Two tones in the pass band and one in the stop band: the powers are known."""
+    t = np.arange(20_000) / RATE
+    two, five, eighty = (np.sin(2 * np.pi * f * t) for f in (2.0, 5.0, 80.0))
+    trial = new_trial(
+        0.01 * two, two, RATE, torque_intrinsic=3.0 * two, torque_reflex=4.0 * two, torque_noise=0.5 * five + 9 * eighty
+    )
+    torque = two[FIRST : FIRST + 19_000 : FACTOR]
+    # Whole periods are left after the trim, to within a sample.
+    assert in_band_snr(trial, make_estimate(torque, torque)) == pytest.approx(20 * np.log10(7.0 / 0.5), abs=0.01)
+
+
+def test_decimation_takes_the_noise_above_its_band():
+    """The noise is held for 10 ms, so its spectrum is sinc², behind the recorder's 200 Hz filter: 10 dB there."""
+    values = []
+    for seed in range(5):
+        trial = simulate(seed=seed, voluntary=0.0)
+        values.append(in_band_snr(trial, make_estimate(*np.ones((2, 4900)))))
+    frequencies = np.arange(0.5, 2000.0)
+    recorder = sps.bessel(4, 2 * np.pi * 200.0, analog=True, norm="mag")
+    recorded = np.sinc(frequencies / 100.0) ** 2 * np.abs(sps.freqs(*recorder, 2 * np.pi * frequencies)[1]) ** 2
+    passed = np.sum((recorded * decimation_gain(frequencies) ** 2)[frequencies < 500.0]) / np.sum(recorded)
+    assert np.mean(values) == pytest.approx(10.0 - 10 * np.log10(passed), abs=0.1)
+
+
+def test_in_band_snr_without_noise_is_infinite(clean):
+    assert in_band_snr(clean, make_estimate(*np.ones((2, 1900)))) == np.inf
+
+
+@pytest.mark.parametrize("name", ["torque_intrinsic", "torque_reflex", "torque_noise"])
+def test_in_band_snr_needs_the_truths(trial, perfect, name):
+    with pytest.raises(DataError, match=f"the trial has no '{name}': an in-band SNR needs the truths of a simulation"):
+        in_band_snr(trial.drop_vars(name), perfect)
+
+
+# --- tables
+
+
+def test_parameters_of_an_estimate(trial):
+    estimate = identify(trial, basis="rectifier")
+    table = parameters(trial, estimate)
+    assert len(table) == 1
+    row = table.iloc[0]
+    for name, value in {**estimate.stiffness, **estimate.reflex}.items():
+        assert row[name] == value
+    assert row["in_band_snr_db"] == in_band_snr(trial, estimate)
+    assert (row["order"], row["stable"], row["reference"], row["warnings"]) == (2, True, "reference", "")
+
+
+def test_parameters_carry_the_warnings(clean):
+    warnings = ["first.", "second."]
+    row = parameters(clean, make_estimate(*np.ones((2, 1900)), diagnostics={"warnings": warnings, "passes": 3})).iloc[0]
+    assert row["warnings"] == "first. second."
+    assert row["passes"] == 3
+    assert "in_band_snr_db" not in row
+    assert "order" not in row
+
+
+def test_summary_over_trials():
+    values = np.random.default_rng(2).normal(90, 3, (2, 5))
+    scores = pd.concat(
+        pd.DataFrame({"method": method, "torque": "net", "trial": range(5), "vaf": values[k]})
+        for k, method in enumerate(("riv", "eiv"))
+    )
+    table = summarise(scores, ["method", "torque"])
+    assert list(table.columns) == ["method", "torque", "mean", "sd", "n"]
+    assert table["method"].tolist() == ["riv", "eiv"]
+    np.testing.assert_allclose(table["mean"], values.sum(axis=1) / 5, rtol=1e-14)
+    deviations = values - values.sum(axis=1, keepdims=True) / 5
+    np.testing.assert_allclose(table["sd"], np.sqrt((deviations**2).sum(axis=1) / 4), rtol=1e-12)
+    assert table["n"].tolist() == [5, 5]
+
+
+def test_a_single_trial_has_no_spread():
+    table = summarise(pd.DataFrame({"torque": ["net"], "vaf": [90.0]}), ["torque"])
+    assert table["mean"].tolist() == [90.0]
+    assert np.isnan(table["sd"][0])
+
+
+def test_truths_can_be_left_aside():
+    trial = simulate(seed=1, duration=15.0)
+    estimate = identify(trial)
+    recording = trial.drop_vars([name for name in trial.data_vars if name.startswith("torque_")])
+    aside = evaluate(trial, estimate, against="measured")
+    pd.testing.assert_frame_equal(aside, evaluate(recording, estimate))
+    assert set(aside["against"]) == {"measured"}
+    with pytest.raises(ValueError, match="against must be 'measured' or None"):
+        evaluate(trial, estimate, against="true")
+
+
+def test_the_largest_pole_is_told():
+    trial = simulate(seed=1, duration=15.0)
+    estimate = identify(trial)
+    assert parameters(trial, estimate)["spectral_radius"][0] == pytest.approx(np.abs(estimate.model.poles()).max())

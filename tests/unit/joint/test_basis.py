@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+
+from ankleloop.errors import DataError
+from ankleloop.joint.basis import BASES, fit_basis
+
+VELOCITY = np.random.default_rng(0).standard_normal(4000)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 5, 12])
+def test_chebyshev_is_that_of_the_textbook(degree):
+    basis = fit_basis(VELOCITY, "chebyshev", degree)
+    x = VELOCITY / np.max(np.abs(VELOCITY))
+    expected = [np.polynomial.chebyshev.chebval(x, np.eye(degree + 1)[k]) for k in range(1, degree + 1)]
+    np.testing.assert_allclose(basis(VELOCITY), expected, atol=1e-11)
+    np.testing.assert_allclose(basis(VELOCITY), [np.cos(k * np.arccos(x)) for k in range(1, degree + 1)], atol=1e-8)
+    assert basis.names == tuple(f"chebyshev_{k}" for k in range(1, degree + 1))
+
+
+def test_chebyshev_keeps_the_recurrence_of_the_paper():
+    T = dict(enumerate(fit_basis(VELOCITY, "chebyshev", 6)(VELOCITY), start=1))
+    v = VELOCITY / np.max(np.abs(VELOCITY))
+    T[0] = np.ones_like(v)  # the constant of Eq. 10, which is left to the mean
+    for n in range(2, 7):
+        np.testing.assert_allclose(T[n], 2 * v * T[n - 1] - T[n - 2], atol=1e-12)
+
+
+def test_rectifier():
+    basis = fit_basis(VELOCITY, "rectifier", 5)
+    np.testing.assert_array_equal(basis(VELOCITY), [np.where(VELOCITY > 0, VELOCITY, 0.0)])
+    assert (basis.names, basis.units) == (("rectified_velocity",), ("rad/s",))
+
+
+@pytest.mark.parametrize("degree", [4, 5, 8, 12])
+def test_spline_reaches_every_cubic_and_no_term_is_superfluous(degree):
+    basis = fit_basis(VELOCITY, "spline", degree)
+    terms = basis(VELOCITY)
+    assert terms.shape == (degree, VELOCITY.size)
+    centred = (terms - terms.mean(axis=1, keepdims=True)).T
+    assert np.linalg.matrix_rank(centred) == degree
+    for power in (1, 2, 3):
+        target = VELOCITY**power - np.mean(VELOCITY**power)
+        residual = target - centred @ np.linalg.lstsq(centred, target, rcond=None)[0]
+        assert np.max(np.abs(residual)) < 1e-9 * np.max(np.abs(target))
+    # B-splines are a partition of unity: what the terms lack is the one that was left out, and it is no negative.
+    missing = 1 - terms.sum(axis=0)
+    # The first of a clamped cubic family is a cubic that falls from 1 at the end knot to 0 at the next one.
+    first, second = np.quantile(VELOCITY, [0.0, 1.0 / (degree - 2)])
+    np.testing.assert_allclose(missing, np.maximum((second - VELOCITY) / (second - first), 0.0) ** 3, atol=1e-12)
+    # Far from collinear, too: no term is there in name only.
+    assert np.linalg.cond(centred / centred.std(axis=0)) < 1e3
+
+
+def test_a_spline_stays_level_beyond_the_velocities_it_was_fitted_to():
+    basis = fit_basis(VELOCITY, "spline", 6)
+    ends = np.array([VELOCITY.min(), VELOCITY.max()])
+    np.testing.assert_array_equal(basis(2 * ends), basis(ends))
+
+
+@pytest.mark.parametrize("kind", BASES)
+def test_a_fitted_basis_serves_another_record(kind):
+    basis = fit_basis(VELOCITY, kind, 5)
+    np.testing.assert_array_equal(basis(VELOCITY[:100]), basis(VELOCITY)[:, :100])
+
+
+@pytest.mark.parametrize(
+    ("kind", "degree", "message"),
+    [
+        ("fourier", 5, "unknown basis 'fourier'; known: chebyshev, rectifier, spline"),
+        ("chebyshev", 0, "degree must be a whole number of at least 1"),
+        ("chebyshev", 2.5, "degree must be a whole number"),
+        ("chebyshev", True, "degree must be a whole number"),
+        ("spline", 3, "degree of at least 4"),
+    ],
+)
+def test_wrong_choices(kind, degree, message):
+    with pytest.raises(ValueError, match=message):
+        fit_basis(VELOCITY, kind, degree)
+
+
+def test_velocities_that_carry_nothing():
+    with pytest.raises(DataError, match="zero throughout"):
+        fit_basis(np.zeros(10), "rectifier", 1)
+    with pytest.raises(DataError, match="too few values"):
+        fit_basis(np.sign(VELOCITY), "spline", 6)

@@ -1,0 +1,119 @@
+"""Choosing on unseen data: the truth is preferred, also where the net VAF prefers something else."""
+
+import numpy as np
+import pytest
+
+from ankleloop import DataError, evaluate, identify, segment, simulate
+from ankleloop.methods.moesp import identify_moesp
+from ankleloop.methods.riv import identify_riv
+from ankleloop.methods.selection import select_options
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return simulate(seed=1, snr_db=None, voluntary=0.0)
+
+
+@pytest.mark.parametrize("criterion", ["instrumental", "cross-validation"])
+def test_the_true_order_is_chosen(clean, criterion):
+    estimate = identify(clean, "pr-moesp", basis="rectifier", select={"order": [1, 2, 3, 4]}, criterion=criterion)
+    assert estimate.diagnostics["order"] == 2
+    told = estimate.diagnostics["selection"]
+    assert told["criterion"] == criterion
+    assert told["chosen"] == {"order": 2}
+    assert [row["order"] for row in told["candidates"]] == [1, 2, 3, 4]
+    assert told["candidates"][0]["scores"][criterion] < 99.5 < 99.99 < told["candidates"][1]["scores"][criterion]
+    assert set(told["candidates"][0]["scores"]) == {"instrumental", "cross-validation"}
+
+
+def test_the_true_basis_is_chosen(clean):
+    estimate = identify(clean, "riv", select={"basis": ["chebyshev", "rectifier"]})
+    assert estimate.diagnostics["selection"]["chosen"] == {"basis": "rectifier"}
+    assert estimate.reflex["G"] == pytest.approx(13.0, rel=0.01)
+
+
+def test_more_terms_do_not_win_by_chance():
+    """A third pole that is not there must be better by more than a standard error: in one trial of six it is."""
+    chosen = [
+        identify(simulate(seed=seed), "riv", select={"order": [2, 3]}).diagnostics["selection"]["chosen"]["order"]
+        for seed in range(6)
+    ]
+    assert chosen.count(2) >= 4
+
+
+def test_criterion_of_the_instruments_prefers_the_truth_where_net_vaf_does_not():
+    trial = simulate(seed=5, load=(0.1, 10.0, 100.0), reflex_gain=25.0, voluntary=0.3)
+
+    def fit(part, method):
+        return identify_riv(part) if method == "riv" else identify_moesp(part, method=method, basis="rectifier")
+
+    scores = {}
+    for criterion in ("instrumental", "cross-validation"):
+        found = select_options(trial, fit, {"method": ["pr-moesp", "riv"]}, criterion=criterion)
+        scores[criterion] = [row["scores"][criterion] for row in found.candidates]
+        assert found.chosen == {"method": "riv" if criterion == "instrumental" else "pr-moesp"}
+    assert scores["instrumental"][1] > scores["instrumental"][0] + 0.5
+    assert scores["cross-validation"][1] < scores["cross-validation"][0]
+
+
+def test_without_a_reference_it_cross_validates(clean):
+    estimate = identify(clean.drop_vars("reference"), "pi-moesp", basis="rectifier", select={"order": [1, 2]})
+    assert estimate.diagnostics["selection"]["criterion"] == "cross-validation"
+    assert set(estimate.diagnostics["selection"]["candidates"][0]["scores"]) == {"cross-validation"}
+    with pytest.raises(DataError, match="instrumental criterion needs a reference"):
+        identify(clean.drop_vars("reference"), "pi-moesp", select={"order": [1]}, criterion="instrumental")
+    assert estimate.diagnostics["selection"]["chosen"] == {"order": 2}
+
+
+def test_candidates_that_fail_are_told(clean):
+    rows = {"instrument_rows": [10, None]}
+    found = identify(clean, "pr-moesp", select=rows, basis="rectifier", projection="correlation")
+    first, second = found.diagnostics["selection"]["candidates"]
+    assert first["scores"] == {}
+    assert "instrument" in first["error"]
+    assert second["scores"]["instrumental"] > 99
+    with pytest.raises(DataError, match="no candidate could be fitted"):
+        identify(clean, "real-time", select={"memory": [5.0]})
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"select": {"ordre": [1]}}, TypeError, "has no option 'ordre'"),
+        ({"select": {"order": [1, 2]}, "order": 2}, TypeError, "'order' is given, and to be selected as well"),
+        ({"select": {"order": []}}, ValueError, "at least one value"),
+        ({"select": {"order": [1]}, "criterion": "vaf"}, ValueError, "unknown criterion 'vaf'; known: instrumental"),
+    ],
+)
+def test_wrong_selections(clean, options, error, message):
+    with pytest.raises(error, match=message):
+        identify(clean, "pr-moesp", **options)
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "accuracy"),
+    [
+        ("pr-moesp", {"basis": "rectifier"}, 99.9),
+        ("eiv-moesp", {"basis": "spline", "degree": 8}, 99.5),
+        ("parallel-cascade", {}, 99.9),
+        ("riv", {}, 99.99),
+    ],
+)
+def test_estimates_predict_what_they_have_not_seen(clean, method, options, accuracy):
+    first, second = segment(clean, 0.0, 25.0), segment(clean, 25.0, 50.0)
+    estimate = identify(first, method, **options)
+    predicted = estimate.predict(second)
+    assert predicted.torque["time"][0] >= 25.0
+    assert evaluate(second, predicted).query("against == 'true'")["vaf"].min() > accuracy
+    # On the record of the fit a prediction from rest is the fit, but for its beginning.
+    again = estimate.predict(first).torque["net"].sel(time=estimate.torque["time"], method="nearest", tolerance=1e-6)
+    late = slice(100, None)
+    difference = (again - estimate.torque["net"].values).values[late]
+    assert np.ptp(difference) < 1e-3 * np.ptp(again.values)
+
+
+def test_what_cannot_predict_says_so(clean):
+    with pytest.raises(DataError, match="no model to predict with"):
+        identify(clean, "real-time").predict(clean)
+    with pytest.raises(DataError, match="segment from 60 to 70 s has no samples"):
+        segment(clean, 60.0, 70.0)

@@ -1,0 +1,132 @@
+"""One recording from check to decision: valid methods only, judged on what they have not seen."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ankleloop import evaluate, identify, segment, simulate
+from ankleloop.plotting.recordings import group_figure, model_figure, residual_figure, spectra_figure
+from ankleloop.recordings.analysis import analyse
+
+METHODS = {
+    "riv": {"method": "riv"},
+    "riv, position": {"method": "riv", "options": {"reference": "position"}},
+    "PR": {"method": "pr-moesp", "options": {"basis": "rectifier"}},
+    "PR, instruments": {"method": "pr-moesp", "options": {"basis": "rectifier", "input_matrices": "instruments"}},
+    "PI": {"method": "pi-moesp", "options": {"basis": "rectifier"}, "select": {"order": [1, 2]}},
+    "cascade": {"method": "parallel-cascade"},
+}
+
+
+@pytest.fixture(scope="module")
+def analyses():
+    trials = {
+        "closed": simulate(seed=1, duration=40.0),
+        "open": simulate(seed=1, duration=40.0, closed_loop=False),
+    }
+    trials["undecided"] = trials["open"].drop_vars("reference")
+    return {loop: (trial, analyse(trial, METHODS)) for loop, trial in trials.items()}
+
+
+@pytest.mark.parametrize(
+    ("loop", "valid"),
+    [
+        ("closed", ["riv", "PR, instruments"]),
+        ("open", list(METHODS)),
+        ("undecided", ["riv, position", "PI", "cascade"]),
+    ],
+)
+def test_only_valid_methods_are_fitted(analyses, loop, valid):
+    _, found = analyses[loop]
+    assert found.check.loop == loop
+    assert list(found.estimates) == list(found.residuals) == valid
+    table = found.table.set_index("label")
+    assert list(table.index) == list(METHODS)
+    assert table.index[table["valid"].astype(bool)].tolist() == valid
+    left_out = table[~table["valid"].astype(bool)]
+    assert (left_out["warnings"].str.len() > 10).all()
+    assert left_out["K"].isna().all()
+
+
+def test_scores_are_of_what_was_not_seen(analyses):
+    trial, found = analyses["closed"]
+    row = found.table.set_index("label").loc["riv"]
+    end = float(trial["time"][-1])
+    half = identify(segment(trial, 0.0, end / 2), "riv")
+    second = segment(trial, end / 2, end + 1.0)
+    expected = evaluate(second, half.predict(second), against="measured").iloc[0]["vaf"]
+    assert row["vaf_unseen"] == pytest.approx(expected, abs=1e-9)
+    assert row["vaf_unseen_low"] < expected < row["vaf_unseen_high"]
+    assert row["K"] == found.estimates["riv"].stiffness["K"]
+    assert not row["residual_related"]
+
+
+def test_options_are_selected_within_the_first_half(analyses):
+    _, found = analyses["open"]
+    row = found.table.set_index("label").loc["PI"]
+    assert row["selected"] == "order 2"
+    assert found.estimates["PI"].diagnostics["order"] == 2
+    assert "selection" not in found.estimates["PI"].diagnostics
+
+
+def test_short_trials_are_merged():
+    """Eight trials of six seconds: too short each, long enough together; only methods that merge are valid."""
+    whole = simulate(seed=1, duration=48.0, closed_loop=False).drop_vars("reference")
+    trials = [segment(whole, 6.0 * k, 6.0 * (k + 1)) for k in range(8)]
+    found = analyse(trials, METHODS)
+    assert found.check.verdict == "warning"
+    assert "48 s in all" in found.check.findings[0].text
+    assert analyse(trials[:1], METHODS).check.verdict == "refused"
+    methods = {"PI": {"method": "pi-moesp", "options": {"basis": "rectifier"}}, "cascade": METHODS["cascade"]}
+    merged = analyse(trials, methods)
+    row = merged.table.set_index("label").loc["PI"]
+    assert row["K"] == pytest.approx(150.0, rel=0.1)
+    assert row["vaf_unseen"] > 85
+    assert len(merged.records["PI"]) == 8
+    assert not merged.table.set_index("label").loc["cascade", "valid"]
+    flipped = [*trials[:7], trials[7].assign(torque=-trials[7]["torque"])]
+    refused = analyse(flipped, methods)
+    assert refused.check.verdict == "refused"
+    assert "trial 8 of 8" in " ".join(refused.check.reasons)
+
+
+def test_a_refused_recording_has_its_reason_and_nothing_else():
+    trial = simulate(seed=1, duration=30.0)
+    found = analyse(trial.assign(torque=-trial["torque"]), METHODS)
+    assert found.estimates == {}
+    assert found.table["verdict"].tolist() == ["refused"]
+    assert "Set torque_sign: -1" in found.table["reasons"].iloc[0]
+
+
+def test_pictures_of_a_recording(analyses):
+    for _, found in analyses.values():
+        for figure in (
+            spectra_figure(found.check.spectra),
+            model_figure(found.estimates),
+            residual_figure(found.residuals),
+        ):
+            for axis in figure.axes:
+                assert "[" in axis.get_xlabel()
+                assert "[" in axis.get_ylabel()
+                assert axis.get_lines()
+            legend = [text.get_text() for text in figure.legends[0].get_texts()]
+            assert len(legend) == len(set(legend)) > 0
+
+
+def test_the_group_has_a_point_for_each_recording(analyses):
+    table = analyses["open"][1].table
+    group = []
+    for subject in ("S1", "S2"):
+        for condition in ("rest", "active"):
+            for trial in range(3):
+                shifted = table.assign(subject=subject, condition=condition, trial=trial)
+                shifted["K"] += trial + 10 * (condition == "active")
+                group.append(shifted)
+
+    figure = group_figure(pd.concat(group), ["K", "vaf_unseen"])
+    first = figure.axes[0]
+    points, line = first.get_lines()[:2]
+    assert len(points.get_xdata()) == 6
+    np.testing.assert_allclose(np.diff(line.get_ydata()), [10.0])
+    assert [label.get_text() for label in figure.axes[-1].get_xticklabels()] == ["rest", "active"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["S1", "S2"]

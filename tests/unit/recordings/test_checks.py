@@ -1,0 +1,154 @@
+"""What a recording can carry: every refusal and warning, for the reason that it names."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal as sps
+
+from ankleloop import DataError, identify, new_trial, read_trial, simulate
+from ankleloop.joint.regressors import build_regressors
+from ankleloop.recordings.checks import check_trial
+from ankleloop.records.drift import remove_drift
+
+
+@pytest.fixture(scope="module")
+def closed():
+    return simulate(seed=1)
+
+
+def found(check, name):
+    return next(finding for finding in check.findings if finding.name == name)
+
+
+def test_a_good_record_is_ok(closed):
+    check = check_trial(closed)
+    assert check.verdict == "ok", str(check)
+    assert check.loop == "closed"
+    assert list(check.methods) == ["riv", "pr-moesp"]
+    assert check.reasons == []
+    assert set(check.spectra) == {"frequency", "position", "torque", "coherence", "reference_coherence"}
+
+
+def test_spectra_against_scipy(closed):
+    spectra = check_trial(closed).spectra
+    r = build_regressors(closed, delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
+    options = {"fs": 100.0, "nperseg": 512, "window": np.hanning(512)}
+    frequency, density = sps.welch(r.torque, **options)
+    inside = np.isin(frequency, spectra["frequency"])
+    np.testing.assert_allclose(spectra["torque"], density[inside], rtol=1e-9)
+    coherence = sps.coherence(r.inputs[:, 0], r.torque, **options)[1]
+    np.testing.assert_allclose(spectra["coherence"], coherence[inside], rtol=1e-9)
+
+
+def test_valid_methods_can_be_run_as_they_are_named(closed):
+    records = {
+        "closed": closed,
+        "open": simulate(seed=1, closed_loop=False),
+        "undecided": simulate(seed=1, closed_loop=False).drop_vars("reference"),
+    }
+    for loop, trial in records.items():
+        check = check_trial(trial)
+        assert check.loop == loop
+        for method, options in check.methods.items():
+            assert np.isfinite(identify(trial, method, **options).stiffness["K"]), (loop, method)
+
+
+def test_the_sign_is_detected(closed):
+    for trial in (closed, simulate(seed=2, reflex_gain=15.0, voluntary=1.0), simulate(seed=3, closed_loop=False)):
+        assert found(check_trial(trial), "sign of the torque").verdict == "ok"
+        flipped = check_trial(trial.assign(torque=-trial["torque"]))
+        assert flipped.verdict == "refused"
+        assert "Set torque_sign: -1" in found(flipped, "sign of the torque").text
+
+
+def test_feedback_does_not_look_like_a_wrong_sign():
+    """Least squares finds a negative stiffness here; the torque has the right sign all the same."""
+    trial = simulate(seed=5, load=(0.1, 10.0, 100.0), reflex_gain=25.0, voluntary=1.0)
+    assert identify(trial, "pr-moesp", basis="rectifier").stiffness["B"] < 0
+    assert found(check_trial(trial), "sign of the torque").verdict == "ok"
+
+
+def test_without_a_reference_the_loop_cannot_be_decided(closed):
+    check = check_trial(closed.drop_vars("reference"))
+    assert check.verdict == "warning"
+    assert check.loop == "undecided"
+    assert "cannot be decided" in found(check, "loop").text
+    other = simulate(seed=9)["reference"].values
+    swapped = check_trial(closed.assign(reference=closed["reference"].copy(data=other)))
+    assert "too weak an instrument" in found(swapped, "reference").text
+    assert swapped.loop == "undecided"
+
+
+@pytest.mark.skipif(
+    "ANKLELOOP_RECORDINGS" not in os.environ,
+    reason="set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this",
+)
+@pytest.mark.parametrize(
+    ("file", "mapping"),
+    [
+        ("ankle_df.csv.gz", {"position": "position_rad", "torque": "torque_nm", "sampling_rate": 1000.0}),
+        ("ankle_pf.mat", {}),
+        ("ankle_df3.h5", {}),
+    ],
+)
+def test_real_recordings(file, mapping):
+    """As they are their torque has the other sign; turned round, nothing but the missing reference is to be said."""
+    path = Path(os.environ["ANKLELOOP_RECORDINGS"]) / file
+    assert found(check_trial(read_trial(path, **mapping)), "sign of the torque").verdict == "refused"
+    check = check_trial(read_trial(path, torque_sign=-1, **mapping))
+    assert check.verdict == "warning"
+    assert check.loop == "undecided"
+    assert {f.name for f in check.findings if f.verdict != "ok"} == {"reference", "loop", "methods"}
+    assert set(check.methods) == {"riv", "pr-moesp", "pi-moesp", "po-moesp", "parallel-cascade"}
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.003, "warning"), (0.05, "refused")])
+def test_clipping(closed, share, verdict):
+    top = np.quantile(closed["torque"], 1 - share)
+    check = check_trial(closed.assign(torque=closed["torque"].clip(max=top)))
+    assert found(check, "clipping of the torque").verdict == verdict
+    assert "widen the range" in found(check, "clipping of the torque").text
+    assert found(check, "clipping of the position").verdict == "ok"
+
+
+def test_a_coarse_converter_is_not_clipping(closed):
+    coarse = closed["position"].copy(data=np.round(closed["position"] / 5e-4) * 5e-4)
+    assert found(check_trial(closed.assign(position=coarse)), "clipping of the position").verdict == "ok"
+
+
+def test_lengths(closed):
+    assert check_trial(simulate(seed=1, duration=5.0)).verdict == "refused"
+    assert found(check_trial(simulate(seed=1, duration=20.0)), "length").verdict == "warning"
+
+
+def test_drift_is_seen_and_can_be_removed(closed):
+    t = closed["time"].values / 50.0
+    drifting = closed.assign(torque=closed["torque"] + 30.0 * t**2 - 8.0 * t)
+    assert found(check_trial(drifting), "drift").verdict == "warning"
+    level = remove_drift(drifting, 2)
+    assert found(check_trial(level), "drift").verdict == "ok"
+    difference = level["torque"] - remove_drift(closed, 2)["torque"]
+    assert float(np.abs(difference).max()) < 1e-9
+    with pytest.raises(DataError, match="nothing but drift"):
+        remove_drift(closed.assign(torque=closed["torque"].copy(data=t)), 1)
+    with pytest.raises(ValueError, match="whole number between 0 and 10"):
+        remove_drift(closed, 2.5)
+
+
+def test_a_sinusoid_excites_too_little():
+    t = np.arange(30_000) / 1000.0
+    position = 0.02 * np.sin(2 * np.pi * 1.5 * t)
+    velocity, acceleration = np.gradient(position, 1e-3), np.gradient(np.gradient(position, 1e-3), 1e-3)
+    noise = np.random.default_rng(1).standard_normal(t.size)
+    trial = new_trial(position, 150 * position + 0.8 * velocity + 0.015 * acceleration + 0.1 * noise, 1000.0)
+    check = check_trial(trial)
+    assert found(check, "excitation").verdict == "refused"
+    assert "excites 2 of" in found(check, "excitation").text
+
+
+def test_a_torque_that_has_nothing_to_do_with_the_movement(closed):
+    noise = np.random.default_rng(1).standard_normal(closed.sizes["time"])
+    check = check_trial(closed.assign(torque=closed["torque"].copy(data=noise)))
+    assert found(check, "coherence").verdict != "ok"

@@ -1,0 +1,527 @@
+import gzip
+import os
+from pathlib import Path
+
+import h5netcdf
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+import xarray as xr
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ankleloop.errors import DataError
+from ankleloop.records.readers import read_trial
+from ankleloop.records.trial import TRUTHS, new_trial, save_trial
+
+RATE = 500.0
+T = np.arange(300) / RATE
+P = 0.02 * np.sin(2 * np.pi * 3 * T)
+TQ = 3.0 * np.cos(2 * np.pi * 3 * T)
+R = 0.02 * np.sign(P + 1e-9)
+
+
+def check(trial, rate=RATE, rtol=0.0):
+    np.testing.assert_allclose(trial.position, P, rtol=rtol)
+    np.testing.assert_allclose(trial.torque, TQ, rtol=rtol)
+    assert trial.attrs["sampling_rate"] == rate
+
+
+def write_csv(path, **columns):
+    pd.DataFrame({"time": T, "position": P, "torque": TQ} | columns).to_csv(path, index=False)
+    return path
+
+
+def write_v73(path, tree, attributes=()):
+    """An HDF5 file as MATLAB writes it: a header in a user block, arrays transposed, structs as groups."""
+
+    def put(group, name, value):
+        if isinstance(value, dict):
+            inner = group.create_group(name)
+            inner.attrs["MATLAB_class"] = np.bytes_("struct")
+            for key, item in value.items():
+                put(inner, key, item)
+            return
+        group[name] = np.atleast_2d(np.asarray(value, float))
+        group[name].attrs["MATLAB_class"] = np.bytes_("double")
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in tree.items():
+            put(file, name, value)
+        file.create_group("#refs#")["a"] = np.zeros((1, 2))
+        for name, attribute, value in attributes:
+            file[name].attrs[attribute] = value
+    with open(path, "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    return path
+
+
+# --- CSV
+
+
+def test_csv_of_pandas(tmp_path):
+    trial = read_trial(write_csv(tmp_path / "a.csv", command=R), reference="command")
+    check(trial)
+    np.testing.assert_array_equal(trial.reference, R)
+
+
+def test_csv_gz_of_raw_text(tmp_path):
+    lines = [f"{t:.3f},{p!r},{tq!r}" for t, p, tq in zip(T, P.tolist(), TQ.tolist(), strict=True)]
+    with gzip.open(tmp_path / "a.csv.gz", "wt", encoding="utf-8") as file:
+        file.write("\n".join(["time_s,position_rad,torque_nm", *lines]) + "\n")
+    check(read_trial(str(tmp_path / "a.csv.gz"), position="position_rad", torque="torque_nm"))
+
+
+def test_csv_without_time_takes_the_argument(tmp_path):
+    pd.DataFrame({"position": P, "torque": TQ}).to_csv(tmp_path / "A.CSV", index=False)
+    check(read_trial(tmp_path / "A.CSV", sampling_rate=2000), rate=2000.0)
+
+
+def test_csv_of_a_careless_spreadsheet(tmp_path):
+    lines = [f" {p!r}, {tq!r},  ," for p, tq in zip(P.tolist(), TQ.tolist(), strict=True)]
+    text = "\n\n".join(["position, torque, note,", *lines]) + "\n\n\n"
+    (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
+    check(read_trial(tmp_path / "a.csv", sampling_rate=RATE))
+
+
+@pytest.mark.parametrize("zipped", [False, True])
+@pytest.mark.parametrize("blank", [False, True])
+def test_a_cell_that_is_no_number_is_named_by_its_line(tmp_path, zipped, blank):
+    lines = ["time,position,torque", *(f"{t},{p},{tq}" for t, p, tq in zip(T, P, TQ, strict=True))]
+    lines[11] = f"{T[10]},n.v.t.,{TQ[10]}"
+    if blank:
+        lines[5:5] = ["", ""]
+    path = tmp_path / ("a.csv.gz" if zipped else "a.csv")
+    with (gzip.open if zipped else open)(path, "wt", encoding="utf-8") as file:
+        file.write("\n".join(lines))
+    line = 14 if blank else 12
+    with pytest.raises(
+        DataError, match=rf"^{path.name}: position is not a number in line {line} but 'n.v.t.': correct"
+    ):
+        read_trial(path)
+
+
+def test_a_text_column_is_refused_only_when_it_is_asked_for(tmp_path):
+    path = write_csv(tmp_path / "a.csv", side="left")
+    check(read_trial(path))
+    with pytest.raises(DataError, match=r"side is not a number in line 2 but 'left': .* choose another variable"):
+        read_trial(path, torque="side")
+
+
+def test_a_text_time_column_is_refused(tmp_path):
+    path = write_csv(tmp_path / "a.csv", time=[f"00:00:{t:.3f}" for t in T])
+    with pytest.raises(DataError, match=r"time is not a number in line 2 but '00:00:0.000'"):
+        read_trial(path)
+
+
+def test_an_empty_cell_is_a_missing_sample(tmp_path):
+    torque = TQ.copy()
+    torque[40] = np.nan
+    with pytest.raises(DataError, match=r"^a.csv: torque is not finite at sample 40 \(0.08 s\), 1 sample in all"):
+        read_trial(write_csv(tmp_path / "a.csv", torque=torque))
+
+
+def test_decimal_commas_are_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("position,torque\n0,01,1,5\n0,02,2,5\n")
+    with pytest.raises(DataError, match=r"a.csv: cannot be read as .csv \(ParserWarning"):
+        read_trial(tmp_path / "a.csv", sampling_rate=100)
+
+
+def test_a_table_without_rows_is_empty(tmp_path):
+    (tmp_path / "a.csv").write_text("position,torque\n")
+    with pytest.raises(DataError, match="position is empty"):
+        read_trial(tmp_path / "a.csv", sampling_rate=100)
+
+
+# --- MATLAB
+
+
+def test_mat_v5(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": P[:, None], "torque": TQ[None, :], "fs": RATE})
+    check(read_trial(tmp_path / "a.mat"))
+
+
+def test_mat_v5_struct(tmp_path):
+    data = {"rec": {"ankle": {"pos": P, "tq": TQ, "cmd": R}, "Fs": RATE, "name": "S1"}, "fs": 1.0}
+    scipy.io.savemat(tmp_path / "a.mat", data)
+    names = {"position": "rec.ankle.pos", "torque": "rec.ankle.tq", "reference": "rec.ankle.cmd"}
+    check(read_trial(tmp_path / "a.mat", **names))
+    with pytest.raises(DataError, match=r"there is no variable 'rec.pos'; the file has: rec.ankle.pos, rec.ankle.tq, "):
+        read_trial(tmp_path / "a.mat", position="rec.pos", torque="rec.ankle.tq")
+
+
+def test_mat_v4(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "fs": RATE}, format="4")
+    check(read_trial(tmp_path / "a.mat"))
+
+
+@pytest.mark.parametrize("wrap", [lambda x: x[None, :], lambda x: x[:, None]], ids=["transposed", "as-is"])
+def test_mat_v73(tmp_path, wrap):
+    path = write_v73(tmp_path / "a.mat", {"position": wrap(P), "torque": wrap(TQ), "fs": RATE})
+    assert path.read_bytes()[:10] == b"MATLAB 7.3"
+    check(read_trial(path))
+
+
+def test_mat_v73_struct(tmp_path):
+    path = write_v73(tmp_path / "a.mat", {"rec": {"ankle": {"pos": P, "tq": TQ}, "Fs": RATE}, "fs": 1.0})
+    check(read_trial(path, position="rec.ankle.pos", torque="rec.ankle.tq"))
+    with pytest.raises(
+        DataError, match=r"no variable 'position'; the file has: fs, rec.Fs, rec.ankle.pos, rec.ankle.tq\."
+    ):
+        read_trial(path)
+
+
+def test_mat_v73_empty_array_is_not_its_size(tmp_path):
+    tree = {"position": [0, 0], "torque": TQ, "fs": RATE}
+    path = write_v73(tmp_path / "a.mat", tree, [("position", "MATLAB_empty", np.uint8(1))])
+    with pytest.raises(DataError, match=r"^a.mat: position is empty"):
+        read_trial(path)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (P + 1j, "position is of type complex128, not real numbers"),
+        ("text", "position is not a number at sample 0 but 'text'"),
+        (np.array([1.0, "b"], dtype=object), "position is not a number at sample 1 but 'b'"),
+        (np.zeros((300, 2)), r"position has shape \(300, 2\).*: pass a single channel"),
+    ],
+    ids=["complex", "char", "cell", "two-channels"],
+)
+def test_mat_variables_of_other_kinds(tmp_path, value, message):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": value, "torque": TQ, "fs": RATE})
+    with pytest.raises(DataError, match=message):
+        read_trial(tmp_path / "a.mat")
+
+
+# --- HDF5
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".hdf5"])
+def test_hdf5(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    with h5py.File(path, "w") as file:
+        file["position"], file["torque"] = P, TQ[None, :]
+        file["position"].attrs["units"] = "rad"
+        file.attrs["sampling_rate"] = RATE
+    check(read_trial(path))
+    check(read_trial(path, position="/position"))
+
+
+@pytest.mark.parametrize("where", ["trial/ankle/position", "trial/ankle", "trial", "/"])
+@pytest.mark.parametrize("name", ["fs", "Fs", "sampling_rate", "sample_rate"])
+def test_hdf5_groups_and_their_rate(tmp_path, where, name):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["trial/ankle/position"], file["trial/ankle/torque"] = P, TQ
+        file["other/fs"] = 1.0
+        file[where].attrs[name] = RATE
+    check(read_trial(tmp_path / "a.h5", position="trial/ankle/position", torque="trial/ankle/torque"))
+
+
+def test_hdf5_rate_beside_the_position_comes_first(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["trial/position"], file["trial/torque"], file["trial/fs"] = P, TQ, [RATE]
+        file.attrs["sampling_rate"] = 1.0
+    check(read_trial(tmp_path / "a.h5", position="trial/position", torque="trial/torque"))
+
+
+def test_hdf5_text_is_refused(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["position"], file["torque"] = ["a", "b"], TQ
+    with pytest.raises(DataError, match="position is not a number at sample 0 but b'a'"):
+        read_trial(tmp_path / "a.h5", sampling_rate=RATE)
+
+
+# --- NetCDF
+
+
+@pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
+def test_netcdf_of_xarray(tmp_path, engine):
+    data = xr.Dataset({"position": ("t", P), "torque": ("t", TQ)}, coords={"t": T})
+    data.to_netcdf(tmp_path / "a.nc", engine=engine)
+    check(read_trial(tmp_path / "a.nc"))
+
+
+def test_netcdf_groups(tmp_path):
+    with h5netcdf.File(tmp_path / "a.nc", "w") as file:
+        group = file.create_group("trial")
+        group.dimensions = {"sample": P.size}
+        for name, values in (("position", P), ("torque", TQ)):
+            group.create_variable(name, ("sample",), float)[:] = values
+        group.attrs["fs"] = RATE
+    check(read_trial(tmp_path / "a.nc", position="trial/position", torque="/trial/torque"))
+
+
+def test_netcdf_packed(tmp_path):
+    data = xr.Dataset({"position": ("t", P), "torque": ("t", TQ)}, attrs={"fs": RATE})
+    packing = {name: {"dtype": "int32", "scale_factor": 1e-9, "_FillValue": -(2**31)} for name in ("position",)}
+    data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf", encoding=packing)
+    trial = read_trial(tmp_path / "a.nc")
+    np.testing.assert_allclose(trial.position, P, atol=1e-9)
+
+
+def test_netcdf_trial_brings_its_truths(tmp_path):
+    truths = {name: (k + 2) * TQ for k, name in enumerate(TRUTHS)}
+    save_trial(new_trial(P, TQ, RATE, R, **truths, seed=1), tmp_path / "a.nc")
+    trial = read_trial(tmp_path / "a.nc", reference="reference", torque_sign=-1, position_sign=-1)
+    for name, values in ({"position": P, "torque": TQ, "reference": R} | truths).items():
+        np.testing.assert_array_equal(trial[name], -values)
+    assert "reference" not in read_trial(tmp_path / "a.nc")
+
+
+# --- units and signs
+
+
+@pytest.mark.parametrize("unit", ["deg", "Degrees", b"degree", "°"])
+def test_units_that_contradict_the_argument(tmp_path, unit):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["position"], file["torque"], file["fs"] = np.rad2deg(P), TQ, RATE
+        file["position"].attrs["units"] = unit
+    with pytest.raises(
+        DataError, match=r"position is in '.*' .*, but position_unit is 'rad': pass position_unit='deg'"
+    ):
+        read_trial(tmp_path / "a.h5")
+    check(read_trial(tmp_path / "a.h5", position_unit="deg"), rtol=1e-15)
+
+
+def test_radians_read_as_degrees(tmp_path):
+    save_trial(new_trial(P, TQ, RATE), tmp_path / "a.nc")
+    with pytest.raises(
+        DataError, match=r"position is in 'rad' .*, but position_unit is 'deg': pass position_unit='rad'"
+    ):
+        read_trial(tmp_path / "a.nc", position_unit="deg")
+
+
+def test_units_of_the_reference_count_too(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["position"], file["torque"], file["cmd"], file["fs"] = P, TQ, np.rad2deg(R), RATE
+        file["cmd"].attrs["units"] = "deg"
+    with pytest.raises(DataError, match="cmd is in 'deg' according to the file, but position_unit is 'rad'"):
+        read_trial(tmp_path / "a.h5", reference="cmd")
+
+
+def test_other_units_are_refused(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["position"], file["torque"], file["fs"] = P, TQ, RATE
+        file["position"].attrs["units"] = "V"
+    with pytest.raises(DataError, match="position is in 'v' according to the file: convert it to rad or deg"):
+        read_trial(tmp_path / "a.h5")
+
+
+def test_degrees_without_a_stated_unit_are_noticed(tmp_path):
+    path = write_csv(tmp_path / "a.csv", position=np.rad2deg(P))
+    with pytest.raises(
+        DataError, match=r"^a.csv: position moves at .* is the position in degrees\? pass position_unit='deg'"
+    ):
+        read_trial(path)
+    check(read_trial(path, position_unit="deg"), rtol=1e-14)
+
+
+def test_degrees_apply_to_the_reference(tmp_path):
+    path = write_csv(tmp_path / "a.csv", position=np.rad2deg(P), cmd=np.rad2deg(R))
+    trial = read_trial(path, reference="cmd", position_unit="deg", position_sign=-1)
+    np.testing.assert_allclose(trial.position, -P, rtol=1e-14)
+    np.testing.assert_allclose(trial.reference, -R, rtol=1e-14)
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(sign=st.sampled_from([1, -1]), torque_sign=st.sampled_from([1, -1]), seed=st.integers(0, 2**32 - 1))
+def test_signs_twice_change_nothing(tmp_path, sign, torque_sign, seed):
+    rng = np.random.default_rng(seed)
+    first = new_trial(*(0.01 * rng.standard_normal((2, 20))), 100.0, rng.standard_normal(20), torque_noise=np.zeros(20))
+    signs = {"reference": "reference", "position_sign": sign, "torque_sign": torque_sign}
+    save_trial(first, tmp_path / "a.nc")
+    save_trial(read_trial(tmp_path / "a.nc", **signs), tmp_path / "b.nc")
+    twice = read_trial(tmp_path / "b.nc", **signs)
+    xr.testing.assert_equal(twice, first)
+
+
+@pytest.mark.parametrize("option", ["position_sign", "torque_sign"])
+@pytest.mark.parametrize("sign", [0, 2, "-", None])
+def test_signs_must_be_one(option, sign):
+    with pytest.raises(DataError, match=f"{option} is .*: pass 1 or -1"):
+        read_trial("any.csv", **{option: sign})
+
+
+def test_position_unit_must_be_known():
+    with pytest.raises(DataError, match="position_unit is 'grad': pass 'rad' or 'deg'"):
+        read_trial("any.csv", position_unit="grad")
+
+
+def test_the_reading_is_on_record(tmp_path):
+    path = write_csv(tmp_path / "a.csv", angle=np.rad2deg(P))
+    trial = read_trial(path, position="angle", position_unit="deg", position_sign=-1, torque_sign=-1)
+    assert trial.attrs == {
+        "sampling_rate": RATE,
+        "source": "a.csv",
+        "position_variable": "angle",
+        "torque_variable": "torque",
+        "position_unit": "deg",
+        "position_sign": -1,
+        "torque_sign": -1,
+    }
+    assert trial.position.attrs["units"] == "rad"
+
+
+# --- sampling rate and time
+
+
+def test_no_sampling_rate(tmp_path):
+    pd.DataFrame({"position": P, "torque": TQ}).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(
+        DataError, match=r"^a.csv: there is no sampling rate \(.*fs.*\) and no time column \(.*\): pass"
+    ):
+        read_trial(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("rate", [0, -1.0, np.nan, "fast"])
+def test_impossible_sampling_rate(tmp_path, rate):
+    with pytest.raises(DataError, match=r"^a.csv: sampling_rate is .*: pass a (single|positive) number"):
+        read_trial(write_csv(tmp_path / "a.csv"), sampling_rate=rate)
+
+
+def test_impossible_sampling_rate_in_the_file(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "fs": 0.0})
+    with pytest.raises(DataError, match=r"^a.mat: sampling_rate is 0 Hz"):
+        read_trial(tmp_path / "a.mat")
+
+
+def test_the_argument_wins_over_the_file(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "fs": 1.0})
+    check(read_trial(tmp_path / "a.mat", sampling_rate=RATE))
+
+
+def test_argument_and_time_must_agree(tmp_path):
+    path = write_csv(tmp_path / "a.csv")
+    with pytest.raises(DataError, match=r"^a.csv: .* stated as 1000 Hz, but time runs at 500 Hz: correct the one"):
+        read_trial(path, sampling_rate=1000.0)
+    check(read_trial(path, sampling_rate=RATE * 1.0005), rate=RATE * 1.0005)
+
+
+def test_rate_of_the_file_and_time_must_agree(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "t": T, "fs": 1000.0})
+    with pytest.raises(DataError, match="stated as 1000 Hz, but t runs at 500 Hz"):
+        read_trial(tmp_path / "a.mat")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda t: np.where(np.arange(300) < 200, t, t + 0.1),
+            r"time is irregular at sample 200 \(0.5 s\): .* by 0.102 s",
+        ),
+        (
+            lambda t: np.where(np.arange(300) < 200, t, t - 0.002),
+            r"time is irregular at sample 200 \(0.398 s\): .* by 0 s",
+        ),
+        (lambda t: t + 2e-4 * np.random.default_rng(0).standard_normal(300), r"time is irregular at sample \d+ \("),
+        (lambda t: np.where(np.arange(300) == 200, np.nan, t), "time is not finite at sample 200"),
+    ],
+    ids=["gap", "duplicate", "jitter", "nan"],
+)
+@pytest.mark.parametrize("rate", [None, RATE])
+def test_an_irregular_time_column(tmp_path, change, message, rate):
+    with pytest.raises(DataError, match=f"^a.csv: {message}"):
+        read_trial(write_csv(tmp_path / "a.csv", time=change(T)), sampling_rate=rate)
+
+
+def test_a_time_column_may_start_anywhere(tmp_path):
+    trial = read_trial(write_csv(tmp_path / "a.csv", time=T + 1.7e9))
+    check(trial, rate=trial.attrs["sampling_rate"])
+    assert trial.attrs["sampling_rate"] == pytest.approx(RATE, rel=1e-6)
+    assert trial.time[0] == 0.0
+
+
+def test_time_of_another_length(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "time": T[:-1]})
+    with pytest.raises(DataError, match="time has 299 samples but position has 300: cut both"):
+        read_trial(tmp_path / "a.mat")
+
+
+def test_time_in_milliseconds(tmp_path):
+    data = xr.Dataset({"position": ("time", P), "torque": ("time", TQ)}, coords={"time": 1000 * T})
+    data.time.attrs["units"] = "ms"
+    data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    with pytest.raises(DataError, match="time is in 'ms' according to the file: write it in seconds"):
+        read_trial(tmp_path / "a.nc")
+
+
+def test_a_torque_called_t_is_no_time(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"p": P, "t": TQ, "fs": RATE})
+    check(read_trial(tmp_path / "a.mat", position="p", torque="t"))
+
+
+# --- files that cannot be read
+
+
+def test_missing_variable_lists_what_there_is(tmp_path):
+    message = r"^a.csv: there is no variable 'angle'; the file has: time, position, torque\. Name one of these"
+    with pytest.raises(DataError, match=message):
+        read_trial(write_csv(tmp_path / "a.csv"), position="angle")
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(DataError, match=r"none.csv: there is no such file: check the path"):
+        read_trial(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.xlsx", "a", "a.gz"])
+def test_unknown_suffix(tmp_path, name):
+    (tmp_path / name).write_text("position,torque\n")
+    with pytest.raises(
+        DataError, match=rf"^{name}: unknown kind of file: convert it to one of \.csv, \.csv\.gz, \.mat"
+    ):
+        read_trial(tmp_path / name)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".mat", ".h5", ".nc"])
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe nonsense \x00" * 100], ids=["empty", "nonsense"])
+def test_damaged_files(tmp_path, suffix, content):
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(
+        DataError, match=rf"^a{suffix}: cannot be read as {suffix} \(\w+: .*\): check that the file"
+    ) as e:
+        read_trial(path)
+    assert e.value.__cause__ is not None
+
+
+@pytest.mark.parametrize("suffix", [".csv.gz", ".mat", ".h5", ".nc"])
+def test_half_a_file(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".csv.gz":
+        write_csv(path)
+    elif suffix == ".mat":
+        scipy.io.savemat(path, {"position": P, "torque": TQ, "fs": RATE}, do_compression=True)
+    else:
+        new_trial(P, TQ, RATE).to_netcdf(path, engine="h5netcdf")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(DataError, match=rf"^a{suffix}: cannot be read as"):
+        read_trial(path)
+
+
+# --- real recordings
+
+
+@pytest.mark.parametrize(
+    ("name", "variables"),
+    [
+        ("ankle_df.csv.gz", {"position": "position_rad", "torque": "torque_nm"}),
+        ("ankle_pf.mat", {}),
+        ("ankle_df3.h5", {}),
+    ],
+)
+def test_real_recordings(name, variables):
+    folder = os.environ.get("ANKLELOOP_RECORDINGS")
+    if not folder:
+        pytest.skip("set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this")
+    trial = read_trial(Path(folder) / name, torque_sign=-1, **variables)
+    assert trial.attrs["sampling_rate"] == 1000.0
+    assert trial.time.size == 60_000
+    assert np.ptp(trial.position.to_numpy()) == pytest.approx(0.055, abs=0.02)
+    # Torque opposes stretch, so with the sign set right a regression on the position has a positive slope.
+    assert np.cov(trial.position, trial.torque)[0, 1] > 0
