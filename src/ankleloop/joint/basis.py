@@ -1,5 +1,7 @@
 """Basis functions of the static nonlinearity of the reflex path (Eq. 9, 10)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +16,7 @@ QUANTILES = np.linspace(0.005, 0.995, 200)
 
 @dataclass(frozen=True)
 class Basis:
-    """Basis functions whose scale or knots are settled: the same functions serve any other record.
+    """Basis functions with fixed scale or knots, which serve any other record as well.
 
     Parameters
     ----------
@@ -37,18 +39,18 @@ class Basis:
     quantiles: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property
-    def names(self):
+    def names(self) -> tuple[str, ...]:
         """Name of every term."""
         if self.kind == "rectifier":
             return ("rectified_velocity",)
         return tuple(f"{self.kind}_{k}" for k in range(1, self.degree + 1))
 
     @property
-    def units(self):
+    def units(self) -> tuple[str, ...]:
         """Unit of every term."""
         return ("rad/s",) if self.kind == "rectifier" else ("1",) * self.degree
 
-    def __call__(self, velocity):
+    def __call__(self, velocity: np.ndarray) -> np.ndarray:
         """Evaluate every term.
 
         Parameters
@@ -62,7 +64,7 @@ class Basis:
         """
         return {"chebyshev": self._chebyshev, "rectifier": self._rectifier, "spline": self._spline}[self.kind](velocity)
 
-    def _chebyshev(self, velocity):
+    def _chebyshev(self, velocity: np.ndarray) -> np.ndarray:
         # The constant would repeat one row through the whole Hankel matrix: offsets are removed as means instead.
         terms = np.empty((self.degree, np.size(velocity)))
         np.divide(velocity, self.scale, out=terms[0])
@@ -72,19 +74,19 @@ class Basis:
             terms[k] -= terms[k - 2] if k > 1 else 1.0
         return terms
 
-    def _rectifier(self, velocity):
+    def _rectifier(self, velocity: np.ndarray) -> np.ndarray:
         return np.maximum(velocity, 0.0)[None, :]
 
-    def _spline(self, velocity):
-        from scipy.interpolate import BSpline  # here, because the other bases need not wait for it
+    def _spline(self, velocity: np.ndarray) -> np.ndarray:
+        from scipy.interpolate import BSpline  # here, because its import takes time and the other bases do not need it
 
-        inside = np.clip(velocity, self.knots[0], self.knots[-1])
-        # B-splines sum to one, and a constant is removed with the mean: one of them is too many.
-        return BSpline.design_matrix(inside, self.knots, 3).toarray().T[1:]
+        clipped = np.clip(velocity, self.knots[0], self.knots[-1])
+        # B-splines sum to one, and means are removed: one of them would be redundant.
+        return BSpline.design_matrix(clipped, self.knots, 3).toarray().T[1:]
 
 
-def fit_basis(velocity, kind, degree):
-    """Settle the scale or the knots of a basis on a velocity.
+def fit_basis(velocity: np.ndarray, kind: str, degree: int) -> Basis:
+    """Fit the scale or the knots of a basis to a velocity.
 
     ``"chebyshev"`` is T₁ … T_degree of Eq. 10 without its constant, ``"rectifier"`` the half-wave rectified velocity
     (one term, whatever the degree), ``"spline"`` `degree` cubic B-splines with knots at quantiles.
@@ -107,7 +109,7 @@ def fit_basis(velocity, kind, degree):
     ValueError
         For an unknown basis or a degree that it does not have.
     DataError
-        For a velocity on which no basis can be settled.
+        For a velocity that no basis fits: zero throughout, or on too few values.
 
     Examples
     --------
@@ -128,7 +130,7 @@ def fit_basis(velocity, kind, degree):
     return Basis(kind, 1 if kind == "rectifier" else int(degree), scale, knots, quantiles)
 
 
-def _quantile_knots(velocity, degree):
+def _quantile_knots(velocity: np.ndarray, degree: int) -> np.ndarray:
     if degree < 4:
         raise ValueError(f"a cubic spline basis needs a degree of at least 4, got {degree}.")
     inner = np.quantile(velocity, np.linspace(0, 1, degree - 1))

@@ -1,18 +1,21 @@
 """Dynamics of the reflex, continuous in time (Eq. 2)."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
-from ankleloop.signals.discretisation import held_linearly
+from ankleloop.signals.discretisation import companion, discretise_foh, lowpass_denominator
 
 __all__ = ["ReflexDynamics", "fit_dynamics"]
 
 STARTS = [(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]
 POLES = (15.0, 40.0, 120.0)  # rad/s
-ITERATIONS, CONVERGED = 100, 1e-6
-FURTHEST = 1e4  # rad/s, or 1: no reflex is as fast, or as damped
+MAX_ITERATIONS, STEP_TOLERANCE = 100, 1e-6
+LARGEST = 1e4  # rad/s, or 1: no reflex is as fast, or as damped
 
 
 @dataclass(frozen=True)
@@ -34,14 +37,14 @@ class ReflexDynamics:
     pole: float | None = None
 
     @property
-    def values(self):
+    def values(self) -> dict[str, float]:
         """Parameters by name."""
-        given = {"omega_n": self.omega_n, "zeta": self.zeta, "pole": self.pole}
-        return {name: value for name, value in given.items() if value is not None}
+        values = {"omega_n": self.omega_n, "zeta": self.zeta, "pole": self.pole}
+        return {name: value for name, value in values.items() if value is not None}
 
     @classmethod
-    def grid(cls, order):
-        """Dynamics to start a search from.
+    def grid(cls, order: int) -> list[ReflexDynamics]:
+        """Candidates for the start of a search.
 
         Parameters
         ----------
@@ -52,14 +55,14 @@ class ReflexDynamics:
         -------
         list of ReflexDynamics
         """
-        poles = [None] if order == 2 else POLES
+        poles: Sequence[float | None] = [None] if order == 2 else POLES
         return [cls(omega, zeta, pole) for pole in poles for omega, zeta in STARTS]
 
-    def moved(self, step):
+    def scale(self, step: np.ndarray) -> ReflexDynamics:
         """Dynamics after a step of the logarithms of its parameters."""
         return ReflexDynamics(*(np.array(list(self.values.values())) * np.exp(step)).tolist())
 
-    def response(self, s):
+    def response(self, s: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """Frequency response, and its derivatives with respect to the logarithm of each parameter.
 
         Parameters
@@ -93,19 +96,14 @@ class ReflexDynamics:
         -------
         tuple of ndarray
         """
-        denominator = np.array([1.0, 2 * self.zeta * self.omega_n, self.omega_n**2])
-        if self.pole is not None:
-            denominator = np.convolve(denominator, [1.0, self.pole])
-        n = denominator.size - 1
-        A = np.diag(np.ones(n - 1), 1)
-        A[-1] = -denominator[:0:-1]
-        B, C = np.zeros((n, 1)), np.zeros((1, n))
-        B[-1], C[0, 0] = denominator[-1], 1.0
-        return held_linearly(A, B, C, 1.0 / rate)
+        denominator = lowpass_denominator(self.omega_n, self.zeta, self.pole)
+        return discretise_foh(*companion(denominator), 1.0 / rate)
 
 
-def fit_dynamics(response, s, weight, order=2):
-    r"""Low-pass that comes closest to a frequency response, and its gain.
+def fit_dynamics(
+    response: np.ndarray, s: np.ndarray, weight: np.ndarray, order: int = 2
+) -> tuple[float, ReflexDynamics, float]:
+    r"""Low-pass that is closest to a frequency response, and its gain.
 
     .. math:: \min_{G, \omega_n, \zeta, (p)} \sum_f w(f) \, |H(f) - G \, H_0(f; \omega_n, \zeta, p)|^2
 
@@ -116,7 +114,7 @@ def fit_dynamics(response, s, weight, order=2):
     s : ndarray of complex, shape (F,)
         Laplace variable [rad/s].
     weight : ndarray, shape (F,)
-        Weights, the spectrum of the input: then it is the torque that the low-pass comes close to.
+        Weights; with the spectrum of the input as weights, the low-pass approximates the torque.
     order : {2, 3}
         Number of poles.
 
@@ -136,53 +134,53 @@ def fit_dynamics(response, s, weight, order=2):
     """
     weight = weight / np.sum(weight * np.abs(response) ** 2)
     starts = np.array([list(dynamics.values.values()) for dynamics in ReflexDynamics.grid(order)])
-    values, gain, left = _search(starts, s.imag.copy(), weight, np.ascontiguousarray(response, dtype=complex))
-    return float(gain), ReflexDynamics(*values.tolist()), float(1.0 - left)
+    values, gain, residual = _search(starts, s.imag.copy(), weight, np.ascontiguousarray(response, dtype=complex))
+    return float(gain), ReflexDynamics(*values.tolist()), float(1.0 - residual)
 
 
 @njit(cache=True)
 def _search(starts, omega, weight, target):
-    """Parameters, gain and what they leave, from the best of some starts (Levenberg and Marquardt).
+    """Parameters, gain and residual, from the best of some starts (Levenberg and Marquardt).
 
-    What the slopes leave out of the curvature is learnt by symmetric secant updates: a poor fit converges by it.
+    Symmetric secant updates add the curvature that the slopes do not show; poor fits converge by them.
     """
     values = starts[0]
-    gain, left, normal, downhill = _projected(values, omega, weight, target)
+    gain, residual, normal, descent = _project_gain(values, omega, weight, target)
     for start in starts[1:]:
-        found = _projected(start, omega, weight, target)
-        if found[1] < left:
-            values, (gain, left, normal, downhill) = start, found
-    damping, bend = 1e-6, np.zeros_like(normal)
-    for _ in range(ITERATIONS):
-        curved = normal + bend
-        if np.linalg.eigvalsh(curved)[0] <= 0:
-            curved = normal.copy()
+        trial = _project_gain(start, omega, weight, target)
+        if trial[1] < residual:
+            values, (gain, residual, normal, descent) = start, trial
+    damping, curvature = 1e-6, np.zeros_like(normal)
+    for _ in range(MAX_ITERATIONS):
+        hessian = normal + curvature
+        if np.linalg.eigvalsh(hessian)[0] <= 0:
+            hessian = normal.copy()
         for i in range(values.size):
-            curved[i, i] += damping * (normal[i, i] + 1e-30)
-        step = np.linalg.solve(curved, downhill)
-        tried = values * np.exp(np.minimum(np.maximum(step, -1.0), 1.0))
-        found = _projected(tried, omega, weight, target)
-        if found[1] <= left and tried.min() > 1.0 / FURTHEST and tried.max() < FURTHEST:
-            missing = downhill - found[3] - (found[2] + bend) @ step
-            size = missing @ step
-            if abs(size) > 1e-8 * np.sqrt((missing @ missing) * (step @ step)):
-                bend = bend + np.outer(missing, missing) / size
-            values, (gain, left, normal, downhill) = tried, found
+            hessian[i, i] += damping * (normal[i, i] + 1e-30)
+        step = np.linalg.solve(hessian, descent)
+        candidate = values * np.exp(np.minimum(np.maximum(step, -1.0), 1.0))
+        trial = _project_gain(candidate, omega, weight, target)
+        if trial[1] <= residual and candidate.min() > 1.0 / LARGEST and candidate.max() < LARGEST:
+            defect = descent - trial[3] - (trial[2] + curvature) @ step
+            size = defect @ step
+            if abs(size) > 1e-8 * np.sqrt((defect @ defect) * (step @ step)):
+                curvature = curvature + np.outer(defect, defect) / size
+            values, (gain, residual, normal, descent) = candidate, trial
             damping = max(damping / 10.0, 1e-12)
         else:
-            damping, bend = 10.0 * damping, np.zeros_like(bend)
-        if np.max(np.abs(step)) < CONVERGED or damping > 1e9:
+            damping, curvature = 10.0 * damping, np.zeros_like(curvature)
+        if np.max(np.abs(step)) < STEP_TOLERANCE or damping > 1e9:
             break
-    return values, gain, left
+    return values, gain, residual
 
 
 @njit(cache=True)
-def _projected(values, omega, weight, target):
-    """Gain, what it leaves, and normal equations of the slopes: the gain is projected out (Golub and Pereyra 1973)."""
+def _project_gain(values, omega, weight, target):
+    """Gain, residual, and normal equations of the slopes: the gain is projected out (Golub and Pereyra 1973)."""
     n, size = values.size, omega.size
     square, damping = values[0] ** 2, 2.0 * values[0] * values[1]
     shape, slopes = np.empty(size, dtype=np.complex128), np.empty((n, size), dtype=np.complex128)
-    own, answer = 0.0, 0.0
+    energy, product = 0.0, 0.0
     for f in range(size):
         s = 1j * omega[f]
         denominator = s * s + damping * s + square
@@ -193,22 +191,22 @@ def _projected(values, omega, weight, target):
         slopes[0, f] = h * (2.0 - (damping * s + 2.0 * square) / denominator)
         slopes[1, f] = -h * damping * s / denominator
         shape[f] = h
-        own += weight[f] * (h.real**2 + h.imag**2)
-        answer += weight[f] * (h.real * target[f].real + h.imag * target[f].imag)
-    gain, left = answer / own, 0.0
-    along, downhill, normal = np.zeros(n), np.zeros(n), np.zeros((n, n))
+        energy += weight[f] * (h.real**2 + h.imag**2)
+        product += weight[f] * (h.real * target[f].real + h.imag * target[f].imag)
+    gain, residual = product / energy, 0.0
+    aligned, descent, normal = np.zeros(n), np.zeros(n), np.zeros((n, n))
     for f in range(size):
-        h, miss = shape[f], target[f] - gain * shape[f]
-        left += weight[f] * (miss.real**2 + miss.imag**2)
+        h, error = shape[f], target[f] - gain * shape[f]
+        residual += weight[f] * (error.real**2 + error.imag**2)
         for i in range(n):
             a = slopes[i, f]
-            along[i] += weight[f] * (a.real * h.real + a.imag * h.imag)
-            downhill[i] += weight[f] * (a.real * miss.real + a.imag * miss.imag)
+            aligned[i] += weight[f] * (a.real * h.real + a.imag * h.imag)
+            descent[i] += weight[f] * (a.real * error.real + a.imag * error.imag)
             for j in range(i + 1):
                 b = slopes[j, f]
                 normal[i, j] += weight[f] * (a.real * b.real + a.imag * b.imag)
     for i in range(n):
         for j in range(i + 1):
-            aside = gain**2 * (normal[i, j] - along[i] * along[j] / own) + downhill[i] * downhill[j] / own
-            normal[i, j], normal[j, i] = aside, aside
-    return gain, left, normal, gain * downhill
+            value = gain**2 * (normal[i, j] - aligned[i] * aligned[j] / energy) + descent[i] * descent[j] / energy
+            normal[i, j], normal[j, i] = value, value
+    return gain, residual, normal, gain * descent

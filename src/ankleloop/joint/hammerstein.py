@@ -1,23 +1,26 @@
-"""The reflex path taken apart: a static nonlinearity, and linear dynamics of unit gain behind it."""
+"""The reflex path as a Hammerstein system: a static nonlinearity, and linear dynamics of unit gain behind it."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numba import njit
 
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis
-from ankleloop.joint.dynamics import fit_dynamics
-from ankleloop.joint.once import once
+from ankleloop.joint.dynamics import ReflexDynamics, fit_dynamics
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
+from ankleloop.subspace.matrices import Matrices
 
-__all__ = ["ReflexPath", "StaticNonlinearity", "response_gain", "separate"]
+__all__ = ["DriveSpectra", "ReflexPath", "StaticNonlinearity", "separate_model", "separate_response"]
 
 LOWEST = 0.05  # Hz
 BIN = 0.2  # Hz
-CANDIDATES = 60  # thresholds looked at
+CANDIDATES = 60  # thresholds on a grid
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class StaticNonlinearity:
     basis: Basis
     coefficients: np.ndarray
 
-    def __call__(self, velocity):
+    def __call__(self, velocity: np.ndarray) -> np.ndarray:
         """Torque at a velocity, beyond that at rest.
 
         Parameters
@@ -50,13 +53,13 @@ class StaticNonlinearity:
         """
         return self.coefficients @ (self.basis(np.asarray(velocity, dtype=float)) - self.basis(np.zeros(1)))
 
-    def curve(self):
-        """The nonlinearity where the velocity was, for a picture."""
+    def curve(self) -> dict[str, np.ndarray]:
+        """Torque [N·m] over the quantiles of the velocity [rad/s], for a picture."""
         velocity = self.basis.quantiles
         return {"velocity": velocity, "torque": self(velocity)}
 
-    def rectifier(self):
-        r"""Gain and threshold of the half-wave rectifier that comes closest, over the velocities of the record.
+    def fit_rectifier(self) -> tuple[float, float, float]:
+        r"""Gain and threshold of the half-wave rectifier that is closest, over the velocities of the record.
 
         .. math:: \min_{G, v_0, c} \sum_q \left[f(v_q) - c - G \max(0, v_q - v_0)\right]^2
 
@@ -73,24 +76,24 @@ class StaticNonlinearity:
             return float(self.coefficients[0]), 0.0, 1.0
         velocity = self.basis.quantiles
         torque = self(velocity)
-        centred = torque - torque.mean()
+        deviation = torque - torque.mean()
         low, high = velocity[0], velocity[-3]
-        for _ in range(3):  # ever finer grids: the criterion has kinks, and may have several valleys
+        for _ in range(3):  # ever finer grids: the criterion has kinks, and may have several minima
             grid = np.linspace(low, high, CANDIDATES)
-            gains, explained = _ramps(velocity, centred, grid)
+            gains, explained = _fit_ramps(velocity, deviation, grid)
             best = int(np.argmax(explained))
             low, high = grid[max(best - 1, 0)], grid[min(best + 1, CANDIDATES - 1)]
-        return float(gains[best]), float(grid[best]), float(explained[best] / (centred @ centred))
+        return float(gains[best]), float(grid[best]), float(explained[best] / (deviation @ deviation))
 
 
 @njit(cache=True)
-def _ramps(velocity, centred, thresholds):
-    """Gain of the ramp that comes closest to a curve without its mean, at each threshold, and what it explains."""
+def _fit_ramps(velocity, deviation, thresholds):
+    """Gain of the ramp that is closest to a curve less its mean, at each threshold, and the energy it explains."""
     gains, explained = np.empty(thresholds.size), np.empty(thresholds.size)
     for k in range(thresholds.size):
         ramp = np.maximum(velocity - thresholds[k], 0.0)
         ramp -= ramp.mean()
-        product, energy = np.sum(ramp * centred), np.sum(ramp * ramp)
+        product, energy = np.sum(ramp * deviation), np.sum(ramp * ramp)
         gains[k] = product / energy if energy > 0 else 0.0
         explained[k] = gains[k] * product
     return gains, explained
@@ -98,14 +101,14 @@ def _ramps(velocity, centred, thresholds):
 
 @dataclass(frozen=True)
 class ReflexPath:
-    """What a linear model of many reflex inputs says of one nonlinearity and one linear system.
+    """One nonlinearity and one linear system that describe a model with many reflex inputs.
 
     Parameters
     ----------
     nonlinearity : StaticNonlinearity
         Torque against delayed velocity.
     dynamics : ReflexDynamics
-        Low-pass of unit gain that comes closest.
+        Low-pass of unit gain that is closest.
     rank_one : float
         Share of the reflex torque's variance that a single linear system explains; 1 for a Hammerstein system.
     low_pass : float
@@ -113,25 +116,95 @@ class ReflexPath:
     """
 
     nonlinearity: StaticNonlinearity
-    dynamics: object
-    rank_one: float
-    low_pass: float
+    dynamics: ReflexDynamics
+    rank_one: float = 1.0
+    low_pass: float = 1.0
 
     @property
-    def parameters(self):
+    def parameters(self) -> dict[str, float]:
         """G [N·m·s/rad], threshold [rad/s] of a basis that can have one, ωn [rad/s], ζ, and the pole p [rad/s]."""
-        gain, threshold, _ = self.nonlinearity.rectifier()
-        found = {"G": gain} if self.nonlinearity.basis.kind == "rectifier" else {"G": gain, "threshold": threshold}
-        return {**found, **{name: float(value) for name, value in self.dynamics.values.items()}}
+        gain, threshold, _ = self.nonlinearity.fit_rectifier()
+        rectifier = {"G": gain} if self.nonlinearity.basis.kind == "rectifier" else {"G": gain, "threshold": threshold}
+        return {**rectifier, **{name: float(value) for name, value in self.dynamics.values.items()}}
 
     @property
-    def diagnostics(self):
+    def diagnostics(self) -> dict[str, Any]:
         """Curve of the nonlinearity, and how well the separation describes the model."""
         shares = {"rank_one": self.rank_one, "low_pass": self.low_pass}
         return {"nonlinearity": self.nonlinearity.curve(), "separation": shares}
 
 
-def separate(matrices, inputs, basis, order=2):
+class DriveSpectra:
+    """Spectra of the inputs of the reflex path on a record.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (N, k)
+        The inputs.
+    rate : float
+        Identification rate [Hz].
+    """
+
+    def __init__(self, drive: np.ndarray, rate: float) -> None:
+        self._drive, self._rate = drive, rate
+
+    @cached_property
+    def _bins(self) -> tuple[np.ndarray, np.ndarray]:
+        band = _band(len(self._drive), self._rate)
+        width = max(1, round(BIN * len(self._drive) / self._rate))
+        return _sum_bins(band.transform(self._drive.T), band.frequency, width)
+
+    @property
+    def s(self) -> np.ndarray:
+        """Laplace variable at the centre of each bin's power [rad/s], shape (bins,).
+
+        About that centre a response that is nearly linear within a bin gives what all of its frequencies give.
+        """
+        return 2j * np.pi * self._bins[0]
+
+    @property
+    def power(self) -> np.ndarray:
+        """Spectral matrices, summed over bins, shape (bins, k, k)."""
+        return self._bins[1]
+
+    @cached_property
+    def root(self) -> np.ndarray:
+        """Cholesky factor of the covariance, regularised so that nearly dependent inputs stay apart; shape (k, k)."""
+        covariance = np.atleast_2d(np.cov(self._drive, rowvar=False))
+        return np.linalg.cholesky(covariance + 1e-10 * np.diag(np.diag(covariance)))
+
+
+@lru_cache(maxsize=8)
+def _band(samples: int, rate: float) -> Band:
+    return Band(samples, rate, LOWEST, PASSBAND * rate)
+
+
+@njit(cache=True)
+def _sum_bins(spectra, frequency, width):
+    channels, lines = spectra.shape
+    bins = -(-lines // width)
+    energy = np.zeros(channels)
+    for k in range(channels):
+        for f in range(lines):
+            energy[k] += abs(spectra[k, f]) ** 2
+    power, centres = np.zeros((bins, channels, channels)), np.zeros(bins)
+    for b in range(bins):
+        weights = 0.0
+        for f in range(b * width, min((b + 1) * width, lines)):
+            weight = 0.0
+            for i in range(channels):
+                for j in range(i + 1):
+                    power[b, i, j] += (spectra[i, f] * spectra[j, f].conjugate()).real
+                weight += abs(spectra[i, f]) ** 2 / energy[i]
+            weights += weight
+            centres[b] += weight * frequency[f]
+        centres[b] /= weights
+        for i in range(channels):
+            power[b, :i, i] = power[b, i, :i]
+    return centres, power
+
+
+def separate_model(matrices: Matrices, spectra: DriveSpectra, basis: Basis, order: int = 2) -> ReflexPath:
     r"""Separate the reflex path of a linear model into a static nonlinearity and linear dynamics.
 
     The responses of a Hammerstein system to its basis functions are one response times a coefficient each. So the
@@ -145,10 +218,10 @@ def separate(matrices, inputs, basis, order=2):
     ----------
     matrices : Matrices
         A, B, C, D from the basis functions to the reflex torque, at the identification rate.
-    inputs : ndarray, shape (N, k)
-        The basis functions on the record.
+    spectra : DriveSpectra
+        Spectra of the k basis functions on the record.
     basis : Basis
-        What they are.
+        The basis functions.
     order : {2, 3}
         Poles of the low-pass.
 
@@ -166,93 +239,40 @@ def separate(matrices, inputs, basis, order=2):
     E.-W. Bai, "An optimal two-stage identification algorithm for Hammerstein-Wiener nonlinear systems", Automatica
     34(3), 333-338, 1998.
     """
-    s, power = once(inputs, "power", lambda: _power(inputs, 1.0 / matrices.dt))
+    s, power, root = spectra.s, spectra.power, spectra.root
     responses = matrices.frequency_response(np.exp(s * matrices.dt))
-    root = once(inputs, "root", lambda: np.linalg.cholesky(_covariance(inputs)))
-    own = np.einsum("fkk->fk", power)
-    weight = np.mean(own / own.sum(axis=0), axis=1)
+    autospectra = np.einsum("fkk->fk", power)
+    weight = np.mean(autospectra / autospectra.sum(axis=0), axis=1)
     weighted = np.sqrt(weight)[:, None] * (responses @ root)
-    _, values, right = np.linalg.svd(np.vstack([weighted.real, weighted.imag]), full_matrices=False)
+    _, values, directions = np.linalg.svd(np.vstack([weighted.real, weighted.imag]), full_matrices=False)
     if not values[0] > 0:
         raise DataError("the model has no reflex torque, so there is nothing to separate.")
-    coefficients = np.linalg.solve(root.T, right[0])
-    single = responses @ (root @ right[0])
-    gain, dynamics, share = fit_dynamics(single, s, np.maximum(power @ coefficients @ coefficients, 0.0), order)
-    return ReflexPath(
-        StaticNonlinearity(basis, gain * coefficients),
-        dynamics,
-        float(values[0] ** 2 / np.sum(values**2)),
-        share,
-    )
+    coefficients = np.linalg.solve(root.T, directions[0])
+    response = responses @ (root @ directions[0])
+    input_power = np.maximum(power @ coefficients @ coefficients, 0.0)
+    gain, dynamics, share = fit_dynamics(response, s, input_power, order)
+    rank_one = float(values[0] ** 2 / np.sum(values**2))
+    return ReflexPath(StaticNonlinearity(basis, gain * coefficients), dynamics, rank_one, share)
 
 
-@lru_cache(maxsize=8)
-def _band(samples, rate):
-    return Band(samples, rate, LOWEST, PASSBAND * rate)
-
-
-def _power(inputs, rate):
-    """Spectral matrices of the inputs, summed over bins, and the centre of each bin's power on the imaginary axis.
-
-    About that centre a response that is nearly linear in a bin gives what all of its lines give.
-    """
-    band = _band(len(inputs), rate)
-    centres, power = _binned(band.transform(inputs.T), band.frequency, max(1, round(BIN * len(inputs) / rate)))
-    return 2j * np.pi * centres, power
-
-
-@njit(cache=True)
-def _binned(spectra, frequency, width):
-    channels, lines = spectra.shape
-    bins = -(-lines // width)
-    own = np.zeros(channels)
-    for k in range(channels):
-        for f in range(lines):
-            own[k] += abs(spectra[k, f]) ** 2
-    power, centres = np.zeros((bins, channels, channels)), np.zeros(bins)
-    for b in range(bins):
-        weights = 0.0
-        for f in range(b * width, min((b + 1) * width, lines)):
-            weight = 0.0
-            for i in range(channels):
-                for j in range(i + 1):
-                    power[b, i, j] += (spectra[i, f] * spectra[j, f].conjugate()).real
-                weight += abs(spectra[i, f]) ** 2 / own[i]
-            weights += weight
-            centres[b] += weight * frequency[f]
-        centres[b] /= weights
-        for i in range(channels):
-            power[b, :i, i] = power[b, i, :i]
-    return centres, power
-
-
-def _covariance(inputs):
-    """Covariance of the inputs, with what keeps nearly dependent ones apart."""
-    covariance = np.atleast_2d(np.cov(inputs, rowvar=False))
-    return covariance + 1e-10 * np.diag(np.diag(covariance))
-
-
-def response_gain(response, drive, rate, basis, order=2):
-    """The same from the impulse response of a single reflex input.
+def separate_response(response: np.ndarray, spectra: DriveSpectra, rate: float, basis: Basis) -> ReflexPath:
+    """Separate the impulse response to a single reflex input into a gain and second-order dynamics.
 
     Parameters
     ----------
     response : ndarray, shape (lags,)
         Impulse response at the identification rate.
-    drive : ndarray, shape (N,)
-        The input on the record.
+    spectra : DriveSpectra
+        Spectra of the input on the record.
     rate : float
         Identification rate [Hz].
     basis : Basis
-        What the input is.
-    order : {2, 3}
-        Poles of the low-pass.
+        The nonlinearity that makes the input.
 
     Returns
     -------
     ReflexPath
     """
-    s, power = once(drive, "power", lambda: _power(drive[:, None], rate))
-    frequency_response = np.polyval(response[::-1], np.exp(-s / rate))
-    gain, dynamics, share = fit_dynamics(frequency_response, s, power[:, 0, 0], order)
-    return ReflexPath(StaticNonlinearity(basis, np.array([gain])), dynamics, 1.0, share)
+    frequency_response = np.polyval(response[::-1], np.exp(-spectra.s / rate))
+    gain, dynamics, share = fit_dynamics(frequency_response, spectra.s, spectra.power[:, 0, 0])
+    return ReflexPath(StaticNonlinearity(basis, np.array([gain])), dynamics, low_pass=share)

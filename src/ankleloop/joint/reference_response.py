@@ -1,29 +1,33 @@
-"""Position without fed-back torque: what the reference explains."""
+"""Response of a signal to leads and lags of the reference: what the reference explains is free of fed-back torque."""
+
+from __future__ import annotations
 
 import numpy as np
 from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.signals.decimation import PASSBAND, convolve, decimate, lowpass
-from ankleloop.signals.spectra import smoothed
+from ankleloop.signals.spectra import smooth
 
-__all__ = ["explained_by", "finite_response", "share_explained", "unexplained"]
+__all__ = ["explained_share", "fit_finite_response", "predict_from_reference", "remove_response"]
 
 LEADS, LAGS = 0.15, 0.80  # s: zero-phase decimation needs leads, a lightly damped load long lags
 RIDGE = 1e-3  # of the power of the source: it settles what lies beyond the pass band
 RESOLUTION = 0.8  # Hz: width over which the noise spectrum is smoothed
 
 
-def finite_response(y, x, rate, leads=LEADS, lags=LAGS):
+def fit_finite_response(
+    y: np.ndarray, x: np.ndarray, rate: float, leads: float = LEADS, lags: float = LAGS
+) -> np.ndarray:
     r"""Finite response of a signal to leads and lags of another, by weighted least squares.
 
     The normal equations are made of correlations, so the length of the record hardly counts. They are solved twice: the
-    second time every frequency is weighted by the inverse of the spectrum of what the first solution left.
+    second time every frequency is weighted by the inverse spectrum of the residual of the first solution.
 
     Parameters
     ----------
     y, x : ndarray, shape (N,)
-        The signal, and what it responds to.
+        The signal, and the signal that it responds to.
     rate : float
         Sampling rate [Hz]; frequencies above the pass band of the decimation do not count.
     leads, lags : float
@@ -42,7 +46,7 @@ def finite_response(y, x, rate, leads=LEADS, lags=LAGS):
     Examples
     --------
     >>> x = np.random.default_rng(1).standard_normal(4000)
-    >>> taps = finite_response(np.roll(x, 3), x, 100.0, leads=0.02, lags=0.05)
+    >>> taps = fit_finite_response(np.roll(x, 3), x, 100.0, leads=0.02, lags=0.05)
     >>> int(np.argmax(taps)) - 2
     3
     """
@@ -54,92 +58,88 @@ def finite_response(y, x, rate, leads=LEADS, lags=LAGS):
         )
     size = int(2 ** np.ceil(np.log2(y.size + shifts.size)))
     spectrum, target = np.fft.rfft(x - x.mean(), size), np.fft.rfft(y - y.mean(), size)
-    inside = np.fft.rfftfreq(size) <= PASSBAND
-    taps = _correlated(spectrum, target, inside.astype(float), shifts, size)
+    passband = np.fft.rfftfreq(size) <= PASSBAND
+    taps = _solve_correlations(spectrum, target, passband.astype(float), shifts, size)
     circular = np.zeros(size)
     circular[shifts] = taps
-    left = target - np.fft.rfft(circular) * spectrum
-    noise = smoothed(np.abs(left) ** 2, RESOLUTION * size / rate)
-    weight = np.where(inside, 1.0 / np.maximum(noise, 1e-12 * noise[inside].max()), 0.0)
-    return _correlated(spectrum, target, weight / weight.max(), shifts, size)
+    residual = target - np.fft.rfft(circular) * spectrum
+    noise = smooth(np.abs(residual) ** 2, RESOLUTION * size / rate)
+    weight = np.where(passband, 1.0 / np.maximum(noise, 1e-12 * noise[passband].max()), 0.0)
+    return _solve_correlations(spectrum, target, weight / weight.max(), shifts, size)
 
 
-def _correlated(spectrum, target, weight, shifts, size):
+def _solve_correlations(
+    spectrum: np.ndarray, target: np.ndarray, weight: np.ndarray, shifts: np.ndarray, size: int
+) -> np.ndarray:
     """Solve the normal equations of weighted correlations, a Toeplitz system."""
-    own = np.fft.irfft(weight * np.abs(spectrum) ** 2, size)[: shifts.size]
-    own[0] *= 1.0 + RIDGE
-    return linalg.solve_toeplitz(own, np.fft.irfft(weight * spectrum.conj() * target, size)[shifts])
+    autocorrelation = np.fft.irfft(weight * np.abs(spectrum) ** 2, size)[: shifts.size]
+    autocorrelation[0] *= 1.0 + RIDGE
+    return linalg.solve_toeplitz(autocorrelation, np.fft.irfft(weight * spectrum.conj() * target, size)[shifts])
 
 
-def _responded(x, taps, ahead):
-    """Answer of a finite response that begins some samples ahead, where the signal is."""
-    return convolve(x, taps)[ahead:][: x.size]
+def _respond(x: np.ndarray, taps: np.ndarray, leads: int) -> np.ndarray:
+    """Output of a finite response that begins some samples ahead, on the samples of the input."""
+    return convolve(x, taps)[leads:][: x.size]
 
 
-def explained_by(y, source, grid, rate, leads=LEADS, lags=LAGS):
-    """Part of a decimated signal that a recorded source explains, at the recording rate.
+def predict_from_reference(y: np.ndarray, reference: np.ndarray, grid: tuple[int, int, int], rate: float) -> np.ndarray:
+    """Part of a decimated signal that the recorded reference explains, at the recording rate.
 
     Parameters
     ----------
     y : ndarray, shape (N,)
         Decimated signal.
-    source : ndarray, shape (samples,)
-        Source at the recording rate.
+    reference : ndarray, shape (samples,)
+        Reference at the recording rate.
     grid : tuple of int
         Factor, first recorded sample and number of the decimated samples.
     rate : float
         Recording rate [Hz].
-    leads, lags : float
-        Time ahead of and behind the present [s].
 
     Returns
     -------
     ndarray, shape (samples,)
-        Low-passed as the decimation does, without its mean.
+        Low-passed as the decimation does, less its mean.
     """
     factor = grid[0]
-    taps = finite_response(y, decimate(source, *grid), rate / factor, leads, lags)
-    spread = np.zeros(factor * (taps.size - 1) + 1)
-    spread[::factor] = taps
-    return _responded(lowpass(source, factor), spread, factor * round(leads * rate / factor))
+    taps = fit_finite_response(y, decimate(reference, *grid), rate / factor)
+    recorded_taps = np.zeros(factor * (taps.size - 1) + 1)
+    recorded_taps[::factor] = taps
+    return _respond(lowpass(reference, factor), recorded_taps, factor * round(LEADS * rate / factor))
 
 
-def unexplained(y, x, rate, leads=LEADS, lags=LAGS):
-    """What leads and lags of another signal leave of a signal.
+def remove_response(y: np.ndarray, x: np.ndarray, rate: float) -> np.ndarray:
+    """Residual of a signal beside its response to leads and lags of another.
 
     Parameters
     ----------
     y, x : ndarray, shape (N,)
-        The signal, and what may explain it, decimated alike.
+        The signal, and the signal that it may respond to, decimated alike.
     rate : float
         Sampling rate [Hz].
-    leads, lags : float
-        Time ahead of and behind the present [s].
 
     Returns
     -------
     ndarray, shape (M,)
         Without the ends that the response touches.
     """
-    taps = finite_response(y, x, rate, leads, lags)
-    return _left(y, x, taps, round(leads * rate))
+    return _residual(y, x, fit_finite_response(y, x, rate), rate)
 
 
-def _left(y, x, taps, ahead):
-    return (y - y.mean() - _responded(x - x.mean(), taps, ahead))[taps.size : -taps.size]
+def _residual(y: np.ndarray, x: np.ndarray, taps: np.ndarray, rate: float) -> np.ndarray:
+    response = _respond(x - x.mean(), taps, round(LEADS * rate))
+    return (y - y.mean() - response)[taps.size : -taps.size]
 
 
-def share_explained(y, x, rate, leads=LEADS, lags=LAGS):
+def explained_share(y: np.ndarray, x: np.ndarray, rate: float) -> float:
     """Share of a signal's variance that another one predicts in the half of the record that was not fitted.
 
     Parameters
     ----------
     y, x : ndarray, shape (N,)
-        The signal, and what may explain it.
+        The signal, and the signal that may explain it.
     rate : float
         Sampling rate [Hz].
-    leads, lags : float
-        Time ahead of and behind the present [s].
 
     Returns
     -------
@@ -150,15 +150,14 @@ def share_explained(y, x, rate, leads=LEADS, lags=LAGS):
     --------
     >>> rng = np.random.default_rng(1)
     >>> x, other = rng.standard_normal((2, 4000))
-    >>> share_explained(np.roll(x, 2), x, 100.0) > 0.7, share_explained(other, x, 100.0) < 0.05
+    >>> explained_share(np.roll(x, 2), x, 100.0) > 0.7, explained_share(other, x, 100.0) < 0.05
     (True, True)
     """
     halves = np.array_split(np.arange(y.size), 2)
-    ahead = round(leads * rate)
-    left = total = 0.0
-    for fitted, judged in (halves, halves[::-1]):
-        taps = finite_response(y[fitted], x[fitted], rate, leads, lags)
-        target = y[judged] - y[judged].mean()
-        left += np.sum(_left(y[judged], x[judged], taps, ahead) ** 2)
+    residual = total = 0.0
+    for training, test in (halves, halves[::-1]):
+        taps = fit_finite_response(y[training], x[training], rate)
+        target = y[test] - y[test].mean()
+        residual += np.sum(_residual(y[test], x[test], taps, rate) ** 2)
         total += np.sum(target[taps.size : -taps.size] ** 2)
-    return float(1.0 - left / total)
+    return float(1.0 - residual / total)

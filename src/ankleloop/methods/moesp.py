@@ -3,24 +3,46 @@
 Its members differ in their instruments and in the form of their projection, so they share one body.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Literal
 
 import numpy as np
+import xarray as xr
 
 from ankleloop.errors import DataError
+from ankleloop.joint.basis import Basis
 from ankleloop.joint.estimate import Estimate, torque_dataset
-from ankleloop.joint.hammerstein import separate
-from ankleloop.joint.regressors import INTRINSIC_NAMES, build_regressors, predicted_inputs, shared_basis
+from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, separate_model
+from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare
+from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
+from ankleloop.methods.method import Method, Trial, degree_option, delay_option, rate_option
+from ankleloop.options import Options, option
 from ankleloop.subspace.input_matrices import response
+from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.moesp import moesp
 
-__all__ = ["MEMBERS", "REGRESSION_TOLERANCE", "direct_stiffness", "identify_moesp", "reflex_path", "torques"]
+__all__ = [
+    "MEMBERS",
+    "METHODS",
+    "REGRESSION_TOLERANCE",
+    "MoespModelOptions",
+    "MoespOptions",
+    "direct_stiffness",
+    "identify_moesp",
+    "merge_moesp",
+    "separate_reflex",
+    "simulate_torques",
+]
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
 # squares would give torques that are huge and cancel. Without it the regression is far from this (condition below 100).
 REGRESSION_TOLERANCE = 1e-3
 
-# Instruments, and the form of the projection unless another one is asked for.
+# Instruments, and the form of the projection unless another one is chosen.
 MEMBERS = {
     "pr-moesp": ("past-reference", "ordinary"),
     "eiv-moesp": ("past-input-output", "correlation"),
@@ -30,24 +52,56 @@ MEMBERS = {
 }
 
 
-def identify_moesp(
-    trial,
-    *,
-    method="pr-moesp",
-    order=2,
-    block_rows=15,
-    delay=0.04,
-    basis=None,
-    degree=5,
-    identification_rate=100.0,
-    input_matrices="least-squares",
-    projection=None,
-    instrument_rows=None,
-    instrument_leads=0,
-    reference="reference",
-    free_b=False,
-    rank_tolerance=1e-5,
-):
+class MoespModelOptions(Options):
+    """Options of the model of the MOESP family, for records of any length."""
+
+    order: int | None = option(
+        2, "order of the reflex dynamics; null takes the largest drop of the singular values", ge=1, le=20
+    )
+    block_rows: int = option(15, "block rows of the Hankel matrices", unit="samples", ge=3, le=200)
+    delay: float = delay_option()
+    basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
+        None, "basis of the static nonlinearity; null for the method's own (chebyshev)"
+    )
+    degree: int = degree_option()
+    identification_rate: float = rate_option()
+    projection: Literal["ordinary", "correlation"] | None = option(
+        None, "form of the projection; null for the method's own (correlation for eiv-moesp, else ordinary)"
+    )
+    instrument_rows: int | None = option(
+        None,
+        "block rows of the instruments; null for block_rows, or what the correlation form needs",
+        unit="samples",
+        ge=1,
+        le=1000,
+    )
+    instrument_leads: int = option(
+        0, "block rows by which the reference of pr-moesp reaches into the future as well", unit="samples", ge=0, le=200
+    )
+    # A delayed velocity among the basis functions repeats rows of the velocity up to the accuracy of the decimation,
+    # which is the default: smaller directions are errors of the filters.
+    rank_tolerance: float = option(
+        1e-5, "singular values of the projection below this fraction of the largest count as zero", ge=0, lt=1
+    )
+
+
+class MoespOptions(MoespModelOptions):
+    """Options of the MOESP family."""
+
+    input_matrices: Literal["least-squares", "instruments"] = option(
+        "least-squares",
+        "how B and D are estimated; least squares is biased by torque that is fed back, instruments are rebuilt from "
+        "the position that the reference predicts",
+    )
+    reference: str = option("reference", 'variable that serves as reference; "position" for open-loop records')
+    free_b: bool = option(
+        False,
+        "let position, velocity and acceleration drive the state as well; K, B, I are then those of the second-order "
+        "model that explains the intrinsic torque best",
+    )
+
+
+def identify_moesp(trial: PreparedTrial, options: MoespOptions, *, member: str = "pr-moesp") -> Estimate:
     r"""Separate intrinsic and reflex torque by a member of the MOESP family.
 
     The net torque is the output of one linear model (Eq. 11) whose inputs are position, velocity and acceleration,
@@ -60,47 +114,18 @@ def identify_moesp(
 
     Parameters
     ----------
-    trial : xarray.Dataset, or list of those
-        The trial; several are merged into one identification, without a joint across their seams.
-    method : {"pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp"}
+    trial : PreparedTrial
+        The trial.
+    options : MoespOptions
+        The options.
+    member : {"pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp"}
         Past reference (Zhao, Ludvig and Kearney, ACC 2008), past input and output in correlation form (Chou and
         Verhaegen 1997), past input (Verhaegen 1993), past input and output (Verhaegen 1994), or no instruments
         (Verhaegen and Dewilde 1992).
-    order : int or None
-        Order of the reflex dynamics; None takes it from the largest drop of the singular values.
-    block_rows : int
-        Block rows of the future Hankel matrices.
-    delay : float
-        Reflex delay [s].
-    basis : {"chebyshev", "rectifier", "spline"}, optional
-        Basis of the static nonlinearity, "chebyshev" by default.
-    degree : int
-        Number of its terms (the rectifier has one).
-    identification_rate : float
-        Rate of the identification [Hz]; the sampling rate has to be a multiple of it.
-    input_matrices : {"least-squares", "instruments"}
-        How B and D are found: least squares is biased by torque that is fed back; instruments are rebuilt from the
-        position that the reference predicts.
-    projection : {"ordinary", "correlation"}, optional
-        Form of the projection; "correlation" for EIV-MOESP and "ordinary" for the others by default.
-    instrument_rows : int, optional
-        Block rows of the instruments; `block_rows`, or as many as the correlation form needs, by default.
-    instrument_leads : int
-        Block rows by which the reference of PR-MOESP reaches into the future as well.
-    reference : str
-        Variable that serves as reference; "position" for open-loop records.
-    free_b : bool
-        Let position, velocity and acceleration drive the state as well. D alone is not K, B and I then: they are those
-        of the second-order model that explains the intrinsic torque best.
-    rank_tolerance : float
-        Rank policy of the projection: smaller singular values, relative to the largest, count as zero. The default
-        is the accuracy of the decimation: a delayed velocity among the basis functions repeats rows of the velocity
-        up to that, so smaller directions are errors of the filters.
 
     Returns
     -------
-    Estimate, or list of those
-        One for each trial where several were merged: the model is the same, the torques are those of the trial.
+    Estimate
 
     Raises
     ------
@@ -109,99 +134,127 @@ def identify_moesp(
 
     Examples
     --------
-    >>> from ankleloop.simulation import simulate
+    >>> from ankleloop.methods.registry import identify
+    >>> from ankleloop.simulation.simulate import simulate
     >>> trial = simulate(seed=1, duration=20.0, snr_db=None, voluntary=0.0)
-    >>> estimate = identify_moesp(trial, method="pr-moesp", basis="rectifier")
+    >>> estimate = identify(trial, "pr-moesp", basis="rectifier")
     >>> bool(abs(estimate.stiffness["K"] - 150) < 1)
     True
     """
-    several = isinstance(trial, (list, tuple))
-    trials = list(trial) if several else [trial]
-    if not trials:
-        raise DataError("there are no trials to merge.")
-    instruments, usual_projection = MEMBERS[method]
+    return merge_moesp([trial], options, member=member)[0]
+
+
+def merge_moesp(trials: Sequence[PreparedTrial], options: MoespOptions, *, member: str = "pr-moesp") -> list[Estimate]:
+    """Identify several trials as merged records of one joint, as `identify_moesp` identifies a single one.
+
+    Parameters
+    ----------
+    trials : sequence of PreparedTrial
+        The trials; no Hankel column and no state reaches from one to the next.
+    options, member
+        As `identify_moesp` takes them.
+
+    Returns
+    -------
+    list of Estimate
+        One for each trial: the model is the same, the torques are those of the trial.
+
+    Raises
+    ------
+    DataError
+        If a record is unusable, too short, or lacks the reference that the method needs.
+    """
+    instruments, projection = MEMBERS[member]
     # Members that have no use for a reference take a trial that has none.
-    needed = instruments == "past-reference" or input_matrices == "instruments"
-    settled = shared_basis(trials, delay, basis or "chebyshev", degree) if several else basis or "chebyshev"
-    regressors = [
-        build_regressors(
-            one,
-            delay=delay,
-            basis=settled,
-            degree=degree,
-            identification_rate=identification_rate,
-            reference=reference if needed else None,
-        )
-        for one in trials
-    ]
-    first = regressors[0]
+    needs_reference = instruments == "past-reference" or options.input_matrices == "instruments"
+    regressors = _regressors(trials, options, options.reference if needs_reference else None)
     predicted = None
-    if input_matrices == "instruments":
-        predicted = [predicted_inputs(one, part, delay) for one, part in zip(trials, regressors, strict=True)]
-
-    def signals(parts):
-        """One record as it is, several as a list of data batches."""
-        return None if parts is None or parts[0] is None else parts if several else parts[0]
-
-    found = moesp(
-        signals([part.inputs for part in regressors]),
-        signals([part.torque for part in regressors]),
-        block_rows,
-        order,
+    if options.input_matrices == "instruments":
+        predicted = [trial.predict_inputs(part) for trial, part in zip(trials, regressors, strict=True)]
+    first = regressors[0]
+    model = moesp(
+        _signals([part.inputs for part in regressors]),
+        _signals([part.torque for part in regressors]),
+        options.block_rows,
+        options.order,
         instruments,
-        projection or usual_projection,
-        signals([part.reference for part in regressors]),
+        options.projection or projection,
+        None if first.reference is None else _signals([part.reference for part in regressors]),
         dt=1.0 / first.rate,
-        instrument_rows=instrument_rows,
-        instrument_leads=instrument_leads,
-        input_matrices=input_matrices,
-        dynamic=None if free_b else first.reflex,
-        predicted_inputs=signals(predicted),
-        rank_tolerance=rank_tolerance,
+        instrument_rows=options.instrument_rows,
+        instrument_leads=options.instrument_leads,
+        input_matrices=options.input_matrices,
+        dynamic=None if options.free_b else first.reflex,
+        predicted_inputs=None if predicted is None else _signals(predicted),
+        rank_tolerance=options.rank_tolerance,
         regression_tolerance=REGRESSION_TOLERANCE,
         names=(first.names, ("torque",)),
     )
-    diagnostics = {"singular_values": found.singular_values, **found.diagnostics}
-    if needed:
-        diagnostics["reference"] = reference
-    path = reflex_path(found.matrices, regressors)
+    path = separate_reflex(model.matrices, regressors)
+    diagnostics = {"singular_values": model.singular_values, **model.diagnostics}
+    if needs_reference:
+        diagnostics["reference"] = options.reference
     estimates = []
-    for part, start in zip(regressors, np.atleast_2d(found.initial_state), strict=True):
-        torque = _torques(found.matrices, start, part)
+    for part, state in zip(regressors, np.atleast_2d(model.initial_state), strict=True):
+        torque = _torque_dataset(model.matrices, state, part)
+        direct = direct_stiffness(model.matrices)
         estimates.append(
             Estimate(
-                method=method,
+                method=member,
                 torque=torque,
-                matrices=found.matrices,
-                stiffness=part.stiffness(torque["intrinsic"].values) if free_b else direct_stiffness(found.matrices),
-                reflex={"delay": float(delay), **path.parameters},
+                matrices=model.matrices,
+                stiffness=part.fit_stiffness(torque["intrinsic"].values) if options.free_b else direct,
+                reflex={"delay": options.delay, **path.parameters},
                 diagnostics=diagnostics | path.diagnostics,
-                predictor=_Predictor(found.matrices, part.basis, delay),
+                predictor=_Predictor(model.matrices, part.basis, options.delay),
             )
         )
-    return estimates if several else estimates[0]
+    return estimates
+
+
+def _regressors(trials: Sequence[PreparedTrial], options: MoespOptions, reference: str | None) -> list[Regressors]:
+    basis: str | Basis = options.basis or "chebyshev"
+    if len(trials) > 1:
+        basis = fit_shared_basis(trials, options.delay, options.basis or "chebyshev", options.degree)
+    return [
+        trial.regressors(
+            delay=options.delay,
+            basis=basis,
+            degree=options.degree,
+            identification_rate=options.identification_rate,
+            reference=reference,
+        )
+        for trial in trials
+    ]
+
+
+def _signals(records: list) -> np.ndarray | list[np.ndarray]:
+    """One record as an array, several as a list of records that are merged."""
+    return records if len(records) > 1 else records[0]
 
 
 @dataclass(frozen=True)
 class _Predictor:
     """Torques of another trial by the same model."""
 
-    matrices: object
-    basis: object
+    matrices: Matrices
+    basis: Basis
     delay: float
 
-    def __call__(self, trial):
+    def __call__(self, trial: Trial) -> xr.Dataset:
         rate = 1.0 / self.matrices.dt
-        regressors = build_regressors(trial, delay=self.delay, basis=self.basis, identification_rate=rate)
-        return _torques(self.matrices, None, regressors)
+        regressors = prepare(trial).regressors(delay=self.delay, basis=self.basis, identification_rate=rate)
+        return _torque_dataset(self.matrices, None, regressors)
 
 
-def direct_stiffness(model):
+def direct_stiffness(model: Matrices) -> dict[str, float]:
     """K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
     return dict(zip("KBI", map(float, model.D[0, : len(INTRINSIC_NAMES)]), strict=True))
 
 
-def torques(model, initial_state, regressors):
+def simulate_torques(
+    model: Matrices, initial_state: np.ndarray | None, regressors: Regressors
+) -> dict[str, np.ndarray]:
     """Torques of the model with the inputs of one path at a time; the initial state belongs to the reflex.
 
     Parameters
@@ -216,37 +269,58 @@ def torques(model, initial_state, regressors):
     Returns
     -------
     dict of str to ndarray, shape (N,)
-        `net`, `intrinsic` and `reflex` [N·m], without their means.
+        `net`, `intrinsic` and `reflex` [N·m], less their means.
 
     Raises
     ------
     DataError
         If they are not finite.
     """
-    motion, drive = regressors.centred_inputs
+    motion, drive = regressors.joint_inputs.centred
     paths = {}
-    for name, u, used, start in (
+    for name, u, mask, state in (
         ("intrinsic", motion, ~regressors.reflex, None),
         ("reflex", drive, regressors.reflex, initial_state),
     ):
-        of_path = model.of_inputs(used)
-        if start is None and not of_path.B.any():
-            torque = u @ of_path.D[0]
+        path = model.of_inputs(mask)
+        if state is None and not path.B.any():
+            torque = u @ path.D[0]
         else:
-            torque = response(of_path.A, of_path.B, of_path.C, of_path.D, u, start)[:, 0]
+            torque = response(path.A, path.B, path.C, path.D, u, state)[:, 0]
         paths[name] = torque - torque.mean()
     if not all(np.all(np.isfinite(torque)) for torque in paths.values()):
         raise DataError("the estimated torques are not finite: the model does not suit the record; lower its order.")
     return {"net": paths["intrinsic"] + paths["reflex"], **paths}
 
 
-def _torques(model, initial_state, regressors):
-    return torque_dataset(regressors.time, regressors.rate, **torques(model, initial_state, regressors))
+def _torque_dataset(model: Matrices, initial_state: np.ndarray | None, regressors: Regressors) -> xr.Dataset:
+    return torque_dataset(regressors.time, regressors.rate, **simulate_torques(model, initial_state, regressors))
 
 
-def reflex_path(matrices, regressors):
-    """Nonlinearity and dynamics; the low-pass has a third pole where the model has three."""
-    parts = [part.centred_inputs[1] for part in regressors]
-    inputs = parts[0] if len(parts) == 1 else np.concatenate(parts)
-    of_path = matrices.of_inputs(regressors[0].reflex)
-    return separate(of_path, inputs, regressors[0].basis, 3 if len(matrices.A) == 3 else 2)
+def separate_reflex(matrices: Matrices, regressors: Sequence[Regressors]) -> ReflexPath:
+    """Nonlinearity and dynamics of the reflex path; the low-pass has a third pole where the model has three.
+
+    Parameters
+    ----------
+    matrices : Matrices
+        The model, in physical units.
+    regressors : sequence of Regressors
+        Regressors of the record, or of several that are merged.
+
+    Returns
+    -------
+    ReflexPath
+    """
+    first = regressors[0]
+    spectra = first.joint_inputs.drive_spectra
+    if len(regressors) > 1:
+        drive = np.concatenate([part.joint_inputs.centred[1] for part in regressors])
+        spectra = DriveSpectra(drive, first.rate)
+    order = 3 if len(matrices.A) == 3 else 2
+    return separate_model(matrices.of_inputs(first.reflex), spectra, first.basis, order)
+
+
+METHODS = tuple(
+    Method(name, MoespOptions, partial(identify_moesp, member=name), partial(merge_moesp, member=name))
+    for name in MEMBERS
+)

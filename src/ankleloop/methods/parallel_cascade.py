@@ -1,22 +1,54 @@
 """The parallel-cascade method: two impulse responses, estimated in turn (Kearney, Stein and Parameswaran 1997)."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
+import xarray as xr
 
 from ankleloop.errors import DataError
+from ankleloop.joint.basis import Basis
 from ankleloop.joint.estimate import Estimate, torque_dataset
-from ankleloop.joint.hammerstein import response_gain
-from ankleloop.joint.once import once
-from ankleloop.joint.regressors import build_regressors
+from ankleloop.joint.hammerstein import DriveSpectra, separate_response
+from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.regressors import Regressors
+from ankleloop.methods.method import Method, Trial, delay_option, rate_option
+from ankleloop.options import Options, option
 from ankleloop.subspace.hankel_gram import HankelGram
 
-__all__ = ["identify_parallel_cascade"]
+__all__ = ["METHODS", "ParallelCascadeOptions", "identify_parallel_cascade"]
 
-RANKS = ("full", "mdl")
 PASS_CEILING = 10_000  # beyond any loop that converges at all
 SQUARED = 1e-10  # least ratio of eigenvalues for which inner products show all directions
+
+
+class ParallelCascadeOptions(Options):
+    """Options of the parallel cascade."""
+
+    delay: float = delay_option()
+    basis: Literal["rectifier"] | None = option(
+        None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
+    )
+    identification_rate: float = rate_option()
+    max_passes: int | None = option(None, "most passes; 1 is the method as published, null runs to convergence", ge=1)
+    tolerance: float = option(
+        0.001, "converged when a pass adds less than this to the net VAF", unit="points of VAF", ge=0
+    )
+    intrinsic_lags: float = option(
+        0.04, "half length of the two-sided intrinsic impulse response", unit="s", ge=0, le=1
+    )
+    reflex_lags: float = option(0.5, "length of the reflex impulse response", unit="s", gt=0, le=5)
+    rank: Literal["full", "mdl"] = option(
+        "full",
+        "rank of the pseudo-inverse, full or of minimum description length (Westwick and Kearney 1997)",
+    )
+    rank_tolerance: float = option(
+        1e-6, "singular values of the lagged inputs below this fraction of the largest count as zero", ge=0, lt=1
+    )
 
 
 @dataclass(frozen=True)
@@ -27,19 +59,19 @@ class _Pathway:
     with_torque: np.ndarray
     directions: np.ndarray
 
-    def fit(self, with_target, energy, samples, rank):
+    def fit(self, with_target: np.ndarray, target_energy: float, samples: int, rank: str) -> np.ndarray:
         """Impulse response that best explains a target, from its products with the lagged inputs and its energy."""
         projections = self.directions.T @ with_target
-        kept = _kept(projections, energy, samples, rank)
-        return self.directions[:, kept] @ projections[kept]
+        selection = _select_directions(projections, target_energy, samples, rank)
+        return self.directions[:, selection] @ projections[selection]
 
-    def energy(self, response):
-        """Sum of squares of the torque of a response."""
-        return response @ self.gram @ response
+    def residual(self, with_target: np.ndarray, target_energy: float, response: np.ndarray) -> float:
+        """Energy of a target less the torque of a response, from the target's products and energy."""
+        return float(target_energy - 2.0 * with_target @ response + response @ self.gram @ response)
 
 
-def _kept(projections, energy, samples, rank):
-    """Directions of the pseudo-inverse to keep; "mdl" takes as many as shorten the description of the target."""
+def _select_directions(projections: np.ndarray, energy: float, samples: int, rank: str) -> np.ndarray:
+    """Directions of the pseudo-inverse; "mdl" takes as many as shorten the description of the target."""
     if rank == "full":
         return np.arange(projections.size)
     order = np.argsort(projections**2)[::-1]
@@ -48,24 +80,26 @@ def _kept(projections, energy, samples, rank):
     return order[: int(np.argmin(residual * (1 + terms * np.log(samples) / samples))) + 1]
 
 
-def _directions(gram, lagged, rank_tolerance):
+def _directions(gram: np.ndarray, lagged_inputs: Callable[[], np.ndarray], rank_tolerance: float) -> np.ndarray:
     """Directions of lagged inputs, each over its singular value; those below the tolerance are left out."""
     values, vectors = np.linalg.eigh(gram)
     if values[0] > max(SQUARED, 4.0 * rank_tolerance**2) * values[-1]:
         return vectors / np.sqrt(values)
     # Squares do not show which directions count: the lagged inputs themselves do.
-    _, values, right = np.linalg.svd(lagged(), full_matrices=False)
-    kept = values > rank_tolerance * values[0]
-    return right[kept].T / values[kept]
+    _, values, vectors = np.linalg.svd(lagged_inputs(), full_matrices=False)
+    significant = values > rank_tolerance * values[0]
+    return vectors[significant].T / values[significant]
 
 
-def _lagged(x, lags, rows):
+def _lag_input(x: np.ndarray, lags: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Lags of an input (negative ones lead) at some samples, each less its mean."""
     lagged = np.stack([x[rows - lag] for lag in lags], axis=1)
     return lagged - lagged.mean(axis=0)
 
 
-def _paths(regressors, rows, lags, rank_tolerance):
+def _paths(
+    regressors: Regressors, rows: np.ndarray, lags: tuple[np.ndarray, np.ndarray], rank_tolerance: float
+) -> tuple[list[_Pathway], np.ndarray, float]:
     """Both paths, the products of their lagged inputs with each other, and the energy of the torque.
 
     Lags of a signal are rows of a Hankel matrix, so all of these are entries of one Gram matrix.
@@ -75,63 +109,38 @@ def _paths(regressors, rows, lags, rank_tolerance):
     gram = HankelGram(window)
     gram.add(np.column_stack([inputs, regressors.torque]))
     products = gram.matrix()
-    present = rows[0] * 3
-    at = [present - 3 * which + channel for channel, which in enumerate(lags)]
+    present = rows[0] * 3  # row of lag 0 of the first of three channels
     torque = present + 2
+    indices = [present - 3 * path_lags + channel for channel, path_lags in enumerate(lags)]
     paths = []
-    for channel, (which, index) in enumerate(zip(lags, at, strict=True)):
-        own = products[np.ix_(index, index)]
-        lagged = partial(_lagged, inputs[:, channel], which, rows)
-        paths.append(_Pathway(own, products[index, torque], _directions(own, lagged, rank_tolerance)))
-    return paths, products[np.ix_(*at)], products[torque, torque]
+    for channel, (path_lags, index) in enumerate(zip(lags, indices, strict=True)):
+        path_gram = products[np.ix_(index, index)]
+        lagged_inputs = partial(_lag_input, inputs[:, channel], path_lags, rows)
+        directions = _directions(path_gram, lagged_inputs, rank_tolerance)
+        paths.append(_Pathway(path_gram, products[index, torque], directions))
+    return paths, products[np.ix_(*indices)], products[torque, torque]
 
 
-def identify_parallel_cascade(
-    trial,
-    *,
-    delay=0.04,
-    basis=None,
-    identification_rate=100.0,
-    max_passes=None,
-    tolerance=1e-3,
-    intrinsic_lags=0.04,
-    reflex_lags=0.5,
-    rank="full",
-    rank_tolerance=1e-6,
-):
+def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOptions) -> Estimate:
     r"""Separate intrinsic and reflex torque by the parallel-cascade method.
 
     The intrinsic path is a two-sided impulse response of the position (± `intrinsic_lags`), the reflex path a
     one-sided impulse response of the delayed, rectified velocity (0 … `reflex_lags`). Each pass fits the intrinsic
-    path to the torque that the reflex path leaves, then the reflex path to what the intrinsic path leaves: alternating
-    least squares. It is a correlation method, so torque that is fed back biases it.
+    path to the torque less that of the reflex path, then the reflex path to the torque less that of the intrinsic
+    path: alternating least squares. It is a correlation method, so torque that is fed back biases it.
 
     Parameters
     ----------
-    trial : xarray.Dataset
-        The trial; a reference is not used.
-    delay : float
-        Reflex delay [s].
-    basis : {"rectifier"}, optional
-        Static nonlinearity; the method has one input for the reflex path, the half-wave rectified velocity.
-    identification_rate : float
-        Rate of the identification [Hz].
-    max_passes : int or None
-        Most passes; 1 is the method as published, None runs to convergence.
-    tolerance : float
-        Converged when a pass adds less than this to the net VAF [points].
-    intrinsic_lags, reflex_lags : float
-        Lengths of the impulse responses [s].
-    rank : {"full", "mdl"}
-        Pseudo-inverse of full rank, or of the rank of minimum description length (Westwick and Kearney 1997).
-    rank_tolerance : float
-        Singular values of the lagged inputs below this fraction of the largest count as zero.
+    trial : PreparedTrial
+        The trial.
+    options : ParallelCascadeOptions
+        The options.
 
     Returns
     -------
     Estimate
         `model` is None; the impulse responses and the history of passes are in `diagnostics`. K, B and I are those of
-        the second-order model that explains the intrinsic torque best; G, ωn and ζ those of the low-pass that comes
+        the second-order model that explains the intrinsic torque best; G, ωn and ζ those of the low-pass that is
         closest to the reflex response.
 
     Raises
@@ -141,48 +150,45 @@ def identify_parallel_cascade(
 
     Examples
     --------
-    >>> from ankleloop.simulation import simulate
+    >>> from ankleloop.methods.registry import identify
+    >>> from ankleloop.simulation.simulate import simulate
     >>> trial = simulate(seed=1, duration=20.0, snr_db=None, voluntary=0.0, reflex_gain=2.0)
-    >>> estimate = identify_parallel_cascade(trial)
+    >>> estimate = identify(trial, "parallel-cascade")
     >>> bool(estimate.diagnostics["converged"]), bool(abs(estimate.stiffness["K"] - 150) < 2)
     (True, True)
     """
-    if rank not in RANKS:
-        raise ValueError(f"unknown rank {rank!r}; known: {', '.join(RANKS)}.")
-    if basis not in (None, "rectifier"):
-        raise ValueError(f"the parallel cascade has one reflex input: basis must be 'rectifier', got {basis!r}.")
-    if max_passes is not None and max_passes < 1:
-        raise ValueError(f"max_passes must be at least 1, or None to run to convergence; got {max_passes!r}.")
-    regressors = build_regressors(
-        trial, delay=delay, basis="rectifier", degree=1, identification_rate=identification_rate
+    regressors = trial.regressors(
+        delay=options.delay, basis="rectifier", identification_rate=options.identification_rate
     )
-    ahead, behind = round(intrinsic_lags * regressors.rate), round(reflex_lags * regressors.rate)
-    rows = np.arange(max(ahead, behind), regressors.torque.size - ahead)
-    unknowns = 2 * ahead + 1 + behind + 1
-    if rows.size < 2 * unknowns:
-        raise DataError(
-            f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer, or shorten "
-            "intrinsic_lags and reflex_lags."
-        )
-    lags = np.arange(-ahead, ahead + 1), np.arange(behind + 1)
-    settings = ("paths", delay, identification_rate, ahead, behind, rank_tolerance)
-    paths, crossed, energy = once(trial, settings, lambda: _paths(regressors, rows, lags, rank_tolerance))
-    responses, history, converged = _alternate(paths, crossed, energy, rows.size, rank, max_passes, tolerance)
+    lags, rows = _lags_and_rows(regressors, options)
+    key = (
+        options.delay,
+        options.identification_rate,
+        options.intrinsic_lags,
+        options.reflex_lags,
+        options.rank_tolerance,
+    )
+    paths, cross_products, energy = trial.memoise(
+        ("cascade paths", *key), lambda: _paths(regressors, rows, lags, options.rank_tolerance)
+    )
+    responses, history, converged = _alternate(paths, cross_products, energy, rows.size, options)
     intrinsic, reflex = (
-        _centred(_responded(x, response, which[0])[rows])
-        for x, response, which in zip(regressors.inputs[:, [0, -1]].T, responses, lags, strict=True)
+        _remove_mean(_respond(x, response, path_lags[0])[rows])
+        for x, response, path_lags in zip(regressors.inputs[:, [0, -1]].T, responses, lags, strict=True)
     )
-    warnings = [] if converged or max_passes else [f"no convergence within {PASS_CEILING} passes"]
-    drive = once(regressors.inputs, ("drive", rows[0], rows[-1]), lambda: regressors.inputs[rows, -1])
-    path = response_gain(responses[1], drive, regressors.rate, regressors.basis)
+    spectra = trial.memoise(
+        ("cascade spectra", *key), lambda: DriveSpectra(regressors.inputs[rows, -1:], regressors.rate)
+    )
+    path = separate_response(responses[1], spectra, regressors.rate, regressors.basis)
+    unconverged = not converged and options.max_passes is None
     return Estimate(
         method="parallel-cascade",
         torque=torque_dataset(
             regressors.time[rows], regressors.rate, net=intrinsic + reflex, intrinsic=intrinsic, reflex=reflex
         ),
         matrices=None,
-        stiffness=regressors.stiffness(intrinsic, rows),
-        reflex={"delay": float(delay), **path.parameters},
+        stiffness=regressors.fit_stiffness(intrinsic, rows),
+        reflex={"delay": options.delay, **path.parameters},
         diagnostics={
             "passes": len(history),
             "converged": converged,
@@ -192,56 +198,82 @@ def identify_parallel_cascade(
             "reflex_response": responses[1],
             "reflex_lags": lags[1] / regressors.rate,
             **path.diagnostics,
-            "warnings": warnings,
+            "warnings": [f"no convergence within {PASS_CEILING} passes"] if unconverged else [],
         },
-        predictor=_Predictor(responses, ahead, delay, regressors.basis, regressors.rate),
+        predictor=_Predictor(responses, -int(lags[0][0]), options.delay, regressors.basis, regressors.rate),
     )
+
+
+def _lags_and_rows(
+    regressors: Regressors, options: ParallelCascadeOptions
+) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """Lags of both impulse responses, and the samples that have all of them."""
+    leads, lags = round(options.intrinsic_lags * regressors.rate), round(options.reflex_lags * regressors.rate)
+    rows = np.arange(max(leads, lags), regressors.torque.size - leads)
+    unknowns = 2 * leads + 1 + lags + 1
+    if rows.size < 2 * unknowns:
+        raise DataError(
+            f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer, or shorten "
+            "intrinsic_lags and reflex_lags."
+        )
+    return (np.arange(-leads, leads + 1), np.arange(lags + 1)), rows
 
 
 @dataclass(frozen=True)
 class _Predictor:
     """Torques of another trial by the same impulse responses."""
 
-    responses: tuple
-    ahead: int
+    responses: tuple[np.ndarray, np.ndarray]
+    leads: int
     delay: float
-    basis: object
+    basis: Basis
     rate: float
 
-    def __call__(self, trial):
-        regressors = build_regressors(trial, delay=self.delay, basis=self.basis, identification_rate=self.rate)
+    def __call__(self, trial: Trial) -> xr.Dataset:
+        regressors = prepare(trial).regressors(delay=self.delay, basis=self.basis, identification_rate=self.rate)
         intrinsic, reflex = self.responses
-        rows = slice(max(self.ahead, reflex.size - 1), regressors.torque.size - self.ahead)
+        rows = slice(max(self.leads, reflex.size - 1), regressors.torque.size - self.leads)
         torques = {
-            "intrinsic": _centred(_responded(regressors.inputs[:, 0], intrinsic, -self.ahead)[rows]),
-            "reflex": _centred(_responded(regressors.inputs[:, -1], reflex, 0)[rows]),
+            "intrinsic": _remove_mean(_respond(regressors.inputs[:, 0], intrinsic, -self.leads)[rows]),
+            "reflex": _remove_mean(_respond(regressors.inputs[:, -1], reflex, 0)[rows]),
         }
         net = torques["intrinsic"] + torques["reflex"]
         return torque_dataset(regressors.time[rows], regressors.rate, net=net, **torques)
 
 
-def _responded(x, response, first):
-    """Torque of an impulse response whose first lag is given."""
-    return np.convolve(x - x.mean(), response)[-first:][: x.size]
+def _respond(x: np.ndarray, response: np.ndarray, first_lag: int) -> np.ndarray:
+    """Torque of an impulse response from its first lag on."""
+    return np.convolve(x - x.mean(), response)[-first_lag:][: x.size]
 
 
-def _centred(torque):
+def _remove_mean(torque: np.ndarray) -> np.ndarray:
     return torque - torque.mean()
 
 
-def _alternate(paths, crossed, energy, samples, rank, max_passes, tolerance):
+def _alternate(
+    paths: Sequence[_Pathway],
+    cross_products: np.ndarray,
+    energy: float,
+    samples: int,
+    options: ParallelCascadeOptions,
+) -> tuple[tuple[np.ndarray, np.ndarray], list[float], bool]:
     """Alternating least squares; the history holds the net VAF after each pass."""
     intrinsic, reflex = paths
+    rank = options.rank
     reflex_response = np.zeros(reflex.with_torque.size)
-    history = []
-    for _ in range(max_passes or PASS_CEILING):
-        left = energy - 2.0 * reflex.with_torque @ reflex_response + reflex.energy(reflex_response)
-        intrinsic_response = intrinsic.fit(intrinsic.with_torque - crossed @ reflex_response, left, samples, rank)
-        left = energy - 2.0 * intrinsic.with_torque @ intrinsic_response + intrinsic.energy(intrinsic_response)
-        target = reflex.with_torque - intrinsic_response @ crossed
-        reflex_response = reflex.fit(target, left, samples, rank)
-        left = left - 2.0 * target @ reflex_response + reflex.energy(reflex_response)
-        history.append(float(100 * (1 - left / energy)))
-        if len(history) > 1 and history[-1] - history[-2] < tolerance:
+    history: list[float] = []
+    for _ in range(options.max_passes or PASS_CEILING):
+        residual = reflex.residual(reflex.with_torque, energy, reflex_response)
+        target = intrinsic.with_torque - cross_products @ reflex_response
+        intrinsic_response = intrinsic.fit(target, residual, samples, rank)
+        residual = intrinsic.residual(intrinsic.with_torque, energy, intrinsic_response)
+        target = reflex.with_torque - intrinsic_response @ cross_products
+        reflex_response = reflex.fit(target, residual, samples, rank)
+        residual = reflex.residual(target, residual, reflex_response)
+        history.append(float(100 * (1 - residual / energy)))
+        if len(history) > 1 and history[-1] - history[-2] < options.tolerance:
             return (intrinsic_response, reflex_response), history, True
     return (intrinsic_response, reflex_response), history, False
+
+
+METHODS = (Method("parallel-cascade", ParallelCascadeOptions, identify_parallel_cascade),)

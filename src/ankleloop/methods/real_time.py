@@ -1,33 +1,46 @@
 """The real-time algorithm: one pass, recursive in time, for perturbations that decorrelate the two paths."""
 
+from __future__ import annotations
+
+from typing import Literal
+
 import numpy as np
 from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate, torque_dataset
-from ankleloop.joint.regressors import INTRINSIC_NAMES, build_regressors
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.regressors import INTRINSIC_NAMES
+from ankleloop.methods.method import Method, delay_option, rate_option
+from ankleloop.options import Options, option
 
-__all__ = ["identify_real_time"]
+__all__ = ["METHODS", "RealTimeOptions", "identify_real_time"]
 
-UPDATE_RATE = 10.0  # Hz: parameters are solved for, and traces kept, so often
+UPDATE_RATE = 10.0  # Hz at which parameters are solved for and traced
 RIDGE = 1e-9  # of the mean information: it only keeps directions solvable that nothing has excited
 
 
-def identify_real_time(
-    trial,
-    *,
-    delay=0.04,
-    basis=None,
-    identification_rate=100.0,
-    memory=10.0,
-    settling=None,
-    reflex_lags=0.4,
-):
+class RealTimeOptions(Options):
+    """Options of the real-time algorithm."""
+
+    delay: float = delay_option()
+    basis: Literal["rectifier"] | None = option(
+        None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
+    )
+    identification_rate: float = rate_option()
+    memory: float = option(10.0, "time constant of forgetting", unit="s", gt=0)
+    settling: float | None = option(
+        None, "time until the parameters count, where means of the traces start; null for the memory", unit="s", ge=0
+    )
+    reflex_lags: float = option(0.4, "length of the reflex impulse response", unit="s", gt=0, le=5)
+
+
+def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estimate:
     r"""Track intrinsic and reflex stiffness by the real-time algorithm.
 
     It follows the idea of Ludvig and Kearney (2006): a perturbation whose intrinsic inputs are uncorrelated with the
-    reflex torque lets each path be found by itself, in one pass, the other one being noise to it. Their details are not
-    published; the choices here are recursive least squares with exponential forgetting,
+    reflex torque allows to estimate each path by itself, in one pass, while the other path acts as noise. Their details
+    are not published; the choices here are recursive least squares with exponential forgetting,
 
     .. math:: R(t) = \lambda R(t-1) + \varphi(t) \varphi(t)^T, \quad r(t) = \lambda r(t-1) + \varphi(t) e(t), \quad
               \hat\theta(t) = R(t)^{-1} r(t), \quad \lambda = e^{-1 / (memory \cdot rate)},
@@ -42,20 +55,10 @@ def identify_real_time(
 
     Parameters
     ----------
-    trial : xarray.Dataset
+    trial : PreparedTrial
         The trial; a reference is not used. ``simulate(perturbation="pulses")`` has a perturbation that decorrelates.
-    delay : float
-        Reflex delay [s].
-    basis : {"rectifier"}, optional
-        Static nonlinearity; the method has one input for the reflex path, the half-wave rectified velocity.
-    identification_rate : float
-        Rate of the identification [Hz].
-    memory : float
-        Time constant of forgetting [s].
-    settling : float, optional
-        Time until the parameters count [s]; `memory` by default. Means of the traces start there.
-    reflex_lags : float
-        Length of the reflex impulse response [s].
+    options : RealTimeOptions
+        The options.
 
     Returns
     -------
@@ -67,8 +70,6 @@ def identify_real_time(
     ------
     DataError
         If the record is unusable, or not longer than the settling time and two seconds.
-    ValueError
-        For an option out of its range.
 
     References
     ----------
@@ -77,22 +78,16 @@ def identify_real_time(
 
     Examples
     --------
-    >>> from ankleloop.simulation import simulate
+    >>> from ankleloop.methods.registry import identify
+    >>> from ankleloop.simulation.simulate import simulate
     >>> trial = simulate(seed=1, duration=40.0, perturbation="pulses", switching_interval=0.2, closed_loop=False)
-    >>> estimate = identify_real_time(trial)
+    >>> estimate = identify(trial, "real-time")
     >>> bool(abs(estimate.stiffness["K"] / 150 - 1) < 0.1)
     True
     """
-    if basis not in (None, "rectifier"):
-        raise ValueError(f"the real-time algorithm has one reflex input: basis must be 'rectifier', got {basis!r}.")
-    settling = memory if settling is None else settling
-    for name, value, unit in (("memory", memory, "s"), ("reflex_lags", reflex_lags, "s")):
-        if not value > 0:
-            raise ValueError(f"{name} must be positive, got {value!r} {unit}.")
-    if settling < 0:
-        raise ValueError(f"settling must not be negative, got {settling!r} s.")
-    regressors = build_regressors(
-        trial, delay=delay, basis="rectifier", degree=1, identification_rate=identification_rate
+    settling = options.memory if options.settling is None else options.settling
+    regressors = trial.regressors(
+        delay=options.delay, basis="rectifier", identification_rate=options.identification_rate
     )
     rate, torque = regressors.rate, regressors.torque
     first = round(settling * rate)
@@ -101,24 +96,24 @@ def identify_real_time(
             f"the record of {torque.size / rate:.3g} s is too short for a settling time of {settling:g} s: record at "
             "least two seconds more than that, or shorten memory or settling."
         )
-    block = max(1, round(rate / UPDATE_RATE))
-    forgetting = np.exp(-1.0 / (memory * rate))
+    chunk = max(1, round(rate / UPDATE_RATE))
+    forgetting = float(np.exp(-1.0 / (options.memory * rate)))
     motion = regressors.inputs[:, : len(INTRINSIC_NAMES)]
-    intrinsic, stiffness = _track(motion, torque, forgetting, block, first)
-    lagged = _lags(regressors.inputs[:, -1], round(reflex_lags * rate))
-    reflex, responses = _track(lagged, torque - intrinsic, forgetting, block, first)
+    intrinsic, stiffness = _track(motion, torque, forgetting, chunk, first)
+    lagged = _lag_input(regressors.inputs[:, -1], round(options.reflex_lags * rate))
+    reflex, responses = _track(lagged, torque - intrinsic, forgetting, chunk, first)
     torques = {"intrinsic": intrinsic - intrinsic.mean(), "reflex": reflex - reflex.mean()}
     traces = dict(zip(("K", "B", "I", "G"), [*stiffness.T, responses.sum(axis=1)], strict=True))
-    time = regressors.time[::block]
+    time = regressors.time[::chunk]
     means = {name: float(trace[time >= regressors.time[first]].mean()) for name, trace in traces.items()}
     return Estimate(
         method="real-time",
         torque=torque_dataset(regressors.time, rate, net=torques["intrinsic"] + torques["reflex"], **torques),
         matrices=None,
         stiffness={name: means[name] for name in "KBI"},
-        reflex={"delay": float(delay), "G": means["G"]},
+        reflex={"delay": options.delay, "G": means["G"]},
         diagnostics={
-            "memory": memory,
+            "memory": options.memory,
             "settling": settling,
             "trace_time": time,
             **{f"trace_{name}": trace for name, trace in traces.items()},
@@ -127,33 +122,38 @@ def identify_real_time(
     )
 
 
-def _lags(x, last):
-    """Lags 0 … last of an input, which counts as its first value before the record began."""
-    padded = np.concatenate((np.full(last, x[0]), x))
-    return np.lib.stride_tricks.sliding_window_view(padded, last + 1)[:, ::-1]
+def _lag_input(x: np.ndarray, longest: int) -> np.ndarray:
+    """Lags 0 … `longest` of an input, which has its first value before the record begins."""
+    padded = np.concatenate((np.full(longest, x[0]), x))
+    return np.lib.stride_tricks.sliding_window_view(padded, longest + 1)[:, ::-1]
 
 
-def _track(inputs, target, forgetting, block, settled):
-    """Predictions from the past, and the parameters that were known when each block began.
+def _track(
+    inputs: np.ndarray, target: np.ndarray, forgetting: float, chunk: int, settling: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Predictions from the past, and the parameters that were known when each chunk of samples began.
 
-    The recursion is on the information matrix: it is exact, and cannot blow up where the perturbation is quiet.
+    The recursion is on the information matrix: it is exact, and stays bounded where the perturbation is quiet.
     """
     scale = inputs.std(axis=0)
     scale[scale == 0] = 1.0
     phi = np.column_stack([inputs / scale, np.ones(target.size)])
     unknowns = phi.shape[1]
     information, projection, theta = np.zeros((unknowns, unknowns)), np.zeros(unknowns), np.zeros(unknowns)
-    predicted = np.empty(target.size)
-    known = np.empty((-(-target.size // block), unknowns - 1))
-    for k, start in enumerate(range(0, target.size, block)):
-        rows = slice(start, start + block)
-        part, known[k] = phi[rows], theta[:-1] / scale
-        predicted[rows] = part[:, :-1] @ theta[:-1]
+    prediction = np.empty(target.size)
+    parameters = np.empty((-(-target.size // chunk), unknowns - 1))
+    for k, start in enumerate(range(0, target.size, chunk)):
+        rows = slice(start, start + chunk)
+        part, parameters[k] = phi[rows], theta[:-1] / scale
+        prediction[rows] = part[:, :-1] @ theta[:-1]
         weighted = part.T * forgetting ** np.arange(len(part))[::-1]
         information = forgetting ** len(part) * information + weighted @ part
         projection = forgetting ** len(part) * projection + weighted @ target[rows]
         ridge = RIDGE * np.trace(information) / unknowns * np.eye(unknowns)
         theta = linalg.solve(information + ridge, projection, assume_a="pos")
-    first = -(-settled // block)
-    predicted[: first * block] = inputs[: first * block] @ known[first]
-    return predicted, known
+    first = -(-settling // chunk)
+    prediction[: first * chunk] = inputs[: first * chunk] @ parameters[first]
+    return prediction, parameters
+
+
+METHODS = (Method("real-time", RealTimeOptions, identify_real_time),)

@@ -1,30 +1,47 @@
-"""The registry: every identification method under its name, with one signature."""
+"""The registry: every identification method under its name."""
 
-import inspect
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
+from importlib import import_module
 from types import MappingProxyType
+from typing import Any, cast
 
 from ankleloop.errors import DataError
-from ankleloop.methods.moesp import MEMBERS, identify_moesp
-from ankleloop.methods.parallel_cascade import identify_parallel_cascade
-from ankleloop.methods.real_time import identify_real_time
-from ankleloop.methods.riv import identify_riv
+from ankleloop.methods.method import Method, Trial
 from ankleloop.methods.selection import select_options
 
-__all__ = ["METHODS", "identify", "method_options"]
+__all__ = ["METHODS", "find_method", "identify", "method_options"]
 
-METHODS = MappingProxyType(
-    {
-        **{name: partial(identify_moesp, method=name) for name in MEMBERS},
-        "parallel-cascade": identify_parallel_cascade,
-        "real-time": identify_real_time,
-        "riv": identify_riv,
-    }
+# Modules of the methods; each has METHODS.
+FAMILIES = (
+    "ankleloop.methods.moesp",
+    "ankleloop.methods.parallel_cascade",
+    "ankleloop.methods.real_time",
+    "ankleloop.methods.riv",
+)
+
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {method.name: method for family in FAMILIES for method in import_module(family).METHODS}
 )
 
 
-def method_options(method):
+def find_method(name: str) -> Method:
+    """The method of a name.
+
+    Raises
+    ------
+    ValueError
+        For an unknown method.
+    """
+    if name not in METHODS:
+        raise ValueError(f"unknown method {name!r}; known: {', '.join(METHODS)}.")
+    return METHODS[name]
+
+
+def method_options(method: str) -> dict[str, Any]:
     """Options of a method with their defaults.
 
     Parameters
@@ -46,29 +63,24 @@ def method_options(method):
     >>> method_options("parallel-cascade")["tolerance"]
     0.001
     """
-    if method not in METHODS:
-        raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}.")
-    return dict(_defaults(METHODS[method]))
+    return find_method(method).options.defaults()
 
 
-@lru_cache
-def _defaults(function):
-    bound = getattr(function, "keywords", {})
-    return {
-        name: parameter.default
-        for name, parameter in inspect.signature(function).parameters.items()
-        if parameter.kind is parameter.KEYWORD_ONLY and name not in bound
-    }
-
-
-def identify(trial, method="pr-moesp", *, select=None, criterion=None, **options):
+def identify(
+    trial: Trial | Sequence[Trial],
+    method: str = "pr-moesp",
+    *,
+    select: Mapping[str, Sequence[Any]] | None = None,
+    criterion: str | None = None,
+    **options: Any,
+) -> Any:
     """Separate the torque of a joint into its intrinsic and reflex parts.
 
     Parameters
     ----------
     trial : xarray.Dataset, or list of those
         A trial from `new_trial`, `read_trial` or `simulate`. The MOESP family merges several short ones into one
-        identification.
+        identification. A trial that several methods take can be prepared once by `ankleloop.joint.prepared.prepare`.
     method : str
         One of `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
         `ankleloop.methods.moesp.identify_moesp`), "parallel-cascade" (see
@@ -79,9 +91,10 @@ def identify(trial, method="pr-moesp", *, select=None, criterion=None, **options
         record that the fit has not seen (see `ankleloop.methods.selection.select_options`), then the whole record is
         fitted; the choice and its curve are in `diagnostics["selection"]`.
     criterion : {"instrumental", "cross-validation"}, optional
-        What the choice goes by; "instrumental" where there is a reference.
+        Criterion of the choice; "instrumental" where there is a reference.
     **options
-        Options of the method, see `method_options`.
+        Options of the method, see `method_options` and the documentation of its options,
+        ``help(ankleloop.METHODS["riv"].options)``.
 
     Returns
     -------
@@ -99,28 +112,28 @@ def identify(trial, method="pr-moesp", *, select=None, criterion=None, **options
 
     Examples
     --------
-    >>> from ankleloop.simulation import simulate
+    >>> from ankleloop.simulation.simulate import simulate
     >>> estimate = identify(simulate(seed=1, duration=20.0), "pr-moesp", basis="rectifier")
     >>> sorted(estimate.stiffness)
     ['B', 'I', 'K']
     """
-    known = method_options(method)
-    select = dict(select or {})
-    unknown = sorted((set(options) | set(select)) - set(known))
+    entry = find_method(method)
+    candidates = dict(select or {})
+    fields = entry.options.model_fields
+    unknown = sorted((set(options) | set(candidates)) - set(fields))
     if unknown:
-        raise TypeError(f"method {method!r} has no option {unknown[0]!r}; it has {', '.join(known)}.")
-    if isinstance(trial, (list, tuple)) and (method not in MEMBERS or select):
-        raise DataError(
-            f"{method} {'selects options on' if select else 'identifies'} one trial at a time; trials are merged by "
-            f"{', '.join(MEMBERS)}."
-        )
-    if not select:
-        return METHODS[method](trial, **options)
-    twice = sorted(set(options) & set(select))
-    if twice:
-        raise TypeError(f"option {twice[0]!r} is given, and to be selected as well: choose one of the two.")
-    given = {**known, **options}
-    shared = {name: given[name] for name in ("reference", "delay", "identification_rate") if name in given}
-    chosen = select_options(trial, partial(METHODS[method], **options), select, criterion=criterion, **shared)
-    estimate = METHODS[method](trial, **options, **chosen.chosen)
-    return replace(estimate, diagnostics={**estimate.diagnostics, "selection": chosen.diagnostics})
+        raise TypeError(f"method {method!r} has no option {unknown[0]!r}; it has {', '.join(fields)}.")
+    if isinstance(trial, (list, tuple)) and (candidates or not entry.merges):
+        merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
+        verb = "selects options on" if candidates else "identifies"
+        raise DataError(f"{method} {verb} one trial at a time; trials are merged by {merging}.")
+    if not candidates:
+        return entry(trial, **options)
+    duplicates = sorted(set(options) & set(candidates))
+    if duplicates:
+        raise TypeError(f"option {duplicates[0]!r} is given, and to be selected as well: choose one of the two.")
+    values = {**entry.options.defaults(), **options}
+    shared = {name: values[name] for name in ("reference", "delay", "identification_rate") if name in values}
+    selection = select_options(cast(Trial, trial), partial(entry, **options), candidates, criterion=criterion, **shared)
+    estimate = entry(trial, **options, **selection.chosen)
+    return replace(estimate, diagnostics={**estimate.diagnostics, "selection": selection.diagnostics})

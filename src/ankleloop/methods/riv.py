@@ -1,37 +1,60 @@
 """Refined instrumental variables: physical parameters that torque fed back through the load cannot bias."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
+import xarray as xr
 
+from ankleloop.joint.basis import Basis
 from ankleloop.joint.estimate import Estimate, torque_dataset
 from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
-from ankleloop.joint.regressors import build_regressors, recording_grid
-from ankleloop.methods.riv_equations import MOTION, WEIGHTINGS, Parameters, Problem
-from ankleloop.signals.decimation import decimate, differentiate
+from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.regressors import Regressors
+from ankleloop.methods.method import Method, Trial, degree_option, delay_option, rate_option
+from ankleloop.methods.riv_equations import MOTION, RivEquations, RivParameters, RivSolution
+from ankleloop.options import Options, option
+from ankleloop.signals.decimation import decimate
 from ankleloop.signals.vaf import TWO_SIDED
 from ankleloop.subspace.input_matrices import response
 from ankleloop.subspace.matrices import Matrices
 
-__all__ = ["identify_riv"]
+__all__ = ["METHODS", "RivOptions", "identify_riv"]
 
 NOMINAL_DELAY = 0.04  # s
 
 
-def identify_riv(
-    trial,
-    *,
-    order=2,
-    delay=0.04,
-    basis=None,
-    degree=5,
-    identification_rate=100.0,
-    reference="reference",
-    weighting="noise",
-    max_iterations=30,
-    tolerance=0.01,
-):
-    r"""Find K, B, I and the reflex by refined instrumental variables, consistent in closed loop.
+class RivOptions(Options):
+    """Options of refined instrumental variables."""
+
+    order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
+    delay: float | None = delay_option(estimated=True)
+    basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
+        None, "static nonlinearity; null for the method's own (rectifier)"
+    )
+    degree: int = degree_option()
+    identification_rate: float = rate_option()
+    reference: str = option(
+        "reference",
+        'variable of the trial that the load cannot reach: the command of the servo, or "position" in open loop',
+    )
+    weighting: Literal["noise", "flat"] = option(
+        "noise",
+        "weights of frequencies: the inverse of the noise spectrum, which is efficient where the model holds; or flat, "
+        "which fits the torque where it is large and suits a model that is a simplification",
+    )
+    max_iterations: int = option(30, "most iterations", ge=1)
+    tolerance: float = option(
+        0.01,
+        "the iteration ends when no parameter moves by more than this fraction of its standard error",
+        gt=0,
+    )
+
+
+def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
+    r"""Estimate K, B, I and the reflex by refined instrumental variables, consistent in closed loop.
 
     The model is continuous in time,
 
@@ -45,34 +68,17 @@ def identify_riv(
 
     .. math:: \sum_f \Re\, \bar\psi(f)\, \hat\Phi_v(f)^{-1} \left[TQ(f) - \hat{TQ}(f; \hat\theta)\right] = 0.
 
-    Weighting by the noise spectrum is what prewhitening is in time. Spectrum, derivatives and parameters are renewed in
-    turn (Young 2011; Gilson, Garnier, Young and Van den Hof 2011), the linear parameters in closed form. It starts from
-    the best of a grid of dynamics for the predicted position, a fit to what the reference explains of the torque.
+    Weighting by the noise spectrum corresponds to prewhitening in time. Spectrum, derivatives and parameters are
+    renewed in turn (Young 2011; Gilson, Garnier, Young and Van den Hof 2011), the linear parameters in closed form.
+    The start is the best of a grid of dynamics for the predicted position, a fit to the torque that the reference
+    explains.
 
     Parameters
     ----------
-    trial : xarray.Dataset
+    trial : PreparedTrial
         The trial.
-    order : {2, 3}
-        Poles of the reflex dynamics (Eq. 2).
-    delay : float or None
-        Reflex delay [s]; None estimates it, between 15 and 150 ms.
-    basis : {"rectifier", "chebyshev", "spline"}, optional
-        Static nonlinearity, the half-wave rectifier by default.
-    degree : int
-        Number of terms of the other two.
-    identification_rate : float
-        Rate of the identification [Hz].
-    reference : str
-        Variable that the load cannot reach: the command of the servo, or "position" for an open-loop record.
-    weighting : {"noise", "flat"}
-        "noise" weights every frequency by the inverse of the noise spectrum, which is what is efficient where the model
-        holds. Where it is a simplification, what it misses counts as noise, and goes unfitted; "flat" weighs all
-        frequencies alike, so that the fit explains torque where the torque is large.
-    max_iterations : int
-        Most iterations.
-    tolerance : float
-        The iteration ends when no parameter moves by more than this fraction of its standard error.
+    options : RivOptions
+        The options. A delay that is estimated lies between 15 and 150 ms.
 
     Returns
     -------
@@ -87,8 +93,6 @@ def identify_riv(
     ------
     DataError
         If the record is unusable, or the reference too weak an instrument.
-    ValueError
-        For an option out of its range.
 
     References
     ----------
@@ -98,88 +102,91 @@ def identify_riv(
 
     Examples
     --------
-    >>> from ankleloop.simulation import simulate
-    >>> estimate = identify_riv(simulate(seed=1, voluntary=0.3))
+    >>> from ankleloop.methods.registry import identify
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> estimate = identify(simulate(seed=1, voluntary=0.3), "riv")
     >>> low, high = estimate.intervals["K"]
     >>> low < 150.0 < high
     True
     """
-    if order not in (2, 3):
-        raise ValueError(f"order must be 2 or 3, got {order!r}.")
-    if weighting not in WEIGHTINGS:
-        raise ValueError(f"unknown weighting {weighting!r}; known: {', '.join(WEIGHTINGS)}.")
-    if max_iterations < 1 or not tolerance > 0:
-        raise ValueError(f"max_iterations and tolerance must be positive, got {max_iterations!r}, {tolerance!r}.")
-    nominal = NOMINAL_DELAY if delay is None else delay
-    regressors = build_regressors(
-        trial,
-        delay=nominal,
-        basis=basis or "rectifier",
-        degree=degree,
-        identification_rate=identification_rate,
-        reference=reference,
+    regressors = trial.regressors(
+        delay=NOMINAL_DELAY if options.delay is None else options.delay,
+        basis=options.basis or "rectifier",
+        degree=options.degree,
+        identification_rate=options.identification_rate,
+        reference=options.reference,
     )
-    problem = Problem(trial, regressors, nominal, delay is None, order, weighting)
-    start = problem.start()
-    found = problem.refine(start, max_iterations, tolerance)
-    return _estimate(trial, problem, start, found)
+    equations = RivEquations(
+        trial, regressors, options.order, estimate_delay=options.delay is None, weighting=options.weighting
+    )
+    start = equations.start()
+    solution = equations.solve(start, options.max_iterations, options.tolerance)
+    return _estimate(trial, equations, start, solution)
 
 
-def _estimate(trial, problem, start, found):
+def _estimate(trial: PreparedTrial, equations: RivEquations, start: RivParameters, solution: RivSolution) -> Estimate:
     """Torques, physical parameters and their intervals."""
-    regressors, parameters, warnings = problem.regressors, found.parameters, []
-    if not found.converged:
-        warnings.append(
-            f"not converged after {found.iterations} iterations: see the standard errors of its parameters."
-        )
-    if found.criteria[1] > found.criteria[0]:
-        parameters = start
-        warnings.append("the iteration ended worse than its start, which is what is returned: do not trust it.")
-    if problem.left_delays(parameters):
-        warnings.append(
-            "the delay has left what a reflex can have (15 to 150 ms): give it, or take fewer basis functions."
-        )
-    if problem.left_band(parameters):
-        fewer = "take order=2" if problem.order == 3 else "its gain or the record is too small for two"
-        warnings.append(
-            f"a pole of the reflex has left the band, so the record does not show {problem.order}: {fewer}."
-        )
-    path = ReflexPath(StaticNonlinearity(regressors.basis, parameters.linear[MOTION:]), parameters.dynamics, 1.0, 1.0)
-    values, errors, intervals = _physical(problem, parameters, path, found.covariance)
+    regressors = equations.regressors
+    parameters, warnings = _accept(equations, start, solution)
+    nonlinearity = StaticNonlinearity(regressors.basis, parameters.linear[MOTION:])
+    path = ReflexPath(nonlinearity, parameters.dynamics)
+    values, errors, intervals = _physical_parameters(equations, parameters, path, solution.covariance)
     return Estimate(
         method="riv",
-        torque=_torques(trial, regressors, problem.delay, parameters),
+        torque=_simulate_torques(trial, regressors, parameters),
         matrices=_matrices(parameters, regressors),
         stiffness={name: values[name] for name in "KBI"},
         reflex={name: values[name] for name in values if name not in "KBI"},
         intervals=intervals,
         diagnostics={
-            "order": problem.order,
-            "iterations": found.iterations,
-            "converged": found.converged,
-            "criterion_start": found.criteria[0],
-            "criterion": found.criteria[1],
-            "instrument_strength": found.strength,
-            "explained": problem.explained,
+            "order": equations.order,
+            "iterations": solution.iterations,
+            "converged": solution.converged,
+            "criterion_start": solution.criteria[0],
+            "criterion": solution.criteria[1],
+            "instrument_strength": solution.strength,
+            "explained": equations.explained,
             "reference": regressors.reference_name,
             "standard_errors": errors,
-            "nonlinearity": path.nonlinearity.curve(),
-            "noise_frequency": problem.band.frequency,
-            "noise_spectrum": found.noise / problem.band.density,
+            "nonlinearity": nonlinearity.curve(),
+            "noise_frequency": equations.band.frequency,
+            "noise_spectrum": solution.noise / equations.band.density,
             "warnings": warnings,
         },
-        predictor=_Predictor(parameters, regressors.basis, problem.delay, regressors.rate),
+        predictor=_Predictor(parameters, regressors.basis, regressors.delay, regressors.rate),
     )
 
 
-def _torques(trial, regressors, delay, parameters):
+def _accept(equations: RivEquations, start: RivParameters, solution: RivSolution) -> tuple[RivParameters, list[str]]:
+    """Parameters to report, the start where the iteration ended worse, and the warnings that go with them."""
+    parameters, warnings = solution.parameters, []
+    if not solution.converged:
+        warnings.append(
+            f"not converged after {solution.iterations} iterations: see the standard errors of its parameters."
+        )
+    if solution.criteria[1] > solution.criteria[0]:
+        parameters = start
+        warnings.append("the iteration ended worse than its start, which is what is returned: do not trust it.")
+    if equations.delay_out_of_range(parameters):
+        warnings.append(
+            "the delay has left what a reflex can have (15 to 150 ms): give it, or take fewer basis functions."
+        )
+    if equations.pole_out_of_band(parameters):
+        fewer = "take order=2" if equations.order == 3 else "its gain or the record is too small for two"
+        warnings.append(
+            f"a pole of the reflex has left the band, so the record does not show {equations.order}: {fewer}."
+        )
+    return parameters, warnings
+
+
+def _simulate_torques(trial: PreparedTrial, regressors: Regressors, parameters: RivParameters) -> xr.Dataset:
     """Torques of a trial; the dynamics act at the recording rate."""
-    intrinsic = regressors.centred_inputs[0] @ parameters.linear[:MOTION]
-    rate = float(trial.attrs["sampling_rate"])
-    velocity = differentiate(trial["position"].values, rate, delay + parameters.shift)
+    intrinsic = regressors.joint_inputs.centred[0] @ parameters.linear[:MOTION]
+    velocity = trial.velocity(regressors.delay + parameters.shift)
     drive = parameters.linear[MOTION:] @ regressors.basis(velocity)
-    recorded = response(*parameters.dynamics.matrices(rate), drive[:, None])[:, 0]
-    reflex = decimate(recorded, *recording_grid(trial, regressors.rate, delay))
+    A, B, C, D = parameters.dynamics.matrices(trial.rate)
+    recorded = response(A, B, C, D, drive[:, None])[:, 0]
+    reflex = decimate(recorded, *regressors.grid)
     reflex -= reflex.mean()
     return torque_dataset(regressors.time, regressors.rate, net=intrinsic + reflex, intrinsic=intrinsic, reflex=reflex)
 
@@ -188,54 +195,62 @@ def _torques(trial, regressors, delay, parameters):
 class _Predictor:
     """Torques of another trial by the same parameters."""
 
-    parameters: Parameters
-    basis: object
+    parameters: RivParameters
+    basis: Basis
     delay: float
     rate: float
 
-    def __call__(self, trial):
-        regressors = build_regressors(trial, delay=self.delay, basis=self.basis, identification_rate=self.rate)
-        return _torques(trial, regressors, self.delay, self.parameters)
+    def __call__(self, trial: Trial) -> xr.Dataset:
+        prepared = prepare(trial)
+        regressors = prepared.regressors(delay=self.delay, basis=self.basis, identification_rate=self.rate)
+        return _simulate_torques(prepared, regressors, self.parameters)
 
 
-def _physical(problem, parameters, path, covariance):
+def _physical_parameters(
+    equations: RivEquations, parameters: RivParameters, path: ReflexPath, covariance: np.ndarray
+) -> tuple[dict[str, float], dict[str, float], dict[str, tuple[float, float]]]:
     """Physical parameters, their standard errors and 95 % intervals."""
-    error = np.sqrt(np.diag(covariance))
+    deviations = np.sqrt(np.diag(covariance))
     linear = slice(MOTION, parameters.linear.size)
     values = dict(zip("KBI", map(float, parameters.linear[:MOTION]), strict=True))
-    errors = dict(zip("KBI", map(float, error[:MOTION]), strict=True))
-    values |= {"delay": float(problem.delay + parameters.shift)} | path.parameters
+    errors = dict(zip("KBI", map(float, deviations[:MOTION]), strict=True))
+    values |= {"delay": float(equations.regressors.delay + parameters.shift)} | path.parameters
     errors |= _rectifier_errors(path.nonlinearity, covariance[linear, linear])
-    relative = dict(zip(parameters.dynamics.values, error[linear.stop :], strict=False))
-    errors |= {name: float(values[name] * share) for name, share in relative.items()}
-    if problem.free_delay:
-        errors["delay"] = float(error[-1])
-    spread = {name: TWO_SIDED * errors[name] for name in errors}
-    intervals = {name: (values[name] - spread[name], values[name] + spread[name]) for name in errors}
-    for name, share in relative.items():  # their logarithms are what is normal
-        ratio = float(np.exp(min(TWO_SIDED * share, 50.0)))
+    relative_errors = dict(zip(parameters.dynamics.values, deviations[linear.stop :], strict=False))
+    errors |= {name: float(values[name] * relative) for name, relative in relative_errors.items()}
+    if equations.estimate_delay:
+        errors["delay"] = float(deviations[-1])
+    margins = {name: TWO_SIDED * error for name, error in errors.items()}
+    intervals = {name: (values[name] - margin, values[name] + margin) for name, margin in margins.items()}
+    for name, relative in relative_errors.items():  # their logarithms are normally distributed
+        ratio = float(np.exp(min(TWO_SIDED * relative, 50.0)))
         intervals[name] = (values[name] / ratio, values[name] * ratio)
     return values, errors, intervals
 
 
-def _rectifier_errors(nonlinearity, covariance):
+def _rectifier_errors(nonlinearity: StaticNonlinearity, covariance: np.ndarray) -> dict[str, float]:
     """Standard errors of gain and threshold, by differences with respect to the coefficients."""
     if nonlinearity.basis.kind == "rectifier":
         return {"G": float(np.sqrt(covariance[0, 0]))}
-    here = np.array(nonlinearity.rectifier()[:2])
+    values = np.array(nonlinearity.fit_rectifier()[:2])
     steps = 0.1 * np.sqrt(np.diag(covariance))
-    moved = [
-        replace(nonlinearity, coefficients=nonlinearity.coefficients + step).rectifier() for step in np.diag(steps)
-    ]
-    slope = np.array([(np.array(there[:2]) - here) / step for there, step in zip(moved, steps, strict=True)])
+    slopes = []
+    for k, step in enumerate(steps):
+        coefficients = nonlinearity.coefficients + step * np.eye(steps.size)[k]
+        shifted = replace(nonlinearity, coefficients=coefficients).fit_rectifier()[:2]
+        slopes.append((np.array(shifted) - values) / step)
+    slope = np.array(slopes)
     errors = np.sqrt(np.diag(slope.T @ covariance @ slope))
     return dict(zip(("G", "threshold"), map(float, errors), strict=True))
 
 
-def _matrices(parameters, regressors):
+def _matrices(parameters: RivParameters, regressors: Regressors) -> Matrices:
     """The model at the identification rate, for inputs that are linear between samples."""
     A, B, C, D = parameters.dynamics.matrices(regressors.rate)
     direct, gains = parameters.linear[:MOTION], parameters.linear[MOTION:]
     B = np.hstack([np.zeros((len(A), MOTION)), B * gains])
     D = np.concatenate([direct, D.item() * gains])[None, :]
     return Matrices(A, B, C, D, 1.0 / regressors.rate, (regressors.names, ("torque",)))
+
+
+METHODS = (Method("riv", RivOptions, identify_riv),)

@@ -1,0 +1,316 @@
+"""A trial together with what methods compute from it: derivatives, decimated channels, regressors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+import xarray as xr
+
+from ankleloop.errors import DataError
+from ankleloop.joint.basis import Basis, fit_basis
+from ankleloop.joint.reference_response import predict_from_reference
+from ankleloop.joint.regressors import Grid, JointInputs, Regressors, decimation_grid
+from ankleloop.records.validation import validate
+from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
+
+__all__ = ["PreparedTrial", "fit_shared_basis", "prepare", "prepare_trials"]
+
+SHARED_CHANNELS = ("torque", "reference", "torque_intrinsic", "torque_reflex")  # of every method and score
+
+Value = TypeVar("Value")
+
+
+class PreparedTrial:
+    """A valid trial that computes each derivative, decimated channel and regressor once.
+
+    Methods and scores take it in the place of a trial; they share what one of them has computed. The trial must not
+    be changed meanwhile.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The trial.
+    validated : bool
+        Whether `ankleloop.records.trial.validate` has accepted it already.
+
+    Raises
+    ------
+    DataError
+        If the trial is not valid.
+
+    Examples
+    --------
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = PreparedTrial(simulate(seed=1, duration=5.0))
+    >>> trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0).names
+    ('position', 'velocity', 'acceleration', 'rectified_velocity')
+    """
+
+    def __init__(self, trial: xr.Dataset, *, validated: bool = False) -> None:
+        self.trial = trial if validated else validate(trial)
+        self.rate = float(trial.attrs["sampling_rate"])
+        self._values: dict[Hashable, Any] = {}
+
+    def memoise(self, key: Hashable, compute: Callable[[], Value]) -> Value:
+        """Value of a key, computed at the first call; it must not be changed.
+
+        Parameters
+        ----------
+        key : hashable
+            Names the value, and all options that it depends on.
+        compute : callable
+            Computes it.
+
+        Returns
+        -------
+        object
+        """
+        if key not in self._values:
+            self._values[key] = compute()
+        return self._values[key]
+
+    def samples(self, name: str) -> np.ndarray:
+        """Recorded samples of a variable, shape (samples,)."""
+        return self.trial.variables[name].values
+
+    def grid(self, identification_rate: float, delay: float) -> Grid:
+        """Grid of all decimated samples that no filter edge touches; see `decimation_grid`."""
+        return decimation_grid(self.trial.sizes["time"], self.rate, identification_rate, delay)
+
+    def channel(self, name: str, grid: Grid) -> np.ndarray:
+        """A variable, decimated; shape (N,)."""
+        return self.memoise(("channel", name, grid), lambda: decimate(self.samples(name), *grid))
+
+    def channel_at(self, name: str, time: np.ndarray, identification_rate: float) -> np.ndarray:
+        """A variable at the samples of an estimate, through the decimation that the data of the estimate had.
+
+        Parameters
+        ----------
+        name : str
+            Variable of the trial.
+        time : ndarray, shape (N,)
+            Regular times of the estimate [s].
+        identification_rate : float
+            Rate of the estimate [Hz].
+
+        Returns
+        -------
+        ndarray, shape (N,)
+
+        Examples
+        --------
+        >>> from ankleloop.simulation.simulate import simulate
+        >>> prepare(simulate(seed=1, duration=5.0)).channel_at("torque", np.array([1.0, 1.01, 1.02]), 100.0).shape
+        (3,)
+        """
+        first = round((float(time[0]) - float(self.samples("time")[0])) * self.rate)
+        return self.channel(name, Grid(decimation_factor(self.rate, identification_rate), first, time.size))
+
+    def velocity(self, delay: float) -> np.ndarray:
+        """Velocity at the recording rate, delayed [rad/s], shape (samples,)."""
+        return self.memoise(("velocity", delay), lambda: differentiate(self.samples("position"), self.rate, delay))
+
+    def motion(self, grid: Grid) -> list[np.ndarray]:
+        """Position, velocity and acceleration, decimated: three arrays of shape (N,)."""
+        return self.memoise(("motion", grid), lambda: _motion(self.samples("position"), grid, self.rate))
+
+    def inputs(self, delay: float, basis: str | Basis, degree: int, identification_rate: float) -> JointInputs:
+        """Inputs of the joint's model; a basis that is fitted already is taken as it is."""
+        grid = self.grid(identification_rate, delay)
+        terms = 1 if basis == "rectifier" else degree
+
+        def compute() -> JointInputs:
+            fitted = basis if isinstance(basis, Basis) else fit_basis(self.velocity(delay), basis, terms)
+            values = _stack_inputs(self.motion(grid), self.velocity(delay), fitted, grid)
+            return JointInputs(values, fitted, delay, float(identification_rate))
+
+        if isinstance(basis, Basis):
+            return compute()
+        return self.memoise(("inputs", delay, basis, terms, grid), compute)
+
+    def regressors(
+        self,
+        *,
+        delay: float,
+        basis: str | Basis,
+        degree: int = 1,
+        identification_rate: float,
+        reference: str | None = None,
+    ) -> Regressors:
+        """Differentiate, delay, expand and decimate the trial.
+
+        Velocity for the nonlinearity is taken at the recording rate through a wide differentiator, delayed and
+        expanded there; every term is decimated only then, because a rectifier after decimation is another rectifier.
+
+        Parameters
+        ----------
+        delay : float
+            Reflex delay [s].
+        basis : {"chebyshev", "rectifier", "spline"} or Basis
+            Basis of the nonlinearity.
+        degree : int
+            Number of its terms.
+        identification_rate : float
+            Rate of the identification [Hz].
+        reference : str, optional
+            Variable that serves as reference.
+
+        Returns
+        -------
+        Regressors
+
+        Raises
+        ------
+        DataError
+            For a missing reference, a record that is too short, or a sampling rate that is not a multiple of the
+            identification rate.
+        ValueError
+            For a delay outside 0 … 1 s.
+        """
+        check_delay(delay)
+        if reference is not None and reference not in self.trial:
+            variables = ", ".join(map(str, self.trial.data_vars))
+            raise DataError(
+                f"the trial has no variable {reference!r} to serve as reference; it has {variables}."
+                " Give the command of the servo as reference, or reference='position' for an open-loop record."
+            )
+        grid = self.grid(identification_rate, delay)
+        return Regressors(
+            time=self.samples("time")[grid.first : grid.first + grid.factor * grid.samples : grid.factor],
+            joint_inputs=self.inputs(delay, basis, degree, identification_rate),
+            torque=self.channel("torque", grid),
+            reference=None if reference is None else self.channel(reference, grid),
+            reference_name=reference,
+            grid=grid,
+        )
+
+    def predict_inputs(self, regressors: Regressors) -> np.ndarray:
+        """Inputs as they would be without fed-back torque: rebuilt from the position that the reference explains.
+
+        Parameters
+        ----------
+        regressors : Regressors
+            Regressors of this trial, with a reference.
+
+        Returns
+        -------
+        ndarray, shape (N, 3 + k)
+            Instruments for the inputs, on the same samples.
+
+        Raises
+        ------
+        DataError
+            If there is no reference.
+        """
+        name, inputs = regressors.reference_name, regressors.joint_inputs
+        if name is None:
+            raise DataError("instruments are made of the reference, and the trial has none.")
+        if name == "position":  # an open-loop record: the reference explains all of it
+            return regressors.inputs
+
+        def compute() -> np.ndarray:
+            position = predict_from_reference(regressors.inputs[:, 0], self.samples(name), regressors.grid, self.rate)
+            velocity = differentiate(position, self.rate, inputs.delay)
+            motion = _motion(position, regressors.grid, self.rate)
+            return _stack_inputs(motion, velocity, inputs.basis, regressors.grid)
+
+        return self.memoise(("predicted inputs", name, inputs), compute)
+
+
+def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
+    """A trial as a `PreparedTrial`, which is returned unchanged if it is one.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset or PreparedTrial
+        The trial.
+
+    Returns
+    -------
+    PreparedTrial
+
+    Raises
+    ------
+    DataError
+        If the trial is not valid.
+    """
+    return trial if isinstance(trial, PreparedTrial) else PreparedTrial(trial)
+
+
+def prepare_trials(
+    trials: Sequence[xr.Dataset],
+    signals: Mapping[str, np.ndarray],
+    grids: Sequence[tuple[float, float]],
+) -> list[PreparedTrial]:
+    """Prepare valid trials of one length, and decimate each of their common channels in one pass.
+
+    Parameters
+    ----------
+    trials : sequence of xarray.Dataset
+        The trials.
+    signals : mapping of str to ndarray, shape (trials, samples)
+        Their variables by name.
+    grids : sequence of (float, float)
+        Identification rates [Hz] and delays [s] for which the channels will be needed.
+
+    Returns
+    -------
+    list of PreparedTrial
+
+    Raises
+    ------
+    DataError
+        For a sampling rate that is not a multiple of an identification rate, or trials that are too short.
+    """
+    prepared = [PreparedTrial(trial, validated=True) for trial in trials]
+    for identification_rate, delay in grids:
+        grid = prepared[0].grid(identification_rate, delay)
+        for name in SHARED_CHANNELS:
+            if name in signals:
+                _share(prepared, ("channel", name, grid), decimate(signals[name], *grid))
+        motion = _motion(signals["position"], grid, prepared[0].rate)
+        _share(prepared, ("motion", grid), [list(rows) for rows in zip(*motion, strict=True)])
+    return prepared
+
+
+def _share(prepared: Sequence[PreparedTrial], key: Hashable, values: Sequence[Any] | np.ndarray) -> None:
+    for trial, value in zip(prepared, values, strict=True):
+        trial.memoise(key, partial(lambda stored: stored, value))
+
+
+def fit_shared_basis(trials: Sequence[PreparedTrial], delay: float, kind: str, degree: int) -> Basis:
+    """Basis fitted to the velocities of several trials, so that they can share a model.
+
+    Parameters
+    ----------
+    trials : sequence of PreparedTrial
+        The trials.
+    delay : float
+        Reflex delay [s].
+    kind : {"chebyshev", "rectifier", "spline"}
+        Kind of basis.
+    degree : int
+        Number of its terms.
+
+    Returns
+    -------
+    Basis
+    """
+    return fit_basis(np.concatenate([trial.velocity(delay) for trial in trials]), kind, degree)
+
+
+def check_delay(delay: float | None) -> None:
+    """Refuse a delay that is missing or outside 0 … 1 s."""
+    if delay is None or not 0 <= delay <= 1:
+        raise ValueError(f"delay must be a time between 0 and 1 s (this method does not estimate it), got {delay!r}.")
+
+
+def _motion(position: np.ndarray, grid: Grid, rate: float) -> list[np.ndarray]:
+    return [decimate(position, *grid, rate=rate, derivative=order) for order in range(3)]
+
+
+def _stack_inputs(motion: Sequence[np.ndarray], velocity: np.ndarray, basis: Basis, grid: Grid) -> np.ndarray:
+    return np.column_stack([*motion, *decimate(basis(velocity), *grid)])
