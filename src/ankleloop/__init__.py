@@ -5,16 +5,16 @@ compliant load. Start with `simulate` or `read_trial`, then `identify` and `eval
 """
 
 from importlib import import_module
+from typing import Any
 
 __version__ = "0.1.0"
 
-# Where each name lives. It is imported when it is first asked for (PEP 562): a job that needs one module need not wait
-# for all of them.
-_HOMES = {
+# Module of each public name, imported at the first use of the name (PEP 562), so that a job loads only what it needs.
+_MODULES = {
     "METHODS": "methods.registry",
     "DataError": "errors",
     "Estimate": "joint.estimate",
-    "LongRecord": "methods.long_records",
+    "LongRecord": "records.long_record",
     "UnstableLoopError": "errors",
     "block_bootstrap": "assessment.bootstrap",
     "cramer_rao": "assessment.cramer_rao",
@@ -27,22 +27,22 @@ _HOMES = {
     "read_trial": "records.readers",
     "save_trial": "records.trial",
     "segment": "records.trial",
-    "simulate": "simulation",
+    "simulate": "simulation.simulate",
     "vaf": "signals.vaf",
 }
 
-__all__ = [*_HOMES, "subspace"]
+__all__ = [*_MODULES, "subspace"]
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     if name == "subspace":
         return import_module("ankleloop.subspace")
-    if name not in _HOMES:
+    if name not in _MODULES:
         raise AttributeError(f"module 'ankleloop' has no attribute {name!r}")
-    value = getattr(import_module(f"ankleloop.{_HOMES[name]}"), name)
+    value = getattr(import_module(f"ankleloop.{_MODULES[name]}"), name)
     globals()[name] = value
     return value
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})

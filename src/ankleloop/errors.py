@@ -8,4 +8,4 @@ class DataError(ValueError):
 
 
 class UnstableLoopError(ValueError):
-    """A simulated loop that diverges: the message names the parameters that made it so."""
+    """A simulated loop that diverges: the message names the parameters that make it unstable."""

@@ -1,1 +1,1 @@
-"""The trial and its files: contract, readers of a laboratory's containers, trial files, atomic writing, drift."""
+"""The trial: its contract, file formats that are read into trials, trial files, atomic writing, drift."""

@@ -1,27 +1,30 @@
-"""What is done to a trial before it is identified."""
+"""Removal of drift from the torque of a trial."""
+
+from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.records.trial import validate
+from ankleloop.records.validation import validate
 
 __all__ = ["remove_drift"]
 
-STEEPEST = 10
+MAX_DEGREE = 10
 
 
-def remove_drift(trial, degree):
-    """Take a polynomial out of the torque.
+def remove_drift(trial: xr.Dataset, degree: int) -> xr.Dataset:
+    """Subtract a polynomial, fitted by least squares, from the torque.
 
-    A drift of the torque is slower than any perturbation: the muscle tires, the sensor warms up. The position stays as
-    it is, for the nonlinearity depends on it.
+    The torque drifts more slowly than any perturbation, because the muscle tires or the sensor warms up. The position
+    stays as it is, because the nonlinearity depends on it.
 
     Parameters
     ----------
     trial : xarray.Dataset
         The trial.
     degree : int
-        Degree of the polynomial over the whole record; 0 takes the mean.
+        Degree of the polynomial over the whole trial, 0 to 10; 0 subtracts the mean.
 
     Returns
     -------
@@ -33,7 +36,7 @@ def remove_drift(trial, degree):
     ValueError
         If the degree is not a whole number between 0 and 10.
     DataError
-        If nothing is left of the torque.
+        If the polynomial fits the whole torque.
 
     Examples
     --------
@@ -43,12 +46,12 @@ def remove_drift(trial, degree):
     >>> bool(abs(np.polyfit(t, remove_drift(trial, 2)["torque"], 2)).max() < 1e-9)
     True
     """
-    if isinstance(degree, bool) or degree != int(degree) or not 0 <= degree <= STEEPEST:
-        raise ValueError(f"degree must be a whole number between 0 and {STEEPEST}, got {degree!r}.")
+    if isinstance(degree, bool) or degree != int(degree) or not 0 <= degree <= MAX_DEGREE:
+        raise ValueError(f"degree must be a whole number between 0 and {MAX_DEGREE}, got {degree!r}.")
     torque = trial["torque"].values
     grid = np.linspace(-1.0, 1.0, torque.size)
     legendre = np.polynomial.legendre
-    left = torque - legendre.legval(grid, legendre.legfit(grid, torque, int(degree)))
-    if np.ptp(left) <= 1e-9 * np.ptp(torque):
+    detrended = torque - legendre.legval(grid, legendre.legfit(grid, torque, int(degree)))
+    if np.ptp(detrended) <= 1e-9 * np.ptp(torque):
         raise DataError(f"a polynomial of degree {degree} takes all of the torque: there is nothing but drift in it.")
-    return validate(trial.assign(torque=trial["torque"].copy(data=left)))
+    return validate(trial.assign(torque=trial["torque"].copy(data=detrended)))

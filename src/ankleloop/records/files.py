@@ -1,21 +1,28 @@
-"""Files that appear whole or not at all."""
+"""Files that appear under their name only when they are complete."""
+
+from __future__ import annotations
 
 import os
 import uuid
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ankleloop.errors import DataError
 
-__all__ = ["number_type", "whole_file", "write_netcdf"]
+if TYPE_CHECKING:
+    import xarray as xr
 
-PRECISIONS = {"double": np.float64, "single": np.float32}
+__all__ = ["atomic_file", "parse_precision", "write_netcdf"]
+
+PRECISIONS: dict[str, type[np.floating]] = {"double": np.float64, "single": np.float32}
 
 
-def number_type(precision):
-    """Type of floating-point numbers on disk.
+def parse_precision(precision: str) -> type[np.floating]:
+    """Type of the floating-point numbers on disk.
 
     Parameters
     ----------
@@ -31,6 +38,11 @@ def number_type(precision):
     ------
     ValueError
         For an unknown precision.
+
+    Examples
+    --------
+    >>> parse_precision("single")
+    <class 'numpy.float32'>
     """
     if precision not in PRECISIONS:
         raise ValueError(f"unknown precision {precision!r}; known: {', '.join(PRECISIONS)}.")
@@ -38,8 +50,8 @@ def number_type(precision):
 
 
 @contextmanager
-def whole_file(path):
-    """Give a temporary path, and move it to its name once the block has ended without an error.
+def atomic_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Provide a temporary path, and move the file to its name if the block ends without an error.
 
     Parameters
     ----------
@@ -49,7 +61,7 @@ def whole_file(path):
     Yields
     ------
     pathlib.Path
-        Where to write, in the same folder.
+        Temporary path to write to, in the same folder.
 
     Raises
     ------
@@ -60,7 +72,7 @@ def whole_file(path):
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with whole_file(f"{folder}/note.txt") as partial:
+    ...     with atomic_file(f"{folder}/note.txt") as partial:
     ...         _ = partial.write_text("complete")
     ...     Path(f"{folder}/note.txt").read_text()
     'complete'
@@ -76,15 +88,17 @@ def whole_file(path):
         partial.unlink(missing_ok=True)
 
 
-def write_netcdf(dataset, path, encoding=None):
-    """Write a data set as NetCDF-4, whole or not at all.
+def write_netcdf(
+    dataset: xr.Dataset, path: str | os.PathLike[str], encoding: dict[str, dict[str, Any]] | None = None
+) -> None:
+    """Write a data set as a NetCDF-4 file, which appears when it is complete.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        What to write.
+        The data set.
     path : path-like
-        Where.
+        The file to write, in a folder that exists.
     encoding : dict, optional
         Encoding by variable, as `xarray.Dataset.to_netcdf` takes it.
 
@@ -102,5 +116,5 @@ def write_netcdf(dataset, path, encoding=None):
     ...     [file.name for file in Path(folder).iterdir()]
     ['empty.nc']
     """
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)

@@ -1,44 +1,46 @@
-"""Files of a laboratory, read into trials: CSV, MATLAB (v5 and v7.3), HDF5 and NetCDF."""
+"""Trials from the files of a laboratory."""
 
-import csv
-import gzip
-import warnings
-from dataclasses import dataclass, field
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 import pandas as pd
-import scipy.io
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.records.trial import TRUTHS, as_signal, new_trial
-from ankleloop.signals.sampling import as_rate, check_same_rate, rate_from_time
+from ankleloop.records.file_formats import FileContents, read_contents
+from ankleloop.records.reading_options import ReadingOptions
+from ankleloop.records.trial import TRUE_TORQUES, as_signal, new_trial
+from ankleloop.signals.sampling import check_same_rate, compute_rate, parse_rate
+
+if TYPE_CHECKING:
+    import os
 
 __all__ = ["read_trial"]
 
-# Exact letters only: T is often the torque, not the time.
+# Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
 TIME_NAMES = ("time", "time_s", "t", "Time")
 
 
 def read_trial(
-    path,
+    path: str | os.PathLike[str],
     *,
-    position="position",
-    torque="torque",
-    reference=None,
-    sampling_rate=None,
-    position_unit="rad",
-    position_sign=1,
-    torque_sign=1,
-):
-    r"""Read a recording from a file.
+    position: str = "position",
+    torque: str = "torque",
+    reference: str | None = None,
+    sampling_rate: float | None = None,
+    position_unit: str = "rad",
+    position_sign: int = 1,
+    torque_sign: int = 1,
+) -> xr.Dataset:
+    r"""Read a trial from a file.
 
-    The container follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`. Nested
+    The file format follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`. Nested
     variables are named `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files. The true torques of a
-    simulated trial come along where the file has them beside the torque.
+    simulated trial are read too where the file has them beside the torque.
 
     Parameters
     ----------
@@ -67,7 +69,8 @@ def read_trial(
     ------
     DataError
         If the file cannot be read, lacks a variable or a sampling rate, has an irregular time column or one that
-        contradicts the sampling rate, states another unit than `position_unit`, or holds no valid trial.
+        contradicts the sampling rate, states another unit than `position_unit`, or holds no valid trial; or if an
+        option has a wrong value.
 
     Examples
     --------
@@ -80,220 +83,113 @@ def read_trial(
     >>> trial.torque.values.tolist(), trial.attrs["sampling_rate"], trial.attrs["source"]
     ([-0.0, 1.0, 2.0], 100.0, 'trial.csv')
     """
-    if position_unit not in ("rad", "deg"):
-        raise DataError(f"position_unit is {position_unit!r}: pass 'rad' or 'deg'.")
-    for name, sign in (("position_sign", position_sign), ("torque_sign", torque_sign)):
-        if sign not in (1, -1):
-            raise DataError(f"{name} is {sign!r}: pass 1 or -1.")
     path = Path(path)
-    contents = _read_contents(path)
-    names = {"position": position, "torque": torque}
-    if reference is not None:
-        names["reference"] = reference
-    signals = {role: _signal(contents, path, name) for role, name in names.items()}
-    signals |= _truths(contents, path, torque)
-    for role in signals:
-        if role.startswith("torque"):
-            signals[role] *= torque_sign
-        else:
-            _check_unit(contents, path.name, names[role], position_unit)
-            signals[role] *= position_sign * (np.pi / 180.0 if position_unit == "deg" else 1.0)
-    rate = _rate(contents, path, names, signals["position"].size, sampling_rate)
-    record = {f"{role}_variable": name for role, name in names.items()}
-    record |= {"position_unit": position_unit, "position_sign": int(position_sign), "torque_sign": int(torque_sign)}
-    return new_trial(**signals, sampling_rate=rate, source=path.name, **record)
+    options = _parse_options(
+        path.name,
+        position=position,
+        torque=torque,
+        reference=reference,
+        sampling_rate=None if sampling_rate is None else parse_rate(sampling_rate, source=path.name),
+        position_unit=position_unit,
+        position_sign=position_sign,
+        torque_sign=torque_sign,
+    )
+    contents = read_contents(path)
+    signals = {channel: _read_signal(contents, name) for channel, name in options.variables.items()}
+    signals |= _read_true_torques(contents, options.torque)
+    for channel in signals:
+        if channel in ("position", "reference"):
+            _check_unit(contents, options.variables[channel], options.position_unit)
+        signals[channel] *= options.factor(channel)
+    return new_trial(
+        **signals,
+        sampling_rate=_read_rate(contents, options, signals["position"].size),
+        source=path.name,
+        **{f"{channel}_variable": name for channel, name in options.variables.items()},
+        **options.model_dump(include={"position_unit", "position_sign", "torque_sign"}),
+    )
 
 
-@dataclass
-class _Contents:
-    """A file, flattened: nested names joined by the separator, an attribute named below the object it belongs to."""
-
-    variables: dict
-    attributes: dict = field(default_factory=dict)
-    separator: str = "/"
-
-    def find(self, name):
-        """Full name of a variable, or None; a leading slash, as HDF5 tools show it, does not matter."""
-        return next((n for n in (name, name.lstrip("/")) if n in self.variables), None)
-
-    def nearest(self, names, beside, scalar):
-        """Full name of the first scalar, or else array, of these names: on a variable, beside it, or further up."""
-        known = self.attributes | self.variables if scalar else self.variables
-        scope = self.find(beside).split(self.separator)
-        for depth in range(len(scope), -1, -1):
-            for name in (self.separator.join([*scope[:depth], name]) for name in names):
-                if name in known and (np.size(known[name]) == 1) == scalar:
-                    return name
-        return None
-
-    def units(self, name):
-        """Units that the file states for a variable, in lower case, or the empty string."""
-        stated = np.ravel(self.attributes.get(f"{self.find(name)}{self.separator}units", ""))
-        text = stated[0] if stated.size else ""
-        return (text.decode(errors="replace") if isinstance(text, bytes) else str(text)).strip().lower()
-
-
-def _read_contents(path):
-    if not path.is_file():
-        raise DataError(f"{path}: there is no such file: check the path.")
-    suffix = next((suffix for suffix in _READERS if path.name.lower().endswith(suffix)), None)
-    if suffix is None:
-        raise DataError(f"{path.name}: unknown kind of file: convert it to one of {', '.join(_READERS)}.")
+def _parse_options(source: str, **values: Any) -> ReadingOptions:
     try:
-        return _READERS[suffix](path)
-    except Exception as cause:  # the libraries raise almost anything on a damaged file
-        reason = f"{type(cause).__name__}: {cause}".partition("\n")[0]
-        raise DataError(
-            f"{path.name}: cannot be read as {suffix} ({reason}): check that the file is whole and its suffix right."
-        ) from cause
+        return ReadingOptions.parse(source, **values)
+    except ValueError as error:
+        raise DataError(f"{source}: {error}") from None
 
 
-def _read_csv(path):
-    with warnings.catch_warnings():
-        # A line of more cells than the header, as decimal commas make, would lose its last cells.
-        warnings.simplefilter("error", pd.errors.ParserWarning)
-        # index_col=False: a comma at the end of each line must not shift the columns.
-        frame = pd.read_csv(path, index_col=False, skipinitialspace=True, low_memory=False)
-    return _Contents({name.strip(): frame[name].to_numpy() for name in frame.columns})
+def _read_true_torques(contents: FileContents, torque: str) -> dict[str, np.ndarray]:
+    """True torques that the file has beside the torque."""
+    parent, separator, _ = contents.find_variable(torque).rpartition(contents.separator)
+    names = {channel: f"{parent}{separator}{channel}" for channel in TRUE_TORQUES}
+    return {channel: _read_signal(contents, name) for channel, name in names.items() if name in contents.variables}
 
 
-def _read_mat(path):
-    if h5py.is_hdf5(path):
-        return _read_hdf5(path, separator=".")
-    workspace = scipy.io.loadmat(path, simplify_cells=True)
-    return _Contents(dict(_fields({k: v for k, v in workspace.items() if not k.startswith("__")})), separator=".")
+def _read_signal(contents: FileContents, name: str) -> np.ndarray:
+    variable = contents.find_variable(name)
+    values = contents.variables[variable]
+    _check_numbers(contents, variable, values)
+    return as_signal(values, variable, source=contents.path.name)
 
 
-def _fields(struct, prefix=""):
-    for name, value in struct.items():
-        if isinstance(value, dict):
-            yield from _fields(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
-
-
-def _read_hdf5(path, separator="/"):
-    contents = _Contents({}, separator=separator)
-
-    def flatten(name, item):
-        name = name.replace("/", separator)
-        if name.startswith("#"):  # MATLAB keeps its internals in #refs# and #subsystem#
-            return
-        contents.attributes.update({f"{name}{separator}{key}": value for key, value in item.attrs.items()})
-        if isinstance(item, h5py.Dataset):
-            # For an empty array MATLAB stores its size instead, which would pass for samples.
-            contents.variables[name] = np.empty(0) if item.attrs.get("MATLAB_empty", 0) else item[()]
-
-    with h5py.File(path, "r") as file:
-        contents.attributes.update(file.attrs.items())
-        file.visititems(flatten)
-    return contents
-
-
-def _read_netcdf(path):
-    if h5py.is_hdf5(path):
-        groups = xr.open_groups(path, engine="h5netcdf", decode_times=False)
-    else:  # classic NetCDF, which has no groups
-        groups = {"/": xr.open_dataset(path, engine="scipy", decode_times=False)}
-    contents = _Contents({})
-    for group, dataset in groups.items():
-        prefix = f"{group.strip('/')}/".lstrip("/")
-        with dataset:
-            contents.attributes.update({f"{prefix}{key}": value for key, value in dataset.attrs.items()})
-            for name, variable in dataset.variables.items():
-                contents.variables[f"{prefix}{name}"] = variable.to_numpy()
-                contents.attributes.update({f"{prefix}{name}/{key}": value for key, value in variable.attrs.items()})
-    return contents
-
-
-_READERS = {
-    ".csv": _read_csv,
-    ".csv.gz": _read_csv,
-    ".mat": _read_mat,
-    ".h5": _read_hdf5,
-    ".hdf5": _read_hdf5,
-    ".nc": _read_netcdf,
-}
-
-
-def _signal(contents, path, name):
-    full = contents.find(name)
-    if full is None:
-        raise DataError(
-            f"{path.name}: there is no variable {name!r}; the file has: {', '.join(contents.variables) or 'none'}. "
-            "Name one of these."
-        )
-    _check_numeric(path, full, contents.variables[full])
-    return as_signal(contents.variables[full], full, source=path.name)
-
-
-def _check_numeric(path, name, values):
+def _check_numbers(contents: FileContents, name: str, values: Any) -> None:
     if np.asarray(values).dtype.kind not in "OUS":
         return
     cells = pd.Series(np.ravel(values))
     text = cells[pd.to_numeric(cells, errors="coerce").isna() & cells.notna()]
     if text.size:
-        row = text.index[0]
-        where = f"in line {_line(path, row)}" if path.name.lower().endswith((".csv", ".csv.gz")) else f"at sample {row}"
-        found = f"{name} is not a number {where} but {text.iloc[0]!r}"
-        raise DataError(f"{path.name}: {found}: correct the file, or choose another variable.")
-
-
-def _line(path, row):
-    """Line of the file that holds a row of the table; blank lines are no rows, and the header is one."""
-    opener = gzip.open if path.name.lower().endswith(".gz") else open
-    with opener(path, "rt", encoding="utf-8", newline="") as file:
-        lines = csv.reader(file)
-        return [lines.line_num for cells in lines if cells][row + 1]
-
-
-def _truths(contents, path, torque):
-    parent, separator, _ = contents.find(torque).rpartition(contents.separator)
-    names = {truth: f"{parent}{separator}{truth}" for truth in TRUTHS}
-    return {truth: _signal(contents, path, name) for truth, name in names.items() if name in contents.variables}
-
-
-def _check_unit(contents, source, name, position_unit):
-    stated = contents.units(name)
-    if not stated:
-        return
-    if not stated.startswith(("rad", "deg", "°")):
-        raise DataError(f"{source}: {name} is in {stated!r} according to the file: convert it to rad or deg.")
-    unit = "rad" if stated.startswith("rad") else "deg"
-    if unit != position_unit:
         raise DataError(
-            f"{source}: {name} is in {stated!r} according to the file, but position_unit is {position_unit!r}: "
-            f"pass position_unit={unit!r}, or correct the file."
+            f"{contents.path.name}: {name} is not a number {contents.locate_sample(text.index[0])} but "
+            f"{text.iloc[0]!r}: correct the file, or choose another variable."
         )
 
 
-def _rate(contents, path, names, size, argument):
-    """Choose the sampling rate [Hz]: the argument, else a number in the file, else the time, which must agree."""
-    stated = argument
+def _check_unit(contents: FileContents, name: str, position_unit: str) -> None:
+    stated = contents.find_unit(name)
+    if not stated:
+        return
+    fault = f"{contents.path.name}: {name} is in {stated!r} according to the file"
+    if not stated.startswith(("rad", "deg", "°")):
+        raise DataError(f"{fault}: convert it to rad or deg.")
+    unit = "rad" if stated.startswith("rad") else "deg"
+    if unit != position_unit:
+        raise DataError(
+            f"{fault}, but position_unit is {position_unit!r}: pass position_unit={unit!r}, or correct the file."
+        )
+
+
+def _read_rate(contents: FileContents, options: ReadingOptions, size: int) -> float:
+    """Sampling rate [Hz]: the option, else a number in the file, else the rate of the times, which must agree."""
+    stated = options.sampling_rate
     if stated is None:
-        name = contents.nearest(RATE_NAMES, names["position"], scalar=True)
-        stated = None if name is None else np.ravel((contents.attributes | contents.variables)[name])[0]
-    if stated is not None:
-        stated = as_rate(stated, source=path.name)
-    name = contents.nearest(TIME_NAMES, names["position"], scalar=False)
-    if name is None or name in names.values():
+        stated = _read_stated_rate(contents, options.position)
+    name = contents.find_nearest(TIME_NAMES, options.position, scalar=False)
+    if name is None or name in options.variables.values():
         if stated is None:
             raise DataError(
-                f"{path.name}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column "
+                f"{contents.path.name}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column "
                 f"({', '.join(TIME_NAMES)}): pass sampling_rate in Hz."
             )
         return stated
-    measured = _rate_of_column(contents, path, name, size)
-    if stated is not None:
-        check_same_rate(stated, measured, source=path.name, name=name)
-    return measured if stated is None else stated
+    measured = _read_time_rate(contents, name, size)
+    if stated is None:
+        return measured
+    check_same_rate(stated, measured, source=contents.path.name, name=name)
+    return stated
 
 
-def _rate_of_column(contents, path, name, size):
-    unit = contents.units(name)
+def _read_stated_rate(contents: FileContents, position: str) -> float | None:
+    name = contents.find_nearest(RATE_NAMES, position, scalar=True)
+    if name is None:
+        return None
+    return parse_rate(np.ravel((contents.attributes | contents.variables)[name])[0], source=contents.path.name)
+
+
+def _read_time_rate(contents: FileContents, name: str, size: int) -> float:
+    source = contents.path.name
+    unit = contents.find_unit(name)
     if unit and not unit.startswith("s"):  # "s", "sec", "seconds since …"
-        raise DataError(f"{path.name}: {name} is in {unit!r} according to the file: write it in seconds.")
-    time = _signal(contents, path, name)
+        raise DataError(f"{source}: {name} is in {unit!r} according to the file: write it in seconds.")
+    time = _read_signal(contents, name)
     if time.size != size:
-        raise DataError(f"{path.name}: {name} has {time.size} samples but position has {size}: cut both to the same.")
-    return rate_from_time(time, source=path.name, name=name)
+        raise DataError(f"{source}: {name} has {time.size} samples but position has {size}: cut both to the same.")
+    return compute_rate(time, source=source, name=name)

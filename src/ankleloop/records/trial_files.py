@@ -1,24 +1,59 @@
-"""Batches: all trials of one condition in one file, so that a job can loop over them."""
+"""Trial files: trials of equal length in one file, each with its point of a study and its number there."""
+
+from __future__ import annotations
 
 import json
-from functools import partial
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count, repeat
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.once import once
-from ankleloop.records.files import number_type, write_netcdf
-from ankleloop.records.trial import validate
+from ankleloop.records.files import parse_precision, write_netcdf
+from ankleloop.records.validation import validate
 
-__all__ = ["load_blocks", "load_trials", "save_trials"]
+__all__ = ["TrialChunk", "load_chunks", "load_trial_of", "load_trials", "save_trials"]
 
-OWN = "own_attributes"
-BLOCK = 25  # trials read at a time: each access to the file costs more than the numbers
+CHUNK = 25  # trials read at a time: each access to the file costs more than the numbers
+ATTRIBUTES = "trial_attributes"  # those in which the trials of a file differ
+INDEX = ("point", "number", ATTRIBUTES)
+
+Path = str | os.PathLike[str]
 
 
-def save_trials(trials, path, precision="double"):
-    """Write trials of equal length and sampling rate to one NetCDF file, whole or not at all.
+@dataclass(frozen=True)
+class TrialChunk:
+    """Some trials of a file, read in one pass.
+
+    Parameters
+    ----------
+    trials : list of xarray.Dataset
+        Valid trials.
+    points : list of str
+        Point of the study to which each trial belongs.
+    numbers : list of int
+        Number of each trial at its point.
+    signals : mapping of str to ndarray, shape (trials, samples)
+        Variables by name, in double precision, a row for each trial; those that are constant are left out.
+    """
+
+    trials: list[xr.Dataset]
+    points: list[str]
+    numbers: list[int]
+    signals: Mapping[str, np.ndarray]
+
+
+def save_trials(
+    trials: Iterable[xr.Dataset],
+    path: Path,
+    precision: str = "double",
+    index: Iterable[tuple[str, int]] | None = None,
+) -> None:
+    """Write trials of equal length and sampling rate to one NetCDF file, which appears when it is complete.
 
     A variable that is constant in every trial (the noise of a noise-free simulation) takes one number per trial.
 
@@ -31,6 +66,8 @@ def save_trials(trials, path, precision="double"):
     precision : {"double", "single"}
         Floating-point numbers on disk. Single takes half the space and rounds to 6e-8 of a value, where a 16-bit
         converter rounds to 1.5e-5 of its range; trials are double again once loaded.
+    index : iterable of (str, int), optional
+        Point of a study and number of each trial; by default all trials are of one point, "only".
 
     Raises
     ------
@@ -45,44 +82,62 @@ def save_trials(trials, path, precision="double"):
     >>> from ankleloop.records.trial import new_trial
     >>> trials = [new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0, seed=k) for k in range(2)]
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_trials(trials, f"{folder}/batch.nc")
-    ...     [trial.attrs["seed"] for trial in load_trials(f"{folder}/batch.nc")]
+    ...     save_trials(trials, f"{folder}/trials.nc")
+    ...     [trial.attrs["seed"] for trial in load_trials(f"{folder}/trials.nc")]
     [0, 1]
     """
-    kind = number_type(precision)
-    first, gathered, attributes = None, {}, []
-    for k, trial in enumerate(trials):
-        first = trial if first is None else first
-        _check_alike(k, trial, first)
+    kind = parse_precision(precision)
+    template: xr.Dataset | None = None
+    samples: dict[str, list[np.ndarray]] = {}
+    attributes: list[dict[str, Any]] = []
+    keys: list[tuple[str, int]] = []
+    for trial, key in zip(trials, zip(repeat("only"), count()) if index is None else index, strict=index is not None):
+        template = trial if template is None else template
+        _check_alike(key, trial, template)
+        keys.append(key)
         attributes.append(trial.attrs)
         for name, variable in trial.data_vars.items():
             values = variable.values
-            values = values[:1] if np.ptp(values) == 0 else values
-            gathered.setdefault(name, []).append(values.astype(kind if values.size > 1 else float))
-    if first is None:
+            values = values[:1].astype(float) if np.ptp(values) == 0 else values.astype(kind)
+            samples.setdefault(str(name), []).append(values)
+    if template is None:
         raise DataError(f"{path}: there are no trials to save.")
-    shared = {n: v for n, v in first.attrs.items() if all(given.get(n) == v for given in attributes)}
-    own = [json.dumps({n: v for n, v in given.items() if n not in shared}) for given in attributes]
-    variables = {name: _packed(arrays, first[name].attrs, first.sizes["time"]) for name, arrays in gathered.items()}
-    batch = xr.Dataset({**variables, OWN: ("trial", own)}, coords={"time": first["time"].variable}, attrs=shared)
-    write_netcdf(batch, path, {name: {"_FillValue": None} for name in batch.variables if name != OWN})
+    shared = {name: value for name, value in template.attrs.items() if all(a.get(name) == value for a in attributes)}
+    different = [json.dumps({name: a[name] for name in a if name not in shared}) for a in attributes]
+    data = xr.Dataset(
+        {
+            "point": ("trial", [point for point, _ in keys]),
+            "number": ("trial", np.array([number for _, number in keys])),
+            ATTRIBUTES: ("trial", different),
+        },
+        coords={"time": template["time"].variable},
+        attrs=shared,
+    )
+    for name in list(samples):  # each list is freed once it is stacked
+        data[name] = _stack(samples.pop(name), kind, template[name].attrs, template.sizes["time"])
+    write_netcdf(data, path, {str(name): {"_FillValue": None} for name in data.variables if name not in INDEX})
 
 
-def _check_alike(k, trial, first):
-    same = trial.sizes == first.sizes and set(trial.data_vars) == set(first.data_vars)
-    if not same or trial.attrs["sampling_rate"] != first.attrs["sampling_rate"]:
-        raise DataError(f"trial {k} differs from trial 0 in length, variables or sampling rate: save it by itself.")
+def _check_alike(key: tuple[str, int], trial: xr.Dataset, template: xr.Dataset) -> None:
+    same = trial.sizes == template.sizes and set(trial.data_vars) == set(template.data_vars)
+    if not same or trial.attrs["sampling_rate"] != template.attrs["sampling_rate"]:
+        raise DataError(
+            f"trial {key[1]} of {key[0]} differs from the first trial in length, variables or sampling rate: "
+            "save it in a file of its own."
+        )
 
 
-def _packed(arrays, attributes, samples):
-    """Samples of all trials; one number each where every trial is constant."""
-    if all(values.size == 1 for values in arrays):
-        return ("trial", np.concatenate(arrays), attributes)
-    return (("trial", "time"), np.stack([np.broadcast_to(values, samples) for values in arrays]), attributes)
+def _stack(
+    values: Sequence[np.ndarray], kind: type[np.floating], attributes: Mapping[str, Any], samples: int
+) -> tuple[str | tuple[str, ...], np.ndarray, Mapping[str, Any]]:
+    """Samples of all trials; one number for each where every trial is constant."""
+    if all(array.size == 1 for array in values):
+        return "trial", np.concatenate(values), attributes
+    return ("trial", "time"), np.stack([np.broadcast_to(a, samples) for a in values], dtype=kind), attributes
 
 
-def load_trials(path):
-    """Read what `save_trials` wrote, one trial after the other.
+def load_trials(path: Path) -> Iterator[xr.Dataset]:
+    """Read the trials that `save_trials` wrote, one after the other.
 
     Parameters
     ----------
@@ -106,45 +161,88 @@ def load_trials(path):
       ...
     FileNotFoundError: ...
     """
-    for trials, _ in load_blocks(path):
-        yield from trials
+    for chunk in load_chunks(path):
+        yield from chunk.trials
 
 
-def load_blocks(path):
-    """Read what `load_trials` reads, several trials at a time: one pass over a signal then serves all of them.
+def load_chunks(path: Path) -> Iterator[TrialChunk]:
+    """Read the trials that `save_trials` wrote, several at a time, so that one pass over a signal serves all of them.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
 
     Yields
     ------
-    trials : list of xarray.Dataset
-        Valid trials.
-    signals : dict of str to ndarray, shape (trials, N)
-        Variables by name, in double precision; a row belongs to a trial. Those that are constant are not among them.
+    TrialChunk
 
     Raises
     ------
     DataError
         If a trial in the file is not valid.
     """
-    with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as batch:
-        time = batch["time"].load().variable
-        for start in range(0, batch.sizes["trial"], BLOCK):
-            block = batch.isel(trial=slice(start, start + BLOCK)).load()
-            own = [json.loads(str(text)) for text in block[OWN].values]
-            shared = {name: value.item() if hasattr(value, "item") else value for name, value in block.attrs.items()}
-            kept = {name: variable for name, variable in block.variables.items() if name not in (OWN, "time")}
-            signals = {name: kept[name].values.astype(float) for name in kept if kept[name].ndim > 1}
-            trials = []
-            for k, attributes in enumerate(own):
-                variables = {
-                    name: ("time", signals[name][k] if name in signals else _constant(v, k, time.size), v.attrs)
-                    for name, v in kept.items()
-                }
-                trial = xr.Dataset(variables, coords={"time": time}, attrs=shared | attributes)
-                source = f"{path}, trial {start + k}"
-                trials.append(once(trial, "valid", partial(validate, trial, source=source)))
-            yield trials, signals
+    with _open(path) as data:
+        for start in range(0, data.sizes["trial"], CHUNK):
+            yield _read_chunk(data, slice(start, start + CHUNK), path)
 
 
-def _constant(variable, trial, samples):
-    """Samples of what is one number for each trial."""
-    return np.full(samples, float(variable.values[trial]))
+def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
+    """Read one trial of a study.
+
+    Parameters
+    ----------
+    paths : iterable of path-like
+        Trial files of the study.
+    point : str
+        Point of the study.
+    number : int
+        Number of the trial at this point, from 0.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    DataError
+        If no file has this trial, or it is not valid.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ankleloop.records.trial import new_trial
+    >>> trials = [new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0, seed=k) for k in range(2)]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_trials(trials, f"{folder}/0.nc", index=[("gain=2", 0), ("gain=3", 0)])
+    ...     load_trial_of([f"{folder}/0.nc"], "gain=3", 0).attrs["seed"]
+    1
+    """
+    for path in paths:
+        with _open(path) as data:
+            row = np.flatnonzero((data["point"].values == point) & (data["number"].values == number))
+            if row.size:
+                return _read_chunk(data, slice(row[0], row[0] + 1), path).trials[0]
+    raise DataError(f"no trial file has trial {number} of the point {point!r}: check the name and the number.")
+
+
+def _open(path: Path) -> xr.Dataset:
+    return xr.open_dataset(path, engine="h5netcdf", decode_times=False)
+
+
+def _read_chunk(data: xr.Dataset, rows: slice, path: Path) -> TrialChunk:
+    part = data.isel(trial=rows).load()
+    time = part["time"].variable
+    shared = {name: value.item() if hasattr(value, "item") else value for name, value in part.attrs.items()}
+    variables = {str(name): v for name, v in part.variables.items() if name not in (*INDEX, "time")}
+    signals = {name: v.values.astype(float) for name, v in variables.items() if v.ndim > 1}
+    points, numbers = part["point"].values.astype(str).tolist(), part["number"].values.tolist()
+    trials = []
+    for row, text in enumerate(part[ATTRIBUTES].values):
+        channels = {
+            name: ("time", signals[name][row] if name in signals else np.full(time.size, float(v[row])), v.attrs)
+            for name, v in variables.items()
+        }
+        trial = xr.Dataset(channels, coords={"time": time}, attrs=shared | json.loads(str(text)))
+        trials.append(validate(trial, source=f"{path}, trial {numbers[row]} of {points[row]}"))
+    return TrialChunk(trials, points, numbers, signals)

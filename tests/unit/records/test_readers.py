@@ -1,3 +1,5 @@
+"""Trials from files: formats, names, units, signs and sampling rates."""
+
 import gzip
 import os
 from pathlib import Path
@@ -14,7 +16,7 @@ from hypothesis import strategies as st
 
 from ankleloop.errors import DataError
 from ankleloop.records.readers import read_trial
-from ankleloop.records.trial import TRUTHS, new_trial, save_trial
+from ankleloop.records.trial import TRUE_TORQUES, new_trial, save_trial
 
 RATE = 500.0
 T = np.arange(300) / RATE
@@ -23,7 +25,7 @@ TQ = 3.0 * np.cos(2 * np.pi * 3 * T)
 R = 0.02 * np.sign(P + 1e-9)
 
 
-def check(trial, rate=RATE, rtol=0.0):
+def assert_signals(trial, rate=RATE, rtol=0.0):
     np.testing.assert_allclose(trial.position, P, rtol=rtol)
     np.testing.assert_allclose(trial.torque, TQ, rtol=rtol)
     assert trial.attrs["sampling_rate"] == rate
@@ -37,19 +39,19 @@ def write_csv(path, **columns):
 def write_v73(path, tree, attributes=()):
     """An HDF5 file as MATLAB writes it: a header in a user block, arrays transposed, structs as groups."""
 
-    def put(group, name, value):
+    def write(group, name, value):
         if isinstance(value, dict):
-            inner = group.create_group(name)
-            inner.attrs["MATLAB_class"] = np.bytes_("struct")
+            struct = group.create_group(name)
+            struct.attrs["MATLAB_class"] = np.bytes_("struct")
             for key, item in value.items():
-                put(inner, key, item)
+                write(struct, key, item)
             return
         group[name] = np.atleast_2d(np.asarray(value, float))
         group[name].attrs["MATLAB_class"] = np.bytes_("double")
 
     with h5py.File(path, "w", userblock_size=512) as file:
         for name, value in tree.items():
-            put(file, name, value)
+            write(file, name, value)
         file.create_group("#refs#")["a"] = np.zeros((1, 2))
         for name, attribute, value in attributes:
             file[name].attrs[attribute] = value
@@ -63,7 +65,7 @@ def write_v73(path, tree, attributes=()):
 
 def test_csv_of_pandas(tmp_path):
     trial = read_trial(write_csv(tmp_path / "a.csv", command=R), reference="command")
-    check(trial)
+    assert_signals(trial)
     np.testing.assert_array_equal(trial.reference, R)
 
 
@@ -71,30 +73,30 @@ def test_csv_gz_of_raw_text(tmp_path):
     lines = [f"{t:.3f},{p!r},{tq!r}" for t, p, tq in zip(T, P.tolist(), TQ.tolist(), strict=True)]
     with gzip.open(tmp_path / "a.csv.gz", "wt", encoding="utf-8") as file:
         file.write("\n".join(["time_s,position_rad,torque_nm", *lines]) + "\n")
-    check(read_trial(str(tmp_path / "a.csv.gz"), position="position_rad", torque="torque_nm"))
+    assert_signals(read_trial(str(tmp_path / "a.csv.gz"), position="position_rad", torque="torque_nm"))
 
 
-def test_csv_without_time_takes_the_argument(tmp_path):
+def test_csv_without_time_takes_the_option(tmp_path):
     pd.DataFrame({"position": P, "torque": TQ}).to_csv(tmp_path / "A.CSV", index=False)
-    check(read_trial(tmp_path / "A.CSV", sampling_rate=2000), rate=2000.0)
+    assert_signals(read_trial(tmp_path / "A.CSV", sampling_rate=2000), rate=2000.0)
 
 
-def test_csv_of_a_careless_spreadsheet(tmp_path):
+def test_csv_with_blanks_empty_lines_and_byte_order_mark(tmp_path):
     lines = [f" {p!r}, {tq!r},  ," for p, tq in zip(P.tolist(), TQ.tolist(), strict=True)]
     text = "\n\n".join(["position, torque, note,", *lines]) + "\n\n\n"
     (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
-    check(read_trial(tmp_path / "a.csv", sampling_rate=RATE))
+    assert_signals(read_trial(tmp_path / "a.csv", sampling_rate=RATE))
 
 
-@pytest.mark.parametrize("zipped", [False, True])
+@pytest.mark.parametrize("compressed", [False, True])
 @pytest.mark.parametrize("blank", [False, True])
-def test_a_cell_that_is_no_number_is_named_by_its_line(tmp_path, zipped, blank):
+def test_text_in_a_cell_is_located_by_its_line(tmp_path, compressed, blank):
     lines = ["time,position,torque", *(f"{t},{p},{tq}" for t, p, tq in zip(T, P, TQ, strict=True))]
     lines[11] = f"{T[10]},n.v.t.,{TQ[10]}"
     if blank:
         lines[5:5] = ["", ""]
-    path = tmp_path / ("a.csv.gz" if zipped else "a.csv")
-    with (gzip.open if zipped else open)(path, "wt", encoding="utf-8") as file:
+    path = tmp_path / ("a.csv.gz" if compressed else "a.csv")
+    with (gzip.open if compressed else open)(path, "wt", encoding="utf-8") as file:
         file.write("\n".join(lines))
     line = 14 if blank else 12
     with pytest.raises(
@@ -103,20 +105,20 @@ def test_a_cell_that_is_no_number_is_named_by_its_line(tmp_path, zipped, blank):
         read_trial(path)
 
 
-def test_a_text_column_is_refused_only_when_it_is_asked_for(tmp_path):
+def test_text_column_is_refused_only_as_a_channel(tmp_path):
     path = write_csv(tmp_path / "a.csv", side="left")
-    check(read_trial(path))
+    assert_signals(read_trial(path))
     with pytest.raises(DataError, match=r"side is not a number in line 2 but 'left': .* choose another variable"):
         read_trial(path, torque="side")
 
 
-def test_a_text_time_column_is_refused(tmp_path):
+def test_text_time_column_is_refused(tmp_path):
     path = write_csv(tmp_path / "a.csv", time=[f"00:00:{t:.3f}" for t in T])
     with pytest.raises(DataError, match=r"time is not a number in line 2 but '00:00:0.000'"):
         read_trial(path)
 
 
-def test_an_empty_cell_is_a_missing_sample(tmp_path):
+def test_empty_cell_is_a_missing_sample(tmp_path):
     torque = TQ.copy()
     torque[40] = np.nan
     with pytest.raises(DataError, match=r"^a.csv: torque is not finite at sample 40 \(0.08 s\), 1 sample in all"):
@@ -129,7 +131,7 @@ def test_decimal_commas_are_refused(tmp_path):
         read_trial(tmp_path / "a.csv", sampling_rate=100)
 
 
-def test_a_table_without_rows_is_empty(tmp_path):
+def test_table_without_rows_is_empty(tmp_path):
     (tmp_path / "a.csv").write_text("position,torque\n")
     with pytest.raises(DataError, match="position is empty"):
         read_trial(tmp_path / "a.csv", sampling_rate=100)
@@ -140,33 +142,33 @@ def test_a_table_without_rows_is_empty(tmp_path):
 
 def test_mat_v5(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"position": P[:, None], "torque": TQ[None, :], "fs": RATE})
-    check(read_trial(tmp_path / "a.mat"))
+    assert_signals(read_trial(tmp_path / "a.mat"))
 
 
 def test_mat_v5_struct(tmp_path):
     data = {"rec": {"ankle": {"pos": P, "tq": TQ, "cmd": R}, "Fs": RATE, "name": "S1"}, "fs": 1.0}
     scipy.io.savemat(tmp_path / "a.mat", data)
     names = {"position": "rec.ankle.pos", "torque": "rec.ankle.tq", "reference": "rec.ankle.cmd"}
-    check(read_trial(tmp_path / "a.mat", **names))
+    assert_signals(read_trial(tmp_path / "a.mat", **names))
     with pytest.raises(DataError, match=r"there is no variable 'rec.pos'; the file has: rec.ankle.pos, rec.ankle.tq, "):
         read_trial(tmp_path / "a.mat", position="rec.pos", torque="rec.ankle.tq")
 
 
 def test_mat_v4(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "fs": RATE}, format="4")
-    check(read_trial(tmp_path / "a.mat"))
+    assert_signals(read_trial(tmp_path / "a.mat"))
 
 
 @pytest.mark.parametrize("wrap", [lambda x: x[None, :], lambda x: x[:, None]], ids=["transposed", "as-is"])
 def test_mat_v73(tmp_path, wrap):
     path = write_v73(tmp_path / "a.mat", {"position": wrap(P), "torque": wrap(TQ), "fs": RATE})
     assert path.read_bytes()[:10] == b"MATLAB 7.3"
-    check(read_trial(path))
+    assert_signals(read_trial(path))
 
 
 def test_mat_v73_struct(tmp_path):
     path = write_v73(tmp_path / "a.mat", {"rec": {"ankle": {"pos": P, "tq": TQ}, "Fs": RATE}, "fs": 1.0})
-    check(read_trial(path, position="rec.ankle.pos", torque="rec.ankle.tq"))
+    assert_signals(read_trial(path, position="rec.ankle.pos", torque="rec.ankle.tq"))
     with pytest.raises(
         DataError, match=r"no variable 'position'; the file has: fs, rec.Fs, rec.ankle.pos, rec.ankle.tq\."
     ):
@@ -190,7 +192,7 @@ def test_mat_v73_empty_array_is_not_its_size(tmp_path):
     ],
     ids=["complex", "char", "cell", "two-channels"],
 )
-def test_mat_variables_of_other_kinds(tmp_path, value, message):
+def test_mat_variables_of_other_types(tmp_path, value, message):
     scipy.io.savemat(tmp_path / "a.mat", {"position": value, "torque": TQ, "fs": RATE})
     with pytest.raises(DataError, match=message):
         read_trial(tmp_path / "a.mat")
@@ -206,25 +208,25 @@ def test_hdf5(tmp_path, suffix):
         file["position"], file["torque"] = P, TQ[None, :]
         file["position"].attrs["units"] = "rad"
         file.attrs["sampling_rate"] = RATE
-    check(read_trial(path))
-    check(read_trial(path, position="/position"))
+    assert_signals(read_trial(path))
+    assert_signals(read_trial(path, position="/position"))
 
 
-@pytest.mark.parametrize("where", ["trial/ankle/position", "trial/ankle", "trial", "/"])
+@pytest.mark.parametrize("owner", ["trial/ankle/position", "trial/ankle", "trial", "/"])
 @pytest.mark.parametrize("name", ["fs", "Fs", "sampling_rate", "sample_rate"])
-def test_hdf5_groups_and_their_rate(tmp_path, where, name):
+def test_hdf5_groups_and_their_rate(tmp_path, owner, name):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["trial/ankle/position"], file["trial/ankle/torque"] = P, TQ
         file["other/fs"] = 1.0
-        file[where].attrs[name] = RATE
-    check(read_trial(tmp_path / "a.h5", position="trial/ankle/position", torque="trial/ankle/torque"))
+        file[owner].attrs[name] = RATE
+    assert_signals(read_trial(tmp_path / "a.h5", position="trial/ankle/position", torque="trial/ankle/torque"))
 
 
 def test_hdf5_rate_beside_the_position_comes_first(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["trial/position"], file["trial/torque"], file["trial/fs"] = P, TQ, [RATE]
         file.attrs["sampling_rate"] = 1.0
-    check(read_trial(tmp_path / "a.h5", position="trial/position", torque="trial/torque"))
+    assert_signals(read_trial(tmp_path / "a.h5", position="trial/position", torque="trial/torque"))
 
 
 def test_hdf5_text_is_refused(tmp_path):
@@ -241,7 +243,7 @@ def test_hdf5_text_is_refused(tmp_path):
 def test_netcdf_of_xarray(tmp_path, engine):
     data = xr.Dataset({"position": ("t", P), "torque": ("t", TQ)}, coords={"t": T})
     data.to_netcdf(tmp_path / "a.nc", engine=engine)
-    check(read_trial(tmp_path / "a.nc"))
+    assert_signals(read_trial(tmp_path / "a.nc"))
 
 
 def test_netcdf_groups(tmp_path):
@@ -251,7 +253,7 @@ def test_netcdf_groups(tmp_path):
         for name, values in (("position", P), ("torque", TQ)):
             group.create_variable(name, ("sample",), float)[:] = values
         group.attrs["fs"] = RATE
-    check(read_trial(tmp_path / "a.nc", position="trial/position", torque="/trial/torque"))
+    assert_signals(read_trial(tmp_path / "a.nc", position="trial/position", torque="/trial/torque"))
 
 
 def test_netcdf_packed(tmp_path):
@@ -262,11 +264,11 @@ def test_netcdf_packed(tmp_path):
     np.testing.assert_allclose(trial.position, P, atol=1e-9)
 
 
-def test_netcdf_trial_brings_its_truths(tmp_path):
-    truths = {name: (k + 2) * TQ for k, name in enumerate(TRUTHS)}
-    save_trial(new_trial(P, TQ, RATE, R, **truths, seed=1), tmp_path / "a.nc")
+def test_true_torques_of_a_netcdf_trial(tmp_path):
+    true_torques = {name: (k + 2) * TQ for k, name in enumerate(TRUE_TORQUES)}
+    save_trial(new_trial(P, TQ, RATE, R, **true_torques, seed=1), tmp_path / "a.nc")
     trial = read_trial(tmp_path / "a.nc", reference="reference", torque_sign=-1, position_sign=-1)
-    for name, values in ({"position": P, "torque": TQ, "reference": R} | truths).items():
+    for name, values in ({"position": P, "torque": TQ, "reference": R} | true_torques).items():
         np.testing.assert_array_equal(trial[name], -values)
     assert "reference" not in read_trial(tmp_path / "a.nc")
 
@@ -275,7 +277,7 @@ def test_netcdf_trial_brings_its_truths(tmp_path):
 
 
 @pytest.mark.parametrize("unit", ["deg", "Degrees", b"degree", "°"])
-def test_units_that_contradict_the_argument(tmp_path, unit):
+def test_stated_units_contradict_the_option(tmp_path, unit):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["position"], file["torque"], file["fs"] = np.rad2deg(P), TQ, RATE
         file["position"].attrs["units"] = unit
@@ -283,10 +285,10 @@ def test_units_that_contradict_the_argument(tmp_path, unit):
         DataError, match=r"position is in '.*' .*, but position_unit is 'rad': pass position_unit='deg'"
     ):
         read_trial(tmp_path / "a.h5")
-    check(read_trial(tmp_path / "a.h5", position_unit="deg"), rtol=1e-15)
+    assert_signals(read_trial(tmp_path / "a.h5", position_unit="deg"), rtol=1e-15)
 
 
-def test_radians_read_as_degrees(tmp_path):
+def test_radians_read_as_degrees_are_refused(tmp_path):
     save_trial(new_trial(P, TQ, RATE), tmp_path / "a.nc")
     with pytest.raises(
         DataError, match=r"position is in 'rad' .*, but position_unit is 'deg': pass position_unit='rad'"
@@ -294,7 +296,7 @@ def test_radians_read_as_degrees(tmp_path):
         read_trial(tmp_path / "a.nc", position_unit="deg")
 
 
-def test_units_of_the_reference_count_too(tmp_path):
+def test_unit_of_the_reference_is_checked(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["position"], file["torque"], file["cmd"], file["fs"] = P, TQ, np.rad2deg(R), RATE
         file["cmd"].attrs["units"] = "deg"
@@ -310,16 +312,16 @@ def test_other_units_are_refused(tmp_path):
         read_trial(tmp_path / "a.h5")
 
 
-def test_degrees_without_a_stated_unit_are_noticed(tmp_path):
+def test_degrees_without_a_stated_unit_are_refused(tmp_path):
     path = write_csv(tmp_path / "a.csv", position=np.rad2deg(P))
     with pytest.raises(
         DataError, match=r"^a.csv: position moves at .* is the position in degrees\? pass position_unit='deg'"
     ):
         read_trial(path)
-    check(read_trial(path, position_unit="deg"), rtol=1e-14)
+    assert_signals(read_trial(path, position_unit="deg"), rtol=1e-14)
 
 
-def test_degrees_apply_to_the_reference(tmp_path):
+def test_degrees_and_sign_apply_to_the_reference(tmp_path):
     path = write_csv(tmp_path / "a.csv", position=np.rad2deg(P), cmd=np.rad2deg(R))
     trial = read_trial(path, reference="cmd", position_unit="deg", position_sign=-1)
     np.testing.assert_allclose(trial.position, -P, rtol=1e-14)
@@ -328,29 +330,29 @@ def test_degrees_apply_to_the_reference(tmp_path):
 
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(sign=st.sampled_from([1, -1]), torque_sign=st.sampled_from([1, -1]), seed=st.integers(0, 2**32 - 1))
-def test_signs_twice_change_nothing(tmp_path, sign, torque_sign, seed):
+def test_signs_applied_twice_cancel(tmp_path, sign, torque_sign, seed):
     rng = np.random.default_rng(seed)
     first = new_trial(*(0.01 * rng.standard_normal((2, 20))), 100.0, rng.standard_normal(20), torque_noise=np.zeros(20))
     signs = {"reference": "reference", "position_sign": sign, "torque_sign": torque_sign}
     save_trial(first, tmp_path / "a.nc")
     save_trial(read_trial(tmp_path / "a.nc", **signs), tmp_path / "b.nc")
-    twice = read_trial(tmp_path / "b.nc", **signs)
-    xr.testing.assert_equal(twice, first)
+    second = read_trial(tmp_path / "b.nc", **signs)
+    xr.testing.assert_equal(second, first)
 
 
 @pytest.mark.parametrize("option", ["position_sign", "torque_sign"])
 @pytest.mark.parametrize("sign", [0, 2, "-", None])
-def test_signs_must_be_one(option, sign):
-    with pytest.raises(DataError, match=f"{option} is .*: pass 1 or -1"):
+def test_signs_must_be_plus_or_minus_one(option, sign):
+    with pytest.raises(DataError, match=rf"^any.csv: {option} must be one of 1 or -1; got {sign!r}"):
         read_trial("any.csv", **{option: sign})
 
 
 def test_position_unit_must_be_known():
-    with pytest.raises(DataError, match="position_unit is 'grad': pass 'rad' or 'deg'"):
+    with pytest.raises(DataError, match=r"^any.csv: position_unit must be one of 'rad' or 'deg'; got 'grad'"):
         read_trial("any.csv", position_unit="grad")
 
 
-def test_the_reading_is_on_record(tmp_path):
+def test_attributes_record_the_options(tmp_path):
     path = write_csv(tmp_path / "a.csv", angle=np.rad2deg(P))
     trial = read_trial(path, position="angle", position_unit="deg", position_sign=-1, torque_sign=-1)
     assert trial.attrs == {
@@ -377,27 +379,27 @@ def test_no_sampling_rate(tmp_path):
 
 
 @pytest.mark.parametrize("rate", [0, -1.0, np.nan, "fast"])
-def test_impossible_sampling_rate(tmp_path, rate):
+def test_wrong_sampling_rate(tmp_path, rate):
     with pytest.raises(DataError, match=r"^a.csv: sampling_rate is .*: pass a (single|positive) number"):
         read_trial(write_csv(tmp_path / "a.csv"), sampling_rate=rate)
 
 
-def test_impossible_sampling_rate_in_the_file(tmp_path):
+def test_wrong_sampling_rate_in_the_file(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "fs": 0.0})
     with pytest.raises(DataError, match=r"^a.mat: sampling_rate is 0 Hz"):
         read_trial(tmp_path / "a.mat")
 
 
-def test_the_argument_wins_over_the_file(tmp_path):
+def test_option_precedes_the_rate_of_the_file(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "fs": 1.0})
-    check(read_trial(tmp_path / "a.mat", sampling_rate=RATE))
+    assert_signals(read_trial(tmp_path / "a.mat", sampling_rate=RATE))
 
 
-def test_argument_and_time_must_agree(tmp_path):
+def test_option_and_time_must_agree(tmp_path):
     path = write_csv(tmp_path / "a.csv")
     with pytest.raises(DataError, match=r"^a.csv: .* stated as 1000 Hz, but time runs at 500 Hz: correct the one"):
         read_trial(path, sampling_rate=1000.0)
-    check(read_trial(path, sampling_rate=RATE * 1.0005), rate=RATE * 1.0005)
+    assert_signals(read_trial(path, sampling_rate=RATE * 1.0005), rate=RATE * 1.0005)
 
 
 def test_rate_of_the_file_and_time_must_agree(tmp_path):
@@ -423,14 +425,14 @@ def test_rate_of_the_file_and_time_must_agree(tmp_path):
     ids=["gap", "duplicate", "jitter", "nan"],
 )
 @pytest.mark.parametrize("rate", [None, RATE])
-def test_an_irregular_time_column(tmp_path, change, message, rate):
+def test_irregular_time_column_is_refused(tmp_path, change, message, rate):
     with pytest.raises(DataError, match=f"^a.csv: {message}"):
         read_trial(write_csv(tmp_path / "a.csv", time=change(T)), sampling_rate=rate)
 
 
-def test_a_time_column_may_start_anywhere(tmp_path):
+def test_time_column_may_start_at_any_time(tmp_path):
     trial = read_trial(write_csv(tmp_path / "a.csv", time=T + 1.7e9))
-    check(trial, rate=trial.attrs["sampling_rate"])
+    assert_signals(trial, rate=trial.attrs["sampling_rate"])
     assert trial.attrs["sampling_rate"] == pytest.approx(RATE, rel=1e-6)
     assert trial.time[0] == 0.0
 
@@ -449,15 +451,15 @@ def test_time_in_milliseconds(tmp_path):
         read_trial(tmp_path / "a.nc")
 
 
-def test_a_torque_called_t_is_no_time(tmp_path):
+def test_torque_variable_t_is_not_the_time(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"p": P, "t": TQ, "fs": RATE})
-    check(read_trial(tmp_path / "a.mat", position="p", torque="t"))
+    assert_signals(read_trial(tmp_path / "a.mat", position="p", torque="t"))
 
 
 # --- files that cannot be read
 
 
-def test_missing_variable_lists_what_there_is(tmp_path):
+def test_missing_variable_lists_the_variables(tmp_path):
     message = r"^a.csv: there is no variable 'angle'; the file has: time, position, torque\. Name one of these"
     with pytest.raises(DataError, match=message):
         read_trial(write_csv(tmp_path / "a.csv"), position="angle")
@@ -490,7 +492,7 @@ def test_damaged_files(tmp_path, suffix, content):
 
 
 @pytest.mark.parametrize("suffix", [".csv.gz", ".mat", ".h5", ".nc"])
-def test_half_a_file(tmp_path, suffix):
+def test_truncated_files(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     if suffix == ".csv.gz":
         write_csv(path)
@@ -498,8 +500,8 @@ def test_half_a_file(tmp_path, suffix):
         scipy.io.savemat(path, {"position": P, "torque": TQ, "fs": RATE}, do_compression=True)
     else:
         new_trial(P, TQ, RATE).to_netcdf(path, engine="h5netcdf")
-    whole = path.read_bytes()
-    path.write_bytes(whole[: len(whole) // 2])
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
     with pytest.raises(DataError, match=rf"^a{suffix}: cannot be read as"):
         read_trial(path)
 

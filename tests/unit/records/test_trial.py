@@ -1,3 +1,5 @@
+"""Trials: made from arrays, cut, saved and loaded."""
+
 import os
 
 import h5py
@@ -10,10 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ankleloop.errors import DataError
-from ankleloop.records import files as storage
-from ankleloop.records import trial as trial_module
-from ankleloop.records.trial import TRUTHS, load_trial, new_trial, save_trial, validate
-from ankleloop.signals.sampling import rate_from_time
+from ankleloop.records import files
+from ankleloop.records.trial import TRUE_TORQUES, load_trial, new_trial, save_trial, segment
 
 RATE = 1000.0
 T = np.arange(500) / RATE
@@ -52,17 +52,17 @@ def test_new_trial_keeps_the_contract(trial):
         ("emg", ""),
         ("torque_of_mass", "N·m"),
     ]
-    + [(name, "N·m") for name in TRUTHS],
+    + [(name, "N·m") for name in TRUE_TORQUES],
 )
 def test_units(name, unit):
-    more = dict.fromkeys((*TRUTHS, "emg", "torque_of_mass"), TORQUE)
-    assert new_trial(POSITION, TORQUE, RATE, REFERENCE, **more)[name].attrs["units"] == unit
+    extras = dict.fromkeys((*TRUE_TORQUES, "emg", "torque_of_mass"), TORQUE)
+    assert new_trial(POSITION, TORQUE, RATE, REFERENCE, **extras)[name].attrs["units"] == unit
 
 
-def test_each_truth_has_its_own_long_name():
-    trial = new_trial(POSITION, TORQUE, RATE, **dict.fromkeys(TRUTHS, TORQUE))
-    names = [trial[name].attrs["long_name"] for name in TRUTHS]
-    assert len(set(names)) == len(TRUTHS)
+def test_long_names_of_true_torques_differ():
+    trial = new_trial(POSITION, TORQUE, RATE, **dict.fromkeys(TRUE_TORQUES, TORQUE))
+    names = [trial[name].attrs["long_name"] for name in TRUE_TORQUES]
+    assert len(set(names)) == len(TRUE_TORQUES)
     assert all("true" in name for name in names)
 
 
@@ -71,7 +71,7 @@ def test_each_truth_has_its_own_long_name():
     [lambda x: x[:, None], lambda x: x[None, :], list, pd.Series, xr.DataArray, np.float32],
     ids=["column", "row", "list", "pandas", "xarray", "float32"],
 )
-def test_array_kinds(shape):
+def test_array_types(shape):
     trial = new_trial(shape(POSITION), TORQUE, RATE)
     assert trial.position.shape == POSITION.shape
     np.testing.assert_allclose(trial.position, POSITION, rtol=1e-6)
@@ -90,7 +90,7 @@ def test_trial_does_not_share_memory_with_its_arrays():
     np.testing.assert_array_equal(trial.position, POSITION)
 
 
-def test_attributes_are_types_that_netcdf_keeps():
+def test_attributes_have_types_of_netcdf():
     trial = new_trial(POSITION, TORQUE, RATE, a=np.float32(0.5), b=np.int8(3), c=True, d=None, e=np.array(2.0), f="x")
     attributes = {name: value for name, value in trial.attrs.items() if name != "sampling_rate"}
     assert attributes == {"a": 0.5, "b": 3, "c": 1, "e": 2.0, "f": "x"}
@@ -98,7 +98,7 @@ def test_attributes_are_types_that_netcdf_keeps():
 
 
 @pytest.mark.parametrize("value", [1j, {}, 2**70, b"bytes"])
-def test_attributes_that_netcdf_cannot_keep_are_refused(value):
+def test_attributes_of_other_types_are_refused(value):
     with pytest.raises(DataError, match=r"the attribute setting is .*: pass a string, a float or a 64-bit integer"):
         new_trial(POSITION, TORQUE, RATE, setting=value)
 
@@ -135,188 +135,36 @@ def test_masked_samples_count_as_missing():
         new_trial(np.ma.masked_array(POSITION, np.arange(500) == 40), TORQUE, RATE)
 
 
-def test_a_variable_named_time_is_refused():
+def test_variable_time_is_refused():
     with pytest.raises(DataError, match="time is made from sampling_rate: do not pass it"):
         new_trial(POSITION, TORQUE, RATE, time=T)
 
 
-def test_the_source_names_the_data_in_errors():
+def test_source_in_messages():
     with pytest.raises(DataError, match=r"^monday.csv: torque is constant"):
         new_trial(POSITION, 0 * TORQUE, RATE, source="monday.csv")
 
 
-# --- validate
+# --- segment
 
 
-def test_validate_returns_the_trial(trial):
-    assert validate(trial) is trial
+def test_segment_keeps_its_times(trial):
+    part = segment(trial, 0.1, 0.4)
+    xr.testing.assert_identical(part, trial.isel(time=slice(100, 400)))
 
 
-def test_a_cut_trial_is_valid(trial):
-    assert validate(trial.isel(time=slice(100, 400))).time.size == 300
+def test_segment_outside_the_trial_is_refused(trial):
+    with pytest.raises(DataError, match=r"from 0.6 to 0.9 s has no samples: the trial covers 0 to 0.499 s"):
+        segment(trial, 0.6, 0.9)
 
 
-@pytest.mark.parametrize("rate", [0, -5.0, np.nan, np.inf])
-def test_sampling_rate_must_be_positive_and_finite(trial, rate):
-    with pytest.raises(DataError, match=r"^x: sampling_rate is .* Hz: pass a positive number"):
-        validate(trial.assign_attrs(sampling_rate=rate), source="x")
+def test_segment_must_be_a_valid_trial(trial):
+    trial.torque[:100] = 1.0
+    with pytest.raises(DataError, match=r"^segment 0 to 0.1 s: torque is constant"):
+        segment(trial, 0.0, 0.1)
 
 
-@pytest.mark.parametrize("rate", [None, "fast", [1.0, 2.0]])
-def test_sampling_rate_must_be_a_number(rate):
-    with pytest.raises(DataError, match=r"sampling_rate is .*: pass a single number in Hz"):
-        new_trial(POSITION, TORQUE, rate)
-
-
-def test_missing_sampling_rate(trial):
-    del trial.attrs["sampling_rate"]
-    with pytest.raises(DataError, match=r"the attribute sampling_rate is missing: set trial.attrs"):
-        validate(trial)
-
-
-@pytest.mark.parametrize("name", ["position", "torque"])
-def test_missing_variable(trial, name):
-    with pytest.raises(DataError, match=rf"^x: there is no variable {name} among \[.*'reference'.*\]: make the trial"):
-        validate(trial.drop_vars(name), source="x")
-
-
-def test_missing_time(trial):
-    with pytest.raises(DataError, match="there is no coordinate time: make the trial with new_trial"):
-        validate(trial.drop_vars("time"))
-
-
-@pytest.mark.parametrize("name", ["position", "reference", "torque_reflex"])
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_samples_must_be_finite(trial, name, value):
-    trial[name][[123, 200]] = value
-    message = rf"^x: {name} is not finite at sample 123 \(0.123 s\), 2 samples in all: cut .* or repair the channel"
-    with pytest.raises(DataError, match=message):
-        validate(trial, source="x")
-
-
-def test_time_of_a_sample_counts_from_the_start_of_the_time_axis(trial):
-    trial.torque[123] = np.nan
-    with pytest.raises(DataError, match=r"at sample 23 \(0.123 s\), 1 sample in all"):
-        validate(trial.isel(time=slice(100, None)))
-
-
-@pytest.mark.parametrize("name", ["position", "torque"])
-@pytest.mark.parametrize("noise", [0.0, 1e-16])
-def test_constant_channels_are_refused(trial, name, noise):
-    trial[name][:] = 0.5 + noise * np.random.default_rng(0).standard_normal(500)
-    with pytest.raises(DataError, match=rf"^x: {name} is constant \(0.5 at all 500 samples\): check the channel"):
-        validate(trial, source="x")
-
-
-def test_constant_reference_is_refused(trial):
-    trial.reference[:] = 0.0
-    with pytest.raises(DataError, match=r"reference is constant .* carries no information: leave it out, or check"):
-        validate(trial)
-
-
-def test_a_constant_truth_is_allowed():
-    assert "torque_voluntary" in new_trial(POSITION, TORQUE, RATE, torque_voluntary=np.zeros(500))
-
-
-def test_one_sample_is_refused():
-    with pytest.raises(DataError, match="time has 1 sample: a trial needs at least 2"):
-        new_trial([0.1], [1.0], RATE)
-
-
-def test_two_samples_suffice():
-    assert new_trial([0.0, 0.001], [1.0, 2.0], RATE).time.size == 2
-
-
-def test_position_in_degrees_is_refused():
-    with pytest.raises(
-        DataError, match=r"position moves at 21.59 rad/s at sample \d+ \(\S+ s\), above 20 rad/s: is the"
-    ) as e:
-        new_trial(np.rad2deg(POSITION), TORQUE, RATE)
-    assert "pass position_unit='deg'" in str(e.value)
-
-
-def test_two_samples_in_degrees_are_refused():
-    with pytest.raises(DataError, match=r"at 100 rad/s at sample 1 \(0.01 s\)"):
-        new_trial([0.0, 1.0], [1.0, 2.0], 100.0)
-
-
-@pytest.mark.parametrize("rate", [1000.0, 5000.0, 20000.0])
-def test_position_noise_is_no_velocity(rate):
-    time = np.arange(int(rate)) / rate
-    noise = 0.01 * np.random.default_rng(1).standard_normal(time.size)
-    position = 0.02 * np.sin(2 * np.pi * 3 * time) + noise
-    assert np.max(np.abs(np.diff(position))) * rate > 20.0
-    new_trial(position, np.cos(time), rate)
-
-
-@pytest.mark.parametrize("size", [2, 3, 4, 6, 7, 8, 50])
-@pytest.mark.parametrize("rate", [100.0, 1000.0])
-def test_velocity_of_a_ramp_is_exact(size, rate):
-    at, speed = trial_module._fastest(5.0 * np.arange(size) / rate, rate)
-    assert 0 < at < size
-    np.testing.assert_allclose(speed, 5.0, rtol=1e-9)
-
-
-@settings(max_examples=50)
-@given(hnp.arrays(float, st.integers(2, 40), elements=st.floats(-1.0, 1.0)), st.sampled_from([100.0, 700.0, 1000.0]))
-def test_fastest_is_the_largest_difference_of_means(position, rate):
-    half = min(max(1, round(0.003 * rate)), (position.size - 1) // 2)
-    speeds = {k: abs(position[k] - position[k - 1]) * rate for k in range(1, position.size)}
-    if half:
-        inside = range(half, position.size - half)
-        means = {k: (position[k + 1 : k + half + 1].mean(), position[k - half : k].mean()) for k in inside}
-        speeds = {k: abs(after - before) / (half + 1) * rate for k, (after, before) in means.items()}
-    at, speed = trial_module._fastest(position, rate)
-    assert speed == pytest.approx(max(speeds.values()), abs=1e-9)
-    assert speed == 0.0 or speeds[at] == pytest.approx(speed, abs=1e-9)
-
-
-def test_other_dimensions_are_refused(trial):
-    trial["emg"] = ("emg_time", np.zeros(3))
-    with pytest.raises(DataError, match=r"emg has shape \(3,\) over \('emg_time',\).*: cut all variables"):
-        validate(trial)
-
-
-def test_other_types_are_refused(trial):
-    with pytest.raises(DataError, match="position is of type float32, not float64: make the trial with new_trial"):
-        validate(trial.assign(position=trial.position.astype("float32")))
-    with pytest.raises(DataError, match=r"a trial is an xarray.Dataset, not dict: make it with new_trial"):
-        validate({"position": POSITION})
-
-
-def _with_time(trial, time):
-    return trial.assign_coords(time=("time", time))
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            lambda t: np.where(np.arange(500) < 300, t, t + 0.05),
-            r"irregular at sample 300 \(0.35 s\): it steps by 0.051 s",
-        ),
-        (
-            lambda t: np.where(np.arange(500) < 300, t, t - 0.001),
-            r"irregular at sample 300 \(0.299 s\): it steps by 0 s",
-        ),
-        (lambda t: np.where(np.arange(500) == 300, t + 4e-5, t), r"irregular at sample 300 \(0.30004 s\)"),
-        (lambda t: np.where(np.arange(500) == 300, np.nan, t), r"time is not finite at sample 300 \(1 sample in all\)"),
-        (lambda t: t[::-1], "irregular at sample 1 "),
-        (lambda t: 2 * t, r"stated as 1000 Hz, but time runs at 500 Hz: correct the one"),
-    ],
-    ids=["gap", "duplicate", "jitter", "nan", "backwards", "other-rate"],
-)
-def test_time_must_be_regular(trial, change, message):
-    with pytest.raises(DataError, match=message):
-        validate(_with_time(trial, change(trial.time.to_numpy())))
-
-
-def test_time_in_single_precision_is_regular():
-    time = (np.arange(300_000) / RATE).astype(np.float32).astype(float)
-    assert rate_from_time(time, source="x") == pytest.approx(RATE, rel=1e-6)
-
-
-# --- files
+# --- save_trial, load_trial
 
 _finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 _attributes = st.one_of(
@@ -334,7 +182,7 @@ _attributes = st.one_of(
     attribute=_attributes,
 )
 def test_round_trip_is_bit_exact(tmp_path_factory, position, torque, rate, attribute):
-    path = tmp_path_factory.mktemp("trips") / "trial.nc"
+    path = tmp_path_factory.mktemp("trials") / "trial.nc"
     position, torque = [0.0, 0.1, *position], [0.0, 1.0, *torque]
     trial = new_trial(position, torque, rate, emg=torque, setting=attribute)
     save_trial(trial, path)
@@ -347,7 +195,7 @@ def test_round_trip_is_bit_exact(tmp_path_factory, position, torque, rate, attri
         assert loaded[name].to_numpy().tobytes() == trial[name].to_numpy().tobytes()
 
 
-def test_round_trip_keeps_a_cut_trial_and_its_order(trial, tmp_path):
+def test_round_trip_of_a_segment_and_its_order(trial, tmp_path):
     cut = trial.isel(time=slice(100, None))
     save_trial(cut, tmp_path / "a.nc")
     save_trial(load_trial(tmp_path / "a.nc"), tmp_path / "b.nc")
@@ -356,25 +204,25 @@ def test_round_trip_keeps_a_cut_trial_and_its_order(trial, tmp_path):
     assert list(loaded.data_vars) == list(trial.data_vars)
 
 
-def test_a_packed_encoding_does_not_change_the_samples(trial, tmp_path):
+def test_packed_encoding_does_not_change_samples(trial, tmp_path):
     trial.torque.encoding = {"dtype": "int16", "scale_factor": 0.01, "_FillValue": -1}
     save_trial(trial, tmp_path / "trial.nc")
     assert load_trial(tmp_path / "trial.nc").identical(trial)
 
 
-def test_the_path_of_the_machine_stays_out(trial, tmp_path):
+def test_file_does_not_contain_its_path(trial, tmp_path):
     save_trial(trial, str(tmp_path / "trial.nc"))
     assert load_trial(str(tmp_path / "trial.nc")).encoding == {}
     assert str(tmp_path).encode() not in (tmp_path / "trial.nc").read_bytes()
 
 
-def test_the_same_trial_gives_the_same_file(trial, tmp_path):
+def test_file_is_reproducible(trial, tmp_path):
     for name in ("a.nc", "b.nc"):
         save_trial(trial, tmp_path / name)
     assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
 
-def test_saving_replaces_and_leaves_nothing_else(trial, tmp_path):
+def test_saving_replaces_the_file(trial, tmp_path):
     path = tmp_path / "trial.nc"
     path.write_text("old")
     save_trial(trial, path)
@@ -382,7 +230,7 @@ def test_saving_replaces_and_leaves_nothing_else(trial, tmp_path):
     assert load_trial(path).identical(trial)
 
 
-def test_a_failed_save_leaves_the_old_file(trial, tmp_path, monkeypatch):
+def test_failed_save_preserves_the_old_file(trial, tmp_path, monkeypatch):
     path = tmp_path / "trial.nc"
     save_trial(trial, path)
     before = path.read_bytes()
@@ -390,14 +238,14 @@ def test_a_failed_save_leaves_the_old_file(trial, tmp_path, monkeypatch):
     def fail(*_):
         raise OSError("disk full")
 
-    monkeypatch.setattr(storage.os, "replace", fail)
+    monkeypatch.setattr(files.os, "replace", fail)
     with pytest.raises(OSError, match="disk full"):
         save_trial(trial, path)
     assert os.listdir(tmp_path) == ["trial.nc"]
     assert path.read_bytes() == before
 
 
-def test_an_invalid_trial_is_not_saved(trial, tmp_path):
+def test_invalid_trial_is_not_saved(trial, tmp_path):
     trial.torque[5] = np.nan
     with pytest.raises(DataError, match=r"^trial.nc: torque is not finite at sample 5"):
         save_trial(trial, tmp_path / "trial.nc")
@@ -415,22 +263,22 @@ def test_loading_a_missing_file(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"not a netcdf file", b"\x89HDF\r\n\x1a\n" + bytes(100)])
-def test_loading_another_kind_of_file(tmp_path, content):
+def test_loading_other_formats(tmp_path, content):
     (tmp_path / "trial.nc").write_bytes(content)
     with pytest.raises(DataError, match=r"^trial.nc: not a readable NetCDF-4 file .*: write it with save_trial") as e:
         load_trial(tmp_path / "trial.nc")
     assert e.value.__cause__ is not None
 
 
-def test_loading_half_a_file(trial, tmp_path):
+def test_loading_a_truncated_file(trial, tmp_path):
     save_trial(trial, tmp_path / "trial.nc")
-    whole = (tmp_path / "trial.nc").read_bytes()
-    (tmp_path / "trial.nc").write_bytes(whole[: len(whole) // 2])
+    content = (tmp_path / "trial.nc").read_bytes()
+    (tmp_path / "trial.nc").write_bytes(content[: len(content) // 2])
     with pytest.raises(DataError, match="not a readable NetCDF-4 file"):
         load_trial(tmp_path / "trial.nc")
 
 
-def test_loading_checks_the_trial(trial, tmp_path):
+def test_loading_validates_the_trial(trial, tmp_path):
     save_trial(trial, tmp_path / "trial.nc")
     with h5py.File(tmp_path / "trial.nc", "r+") as file:
         file["time"][300:] += 0.05

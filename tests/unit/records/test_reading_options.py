@@ -1,0 +1,65 @@
+"""Options of reading: the same for `read_trial`, long records and the configuration of recordings."""
+
+import inspect
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from ankleloop.records.readers import read_trial
+from ankleloop.records.reading_options import ReadingOptions
+
+
+def test_defaults_are_those_of_read_trial():
+    parameters = inspect.signature(read_trial).parameters
+    defaults = {name: p.default for name, p in parameters.items() if p.kind is p.KEYWORD_ONLY}
+    assert defaults == ReadingOptions.defaults()
+    assert list(defaults) == list(ReadingOptions.model_fields)
+
+
+def test_every_option_is_described():
+    assert all(field.description for field in ReadingOptions.model_fields.values())
+    assert ReadingOptions.unit("sampling_rate") == "Hz"
+
+
+def test_variables_by_channel():
+    assert ReadingOptions(position="angle").variables == {"position": "angle", "torque": "torque"}
+    assert ReadingOptions(reference="command").variables["reference"] == "command"
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_factors(unit, sign):
+    options = ReadingOptions(position_unit=unit, position_sign=sign, torque_sign=-sign)
+    angle = sign * (math.radians(1) if unit == "deg" else 1.0)
+    assert options.factor("position") == options.factor("reference") == angle
+    assert options.factor("torque") == options.factor("torque_reflex") == -sign
+
+
+@pytest.mark.parametrize("sign", [-1, -1.0, np.int8(-1), np.float32(-1)])
+def test_signs_become_integers(sign):
+    options = ReadingOptions(position_sign=sign, torque_sign=sign)
+    assert (options.position_sign, options.torque_sign) == (-1, -1)
+    assert type(options.position_sign) is type(options.torque_sign) is int
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("position", 3, "position must be text, got 3"),
+        ("sampling_rate", 0.0, "sampling_rate must be above 0 Hz, got 0.0"),
+        ("sampling_rate", math.inf, r"sampling_rate must be a finite number \[Hz\], got inf"),
+        ("position_unit", "grad", "position_unit must be one of 'rad' or 'deg'; got 'grad'"),
+        ("torque_sign", 2, "torque_sign must be one of 1 or -1; got 2"),
+    ],
+)
+def test_wrong_values_are_refused(name, value, message):
+    with pytest.raises(ValueError, match=message):
+        ReadingOptions.parse("the recording", **{name: value})
+
+
+def test_declaration_does_not_import_numpy():
+    code = "import sys, ankleloop.records.reading_options; sys.exit('numpy' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
