@@ -6,7 +6,7 @@
 SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := all
-.PHONY: all setup test beyond coverage benchmark expected lint format lock clean
+.PHONY: all setup test beyond coverage benchmark expected lint format rulegraph lock clean
 
 CORES ?= 2
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
@@ -50,6 +50,8 @@ expected: setup
 lint: setup
 	ruff check .
 	ruff format --check .
+	mypy
+	lint-imports
 	snakefmt --check Snakefile workflow
 	snakemake --lint
 
@@ -57,6 +59,10 @@ format: setup
 	ruff check --fix .
 	ruff format .
 	snakefmt Snakefile workflow
+
+# The picture in docs/architecture.md.
+rulegraph: setup
+	python docs/rulegraph.py
 
 # Resolve the environment anew: newest versions that pyproject.toml allows, with hashes, for every platform.
 lock: $(READY)

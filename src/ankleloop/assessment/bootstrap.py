@@ -1,6 +1,10 @@
-"""Intervals by the block bootstrap, for every method that has a model: the check of the asymptotic ones."""
+"""Intervals by the block bootstrap, for every method that has a model; they check the asymptotic intervals."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,9 +13,9 @@ from scipy.signal import resample_poly
 
 from ankleloop.assessment.scores import evaluate
 from ankleloop.errors import DataError
-from ankleloop.joint.regressors import decimated
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.registry import identify
-from ankleloop.records.trial import validate
 from ankleloop.signals.decimation import decimation_factor
 
 __all__ = ["Bootstrap", "block_bootstrap"]
@@ -19,7 +23,7 @@ __all__ = ["Bootstrap", "block_bootstrap"]
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """What a block bootstrap found.
+    """Result of a block bootstrap.
 
     Parameters
     ----------
@@ -28,14 +32,14 @@ class Bootstrap:
     samples : pandas.DataFrame
         One row for each repetition: the parameters, and the VAFs [%] as `vaf_net`, `vaf_intrinsic`, `vaf_reflex`.
     failed : int
-        Repetitions on which the method refused to work.
+        Repetitions that the method could not identify.
     """
 
-    estimate: object
+    estimate: Estimate
     samples: pd.DataFrame
     failed: int
 
-    def intervals(self, level=0.95):
+    def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
         """Percentile intervals.
 
         Parameters
@@ -49,32 +53,39 @@ class Bootstrap:
             Low and high of every column of `samples`.
         """
         tail = 50.0 * (1.0 - level)
-        return {
-            name: tuple(map(float, np.percentile(values, [tail, 100.0 - tail])))
-            for name, values in self.samples.items()
-        }
+        ends = {name: np.percentile(values, [tail, 100.0 - tail]) for name, values in self.samples.items()}
+        return {str(name): (float(low), float(high)) for name, (low, high) in ends.items()}
 
-    def standard_errors(self):
+    def standard_errors(self) -> dict[str, float]:
         """Standard deviation of every column of `samples`.
 
         Returns
         -------
         dict of str to float
         """
-        return {name: float(values.std(ddof=1)) for name, values in self.samples.items()}
+        return {str(name): float(values.std(ddof=1)) for name, values in self.samples.items()}
 
 
-def block_bootstrap(trial, method="riv", *, repetitions=200, block=2.0, seed=0, progress=None, **options):
+def block_bootstrap(
+    trial: xr.Dataset | PreparedTrial,
+    method: str = "riv",
+    *,
+    repetitions: int = 200,
+    block: float = 2.0,
+    seed: int = 0,
+    progress: Callable[[range], Iterable[int]] | None = None,
+    **options: Any,
+) -> Bootstrap:
     r"""Repeat an identification with its residual resampled in blocks.
 
-    The residual of the fit is cut into overlapping blocks; blocks drawn at random, one after the other, make another
-    residual of the same spectrum (Künsch 1989), which is put in the place of the first one in the recorded torque. The
-    position stays as it was recorded. So this shows how the estimate scatters, not how far it is biased where the
-    position depends on the residual: an interval of a method that feedback biases does not hold the truth.
+    The residual of the fit is cut into overlapping blocks. Blocks are drawn at random and joined to another residual of
+    the same spectrum (Künsch 1989), which replaces the original one in the recorded torque. The position stays as
+    recorded. The samples therefore show how the estimate scatters, but not a bias that arises because the position
+    depends on the residual: the interval of a method that is biased by feedback does not hold the truth.
 
     Parameters
     ----------
-    trial : xarray.Dataset
+    trial : xarray.Dataset or PreparedTrial
         The trial.
     method : str
         One of `METHODS` that gives a net torque.
@@ -96,7 +107,7 @@ def block_bootstrap(trial, method="riv", *, repetitions=200, block=2.0, seed=0, 
     Raises
     ------
     DataError
-        If the trial is unusable, or less than ten blocks long.
+        If the trial is unusable or less than ten blocks long, or if the method fails in nearly all repetitions.
     ValueError
         For fewer than two repetitions or a block that is not positive.
 
@@ -107,17 +118,18 @@ def block_bootstrap(trial, method="riv", *, repetitions=200, block=2.0, seed=0, 
 
     Examples
     --------
-    >>> from ankleloop.simulation import simulate
-    >>> found = block_bootstrap(simulate(seed=1, duration=25.0), "riv", repetitions=20)
-    >>> low, high = found.intervals()["K"]
-    >>> low < found.estimate.stiffness["K"] < high
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> bootstrap = block_bootstrap(simulate(seed=1, duration=25.0), "riv", repetitions=20)
+    >>> low, high = bootstrap.intervals()["K"]
+    >>> low < bootstrap.estimate.stiffness["K"] < high
     True
     """
     if repetitions < 2 or not block > 0:
         raise ValueError(f"repetitions must be at least 2 and block positive, got {repetitions!r} and {block!r} s.")
-    estimate = identify(trial, method, **options)
+    original = prepare(trial)
+    estimate = identify(original, method, **options)
     time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
-    residual = decimated(trial, "torque", time, rate) - estimate.torque["net"].values
+    residual = original.channel_at("torque", time, rate) - estimate.torque["net"].values
     residual -= residual.mean()
     length = round(block * rate)
     if residual.size < 10 * length:
@@ -125,38 +137,37 @@ def block_bootstrap(trial, method="riv", *, repetitions=200, block=2.0, seed=0, 
             f"the estimate covers {residual.size / rate:.3g} s, less than ten blocks of {block:g} s: take shorter ones."
         )
     rng = np.random.default_rng(seed)
-    rows, failed = [], 0
+    rows: list[dict[str, float]] = []
     for _ in (progress or iter)(range(repetitions)):
-        resampled = _with_residual(trial, time, rate, _drawn(rng, residual, length) - residual)
+        resampled = _change_torque(original, time, rate, _draw_blocks(rng, residual, length) - residual)
         try:
-            rows.append(_row(resampled, identify(resampled, method, **options)))
+            rows.append(_sample_row(resampled, identify(resampled, method, **options)))
         except DataError:
-            failed += 1
+            continue
+    failed = repetitions - len(rows)
     if len(rows) < 2:
         raise DataError(f"{method} refused {failed} of {repetitions} resampled records: it cannot be relied on here.")
     return Bootstrap(estimate, pd.DataFrame(rows), failed)
 
 
-def _drawn(rng, residual, length):
-    """Blocks drawn with replacement from a residual that is closed to a circle."""
+def _draw_blocks(rng: np.random.Generator, residual: np.ndarray, length: int) -> np.ndarray:
+    """Join blocks drawn with replacement from a residual whose end continues at its start."""
     starts = rng.integers(0, residual.size, -(-residual.size // length))
-    drawn = residual[(starts[:, None] + np.arange(length)).ravel()[: residual.size] % residual.size]
-    return drawn - drawn.mean()
+    blocks = residual[(starts[:, None] + np.arange(length)).ravel()[: residual.size] % residual.size]
+    return blocks - blocks.mean()
 
 
-def _with_residual(trial, time, rate, change):
-    """The trial with a change of its torque, given at the identification rate."""
-    recording_rate = float(trial.attrs["sampling_rate"])
-    factor = decimation_factor(recording_rate, rate)
-    first = round((time[0] - float(trial["time"][0])) * recording_rate)
-    fine = resample_poly(change, factor, 1)[: trial.sizes["time"] - first]
-    torque = trial["torque"].values.copy()
-    torque[first : first + fine.size] += fine
-    kept = {name: trial[name] for name in trial.data_vars if not str(name).startswith("torque")}
-    return validate(xr.Dataset({**kept, "torque": trial["torque"].copy(data=torque)}, attrs=trial.attrs))
+def _change_torque(trial: PreparedTrial, time: np.ndarray, rate: float, change: np.ndarray) -> PreparedTrial:
+    """The trial with a change of its torque, which is given at the identification rate."""
+    dataset = trial.trial
+    first = round((time[0] - float(dataset["time"][0])) * trial.rate)
+    recorded_change = resample_poly(change, decimation_factor(trial.rate, rate), 1)[: dataset.sizes["time"] - first]
+    torque = dataset["torque"].values.copy()
+    torque[first : first + recorded_change.size] += recorded_change
+    others = {name: dataset[name] for name in dataset.data_vars if not str(name).startswith("torque")}
+    return prepare(xr.Dataset({**others, "torque": dataset["torque"].copy(data=torque)}, attrs=dataset.attrs))
 
 
-def _row(trial, estimate):
-    scores = evaluate(trial, estimate)
-    vafs = {f"vaf_{row.torque}": row.vaf for row in scores.itertuples()}
+def _sample_row(trial: PreparedTrial, estimate: Estimate) -> dict[str, float]:
+    vafs = {f"vaf_{row.torque}": row.vaf for row in evaluate(trial, estimate).itertuples()}
     return {**estimate.stiffness, **estimate.reflex, **vafs}

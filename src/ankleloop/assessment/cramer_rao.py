@@ -1,13 +1,19 @@
-"""The Cramér-Rao bound of a simulated experiment: what no unbiased method can do better than."""
+"""The Cramér-Rao bound of a simulated experiment: the smallest standard deviation of an unbiased estimate."""
+
+from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from scipy import signal as sps
 
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.regressors import build_regressors
+from ankleloop.joint.prepared import prepare
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
-from ankleloop.simulation import parameter_table, simulate
+from ankleloop.simulation.filters import ANTIALIAS_ORDER
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.simulate import simulate
 
 __all__ = ["cramer_rao", "disturbance_spectrum", "fisher_information"]
 
@@ -15,41 +21,54 @@ LOWEST = 0.05  # Hz
 MEAN_SLOPE = 0.5  # of a rectifier, for a velocity of zero mean
 
 
-def cramer_rao(*, seed, identification_rate=100.0, fed_back=True, known_delay=True, **parameters):
+def cramer_rao(
+    *,
+    seed: int | np.random.SeedSequence,
+    identification_rate: float = 100.0,
+    fed_back: bool = True,
+    known_delay: bool = True,
+    **settings: Any,
+) -> dict[str, float]:
     r"""Smallest standard deviation of K, B, I, G, ωn, ζ (and p, and the delay) from one trial.
 
     The torque is TQ = F(P; θ) + v, the position P = servo(r) − H·TQ. To first order in v, a change δθ changes the
-    torque by S (ψ δθ + v), with ψ = ∂F/∂θ along the trajectory without v, and S what the loop makes of both. S cancels,
-    and the information of the record about θ is
+    torque by S (ψ δθ + v), where ψ = ∂F/∂θ along the trajectory without v, and S is the sensitivity of the loop. S
+    cancels, and the information of the record about θ is
 
     .. math:: M_{ab} = 2 \sum_f \frac{\Re\, \bar\psi_a(f) \psi_b(f)}{\Phi_v(f)}
               + \sum_f \frac{\partial \ln \Phi}{\partial \theta_a} \frac{\partial \ln \Phi}{\partial \theta_b},
               \qquad \Phi = |S|^2 \Phi_v .
 
-    The second sum is there if the spectrum of v is known: then the size of what the loop makes of v tells of the loop.
+    The second sum applies if the spectrum of v is known: then the power of the fed-back torque contains information
+    about the loop.
 
-    Assumptions: everything between 0.05 Hz and the pass band (38 Hz at 100 Hz) is used and nothing else; v is Gaussian
-    with a known spectrum, and all of it is fed back, as in the simulation. Load and servo may be unknown: the
-    position has no noise of its own, so P = servo(r) − H·TQ gives them away. In the second sum the rectifier is
+    Assumptions: all frequencies between 0.05 Hz and the pass band (38 Hz at 100 Hz) are used and no others; v is
+    Gaussian with a known spectrum, and all of it is fed back, as in the simulation. Load and servo may be unknown: the
+    position has no measurement noise, so P = servo(r) − H·TQ determines them. In the second sum the rectifier is
     replaced by its mean slope.
 
     Parameters
     ----------
-    seed : int
-        The trial whose perturbation is meant.
+    seed : int or numpy.random.SeedSequence
+        Seed of the trial, which determines its perturbation.
     identification_rate : float
         Rate of the identification [Hz].
     fed_back : bool
-        Count what the known spectrum of the fed-back torque tells of the loop.
+        Count the information in the known spectrum of the fed-back torque.
     known_delay : bool
         False estimates the delay, too.
-    **parameters
-        Parameters of `simulate`.
+    **settings
+        Settings of the simulation, as `simulate` takes them.
 
     Returns
     -------
     dict of str to float
         Standard deviations by the names of `Estimate.stiffness` and `Estimate.reflex`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For settings that `simulate` refuses.
 
     Examples
     --------
@@ -57,78 +76,86 @@ def cramer_rao(*, seed, identification_rate=100.0, fed_back=True, known_delay=Tr
     >>> sorted(bound)
     ['B', 'G', 'I', 'K', 'omega_n', 'zeta']
     """
-    names, matrix = fisher_information(
+    names, information = fisher_information(
         seed=seed,
         identification_rate=identification_rate,
         fed_back=fed_back,
         known_delay=known_delay,
-        **parameters,
+        **settings,
     )
-    return dict(zip(names, map(float, np.sqrt(np.diag(np.linalg.inv(matrix)))), strict=True))
+    return dict(zip(names, map(float, np.sqrt(np.diag(np.linalg.inv(information)))), strict=True))
 
 
-def fisher_information(*, seed, identification_rate=100.0, fed_back=True, known_delay=True, **parameters):
-    """Information of one trial, whose inverse is what `cramer_rao` takes its standard deviations from.
+def fisher_information(
+    *,
+    seed: int | np.random.SeedSequence,
+    identification_rate: float = 100.0,
+    fed_back: bool = True,
+    known_delay: bool = True,
+    **settings: Any,
+) -> tuple[list[str], np.ndarray]:
+    """Information of one trial, whose inverse gives the variances of `cramer_rao`.
 
     Parameters
     ----------
-    seed, identification_rate, fed_back, known_delay, **parameters
-        As there.
+    seed, identification_rate, fed_back, known_delay, **settings
+        As `cramer_rao` takes them.
 
     Returns
     -------
     names : list of str
-        The parameters.
+        Names of the parameters.
     information : ndarray, shape (parameters, parameters)
         In inverse squares of their units.
     """
-    clean = simulate(seed=seed, **{**parameters, "snr_db": None, "voluntary": 0.0})
-    told = dict(clean.attrs)
-    for name in ("voluntary", "snr_db"):
-        told[name] = parameters.get(name, parameter_table()[name]["default"])
-    regressors = build_regressors(
-        clean, delay=told["delay"], basis="rectifier", identification_rate=identification_rate
+    all_settings = SimulationSettings.parse("simulate", **settings)
+    clean = simulate(seed=seed, **{**dict(all_settings), "snr_db": None, "voluntary": 0.0})
+    regressors = prepare(clean).regressors(
+        delay=all_settings.delay, basis="rectifier", identification_rate=identification_rate
     )
     band = Band(regressors.torque.size, regressors.rate, LOWEST, PASSBAND * regressors.rate)
-    names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, told, known_delay)
+    names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, all_settings, known_delay)
     level = float(np.std(clean["torque"].values))
-    noise = disturbance_spectrum(band.frequency, level, told) * band.density
-    # The taper keeps leakage away; the sum counts every frequency as the record without a taper would.
+    noise = disturbance_spectrum(band.frequency, level, all_settings) * band.density
+    # The taper reduces leakage; the sum counts every frequency as the record without a taper would.
     information = 2.0 * np.real(derivatives.conj() / noise @ derivatives.T)
-    if fed_back and told["closed_loop"]:
-        slopes = _spectral_slopes(band.s, told, known_delay)
+    if fed_back and all_settings.closed_loop:
+        slopes = _spectral_slopes(band.s, all_settings, known_delay)
         information += slopes @ slopes.T
     return names, information
 
 
-def _dynamics(told):
-    return ReflexDynamics(told["omega_n"], told["zeta"], told.get("pole"))
+def _derivatives(
+    inputs: np.ndarray, s: np.ndarray, settings: SimulationSettings, known_delay: bool
+) -> tuple[list[str], np.ndarray]:
+    """Names of K, B, I, G, the dynamics and the delay, and derivatives of the torque's spectrum with respect to them.
 
-
-def _derivatives(inputs, s, told, known_delay):
-    """Names, and derivatives of the torque's spectrum with respect to K, B, I, G, the dynamics and the delay."""
-    dynamics = _dynamics(told)
+    `inputs`, shape (4, frequencies), are the spectra of P, Ṗ, P̈ and the rectified delayed velocity.
+    """
+    dynamics = ReflexDynamics(settings.omega_n, settings.zeta, settings.pole)
     response, relative = dynamics.response(s)
-    scaled = [told["reflex_gain"] * by / value for by, value in zip(relative, dynamics.values.values(), strict=True)]
-    reflex = [inputs[3] * part for part in (response, *scaled)]
+    gain = settings.reflex_gain
+    slopes = [gain * derivative / value for derivative, value in zip(relative, dynamics.values.values(), strict=True)]
+    reflex = [inputs[3] * derivative for derivative in (response, *slopes)]
     names = ["K", "B", "I", "G", *dynamics.values]
     if not known_delay:
         names.append("delay")
-        reflex.append(-s * told["reflex_gain"] * response * inputs[3])
+        reflex.append(-s * gain * response * inputs[3])
     return names, np.vstack([inputs[:3], reflex])
 
 
-def _spectral_slopes(s, told, known_delay):
+def _spectral_slopes(s: np.ndarray, settings: SimulationSettings, known_delay: bool) -> np.ndarray:
     """Derivatives of ln |S|² with respect to the same parameters; S = 1 / (1 + F H)."""
-    compliance = 1.0 / (told["load_inertia"] * s**2 + told["load_viscosity"] * s + told["load_stiffness"])
-    motion = np.array([np.ones_like(s), s, s**2, MEAN_SLOPE * s * np.exp(-s * told["delay"])])
-    derivatives = _derivatives(motion, s, told, known_delay)[1]
-    linear = np.array([told["stiffness"], told["viscosity"], told["inertia"], told["reflex_gain"]]) @ derivatives[:4]
-    return -2.0 * np.real(derivatives * compliance / (1.0 + linear * compliance))
+    compliance = 1.0 / (settings.load_inertia * s**2 + settings.load_viscosity * s + settings.load_stiffness)
+    motion = np.array([np.ones_like(s), s, s**2, MEAN_SLOPE * s * np.exp(-s * settings.delay)])
+    derivatives = _derivatives(motion, s, settings, known_delay)[1]
+    values = np.array([settings.stiffness, settings.viscosity, settings.inertia, settings.reflex_gain])
+    stiffness = values @ derivatives[:4]
+    return -2.0 * np.real(derivatives * compliance / (1.0 + stiffness * compliance))
 
 
-def disturbance_spectrum(frequency, level, told):
-    """Power spectral density of the voluntary torque and the noise that a simulation is told to have.
+def disturbance_spectrum(frequency: np.ndarray, level: float, settings: SimulationSettings) -> np.ndarray:
+    """Power spectral density of the voluntary torque and the measurement noise of a simulation.
 
     Parameters
     ----------
@@ -136,8 +163,8 @@ def disturbance_spectrum(frequency, level, told):
         Frequencies within the pass band of the recorder [Hz].
     level : float
         Standard deviation of the clean net torque [N·m].
-    told : mapping
-        Attributes of a simulated trial.
+    settings : SimulationSettings
+        Settings of the simulation.
 
     Returns
     -------
@@ -146,30 +173,34 @@ def disturbance_spectrum(frequency, level, told):
 
     Examples
     --------
-    >>> from ankleloop.simulation import simulate
-    >>> told = simulate(seed=1, duration=5.0, voluntary=0.2).attrs
     >>> grid = np.linspace(0.0, 40.0, 4001)
-    >>> bool(abs(np.trapezoid(disturbance_spectrum(grid, 1.0, told), grid) - 0.04 - 0.0724) < 0.001)
+    >>> density = disturbance_spectrum(grid, 1.0, SimulationSettings(voluntary=0.2))
+    >>> bool(abs(np.trapezoid(density, grid) - 0.04 - 0.0724) < 0.001)
     True
     """
-    rate = told["recording_rate"]
-    sos = sps.bessel(2, told["voluntary_cutoff"], fs=rate, norm="mag", output="sos")
-    whole = np.linspace(0.0, rate / 2, 20_001)
-    power = np.abs(sps.freqz_sos(sos, np.concatenate([whole, frequency]), fs=rate)[1]) ** 2
-    area = np.trapezoid(power[: whole.size], whole)
-    voluntary = (told["voluntary"] * level) ** 2 * power[whole.size :] / area
-    if told.get("snr_db") is None:
+    shape, power = _voluntary_shape(frequency, settings)
+    voluntary = (settings.voluntary * level) ** 2 * shape / power
+    if settings.snr_db is None:
         return voluntary
-
-    def held(at):
-        return np.sinc(at / told["noise_rate"]) ** 2 * _recorder_power(at, told["antialias_cutoff"])
-
-    wide = np.linspace(0.0, 20 * told["noise_rate"], 40_001)
-    noise = 10 ** (-told["snr_db"] / 10) * held(frequency) / np.trapezoid(held(wide), wide)
-    return voluntary + level**2 * noise
+    shape, power = _noise_shape(frequency, settings)
+    return voluntary + level**2 * (10 ** (-settings.snr_db / 10) * shape / power)
 
 
-def _recorder_power(frequency, cutoff):
-    """What the recorder's anti-aliasing filter leaves of power."""
-    b, a = sps.bessel(4, 2 * np.pi * cutoff, analog=True, norm="mag")
-    return np.abs(sps.freqs(b, a, 2 * np.pi * frequency)[1]) ** 2
+def _voluntary_shape(frequency: np.ndarray, settings: SimulationSettings) -> tuple[np.ndarray, float]:
+    """Power spectrum of the voluntary torque except for a factor, and its integral over all frequencies."""
+    rate = settings.recording_rate
+    sos = sps.bessel(2, settings.voluntary_cutoff, fs=rate, norm="mag", output="sos")
+    grid = np.linspace(0.0, rate / 2, 20_001)
+    shape = np.abs(sps.freqz_sos(sos, np.concatenate([grid, frequency]), fs=rate)[1]) ** 2
+    return shape[grid.size :], np.trapezoid(shape[: grid.size], grid)
+
+
+def _noise_shape(frequency: np.ndarray, settings: SimulationSettings) -> tuple[np.ndarray, float]:
+    """Power spectrum of the recorded measurement noise except for a factor, and its integral over all frequencies."""
+    b, a = sps.bessel(ANTIALIAS_ORDER, 2 * np.pi * settings.antialias_cutoff, analog=True, norm="mag")
+
+    def spectrum(f: np.ndarray) -> np.ndarray:
+        return np.sinc(f / settings.noise_rate) ** 2 * np.abs(sps.freqs(b, a, 2 * np.pi * f)[1]) ** 2
+
+    grid = np.linspace(0.0, 20 * settings.noise_rate, 40_001)
+    return spectrum(frequency), np.trapezoid(spectrum(grid), grid)

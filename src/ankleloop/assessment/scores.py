@@ -1,48 +1,55 @@
-"""Scores of an estimate against what was measured, and against the truth where there is one."""
+"""Scores of an estimate against measured torques, and against the true ones of a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.regressors import decimated
-from ankleloop.signals.vaf import vaf, vaf_and_interval
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.signals.vaf import vaf, vaf_with_interval
 
-__all__ = ["evaluate", "in_band_snr", "parameter_row", "parameters", "score_rows", "summarise"]
+__all__ = ["SCORE_COLUMNS", "evaluate", "in_band_snr", "parameter_row", "score_rows", "summarise"]
 
+SCORE_COLUMNS = ("torque", "against", "vaf", "low", "high")
 CORRELATED = 1.0  # s: over this the squares of torques may be correlated
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
+DIAGNOSTICS = ("order", "spectral_radius", "passes", "converged", "stable", "reference")
 
 
-def _scored(estimate, trim):
-    """Which samples of an estimate are scored, their times and their rate."""
-    time = estimate.torque.variables["time"].values
-    inside = (time >= time[0] + trim) & (time <= time[-1] - trim)
-    if inside.sum() < 2:
-        raise DataError(f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s.")
-    return inside, time, estimate.torque.attrs["identification_rate"]
-
-
-def evaluate(trial, estimate, *, trim=TRIM, against=None, intervals=False):
+def evaluate(
+    trial: xr.Dataset | PreparedTrial,
+    estimate: Estimate,
+    *,
+    trim: float = TRIM,
+    against: Literal["measured"] | None = None,
+    intervals: bool = False,
+) -> pd.DataFrame:
     """Score the torques of an estimate by their VAF.
 
     The trial's torques are decimated exactly as the data of the estimate were. Net torque is scored against the
     measured torque and, in a simulation, against the true intrinsic plus reflex torque; the two parts against their
-    truths. Without truths, or where they are to be left aside, every row is against the measured torque: the parts are
-    contributions, and do not add up.
+    truths. Without truths, or if they are to be ignored, every row is against the measured torque: the parts are then
+    contributions, which do not add up.
 
     Parameters
     ----------
-    trial : xarray.Dataset
+    trial : xarray.Dataset or PreparedTrial
         The trial that was identified.
     estimate : Estimate
         The estimate.
     trim : float
-        Time left out at either end of the estimate [s].
+        Time at either end of the estimate that is not scored [s].
     against : {"measured"}, optional
-        Leave the truths of a simulation aside, as if it were a recording.
+        Ignore the truths of a simulation, as if it were a recording.
     intervals : bool
-        Add columns `low` and `high` [%], the 95 % interval of what the VAF of this model would come to on a record
-        without end (see `ankleloop.signals.vaf.vaf_interval`).
+        Add columns `low` and `high` [%], the 95 % interval of the VAF that this model would have on an infinitely long
+        record (see `ankleloop.signals.vaf.vaf_interval`).
 
     Returns
     -------
@@ -52,56 +59,88 @@ def evaluate(trial, estimate, *, trim=TRIM, against=None, intervals=False):
     Raises
     ------
     DataError
-        If nothing is left to score.
+        If the trial is not valid, or the estimate is shorter than what is trimmed.
     ValueError
         For an unknown `against`.
 
     Examples
     --------
-    >>> from ankleloop.methods.moesp import identify_moesp
-    >>> from ankleloop.simulation import simulate
+    >>> from ankleloop.methods.registry import identify
+    >>> from ankleloop.simulation.simulate import simulate
     >>> trial = simulate(seed=1, duration=20.0)
-    >>> evaluate(trial, identify_moesp(trial))["torque"].tolist()
+    >>> evaluate(trial, identify(trial))["torque"].tolist()
     ['net', 'net', 'intrinsic', 'reflex']
     """
-    columns = ["torque", "against", "vaf", "low", "high"][: 5 if intervals else 3]
-    return pd.DataFrame(score_rows(trial, estimate, trim=trim, against=against, intervals=intervals), columns=columns)
+    rows = score_rows(trial, estimate, trim=trim, against=against, intervals=intervals)
+    return pd.DataFrame(rows, columns=list(SCORE_COLUMNS[: 5 if intervals else 3]))
 
 
-def score_rows(trial, estimate, *, trim=TRIM, against=None, intervals=False):
-    """The rows of `evaluate` as tuples, for those who put many together."""
-    if against not in (None, "measured"):
-        raise ValueError(f"against must be 'measured' or None, got {against!r}.")
-    inside, time, rate = _scored(estimate, trim)
-    measured = decimated(trial, "torque", time, rate)
-    rows = [("net", "measured", measured)]
-    if against is None and {"torque_intrinsic", "torque_reflex"} <= set(trial.data_vars):
-        truth = {part: decimated(trial, f"torque_{part}", time, rate) for part in ("intrinsic", "reflex")}
-        rows.append(("net", "true", truth["intrinsic"] + truth["reflex"]))
-        rows += [(part, "true", signal) for part, signal in truth.items() if np.ptp(signal) > 0]
-    else:
-        rows += [(part, "measured", measured) for part in ("intrinsic", "reflex")]
-    lags = round(CORRELATED * rate)
-    scores = []
-    for torque, against, signal in rows:
-        pair = signal[inside], estimate.torque.variables[torque].values[inside]
-        scores.append((torque, against, *(vaf_and_interval(*pair, lags) if intervals else [vaf(*pair)])))
-    return scores
-
-
-def in_band_snr(trial, estimate, *, trim=TRIM):
-    """Signal-to-noise ratio of the torque within the band of the identification.
-
-    Decimation takes more from the noise than from the torque, so this is above the ratio set in the recorded signal.
+def score_rows(
+    trial: xr.Dataset | PreparedTrial,
+    estimate: Estimate,
+    *,
+    trim: float = TRIM,
+    against: Literal["measured"] | None = None,
+    intervals: bool = False,
+) -> list[tuple[Any, ...]]:
+    """Rows of `evaluate` as tuples, for tables of many estimates.
 
     Parameters
     ----------
-    trial : xarray.Dataset
+    trial, estimate, trim, against, intervals
+        As of `evaluate`.
+
+    Returns
+    -------
+    list of tuple
+        The values of `SCORE_COLUMNS`, without `low` and `high` if there are no intervals.
+    """
+    if against not in (None, "measured"):
+        raise ValueError(f"against must be 'measured' or None, got {against!r}.")
+    inside, time, rate = _scored_samples(estimate, trim)
+    lags = round(CORRELATED * rate)
+    rows: list[tuple[Any, ...]] = []
+    for torque, kind, signal in _targets(prepare(trial), time, rate, against is None):
+        pair = signal[inside], estimate.torque.variables[torque].values[inside]
+        rows.append((torque, kind, *(vaf_with_interval(*pair, lags) if intervals else [vaf(*pair)])))
+    return rows
+
+
+def _scored_samples(estimate: Estimate, trim: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mask of the samples of an estimate that are scored, the times of all samples [s] and their rate [Hz]."""
+    time = estimate.torque.variables["time"].values
+    inside = (time >= time[0] + trim) & (time <= time[-1] - trim)
+    if inside.sum() < 2:
+        raise DataError(f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s.")
+    return inside, time, estimate.torque.attrs["identification_rate"]
+
+
+def _targets(
+    trial: PreparedTrial, time: np.ndarray, rate: float, use_truths: bool
+) -> list[tuple[str, str, np.ndarray]]:
+    """Signals that the torques of an estimate are scored against: torque, measured or true, signal."""
+    measured = trial.channel_at("torque", time, rate)
+    targets = [("net", "measured", measured)]
+    if use_truths and {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
+        truths = {part: trial.channel_at(f"torque_{part}", time, rate) for part in ("intrinsic", "reflex")}
+        targets.append(("net", "true", truths["intrinsic"] + truths["reflex"]))
+        return targets + [(part, "true", signal) for part, signal in truths.items() if np.ptp(signal) > 0]
+    return targets + [(part, "measured", measured) for part in ("intrinsic", "reflex")]
+
+
+def in_band_snr(trial: xr.Dataset | PreparedTrial, estimate: Estimate, *, trim: float = TRIM) -> float:
+    """Signal-to-noise ratio of the torque within the band of the identification.
+
+    Decimation removes more of the noise than of the torque, so this ratio is above that of the recorded signal.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset or PreparedTrial
         A simulated trial.
     estimate : Estimate
         An estimate of it, which gives rate and samples.
     trim : float
-        Time left out at either end [s].
+        Time at either end that is ignored [s].
 
     Returns
     -------
@@ -113,55 +152,50 @@ def in_band_snr(trial, estimate, *, trim=TRIM):
     DataError
         If the trial has no true torques.
     """
-    missing = {"torque_intrinsic", "torque_reflex", "torque_noise"} - set(trial.data_vars)
+    prepared = prepare(trial)
+    missing = {"torque_intrinsic", "torque_reflex", "torque_noise"} - set(prepared.trial.data_vars)
     if missing:
         raise DataError(f"the trial has no {sorted(missing)[0]!r}: an in-band SNR needs the truths of a simulation.")
-    inside, time, rate = _scored(estimate, trim)
-    clean, reflex, noise = (
-        decimated(trial, f"torque_{part}", time, rate)[inside] for part in ("intrinsic", "reflex", "noise")
+    inside, time, rate = _scored_samples(estimate, trim)
+    intrinsic, reflex, noise = (
+        prepared.channel_at(f"torque_{part}", time, rate)[inside] for part in ("intrinsic", "reflex", "noise")
     )
     power = np.var(noise)
-    return float(10 * np.log10(np.var(clean + reflex) / power)) if power > 0 else float("inf")
+    return float(10 * np.log10(np.var(intrinsic + reflex) / power)) if power > 0 else float("inf")
 
 
-def parameters(trial, estimate):
-    """What an estimate says beside its torques, and the circumstances it was made under, as one row.
+def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict[str, Any]:
+    """Parameters and diagnostics of an estimate as a row of a table.
 
     Parameters
     ----------
-    trial : xarray.Dataset
+    trial : xarray.Dataset or PreparedTrial
         The trial.
     estimate : Estimate
         Its estimate.
 
     Returns
     -------
-    pandas.DataFrame
-        One row: K, B, I, the reflex parameters, the ends of their 95 % intervals where the method gives them (`K_low`,
-        `K_high` …), the in-band SNR [dB] of a simulation with noise, the largest magnitude of the poles, those of
-        order, passes, converged, stable, reference and warnings that the method reports, and where options were
-        selected the scores [%] on unseen data (`unseen_instrumental`, `unseen_cross_validation`).
+    dict
+        K, B, I, the reflex parameters, the ends of their 95 % intervals where the method gives them (`K_low`,
+        `K_high` …), the in-band SNR [dB] of a simulation with noise, those of order, largest magnitude of the poles
+        (`spectral_radius`), passes, converged, stable and reference that the method reports, the scores [%] on unseen
+        data where options were selected (`unseen_instrumental`, `unseen_cross_validation`), and the warnings.
     """
-    return pd.DataFrame([parameter_row(trial, estimate)])
-
-
-def parameter_row(trial, estimate):
-    """The row of `parameters` as a dict, for those who put many together."""
-    row = {**estimate.stiffness, **estimate.reflex}
+    prepared = prepare(trial)
+    row: dict[str, Any] = {**estimate.stiffness, **estimate.reflex}
     for name, (low, high) in estimate.intervals.items():
         row |= {f"{name}_low": low, f"{name}_high": high}
-    if "torque_noise" in trial and np.ptp(trial.variables["torque_noise"].values) > 0:
-        row["in_band_snr_db"] = in_band_snr(trial, estimate)
-    for name in ("order", "spectral_radius", "passes", "converged", "stable", "reference"):
-        if name in estimate.diagnostics:
-            row[name] = estimate.diagnostics[name]
-    row |= _unseen(estimate.diagnostics.get("selection"))
+    if "torque_noise" in prepared.trial and np.ptp(prepared.samples("torque_noise")) > 0:
+        row["in_band_snr_db"] = in_band_snr(prepared, estimate)
+    row |= {name: estimate.diagnostics[name] for name in DIAGNOSTICS if name in estimate.diagnostics}
+    row |= _unseen_scores(estimate.diagnostics.get("selection"))
     row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
     return row
 
 
-def _unseen(selection):
-    """Scores of the chosen options on data that the fit had not seen."""
+def _unseen_scores(selection: Mapping[str, Any] | None) -> dict[str, float]:
+    """Scores of the selected options on data that were not fitted."""
     if selection is None:
         return {}
     chosen = selection["chosen"]
@@ -169,15 +203,15 @@ def _unseen(selection):
     return {f"unseen_{name.replace('-', '_')}": score for name, score in scores.items()}
 
 
-def summarise(scores, by):
+def summarise(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Mean and standard deviation of the VAF over trials.
 
     Parameters
     ----------
     scores : pandas.DataFrame
-        Tables of `evaluate`, one below the other, with columns that tell them apart.
+        Tables of `evaluate`, one below the other, with the columns `by`.
     by : sequence of str
-        Columns that stay apart.
+        Columns whose combinations are summarised separately.
 
     Returns
     -------

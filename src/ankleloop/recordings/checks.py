@@ -1,42 +1,52 @@
-"""What a recording can carry: checked before anything is fitted, told in plain words."""
+"""Checks of a recording before anything is fitted to it, with their results in sentences."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.reference_response import share_explained
-from ankleloop.joint.regressors import build_regressors, predicted_inputs
+from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.reference_response import explained_share
+from ankleloop.joint.regressors import Regressors
+from ankleloop.methods.registry import METHODS
+from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.loop_test import feedback_test
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import segment_spectra
 
-__all__ = ["VERDICTS", "Check", "Finding", "check_batch", "check_trial"]
+__all__ = ["VERDICTS", "Check", "Finding", "check_merged_trials", "check_trial"]
 
 VERDICTS = ("ok", "warning", "refused")
 SHORTEST, SHORT = 10.0, 25.0  # s
-CLIPPED_RUN = 5  # samples at the very end of the range, one after the other
+CLIPPED_RUN = 5  # consecutive samples at the very end of the range
 CLIPPED_EXCESS = 5.0  # times as many samples there as at the next values
 DRIFT = 0.1  # Hz
 DRIFT_SHARE = 0.05  # of the torque's variance
 COHERENT = 0.5
 WIDTH = 4.0  # Hz up to which the movement must be coherent with the torque, at least
 WEAKEST = 0.05  # share of the position that a reference must explain
-MODEL = 0.2  # share of the torque that a second-order model has to explain before its sign is read
+MODEL = 0.2  # share of the torque that a second-order model must explain before its sign is read
+
+Methods = dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """Result of one check.
 
     Parameters
     ----------
     name : str
-        What.
+        Property that was checked.
     verdict : {"ok", "warning", "refused"}
-        How it stands.
+        Whether the recording passes.
     text : str
-        In plain words, with numbers and what to do.
+        Reason, with numbers and what to do.
     """
 
     name: str
@@ -46,7 +56,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Check:
-    """Everything that was found.
+    """Results of all checks of a recording.
 
     Parameters
     ----------
@@ -55,37 +65,37 @@ class Check:
     loop : {"closed", "open", "undecided"}
         Whether torque feeds back on the position.
     methods : dict of str to dict
-        Methods that are valid for this record, with the options that make them so.
+        Methods that are valid for this recording, with the options that make them so.
     spectra : dict of str to ndarray
         `frequency` [Hz], power spectral densities of `position` [rad²/Hz] and `torque` [(N·m)²/Hz], squared `coherence`
         of the two, and of the reference with the position where there is one (`reference_coherence`).
     """
 
-    findings: list
+    findings: list[Finding]
     loop: str
-    methods: dict
-    spectra: dict = field(default_factory=dict, repr=False)
+    methods: Methods
+    spectra: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
-    def verdict(self):
+    def verdict(self) -> str:
         """The worst of all verdicts."""
         return max((finding.verdict for finding in self.findings), key=VERDICTS.index)
 
     @property
-    def reasons(self):
-        """Texts of what is not ok."""
+    def reasons(self) -> list[str]:
+        """Texts of all findings that are not ok."""
         return [finding.text for finding in self.findings if finding.verdict != "ok"]
 
-    def __str__(self):
+    def __str__(self) -> str:
         return "\n".join(f"{f.verdict:>8}  {f.name}: {f.text}" for f in self.findings)
 
 
-def check_batch(trials, **options):
+def check_merged_trials(trials: Sequence[xr.Dataset | PreparedTrial], **options: Any) -> Check:
     """Check several short trials that are to be merged into one identification.
 
     Parameters
     ----------
-    trials : sequence of xarray.Dataset
+    trials : sequence of xarray.Dataset or PreparedTrial
         The trials.
     **options
         As of `check_trial`.
@@ -93,46 +103,54 @@ def check_batch(trials, **options):
     Returns
     -------
     Check
-        For each item what is worst, and in which trial; the length is that of all of them. Only methods that can merge
-        are valid. The spectra are those of the first trial.
+        For each property the worst finding, and the trial that it belongs to; the length is that of all trials. Only
+        methods that can merge are valid. The spectra are those of the first trial.
     """
-    total = sum(trial.sizes["time"] / float(trial.attrs["sampling_rate"]) for trial in trials)
+    total = sum(_duration(_dataset(trial)) for trial in trials)
     checks = [check_trial(trial, total=total, **options) for trial in trials]
-    worst = {}
+    worst: dict[str, Finding] = {}
     for number, check in enumerate(checks, start=1):
-        for found in check.findings:
-            told = Finding(found.name, found.verdict, f"trial {number} of {len(trials)}: {found.text}")
-            kept = worst.setdefault(found.name, told)
-            if VERDICTS.index(found.verdict) > VERDICTS.index(kept.verdict):
-                worst[found.name] = told
+        for finding in check.findings:
+            previous = worst.get(finding.name)
+            if previous is None or VERDICTS.index(finding.verdict) > VERDICTS.index(previous.verdict):
+                text = f"trial {number} of {len(trials)}: {finding.text}"
+                worst[finding.name] = Finding(finding.name, finding.verdict, text)
     loops = {check.loop for check in checks}
     loop = "closed" if "closed" in loops else "open" if loops == {"open"} else "undecided"
-    methods, said = _methods(loop)
-    merging = {name: given for name, given in methods.items() if name.endswith("moesp")}
+    methods, finding = _valid_methods(loop)
     if "methods" in worst:
-        worst["methods"] = Finding("methods", said.verdict, f"{said.text} Of these, the MOESP family merges trials.")
+        text = f"{finding.text} Of these, the MOESP family merges trials."
+        worst["methods"] = Finding("methods", finding.verdict, text)
+    merging = {name: options for name, options in methods.items() if METHODS[name].merges}
     return Check(list(worst.values()), loop, merging, checks[0].spectra)
 
 
 def check_trial(
-    trial, *, reference="reference", delay=0.04, order=2, block_rows=15, identification_rate=100.0, total=None
-):
-    """Check what a trial can carry before anything is fitted to it.
+    trial: xr.Dataset | PreparedTrial,
+    *,
+    reference: str = "reference",
+    delay: float = 0.04,
+    order: int = 2,
+    block_rows: int = 15,
+    identification_rate: float = 100.0,
+    total: float | None = None,
+) -> Check:
+    """Check what can be identified from a trial before anything is fitted to it.
 
-    Looked at are length and rates, clipping, the sign of the torque, spectrum and coherence, persistent excitation for
-    the order and block rows asked for, slow drift, whether there is a usable reference, whether the torque feeds back
-    on the position, and which methods are therefore valid.
+    The checks are: length and rates, clipping, sign of the torque, spectrum and coherence, persistent excitation for
+    the given order and block rows, slow drift, whether there is a usable reference, whether the torque feeds back on
+    the position, and which methods are therefore valid.
 
     Parameters
     ----------
-    trial : xarray.Dataset
+    trial : xarray.Dataset or PreparedTrial
         The trial.
     reference : str
         Variable that serves as reference.
     delay : float
         Reflex delay [s].
     order, block_rows : int
-        Order and block rows of the subspace methods that are meant.
+        Largest order and block rows that a subspace method will use.
     identification_rate : float
         Rate of the identification [Hz].
     total : float, optional
@@ -142,107 +160,116 @@ def check_trial(
     -------
     Check
 
-    Raises
-    ------
-    DataError
-        If the trial is not one.
-
     Examples
     --------
-    >>> from ankleloop.simulation import simulate
-    >>> found = check_trial(simulate(seed=1))
-    >>> found.verdict, found.loop, "riv" in found.methods
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> check = check_trial(simulate(seed=1))
+    >>> check.verdict, check.loop, "riv" in check.methods
     ('ok', 'closed', True)
     """
-    has_reference = reference in trial and reference != "position"
-    duration = trial.sizes["time"] / float(trial.attrs["sampling_rate"])
-    first = _length(duration, duration if total is None else total, trial, identification_rate)
-    if first.verdict == "refused":
-        return Check([first], "undecided", {})
+    dataset = _dataset(trial)
+    length = _check_length(dataset, total, identification_rate)
+    if length.verdict == "refused":
+        return Check([length], "undecided", {})
     try:
-        regressors = build_regressors(
-            trial,
+        prepared = prepare(trial)
+        regressors = prepared.regressors(
             delay=delay,
             basis="rectifier",
             identification_rate=identification_rate,
-            reference=reference if has_reference else None,
+            reference=reference if reference in dataset and reference != "position" else None,
         )
     except DataError as error:
-        return Check([first, Finding("signals", "refused", str(error))], "undecided", {})
-    spectra = _spectra(regressors)
-    usable, strength = _reference(regressors)
-    loop, feedback = _loop(regressors, usable)
-    methods, said = _methods(loop)
+        return Check([length, Finding("signals", "refused", str(error))], "undecided", {})
+    spectra = _estimate_spectra(regressors)
+    usable, strength = _check_reference(regressors)
+    loop, feedback = _check_loop(regressors, usable)
+    methods, validity = _valid_methods(loop)
     findings = [
-        first,
-        *(_clipping(trial, name) for name in ("position", "torque")),
-        _sign(trial, regressors, delay, loop),
-        _coherence(spectra),
-        _excitation(regressors, order, block_rows),
-        _drift(regressors),
+        length,
+        *(_check_clipping(dataset, name) for name in ("position", "torque")),
+        _check_sign(prepared, regressors, loop),
+        _check_coherence(spectra),
+        _check_excitation(regressors, order, block_rows),
+        _check_drift(regressors),
         strength,
         feedback,
-        said,
+        validity,
     ]
     return Check(findings, loop, methods, spectra)
 
 
-def _length(duration, total, trial, rate):
-    told = f"{duration:.4g} s at {float(trial.attrs['sampling_rate']):g} Hz, without gaps"
-    if total != duration:
-        told = f"{told}, {total:.4g} s in all"
+def _dataset(trial: xr.Dataset | PreparedTrial) -> xr.Dataset:
+    return trial.trial if isinstance(trial, PreparedTrial) else trial
+
+
+def _duration(trial: xr.Dataset) -> float:
+    return trial.sizes["time"] / float(trial.attrs["sampling_rate"])
+
+
+def _check_length(trial: xr.Dataset, total: float | None, rate: float) -> Finding:
+    """Length of the trial, or of all trials that it is merged with."""
+    duration = _duration(trial)
+    text = f"{duration:.4g} s at {float(trial.attrs['sampling_rate']):g} Hz, without gaps"
+    if total is not None and total != duration:
+        text = f"{text}, {total:.4g} s in all"
+    total = duration if total is None else total
     if total < SHORTEST:
-        return Finding("length", "refused", f"{told}: record at least {SHORTEST:g} s.")
+        return Finding("length", "refused", f"{text}: record at least {SHORTEST:g} s.")
     if total < SHORT:
-        return Finding("length", "warning", f"{told}: short for a reflex; {2 * SHORT:g} s or more are usual.")
-    return Finding("length", "ok", f"{told}; identified at {rate:g} Hz.")
+        return Finding("length", "warning", f"{text}: short for a reflex; {2 * SHORT:g} s or more are usual.")
+    return Finding("length", "ok", f"{text}; identified at {rate:g} Hz.")
 
 
-def _clipping(trial, name):
-    """A channel that dwells on its largest or smallest value has met the end of its range."""
+def _check_clipping(trial: xr.Dataset, name: str) -> Finding:
+    """A channel that stays at its largest or smallest value has reached the end of its range."""
     x = trial[name].values
     levels, counts = np.unique(x, return_counts=True)
-    worst = 0
-    for edge, near in ((levels[-1], counts[-6:-1]), (levels[0], counts[1:6])):
-        at = x == edge
-        changes = np.flatnonzero(np.diff(np.concatenate(([0], at.astype(int), [0]))))
-        longest = np.max(changes[1::2] - changes[::2])
-        if longest >= CLIPPED_RUN and at.sum() > CLIPPED_EXCESS * max(near.mean(), 1.0):
-            worst = max(worst, int(at.sum()))
-    unit = trial[name].attrs.get("units", "")
-    if worst:
-        share = 100.0 * worst / x.size
-        text = f"{worst} samples ({share:.2g} %) stand at the end of the range of the {name}: widen the range."
+    clipped = max(_clipped_samples(x, levels[-1], counts[-6:-1]), _clipped_samples(x, levels[0], counts[1:6]))
+    if clipped:
+        share = 100.0 * clipped / x.size
+        text = f"{clipped} samples ({share:.2g} %) stand at the end of the range of the {name}: widen the range."
         return Finding(f"clipping of the {name}", "warning" if share < 1.0 else "refused", text)
-    return Finding(
-        f"clipping of the {name}", "ok", f"none; it reaches from {levels[0]:.4g} to {levels[-1]:.4g} {unit}."
-    )
+    unit = trial[name].attrs.get("units", "")
+    text = f"none; it reaches from {levels[0]:.4g} to {levels[-1]:.4g} {unit}."
+    return Finding(f"clipping of the {name}", "ok", text)
 
 
-def _sign(trial, regressors, delay, loop):
-    """Positive stiffness, from instruments where the loop is closed: least squares can be negative there by itself."""
+def _clipped_samples(x: np.ndarray, edge: float, counts_nearby: np.ndarray) -> int:
+    """Number of samples at an end of the range, if they are too many in a row and compared to the next values."""
+    at_edge = x == edge
+    changes = np.flatnonzero(np.diff(np.concatenate(([0], at_edge.astype(int), [0]))))
+    longest = np.max(changes[1::2] - changes[::2])
+    clipped = longest >= CLIPPED_RUN and at_edge.sum() > CLIPPED_EXCESS * max(counts_nearby.mean(), 1.0)
+    return int(at_edge.sum()) if clipped else 0
+
+
+def _check_sign(trial: PreparedTrial, regressors: Regressors, loop: str) -> Finding:
+    """Positive stiffness; by instruments in closed loop, where least squares can give a negative one by its bias."""
     motion = regressors.inputs[:, :3] - regressors.inputs[:, :3].mean(axis=0)
     torque = regressors.torque - regressors.torque.mean()
     instruments = motion
     if loop == "closed":
-        instruments = predicted_inputs(trial, regressors, delay)[:, :3]
+        instruments = trial.predict_inputs(regressors)[:, :3]
         instruments = instruments - instruments.mean(axis=0)
     scale = motion.std(axis=0)
-    found = np.linalg.lstsq((instruments / scale).T @ (motion / scale), (instruments / scale).T @ torque, rcond=None)[0]
-    explained = 1.0 - np.var(torque - motion / scale @ found) / np.var(torque)
-    K, B, I = found / scale  # noqa: E741 - the field's name
-    told = f"a second-order model has K = {K:.3g} N·m/rad, B = {B:.3g} N·m·s/rad, I = {I:.3g} kg·m²"
-    if K < 0 and (I < 0 or explained > MODEL):
+    motion, instruments = motion / scale, instruments / scale
+    values = np.linalg.lstsq(instruments.T @ motion, instruments.T @ torque, rcond=None)[0]
+    explained = 1.0 - np.var(torque - motion @ values) / np.var(torque)
+    stiffness = dict(zip("KBI", values / scale, strict=True))
+    numbers = ", ".join(f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in stiffness.items())
+    text = f"a second-order model has {numbers}"
+    if stiffness["K"] < 0 and (stiffness["I"] < 0 or explained > MODEL):
         return Finding(
             "sign of the torque",
             "refused",
-            f"{told}: the torque has the other sign. Set torque_sign: -1 (turn round the torque, not the position: the "
+            f"{text}: the torque has the other sign. Set torque_sign: -1 (turn round the torque, not the position: the "
             "rectifier would see the wrong half).",
         )
-    return Finding("sign of the torque", "ok", f"{told}: the torque opposes stretch.")
+    return Finding("sign of the torque", "ok", f"{text}: the torque opposes stretch.")
 
 
-def _spectra(regressors):
+def _estimate_spectra(regressors: Regressors) -> dict[str, np.ndarray]:
     """Spectra and coherence at the identification rate, in segments of about five seconds."""
     rate, size = regressors.rate, min(512, regressors.torque.size // 4)
     signals = {"position": regressors.inputs[:, 0], "torque": regressors.torque}
@@ -250,13 +277,13 @@ def _spectra(regressors):
         signals["reference"] = regressors.reference
     frequency = np.fft.rfftfreq(size, 1.0 / rate)
     inside = (frequency > 0) & (frequency <= PASSBAND * rate)
-    found = {name: segment_spectra(x, size, size // 2)[:, inside] for name, x in signals.items()}
-    power = {name: np.mean(np.abs(spectrum) ** 2, axis=0) for name, spectrum in found.items()}
+    transforms = {name: segment_spectra(x, size, size // 2)[:, inside] for name, x in signals.items()}
+    power = {name: np.mean(np.abs(transform) ** 2, axis=0) for name, transform in transforms.items()}
     density = 0.5 * rate * np.sum(np.hanning(size) ** 2)
 
-    def coherence(one, other):
-        cross = np.mean(found[one] * found[other].conj(), axis=0)
-        return np.abs(cross) ** 2 / np.maximum(power[one] * power[other], np.finfo(float).tiny)
+    def coherence(x: str, y: str) -> np.ndarray:
+        cross = np.mean(transforms[x] * transforms[y].conj(), axis=0)
+        return np.abs(cross) ** 2 / np.maximum(power[x] * power[y], np.finfo(float).tiny)
 
     spectra = {"frequency": frequency[inside]} | {name: power[name] / density for name in ("position", "torque")}
     spectra["coherence"] = coherence("position", "torque")
@@ -265,113 +292,101 @@ def _spectra(regressors):
     return spectra
 
 
-def _coherence(spectra):
-    """Up to where the movement and the torque have to do with each other."""
+def _check_coherence(spectra: dict[str, np.ndarray]) -> Finding:
+    """Highest frequency at which position and torque are related."""
     coherent = spectra["coherence"] >= COHERENT
     highest = float(spectra["frequency"][coherent][-1]) if coherent.any() else 0.0
     low = spectra["frequency"] < 1.0
-    told = (
+    text = (
         f"position and torque are coherent up to {highest:.3g} Hz; below 1 Hz the mean squared coherence is "
         f"{spectra['coherence'][low].mean():.2f}"
     )
     if highest < WIDTH:
-        text = f"{told}: the torque has little to do with the movement. Check channels and perturbation."
+        text = f"{text}: the torque has little to do with the movement. Check channels and perturbation."
         return Finding("coherence", "refused" if highest == 0 else "warning", text)
-    return Finding("coherence", "ok", f"{told}.")
+    return Finding("coherence", "ok", f"{text}.")
 
 
-def _excitation(regressors, order, block_rows):
+def _check_excitation(regressors: Regressors, order: int, block_rows: int) -> Finding:
     """Rank of the velocity's Hankel matrix: a movement of q sinusoids is exciting of order 2 q."""
-    needed = 2 * block_rows + order
+    rows = 2 * block_rows + order
     velocity = regressors.inputs[:, 1] / regressors.inputs[:, 1].std()
-    lagged = np.lib.stride_tricks.sliding_window_view(velocity, needed)
+    lagged = np.lib.stride_tricks.sliding_window_view(velocity, rows)
     covariance = lagged.T @ lagged / len(lagged)
     values = np.linalg.eigvalsh(covariance)[::-1]
     rank = int(np.sum(values > 1e-6 * values[0]))
-    # Decimation leaves the uppermost part of the band empty: that many directions are.
-    usable = int(np.floor(2 * PASSBAND * needed))
-    if rank < usable:
+    # Decimation leaves the uppermost part of the band empty, which limits the rank of any movement.
+    attainable = int(np.floor(2 * PASSBAND * rows))
+    if rank < attainable:
         return Finding(
             "excitation",
             "refused" if rank < 2 * (order + 3) else "warning",
-            f"the movement excites {rank} of {usable} directions that {block_rows} block rows and order {order} need: "
-            "perturb with a pseudorandom sequence, or take fewer block rows.",
+            f"the movement excites {rank} of {attainable} directions that {block_rows} block rows and order {order} "
+            "need: perturb with a pseudorandom sequence, or take fewer block rows.",
         )
     return Finding("excitation", "ok", f"persistent for order {order} and {block_rows} block rows.")
 
 
-def _drift(regressors):
+def _check_drift(regressors: Regressors) -> Finding:
     """Share of the torque that is slower than the perturbation."""
     torque = regressors.torque - regressors.torque.mean()
     power = np.abs(np.fft.rfft(torque)) ** 2
     slow = np.fft.rfftfreq(torque.size, 1.0 / regressors.rate) < DRIFT
     share = float(power[slow].sum() / power.sum())
-    told = f"{100 * share:.1f} % of the torque's variance lie below {DRIFT:g} Hz"
+    text = f"{100 * share:.1f} % of the torque's variance lie below {DRIFT:g} Hz"
     if share > DRIFT_SHARE:
-        return Finding(
-            "drift", "warning", f"{told}: remove it (drift, the degree of a polynomial), and look at its cause."
-        )
-    return Finding("drift", "ok", f"{told}.")
+        text = f"{text}: remove it (drift, the degree of a polynomial), and look at its cause."
+        return Finding("drift", "warning", text)
+    return Finding("drift", "ok", f"{text}.")
 
 
-def _reference(regressors):
+def _check_reference(regressors: Regressors) -> tuple[bool, Finding]:
     """Whether the reference can serve as an instrument."""
     if regressors.reference is None:
-        return False, Finding(
-            "reference",
-            "warning",
-            "there is none. Record the command of the servo: without it a closed loop cannot be told from an open one.",
-        )
+        advice = "Record the command of the servo: without it a closed loop cannot be told from an open one."
+        return False, Finding("reference", "warning", f"there is none. {advice}")
     try:
-        share = share_explained(regressors.inputs[:, 0], regressors.reference, regressors.rate)
+        share = explained_share(regressors.inputs[:, 0], regressors.reference, regressors.rate)
     except DataError as error:
         return False, Finding("reference", "warning", f"what it explains cannot be told: {error}")
-    told = f"{regressors.reference_name} explains {100 * max(share, 0.0):.1f} % of the position in unseen halves"
+    text = f"{regressors.reference_name} explains {100 * max(share, 0.0):.1f} % of the position in unseen halves"
     if share < WEAKEST:
-        return False, Finding(
-            "reference", "warning", f"{told}: too weak an instrument. Is it the command of the servo?"
-        )
-    return True, Finding("reference", "ok", f"{told}.")
+        text = f"{text}: too weak an instrument. Is it the command of the servo?"
+        return False, Finding("reference", "warning", text)
+    return True, Finding("reference", "ok", f"{text}.")
 
 
-def _loop(regressors, usable):
-    """Whether torque feeds back on the position."""
-    if not usable:
-        return "undecided", Finding(
-            "loop", "warning", "cannot be decided without a reference. Methods for open loop hold only if it is open."
-        )
-    found = feedback_test(regressors.inputs[:, 0], regressors.torque, regressors.reference, regressors.rate)
-    told = (
-        f"what the reference leaves of position and torque has a mean squared coherence of {found.coherence:.2f} "
-        f"(p = {found.p_value:.2g})"
+def _check_loop(regressors: Regressors, usable: bool) -> tuple[str, Finding]:
+    """Whether torque feeds back on the position; undecided unless the reference is usable."""
+    if not usable or regressors.reference is None:
+        text = "cannot be decided without a reference. Methods for open loop hold only if it is open."
+        return "undecided", Finding("loop", "warning", text)
+    test = feedback_test(regressors.inputs[:, 0], regressors.torque, regressors.reference, regressors.rate)
+    text = (
+        f"what the reference leaves of position and torque has a mean squared coherence of {test.coherence:.2f} "
+        f"(p = {test.p_value:.2g})"
     )
-    if found.loop == "closed":
-        return "closed", Finding("loop", "ok", f"closed: {told}, and the torque does work on the load.")
-    if found.p_value < 0.01:
-        return "open", Finding("loop", "warning", f"open: {told}, but the servo moves the joint, not the torque.")
-    return "open", Finding("loop", "ok", f"open: {told}, no more than chance.")
+    if test.loop == "closed":
+        return "closed", Finding("loop", "ok", f"closed: {text}, and the torque does work on the load.")
+    if test.p_value < 0.01:
+        return "open", Finding("loop", "warning", f"open: {text}, but the servo moves the joint, not the torque.")
+    return "open", Finding("loop", "ok", f"open: {text}, no more than chance.")
 
 
-def _methods(loop):
-    """Methods that the record allows, and what to say of them."""
-    instruments = {"riv": {}, "pr-moesp": {"input_matrices": "instruments"}}
-    position = {
-        "riv": {"reference": "position"},
-        "pr-moesp": {"reference": "position"},
-        "pi-moesp": {},
-        "po-moesp": {},
-        "parallel-cascade": {},
-    }
+def _valid_methods(loop: str) -> tuple[Methods, Finding]:
+    """Methods that are valid for a loop, with the options that make them so."""
     if loop == "closed":
         text = (
             "riv, and pr-moesp with instruments for B and D. All others take torque that is fed back for stiffness; "
             "the bias grows with voluntary torque."
         )
-        return instruments, Finding("methods", "ok", text)
+        return {"riv": {}, "pr-moesp": {"input_matrices": "instruments"}}, Finding("methods", "ok", text)
+    methods: Methods = {name: {"reference": "position"} for name in ("riv", "pr-moesp")}
+    methods |= {"pi-moesp": {}, "po-moesp": {}, "parallel-cascade": {}}
     if loop == "open":
-        return {**position, "riv": {}, "pr-moesp": {}}, Finding("methods", "ok", "all.")
+        return {**methods, "riv": {}, "pr-moesp": {}}, Finding("methods", "ok", "all.")
     text = (
         "those that need no reference (pi-moesp, po-moesp, parallel-cascade), and riv and pr-moesp with the position "
         "for one; none of them if the loop was closed."
     )
-    return position, Finding("methods", "warning", text)
+    return methods, Finding("methods", "warning", text)

@@ -1,11 +1,13 @@
 """Does the torque feed back on the position? A test for closed loop from a record with its reference."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
 
-from ankleloop.joint.reference_response import unexplained
+from ankleloop.joint.reference_response import remove_response
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import segment_spectra
 
@@ -13,7 +15,7 @@ __all__ = ["FeedbackTest", "feedback_test"]
 
 SEGMENT = 2.0  # s
 BAND = (0.5, 20.0)  # Hz
-APART = 3  # bins: those of a Hann window are independent from there on
+APART = 3  # bins between which the values of a Hann window are independent
 LEVEL = 0.01
 
 
@@ -26,36 +28,37 @@ class FeedbackTest:
     loop : {"closed", "open"}
         The verdict.
     p_value : float
-        Probability of such coherence if what the reference leaves of position and torque were unrelated.
+        Probability of such a coherence if the residuals of position and torque, beside their response to the reference,
+        were unrelated.
     coherence : float
-        Mean squared coherence of the two.
+        Mean squared coherence of the two residuals.
     work : float
-        Between −1 and 1: positive if unexplained torque does work on what is outside, as it must on a passive load that
-        gives way; negative if unexplained movement does work on the joint.
-    unexplained : float
-        Share of the position's variance that the reference leaves.
+        Between −1 and 1: positive if the residual torque does work on the load, as it must on a passive load that
+        gives way; negative if the residual movement does work on the joint.
+    residual_share : float
+        Share of the position's variance that is in its residual.
     """
 
     loop: str
     p_value: float
     coherence: float
     work: float
-    unexplained: float
+    residual_share: float
 
 
-def feedback_test(position, torque, reference, rate):
+def feedback_test(position: np.ndarray, torque: np.ndarray, reference: np.ndarray, rate: float) -> FeedbackTest:
     r"""Test whether torque that the reference does not explain moves the joint.
 
-    Leads and lags of the reference are removed from both signals. In open loop nothing that is left of the position has
-    anything to do with what is left of the torque, but for a servo that does not follow its command: then the torque
-    follows the position, and the servo does work on the joint. Against a compliant load the position gives way, e_P =
-    −H e_T, and the torque does work on the load. The squared coherence of n segments, if there is none, has a known
+    The response to leads and lags of the reference is removed from both signals. In open loop the residual of the
+    position is not related to that of the torque, unless a servo does not follow its command: then the torque follows
+    the position, and the servo does work on the joint. Against a compliant load the position gives way, e_P = −H e_T,
+    and the torque does work on the load. The squared coherence of n segments, if there is none, has a known
     distribution at each frequency, whatever the spectra are:
 
     .. math:: -2 (n - 1) \ln(1 - C^2) \sim \chi^2_2 .
 
-    Its sum over independent frequencies between 0.5 and 20 Hz is the statistic; the sign of the cross spectrum of
-    velocity and torque, which is power, tells which of the two moves the other.
+    Its sum over independent frequencies between 0.5 and 20 Hz is the statistic. The sign of the cross spectrum of
+    velocity and torque, which is power, shows which of the two moves the other.
 
     Parameters
     ----------
@@ -81,25 +84,24 @@ def feedback_test(position, torque, reference, rate):
     >>> feedback_test(r - moved, v, r, 100.0).loop, feedback_test(r, v, r, 100.0).loop
     ('closed', 'open')
     """
-    left = unexplained(position, reference, rate), unexplained(torque, reference, rate)
+    residuals = [remove_response(signal, reference, rate) for signal in (position, torque)]
     length = round(SEGMENT * rate)
-    spectra = [segment_spectra(signal, length, length) for signal in left]
-    count = len(spectra[0])
+    spectra = [segment_spectra(residual, length, length) for residual in residuals]
     frequency = np.fft.rfftfreq(length, 1.0 / rate)
-    inside = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], PASSBAND * rate)))[::APART]
-    P, T = (spectrum[:, inside] for spectrum in spectra)
+    bins = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], PASSBAND * rate)))[::APART]
+    P, T = (spectrum[:, bins] for spectrum in spectra)
     cross = np.sum(P * T.conj(), axis=0)
     power = np.sum(np.abs(P) ** 2, axis=0) * np.sum(np.abs(T) ** 2, axis=0)
     coherence = np.minimum(np.abs(cross) ** 2 / np.maximum(power, np.finfo(float).tiny), 1.0 - 1e-12)
-    statistic = -2.0 * (count - 1) * np.sum(np.log1p(-coherence))
-    p_value = float(special.chdtrc(2 * inside.size, statistic))
-    # Velocity leads position by a quarter of a turn; its product with the torque is power.
-    power = np.real(1j * cross) / np.maximum(np.abs(cross), np.finfo(float).tiny)
-    work = float(-np.sum(coherence * power) / np.sum(coherence))
+    statistic = -2.0 * (len(P) - 1) * np.sum(np.log1p(-coherence))
+    p_value = float(special.chdtrc(2 * bins.size, statistic))
+    # Velocity leads position by a quarter of a period; its product with the torque is power.
+    work_sign = np.real(1j * cross) / np.maximum(np.abs(cross), np.finfo(float).tiny)
+    work = float(-np.sum(coherence * work_sign) / np.sum(coherence))
     return FeedbackTest(
         loop="closed" if p_value < LEVEL and work > 0 else "open",
         p_value=p_value,
         coherence=float(coherence.mean()),
         work=work,
-        unexplained=float(np.var(left[0]) / np.var(position)),
+        residual_share=float(np.var(residuals[0]) / np.var(position)),
     )

@@ -1,11 +1,15 @@
-"""Words for captions: what a parameter is called, and under which circumstances a study was made."""
+"""Words for captions: names and values of simulation settings, and the settings that all trials of a study share."""
 
-from ankleloop.simulation import parameter_table
+from __future__ import annotations
 
-__all__ = ["circumstances", "labelled", "quantity", "setting"]
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from ankleloop.simulation.settings import SimulationSettings
+
+__all__ = ["describe_settings", "format_point", "format_setting", "label_setting"]
 
 NAMES = {
-    "reflex_gain": "reflex gain",
     "voluntary": "relative voluntary torque",
     "load_stiffness": "stiffness of the load",
     "load_inertia": "inertia of the load",
@@ -13,15 +17,16 @@ NAMES = {
     "snr_db": "signal-to-noise ratio",
     "closed_loop": "loop",
 }
+LOAD = ("load_inertia", "load_viscosity", "load_stiffness")
 
 
-def quantity(name):
-    """Readable name and unit of a simulation parameter.
+def label_setting(name: str) -> tuple[str, str]:
+    """Readable name and unit of a simulation setting.
 
     Parameters
     ----------
     name : str
-        One of `ankleloop.simulation.parameter_table`.
+        A field of `ankleloop.simulation.settings.SimulationSettings`.
 
     Returns
     -------
@@ -30,19 +35,19 @@ def quantity(name):
 
     Examples
     --------
-    >>> quantity("reflex_gain"), quantity("actuator_frequency")
+    >>> label_setting("reflex_gain"), label_setting("actuator_frequency")
     (('reflex gain', 'N·m·s/rad'), ('actuator frequency', 'Hz'))
     """
-    return NAMES.get(name, name.replace("_", " ")), parameter_table()[name]["unit"]
+    return NAMES.get(name, name.replace("_", " ")), SimulationSettings.unit(name)
 
 
-def labelled(name, value):
-    """A simulation parameter's value with its unit, as a reader wants it.
+def format_setting(name: str, value: float) -> str:
+    """Value of a simulation setting with its unit.
 
     Parameters
     ----------
     name : str
-        One of `ankleloop.simulation.parameter_table`.
+        A field of `ankleloop.simulation.settings.SimulationSettings`.
     value : float
         Its value.
 
@@ -52,20 +57,20 @@ def labelled(name, value):
 
     Examples
     --------
-    >>> labelled("load_stiffness", 250.0), labelled("actuator_damping", 0.8)
+    >>> format_setting("load_stiffness", 250.0), format_setting("actuator_damping", 0.8)
     ('250 N·m/rad', '0.8')
     """
-    unit = quantity(name)[1]
+    unit = SimulationSettings.unit(name)
     return f"{value:g}" if unit == "1" else f"{value:g} {unit}"
 
 
-def setting(parameters):
+def format_point(settings: Mapping[str, Any]) -> str:
     """Load, reflex gain and voluntary torque of a point, short enough for the title of a panel.
 
     Parameters
     ----------
-    parameters : dict
-        Parameters of the simulation by name.
+    settings : dict
+        Simulation settings by name.
 
     Returns
     -------
@@ -73,23 +78,22 @@ def setting(parameters):
 
     Examples
     --------
-    >>> from ankleloop.simulation import Simulation
-    >>> setting(Simulation().flat())
+    >>> format_point(SimulationSettings.defaults())
     'load 1.1/7.1/250, gain 13, voluntary 5 %'
     """
-    load = "/".join(f"{parameters[f'load_{name}']:g}" for name in ("inertia", "viscosity", "stiffness"))
-    return f"load {load}, gain {parameters['reflex_gain']:g}, voluntary {100 * parameters['voluntary']:g} %"
+    load = "/".join(f"{settings[name]:g}" for name in LOAD)
+    return f"load {load}, gain {settings['reflex_gain']:g}, voluntary {100 * settings['voluntary']:g} %"
 
 
-def circumstances(settings, varied=()):
-    """What holds for every trial of a study, in one phrase.
+def describe_settings(settings: Mapping[str, Any], varied: Collection[str] = ()) -> str:
+    """Settings that every trial of a study has, in one phrase.
 
     Parameters
     ----------
     settings : dict
-        Parameters of the simulation by name.
-    varied : sequence of str
-        Parameters that differ between points; they are left out.
+        Simulation settings by name.
+    varied : collection of str
+        Settings that differ between points; they are left out.
 
     Returns
     -------
@@ -97,28 +101,26 @@ def circumstances(settings, varied=()):
 
     Examples
     --------
-    >>> from ankleloop.simulation import Simulation
-    >>> circumstances(Simulation().flat(), varied=["voluntary"]).split("; ")[1]
+    >>> describe_settings(SimulationSettings.defaults(), varied=["voluntary"]).split("; ")[1]
     'reflex gain 13 N·m·s/rad'
     """
-    load = ("load_inertia", "load_viscosity", "load_stiffness")
+    values = {name: format_setting(name, settings[name]) for name in (*LOAD, "duration", "reflex_gain")}
+    servo = [format_setting(name, settings[name]) for name in ("actuator_frequency", "actuator_damping")]
     noise, voluntary = settings["snr_db"], settings["voluntary"]
     phrases = {
-        ("duration",): f"trials of {settings['duration']:g} s",
-        ("reflex_gain",): f"reflex gain {settings['reflex_gain']:g} N·m·s/rad",
+        ("duration",): f"trials of {values['duration']}",
+        ("reflex_gain",): f"reflex gain {values['reflex_gain']}",
         ("snr_db",): "no measurement noise"
         if noise is None
-        else f"measurement noise at {noise:g} dB in the recorded torque",
+        else f"measurement noise at {format_setting('snr_db', noise)} in the recorded torque",
         ("voluntary",): f"voluntary torque {100 * voluntary:g} % of the clean net torque (sd)"
         if voluntary
         else "no voluntary torque",
         ("closed_loop",): "closed loop" if settings["closed_loop"] else "open loop",
-        load: "load {:g} kg·m², {:g} N·m·s/rad, {:g} N·m/rad".format(*(settings[name] for name in load)),
-        ("actuator_frequency", "actuator_damping"): (
-            f"actuator {settings['actuator_frequency']:g} Hz, damping {settings['actuator_damping']:g}"
-        ),
+        LOAD: f"load {', '.join(values[name] for name in LOAD)}",
+        ("actuator_frequency", "actuator_damping"): "actuator {}, damping {}".format(*servo),
     }
-    said = [text for names, text in phrases.items() if not set(names) & set(varied)]
+    parts = [text for names, text in phrases.items() if not set(names) & set(varied)]
     if "voluntary" in varied:
-        said.append("relative voluntary torque is its sd over that of the clean net torque")
-    return "; ".join(said)
+        parts.append("relative voluntary torque is its sd over that of the clean net torque")
+    return "; ".join(parts)

@@ -1,54 +1,42 @@
 """The ledger: every number and claim of the paper against results, each verdict from a comparison."""
 
-from dataclasses import dataclass, field
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ankleloop.replication.claim_checks import JUDGES, CannotBeJudged, Judgement, table_number
+from ankleloop.replication.claim_checks import CLAIM_CHECKS, CheckResult, Claim, check_table_number
+from ankleloop.replication.evidence import Evidence, MissingEvidence, StudyResults
+from ankleloop.replication.tables import format_number
 
-__all__ = ["VERDICTS", "StudyResults", "as_markdown", "verify"]
+__all__ = ["VERDICTS", "format_ledger", "verify"]
 
 VERDICTS = ("reproduced", "reproduced under stated conditions", "not reproduced", "cannot be judged")
 
 
-@dataclass(frozen=True)
-class StudyResults:
-    """Tidy results of one study.
-
-    Parameters
-    ----------
-    kind : str
-        "simulation" or "recordings".
-    points : dict of str to dict
-        Parameters of each point.
-    scores, parameters : pandas.DataFrame
-        Tables of `ankleloop.assessment.scores.evaluate` and `parameters`, with columns `point`, `method` and `trial`.
-    labels : dict of str to str
-        Readable name of each method.
-    """
-
-    kind: str
-    points: dict
-    scores: pd.DataFrame
-    parameters: pd.DataFrame
-    labels: dict = field(default_factory=dict)
-
-
-def verify(claims, tables, studies, measured):
-    """Judge every claim and every number of the published tables.
+def verify(
+    claims: pd.DataFrame,
+    tables: Mapping[str, pd.DataFrame],
+    studies: Mapping[str, StudyResults],
+    measurements: pd.DataFrame,
+) -> pd.DataFrame:
+    """Check every claim and every number of the published tables.
 
     Parameters
     ----------
     claims : pandas.DataFrame
-        Columns `id`, `section`, `statement`, `paper`, `unit`, `tolerance`, `judge` (one of
-        `ankleloop.replication.claim_checks.JUDGES`), `conditions` (empty where the paper gives all of them) and `how`.
+        Columns `id`, `section`, `statement`, `paper`, `unit`, `tolerance`, `check` (one of
+        `ankleloop.replication.claim_checks.CLAIM_CHECKS`), `conditions` (empty where the paper gives all of them) and
+        `how`.
     tables : dict of str to pandas.DataFrame
         Published tables by the study that reproduces them: columns `method`, `torque`, `against`, `paper`, and
-        `tolerance` [points].
+        where it is set `tolerance` [points].
     studies : dict of str to StudyResults
         Results by study.
-    measured : pandas.DataFrame
+    measurements : pandas.DataFrame
         Further measurements: columns `quantity`, `value`.
 
     Returns
@@ -57,18 +45,17 @@ def verify(claims, tables, studies, measured):
         Columns `id`, `section`, `statement`, `unit`, `paper`, `ours`, `uncertainty` (half width of the 95 % interval),
         `tolerance`, `verdict` (one of `VERDICTS`), `reason`, `conditions`, `how`: tables first, then claims.
     """
-    evidence = {"studies": studies, "measured": measured.set_index("quantity")["value"].to_dict(), "tables": tables}
-    rows = []
-    for name, published in tables.items():
-        for number in published.to_dict("records"):
-            labels = studies[name].labels if name in studies else {}
-            rows.append(_row(_table_claim(name, number, labels), lambda claim: table_number(claim, evidence)))
-    for claim in claims.to_dict("records"):
-        rows.append(_row(claim, lambda claim: JUDGES[claim["judge"]](claim, evidence)))
-    return pd.DataFrame(rows)
+    evidence = Evidence(studies, measurements.set_index("quantity")["value"].to_dict(), tables)
+    numbers = [
+        _table_claim(name, number, studies[name].labels if name in studies else {})
+        for name, table in tables.items()
+        for number in table.to_dict("records")
+    ]
+    return pd.DataFrame([_ledger_row(claim, evidence) for claim in [*numbers, *claims.to_dict("records")]])
 
 
-def _table_claim(name, number, labels):
+def _table_claim(name: str, number: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:
+    """A number of a published table as a claim; it has no check of its own."""
     return {
         **number,
         "id": f"{name}/{number['method']}/{number['torque']}",
@@ -81,24 +68,25 @@ def _table_claim(name, number, labels):
     }
 
 
-def _row(claim, judge):
+def _ledger_row(claim: Claim, evidence: Evidence) -> dict[str, Any]:
+    check = CLAIM_CHECKS[claim["check"]] if "check" in claim else check_table_number
     try:
-        judgement = judge(claim)
-    except CannotBeJudged as reason:
-        judgement = Judgement(None, np.nan, np.nan, str(reason))
+        result = check(claim, evidence)
+    except MissingEvidence as reason:
+        result = CheckResult(None, np.nan, np.nan, str(reason))
     return {
         **{name: claim[name] for name in ("id", "section", "statement", "unit", "paper")},
-        "ours": judgement.ours,
-        "uncertainty": judgement.uncertainty,
+        "ours": result.value,
+        "uncertainty": result.margin,
         "tolerance": claim.get("tolerance"),
-        "verdict": _verdict(judgement.holds, claim["conditions"]),
-        "reason": judgement.reason,
+        "verdict": _verdict(result.holds, claim["conditions"]),
+        "reason": result.reason,
         "conditions": claim["conditions"],
         "how": claim["how"],
     }
 
 
-def _verdict(holds, conditions):
+def _verdict(holds: bool | None, conditions: Any) -> str:
     if holds is None:
         return "cannot be judged"
     if not holds:
@@ -106,7 +94,7 @@ def _verdict(holds, conditions):
     return VERDICTS[1] if isinstance(conditions, str) and conditions else VERDICTS[0]
 
 
-def as_markdown(ledger):
+def format_ledger(ledger: pd.DataFrame) -> str:
     """The ledger as a page.
 
     Parameters
@@ -117,34 +105,10 @@ def as_markdown(ledger):
     Returns
     -------
     str
-        Markdown: how often each verdict was given, and a row for each claim.
+        Markdown: the count of each verdict, and a row for each claim.
     """
     counts = ledger["verdict"].value_counts()
     summary = [f"- {counts.get(verdict, 0)} × {verdict}" for verdict in VERDICTS]
-
-    def number(value, sign=""):
-        return "–" if pd.isna(value) else f"{value:{sign}.4g}"
-
-    shown = pd.DataFrame(
-        {
-            "id": ledger["id"],
-            "section": ledger["section"],
-            "statement": ledger["statement"],
-            "unit": ledger["unit"],
-            "paper": ledger["paper"].map(number),
-            "ours": [
-                number(ours) + (f" ± {margin:.2g}" if pd.notna(margin) else "")
-                for ours, margin in zip(ledger["ours"], ledger["uncertainty"], strict=True)
-            ],
-            "verdict": ledger["verdict"],
-            "reason": [
-                reason + (f" Condition: {conditions}." if verdict == VERDICTS[1] else "")
-                for reason, conditions, verdict in zip(
-                    ledger["reason"], ledger["conditions"], ledger["verdict"], strict=True
-                )
-            ],
-        }
-    )
     lines = [
         "# Verification",
         "",
@@ -155,7 +119,23 @@ def as_markdown(ledger):
         "",
         "± is half the 95 % confidence interval of the mean over trials.",
         "",
-        shown.to_markdown(index=False, disable_numparse=True),
+        _format_rows(ledger).to_markdown(index=False, disable_numparse=True),
         "",
     ]
     return "\n".join(lines)
+
+
+def _format_rows(ledger: pd.DataFrame) -> pd.DataFrame:
+    """Columns of the ledger that the page has, as text."""
+    cells = ledger[["id", "section", "statement", "unit"]].copy()
+    cells["paper"] = [format_number(paper, ".4g") for paper in ledger["paper"]]
+    cells["ours"] = [
+        format_number(row.ours, ".4g") + (f" ± {row.uncertainty:.2g}" if pd.notna(row.uncertainty) else "")
+        for row in ledger.itertuples()
+    ]
+    cells["verdict"] = ledger["verdict"]
+    cells["reason"] = [
+        row.reason + (f" Condition: {row.conditions}." if row.verdict == VERDICTS[1] else "")
+        for row in ledger.itertuples()
+    ]
+    return cells

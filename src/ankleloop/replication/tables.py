@@ -1,17 +1,21 @@
-"""Tables: ours beside the published ones, as CSV for programs and as Markdown for people."""
+"""Tables: our results beside the published ones, as CSV for programs and as Markdown for people."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from ankleloop.assessment.scores import summarise
-from ankleloop.records.files import whole_file
+from ankleloop.records.files import atomic_file
 
-__all__ = ["against_published", "efficiency", "readable", "write_table"]
+__all__ = ["compare_with_bound", "compare_with_published", "format_number", "format_table", "write_table"]
 
 
-def against_published(scores, published, by):
+def compare_with_published(scores: pd.DataFrame, published: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Mean and standard deviation over trials beside the published numbers.
 
     Parameters
@@ -21,7 +25,7 @@ def against_published(scores, published, by):
     published : pandas.DataFrame
         Columns `method`, `torque`, `against`, `paper`.
     by : sequence of str
-        Columns that tell the points apart.
+        Columns whose values make a point.
 
     Returns
     -------
@@ -33,7 +37,7 @@ def against_published(scores, published, by):
     --------
     >>> scores = pd.DataFrame({"method": "m", "torque": "net", "against": "true", "vaf": [90.0, 92.0]})
     >>> published = pd.DataFrame({"method": ["m"], "torque": ["net"], "against": ["true"], "paper": [93.0]})
-    >>> against_published(scores, published, [])[["paper", "mean", "n"]].values.tolist()
+    >>> compare_with_published(scores, published, [])[["paper", "mean", "n"]].values.tolist()
     [[93.0, 91.0, 2.0]]
     """
     keys = ["method", "torque", "against"]
@@ -45,13 +49,17 @@ def against_published(scores, published, by):
     return table[columns]
 
 
-def efficiency(details, truths, bounds):
+def compare_with_bound(
+    details: pd.DataFrame,
+    truths: Mapping[str, Mapping[str, float]],
+    bounds: Mapping[tuple[str, str], Mapping[str, float]],
+) -> pd.DataFrame:
     """Errors of estimated parameters over trials, beside the Cramér-Rao bound.
 
     Parameters
     ----------
     details : pandas.DataFrame
-        Rows of `ankleloop.assessment.scores.parameters` with columns `point` and `method`.
+        Rows of `ankleloop.assessment.scores.parameter_row` with columns `point` and `method`.
     truths : dict of str to dict of str to float
         For each point the true parameters.
     bounds : dict of tuple to dict of str to float
@@ -60,14 +68,14 @@ def efficiency(details, truths, bounds):
     Returns
     -------
     pandas.DataFrame
-        One row for each point, method and parameter that the method gives: `truth`, `mean`, `bias`, `sd`, `rmse`,
+        One row for each point, method and parameter that the method estimates: `truth`, `mean`, `bias`, `sd`, `rmse`,
         `n`, `bound`, `ratio` (rmse over bound), and `covered`, the share [%] of 95 % intervals that hold the truth,
         where there are intervals.
 
     Examples
     --------
     >>> details = pd.DataFrame({"point": "p", "method": "m", "K": [149.0, 151.0], "K_low": 150.5, "K_high": 153.0})
-    >>> row = efficiency(details, {"p": {"K": 150.0}}, {("p", "m"): {"K": 0.5}}).iloc[0]
+    >>> row = compare_with_bound(details, {"p": {"K": 150.0}}, {("p", "m"): {"K": 0.5}}).iloc[0]
     >>> float(row["rmse"]), float(row["ratio"]), float(row["covered"])
     (1.0, 2.0, 0.0)
     """
@@ -76,30 +84,52 @@ def efficiency(details, truths, bounds):
         for name, truth in truths[point].items():
             if name not in part or part[name].isna().all():
                 continue
-            found = part[name].to_numpy()
-            rmse = float(np.sqrt(np.mean((found - truth) ** 2)))
+            values = part[name].to_numpy()
+            rmse = float(np.sqrt(np.mean((values - truth) ** 2)))
             bound = bounds[point, method].get(name, np.nan)
-            row = {"point": point, "method": method, "parameter": name, "truth": truth, "mean": found.mean()}
-            row |= {"bias": found.mean() - truth, "sd": np.std(found, ddof=1), "rmse": rmse, "n": found.size}
-            row |= {"bound": bound, "ratio": rmse / bound, "covered": _covered(part, name, truth)}
+            row = {"point": point, "method": method, "parameter": name, "truth": truth, "mean": values.mean()}
+            row |= {"bias": values.mean() - truth, "sd": np.std(values, ddof=1), "rmse": rmse, "n": values.size}
+            row |= {"bound": bound, "ratio": rmse / bound, "covered": _coverage(part, name, truth)}
             rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _covered(part, name, truth):
+def _coverage(part: pd.DataFrame, name: str, truth: float) -> float:
     """Share of the intervals that hold the truth [%]."""
     if f"{name}_low" not in part or part[f"{name}_low"].isna().all():
         return np.nan
     return float(100.0 * ((part[f"{name}_low"] <= truth) & (truth <= part[f"{name}_high"])).mean())
 
 
-def readable(table, labels, decimals=1):
+def format_number(value: float, spec: str) -> str:
+    """A number in a table for people; a dash if it does not exist.
+
+    Parameters
+    ----------
+    value : float
+        The number, or nan.
+    spec : str
+        Format specification.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> format_number(91.25, "+.1f"), format_number(np.nan, ".1f")
+    ('+91.2', '–')
+    """
+    return "–" if pd.isna(value) else f"{value:{spec}}"
+
+
+def format_table(table: pd.DataFrame, labels: Mapping[str, str], decimals: int = 1) -> pd.DataFrame:
     """A table as people read it: labels for methods, mean ± sd, difference to the paper.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        A table of `against_published`.
+        A table of `compare_with_published`.
     labels : dict of str to str
         Label of each method.
     decimals : int
@@ -108,48 +138,48 @@ def readable(table, labels, decimals=1):
     Returns
     -------
     pandas.DataFrame
-        All cells are text; what does not exist is a dash.
+        All cells are text; a dash stands for a number that does not exist.
     """
-
-    def number(value, sign=""):
-        return "–" if pd.isna(value) else f"{value:{sign}.{decimals}f}"
-
+    spec = f".{decimals}f"
     numbers = [name for name in ("paper", "mean", "sd", "n", "low", "high") if name in table]
-    shown = table.drop(columns=numbers).assign(method=table["method"].map(labels))
-    numbers = shown.select_dtypes("number").columns
-    shown[numbers] = shown[numbers].map("{:g}".format).astype(object)
-    shown["paper [%]"] = [number(value) for value in table["paper"]]
+    cells = table.drop(columns=numbers).assign(method=table["method"].map(labels))
+    settings = cells.select_dtypes("number").columns
+    cells[settings] = cells[settings].map("{:g}".format).astype(object)
+    cells["paper [%]"] = [format_number(value, spec) for value in table["paper"]]
     if "low" in table:
-        shown["ours [%], 95 % interval"] = [
-            f"{number(row.mean)} ({number(row.low)} … {number(row.high)})" for row in table.itertuples()
+        cells["ours [%], 95 % interval"] = [
+            f"{format_number(row.mean, spec)} ({format_number(row.low, spec)} … {format_number(row.high, spec)})"
+            for row in table.itertuples()
         ]
     else:
-        shown["ours [%], mean ± sd"] = [
-            number(mean) + (f" ± {sd:.{decimals + 1}f}" if pd.notna(sd) else "")
+        cells["ours [%], mean ± sd"] = [
+            format_number(mean, spec) + (f" ± {sd:.{decimals + 1}f}" if pd.notna(sd) else "")
             for mean, sd in zip(table["mean"], table["sd"], strict=True)
         ]
-    shown["difference [points]"] = [number(value, "+") for value in table["mean"] - table["paper"]]
-    shown["trials"] = table["n"].astype(str)
-    return shown
+    cells["difference [points]"] = [format_number(value, f"+{spec}") for value in table["mean"] - table["paper"]]
+    cells["trials"] = table["n"].astype(str)
+    return cells
 
 
-def write_table(table, stem, shown=None, caption=""):
+def write_table(
+    table: pd.DataFrame, stem: str | PathLike[str], shown: pd.DataFrame | None = None, caption: str = ""
+) -> None:
     """Write a table as CSV, and as Markdown with its caption.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        What the CSV holds.
+        Content of the CSV.
     stem : path-like
         Path without its ending.
     shown : pandas.DataFrame, optional
-        What the Markdown shows; the table itself by default.
+        Content of the Markdown; the table itself by default.
     caption : str
         Text below the Markdown table.
     """
     stem = Path(stem)
-    shown = table if shown is None else shown
-    with whole_file(stem.with_name(stem.name + ".csv")) as path:
+    with atomic_file(stem.with_name(stem.name + ".csv")) as path:
         table.to_csv(path, index=False)
-    with whole_file(stem.with_name(stem.name + ".md")) as path:
-        path.write_text(f"{shown.to_markdown(index=False)}\n\n{caption}\n", encoding="utf-8")
+    with atomic_file(stem.with_name(stem.name + ".md")) as path:
+        page = (table if shown is None else shown).to_markdown(index=False)
+        path.write_text(f"{page}\n\n{caption}\n", encoding="utf-8")

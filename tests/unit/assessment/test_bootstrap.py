@@ -1,33 +1,34 @@
-"""Intervals: of the VAF against its long run, of parameters by the bootstrap against the asymptotic ones."""
+"""Intervals of the VAF against its value on a long record, and of parameters by the bootstrap."""
 
 import numpy as np
 import pytest
 from scipy import signal as sps
 
 from ankleloop import DataError, block_bootstrap, evaluate, identify, simulate
+from ankleloop.joint.prepared import prepare
 from ankleloop.signals.vaf import long_run_variance, vaf_interval
 
 
-def correlated(rng, samples, pole):
+def draw_autoregression(rng, samples, pole):
     return sps.lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], rng.standard_normal(samples + 500))[500:]
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.8, 0.95])
 def test_long_run_variance_of_an_autoregression(pole):
-    x = correlated(np.random.default_rng(1), 400_000, pole)
+    x = draw_autoregression(np.random.default_rng(1), 400_000, pole)
     assert long_run_variance(x, 400) == pytest.approx((1 + pole) / (1 - pole), rel=0.15)
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_intervals_of_the_vaf_hold_its_long_run(pole):
+def test_intervals_of_the_vaf_hold_its_value_on_a_long_record(pole):
     rng = np.random.default_rng(2)
-    truth, held = 100.0 * (1 - 0.25 / 1.25), 0
+    truth, covered = 100.0 * (1 - 0.25 / 1.25), 0
     for _ in range(300):
-        y, e = correlated(rng, 4000, pole), 0.5 * correlated(rng, 4000, 0.5)
+        y, e = draw_autoregression(rng, 4000, pole), 0.5 * draw_autoregression(rng, 4000, 0.5)
         low, high = vaf_interval(y + e, y, 100)
         assert low < high < 100
-        held += low < truth < high
-    assert 0.91 < held / 300 < 0.985
+        covered += low < truth < high
+    assert 0.91 < covered / 300 < 0.985
 
 
 def test_a_perfect_estimate_has_no_interval():
@@ -57,22 +58,23 @@ def test_the_bootstrap_checks_the_asymptotic_intervals(bootstrap):
     for name, (low, high) in bootstrap.intervals().items():
         assert low <= high
         if name in asymptotic:
-            found = (bootstrap.estimate.stiffness | bootstrap.estimate.reflex)[name]
-            assert low < found < high, name
+            assert low < (bootstrap.estimate.stiffness | bootstrap.estimate.reflex)[name] < high, name
     low, high = bootstrap.intervals()["vaf_net"]
     assert 85 < low < high < 99
 
 
-def test_the_bootstrap_serves_methods_without_intervals():
-    found = block_bootstrap(simulate(seed=3, duration=25.0), "parallel-cascade", repetitions=5, block=1.0)
-    assert list(found.samples)[:3] == ["K", "B", "I"]
-    assert (found.samples.std() > 0).drop("delay").all()
+def test_the_bootstrap_works_for_methods_without_intervals():
+    trial = simulate(seed=3, duration=25.0)
+    bootstrap = block_bootstrap(trial, "parallel-cascade", repetitions=5, block=1.0)
+    assert list(bootstrap.samples)[:3] == ["K", "B", "I"]
+    assert (bootstrap.samples.std() > 0).drop("delay").all()
 
 
-def test_the_bootstrap_repeats_itself_and_refuses_short_records():
+def test_the_bootstrap_is_reproducible_and_refuses_short_records():
     trial = simulate(seed=3, duration=22.0)
     first, second = (block_bootstrap(trial, "riv", repetitions=2, seed=5).samples for _ in range(2))
     assert first.equals(second)
+    assert first.equals(block_bootstrap(prepare(trial), "riv", repetitions=2, seed=5).samples)
     with pytest.raises(DataError, match="less than ten blocks of 4 s"):
         block_bootstrap(trial, "riv", block=4.0)
     with pytest.raises(ValueError, match="repetitions must be at least 2"):

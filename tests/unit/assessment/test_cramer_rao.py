@@ -1,12 +1,13 @@
-"""The Cramér-Rao bound against differences of simulated records, and against what an efficient method reaches."""
+"""The Cramér-Rao bound against differences of simulated records, and against the errors of an efficient method."""
 
 import numpy as np
 import pytest
 
 from ankleloop import cramer_rao, identify, simulate
 from ankleloop.assessment.cramer_rao import disturbance_spectrum, fisher_information
-from ankleloop.joint.regressors import decimated
+from ankleloop.joint.prepared import prepare
 from ankleloop.signals.spectra import Band
+from ankleloop.simulation.settings import SimulationSettings
 
 LINEAR = {"reflex_gain": 1e-6, "duration": 30.0, "seed": 4}
 TRUTH = {"stiffness": 150.0, "viscosity": 0.8, "inertia": 0.015}
@@ -16,12 +17,12 @@ def torque_spectrum(**parameters):
     trial = simulate(**LINEAR, snr_db=None, voluntary=0.0, **parameters)
     time = np.arange(1.0, 29.0, 0.01)
     band = Band(time.size, 100.0, 0.05, 38.0)
-    return band, band.transform(decimated(trial, "torque", time, 100.0))
+    return band, band.transform(prepare(trial).channel_at("torque", time, 100.0))
 
 
 @pytest.mark.parametrize("number", range(3))
 def test_information_against_differences_of_records(number):
-    """A changed parameter changes the torque by S ψ δθ, and the noise that is there by S too."""
+    """A changed parameter changes the torque by S ψ δθ, and S acts on the noise alike."""
     name, truth = list(TRUTH.items())[number]
     band, below = torque_spectrum(**{name: 0.999 * truth})
     _, above = torque_spectrum(**{name: 1.001 * truth})
@@ -29,19 +30,19 @@ def test_information_against_differences_of_records(number):
     s = band.s
     passive = 0.015 * s**2 + 0.8 * s + 150.0
     sensitivity = 1.0 / (1.0 + passive / (1.1 * s**2 + 7.1 * s + 250.0))
-    told = simulate(**LINEAR).attrs
+    settings = SimulationSettings(reflex_gain=1e-6, duration=30.0)
     level = np.std(simulate(**LINEAR, snr_db=None, voluntary=0.0)["torque"].values)
-    noise = disturbance_spectrum(band.frequency, level, told) * band.density * np.abs(sensitivity) ** 2
+    noise = disturbance_spectrum(band.frequency, level, settings) * band.density * np.abs(sensitivity) ** 2
     expected = 2.0 * np.sum(np.abs(slope) ** 2 / noise)
     _, information = fisher_information(**LINEAR, fed_back=False)
     # The differences see 28 of the 30 seconds.
     assert information[number, number] == pytest.approx(expected * 29.6 / 28.0, rel=0.04)
 
 
-def test_what_a_known_spectrum_tells():
+def test_information_of_a_known_spectrum():
     """Against differences of the logarithm of a spectrum, computed from the transfer functions."""
-    names, with_it = fisher_information(**LINEAR)
-    _, without = fisher_information(**LINEAR, fed_back=False)
+    names, known = fisher_information(**LINEAR)
+    _, unknown = fisher_information(**LINEAR, fed_back=False)
     frequency = np.arange(0.05, 38.0, 0.01)
     s = 2j * np.pi * frequency
     load = 1.1 * s**2 + 7.1 * s + 250.0
@@ -53,41 +54,41 @@ def test_what_a_known_spectrum_tells():
     # One number for each independent frequency, 1 / T apart.
     expected = 29.6 * np.trapezoid(slope**2, frequency)
     assert names[:3] == ["K", "B", "I"]
-    assert (with_it - without)[0, 0] == pytest.approx(expected, rel=0.03)
-    assert np.all(np.linalg.eigvalsh(with_it - without) > -1e-9 * np.max(with_it))
+    assert (known - unknown)[0, 0] == pytest.approx(expected, rel=0.03)
+    assert np.all(np.linalg.eigvalsh(known - unknown) > -1e-9 * np.max(known))
 
 
-def test_an_unknown_delay_costs_what_it_is_confused_with():
-    known, unknown = (cramer_rao(seed=1, duration=25.0, known_delay=on) for on in (True, False))
+def test_an_unknown_delay_raises_the_bound_of_the_dynamics():
+    known, unknown = (cramer_rao(seed=1, duration=25.0, known_delay=known_delay) for known_delay in (True, False))
     assert unknown["omega_n"] > 1.5 * known["omega_n"]
     assert unknown["K"] < 1.2 * known["K"]
-    found = [identify(simulate(seed=seed), "riv", delay=None).reflex["delay"] for seed in range(25)]
+    delays = [identify(simulate(seed=seed), "riv", delay=None).reflex["delay"] for seed in range(25)]
     bound = cramer_rao(seed=1, known_delay=False)["delay"]
-    assert 0.6 * bound < np.std(found) < 1.6 * bound
+    assert 0.6 * bound < np.std(delays) < 1.6 * bound
 
 
-def test_open_loop_has_nothing_fed_back():
-    both = [cramer_rao(seed=1, duration=20.0, closed_loop=False, fed_back=on) for on in (True, False)]
-    assert both[0] == both[1]
+def test_open_loop_has_no_information_in_the_fed_back_torque():
+    bounds = [cramer_rao(seed=1, duration=20.0, closed_loop=False, fed_back=fed_back) for fed_back in (True, False)]
+    assert bounds[0] == bounds[1]
 
 
 def test_spectra_of_simulated_disturbances():
-    ratios = []
+    ratios, settings = [], SimulationSettings(voluntary=0.3)
     for seed in range(8):
         trial = simulate(seed=seed, voluntary=0.3)
         clean = simulate(seed=seed, voluntary=0.0, snr_db=None)
         disturbance = (trial["torque_voluntary"] + trial["torque_noise"]).values
         band = Band(disturbance.size, 1000.0, 0.05, 38.0)
         density = np.abs(band.transform(disturbance)) ** 2 / band.density
-        ratios.append(density / disturbance_spectrum(band.frequency, np.std(clean["torque"].values), trial.attrs))
+        ratios.append(density / disturbance_spectrum(band.frequency, np.std(clean["torque"].values), settings))
     mean = np.mean(ratios, axis=0)
     for low, high in ((0.05, 3.0), (3.0, 10.0), (10.0, 38.0)):
-        inside = (band.frequency >= low) & (band.frequency < high)
-        margin = 5.0 * np.sqrt(band.correlation / (8 * inside.sum()))
-        assert mean[inside].mean() == pytest.approx(1.0, abs=margin)
+        selection = (band.frequency >= low) & (band.frequency < high)
+        margin = 5.0 * np.sqrt(band.correlation / (8 * selection.sum()))
+        assert mean[selection].mean() == pytest.approx(1.0, abs=margin)
 
 
-def test_the_bound_shrinks_as_it_should():
+def test_the_bound_shrinks_with_duration_and_noise():
     short, long = (cramer_rao(seed=1, duration=duration) for duration in (25.0, 100.0))
     assert long["K"] == pytest.approx(short["K"] / 2, rel=0.15)
     quiet = cramer_rao(seed=1, duration=25.0, snr_db=30.0, voluntary=0.005, fed_back=False)
@@ -96,8 +97,8 @@ def test_the_bound_shrinks_as_it_should():
         assert loud[name] / quiet[name] == pytest.approx(10.0, rel=1e-6)
 
 
-def test_an_efficient_method_reaches_it():
+def test_an_efficient_method_reaches_the_bound():
     bound = np.mean([cramer_rao(seed=seed)["K"] for seed in range(4)])
-    found = [identify(simulate(seed=seed), "riv").stiffness["K"] for seed in range(25)]
-    rmse = np.sqrt(np.mean((np.array(found) - 150.0) ** 2))
+    estimates = [identify(simulate(seed=seed), "riv").stiffness["K"] for seed in range(25)]
+    rmse = np.sqrt(np.mean((np.array(estimates) - 150.0) ** 2))
     assert 0.65 * bound < rmse < 1.5 * bound

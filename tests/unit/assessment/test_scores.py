@@ -4,12 +4,12 @@ import pytest
 from scipy import signal as sps
 
 from ankleloop import DataError, evaluate, identify, new_trial, simulate
-from ankleloop.assessment.scores import in_band_snr, parameters, summarise
+from ankleloop.assessment.scores import SCORE_COLUMNS, in_band_snr, parameter_row, score_rows, summarise
 from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.joint.prepared import prepare
 from ankleloop.signals.decimation import decimate
 
 RATE, FACTOR, FIRST = 1000.0, 10, 500
-COLUMNS = ["torque", "against", "vaf"]
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def clean():
     return simulate(seed=3, duration=20.0, voluntary=0.0, snr_db=None)
 
 
-def decimated(trial, name, count=1900):
+def decimate_variable(trial, name, count=1900):
     return decimate(trial[name].values, FACTOR, FIRST, count)
 
 
@@ -36,10 +36,10 @@ def make_estimate(intrinsic, reflex, net=None, first=FIRST, **fields):
 
 @pytest.fixture(scope="module")
 def perfect(trial):
-    return make_estimate(decimated(trial, "torque_intrinsic"), decimated(trial, "torque_reflex"))
+    return make_estimate(decimate_variable(trial, "torque_intrinsic"), decimate_variable(trial, "torque_reflex"))
 
 
-def percent(signal, error):
+def percent_vaf(signal, error):
     """Equation 18, written out."""
     signal, error = signal - signal.mean(), error - error.mean()
     return 100 * (1 - (error @ error) / (signal @ signal))
@@ -50,7 +50,7 @@ def percent(signal, error):
 
 def test_rows_with_truths(trial, perfect):
     table = evaluate(trial, perfect)
-    assert list(table.columns) == COLUMNS
+    assert list(table.columns) == list(SCORE_COLUMNS[:3])
     rows = [("net", "measured"), ("net", "true"), ("intrinsic", "true"), ("reflex", "true")]
     assert list(table[["torque", "against"]].itertuples(index=False, name=None)) == rows
     assert table["vaf"].dtype == np.float64
@@ -60,25 +60,25 @@ def test_the_truth_scores_100(trial, perfect):
     vaf = evaluate(trial, perfect)["vaf"]
     np.testing.assert_allclose(vaf[1:], 100.0, atol=1e-10)
     # The measured torque holds noise and voluntary torque, which no estimate explains.
-    disturbance = decimated(trial, "torque_voluntary") + decimated(trial, "torque_noise")
-    expected = percent(decimated(trial, "torque")[100:-100], disturbance[100:-100])
+    disturbance = decimate_variable(trial, "torque_voluntary") + decimate_variable(trial, "torque_noise")
+    expected = percent_vaf(decimate_variable(trial, "torque")[100:-100], disturbance[100:-100])
     assert vaf[0] == pytest.approx(expected, abs=1e-9)
     assert 90 < vaf[0] < 97
 
 
 def test_each_row_has_its_own_pair_of_signals(trial):
     """Estimates that are wrong in three ways are scored each against its own truth."""
-    intrinsic, reflex = decimated(trial, "torque_intrinsic"), decimated(trial, "torque_reflex")
+    intrinsic, reflex = decimate_variable(trial, "torque_intrinsic"), decimate_variable(trial, "torque_reflex")
     rng = np.random.default_rng(1)
     errors = [0.3 * rng.standard_normal(intrinsic.size) for _ in range(3)]
     estimate = make_estimate(intrinsic + errors[0], reflex + 2 * errors[1], net=intrinsic + reflex + 4 * errors[2])
     inside = slice(100, -100)
-    measured = decimated(trial, "torque")
+    measured = decimate_variable(trial, "torque")
     expected = [
-        percent(measured[inside], (measured - estimate.torque["net"].values)[inside]),
-        percent((intrinsic + reflex)[inside], 4 * errors[2][inside]),
-        percent(intrinsic[inside], errors[0][inside]),
-        percent(reflex[inside], 2 * errors[1][inside]),
+        percent_vaf(measured[inside], (measured - estimate.torque["net"].values)[inside]),
+        percent_vaf((intrinsic + reflex)[inside], 4 * errors[2][inside]),
+        percent_vaf(intrinsic[inside], errors[0][inside]),
+        percent_vaf(reflex[inside], 2 * errors[1][inside]),
     ]
     np.testing.assert_allclose(evaluate(trial, estimate)["vaf"], expected, atol=1e-9)
 
@@ -86,34 +86,34 @@ def test_each_row_has_its_own_pair_of_signals(trial):
 def test_rows_without_truths(trial):
     """Without truths every row is against the measured torque, and the rows do not add up."""
     bare = trial.drop_vars([name for name in trial.data_vars if name.startswith("torque_")])
-    torque = decimated(bare, "torque")
+    torque = decimate_variable(bare, "torque")
     table = evaluate(bare, make_estimate(0.25 * torque, 0.5 * torque))
-    assert list(table.columns) == COLUMNS
+    assert list(table.columns) == list(SCORE_COLUMNS[:3])
     rows = [("net", "measured"), ("intrinsic", "measured"), ("reflex", "measured")]
     assert list(table[["torque", "against"]].itertuples(index=False, name=None)) == rows
     np.testing.assert_allclose(table["vaf"], 100 * (1 - np.array([0.25, 0.75, 0.5]) ** 2), atol=1e-10)
 
 
-def test_one_truth_alone_is_none(trial):
+def test_a_single_truth_is_not_used(trial):
     table = evaluate(trial.drop_vars("torque_reflex"), make_estimate(*np.ones((2, 1900)) * np.arange(1900)))
     assert table["against"].tolist() == ["measured"] * 3
 
 
-def test_a_path_that_does_nothing_is_not_scored():
+def test_a_path_without_torque_is_not_scored():
     trial = simulate(seed=3, duration=20.0, reflex_gain=0.0)
-    table = evaluate(trial, make_estimate(decimated(trial, "torque_intrinsic"), np.zeros(1900)))
+    table = evaluate(trial, make_estimate(decimate_variable(trial, "torque_intrinsic"), np.zeros(1900)))
     assert table["torque"].tolist() == ["net", "net", "intrinsic"]
 
 
 def test_offsets_are_free_and_gains_are_not(trial, perfect):
-    moved = make_estimate(perfect.torque["intrinsic"].values + 5.0, 0.9 * perfect.torque["reflex"].values - 3.0)
-    vaf = evaluate(trial, moved).set_index(["torque", "against"])["vaf"]
+    changed = make_estimate(perfect.torque["intrinsic"].values + 5.0, 0.9 * perfect.torque["reflex"].values - 3.0)
+    vaf = evaluate(trial, changed).set_index(["torque", "against"])["vaf"]
     assert vaf["intrinsic", "true"] == pytest.approx(100.0, abs=1e-10)
     assert vaf["reflex", "true"] == pytest.approx(99.0, abs=1e-10)
 
 
 @pytest.mark.parametrize("first", [FIRST + 10, 2000])
-def test_the_times_of_the_estimate_pick_the_samples(trial, first):
+def test_the_times_of_the_estimate_select_the_samples(trial, first):
     parts = [decimate(trial[f"torque_{part}"].values, FACTOR, first, 1700) for part in ("intrinsic", "reflex")]
     np.testing.assert_allclose(evaluate(trial, make_estimate(*parts, first=first))["vaf"][1:], 100.0, atol=1e-10)
     assert evaluate(trial, make_estimate(*parts, first=first - 10))["vaf"][1] < 99.9
@@ -138,14 +138,14 @@ def test_trimming(trial, perfect, trim, samples):
         intrinsic[-samples:] = np.nan
     scores = evaluate(trial, make_estimate(intrinsic, reflex), **default).set_index(["torque", "against"])["vaf"]
     assert scores["intrinsic", "true"] == pytest.approx(100.0, abs=1e-10)
-    for at in (samples, -samples - 1):
-        off = perfect.torque["intrinsic"].values.copy()
-        off[at] += 100.0
-        scores = evaluate(trial, make_estimate(off, reflex), **default).set_index(["torque", "against"])["vaf"]
+    for sample in (samples, -samples - 1):
+        intrinsic = perfect.torque["intrinsic"].values.copy()
+        intrinsic[sample] += 100.0
+        scores = evaluate(trial, make_estimate(intrinsic, reflex), **default).set_index(["torque", "against"])["vaf"]
         assert scores["intrinsic", "true"] < 80
 
 
-def test_nothing_left_to_score(trial):
+def test_an_estimate_shorter_than_the_trim(trial):
     with pytest.raises(DataError, match=r"the estimate covers 1\.99 s; nothing is left after a trim of 1 s"):
         evaluate(trial, make_estimate(*np.ones((2, 200))))
     with pytest.raises(DataError, match="nothing is left after a trim of 20 s"):
@@ -184,16 +184,21 @@ def test_in_band_snr_by_its_definition(trial, perfect):
 def test_in_band_snr_of_known_sinusoids():
     """Two tones in the pass band and one in the stop band: the powers are known."""
     t = np.arange(20_000) / RATE
-    two, five, eighty = (np.sin(2 * np.pi * f * t) for f in (2.0, 5.0, 80.0))
+    slow, medium, fast = (np.sin(2 * np.pi * f * t) for f in (2.0, 5.0, 80.0))
     trial = new_trial(
-        0.01 * two, two, RATE, torque_intrinsic=3.0 * two, torque_reflex=4.0 * two, torque_noise=0.5 * five + 9 * eighty
+        0.01 * slow,
+        slow,
+        RATE,
+        torque_intrinsic=3.0 * slow,
+        torque_reflex=4.0 * slow,
+        torque_noise=0.5 * medium + 9 * fast,
     )
-    torque = two[FIRST : FIRST + 19_000 : FACTOR]
-    # Whole periods are left after the trim, to within a sample.
+    torque = slow[FIRST : FIRST + 19_000 : FACTOR]
+    # Whole periods remain after the trim, to within a sample.
     assert in_band_snr(trial, make_estimate(torque, torque)) == pytest.approx(20 * np.log10(7.0 / 0.5), abs=0.01)
 
 
-def test_decimation_takes_the_noise_above_its_band():
+def test_decimation_removes_the_noise_above_its_band():
     """The noise is held for 10 ms, so its spectrum is sinc², behind the recorder's 200 Hz filter: 10 dB there."""
     values = []
     for seed in range(5):
@@ -221,18 +226,16 @@ def test_in_band_snr_needs_the_truths(trial, perfect, name):
 
 def test_parameters_of_an_estimate(trial):
     estimate = identify(trial, basis="rectifier")
-    table = parameters(trial, estimate)
-    assert len(table) == 1
-    row = table.iloc[0]
+    row = parameter_row(trial, estimate)
     for name, value in {**estimate.stiffness, **estimate.reflex}.items():
         assert row[name] == value
     assert row["in_band_snr_db"] == in_band_snr(trial, estimate)
     assert (row["order"], row["stable"], row["reference"], row["warnings"]) == (2, True, "reference", "")
 
 
-def test_parameters_carry_the_warnings(clean):
+def test_parameters_with_warnings(clean):
     warnings = ["first.", "second."]
-    row = parameters(clean, make_estimate(*np.ones((2, 1900)), diagnostics={"warnings": warnings, "passes": 3})).iloc[0]
+    row = parameter_row(clean, make_estimate(*np.ones((2, 1900)), diagnostics={"warnings": warnings, "passes": 3}))
     assert row["warnings"] == "first. second."
     assert row["passes"] == 3
     assert "in_band_snr_db" not in row
@@ -260,18 +263,29 @@ def test_a_single_trial_has_no_spread():
     assert np.isnan(table["sd"][0])
 
 
-def test_truths_can_be_left_aside():
+def test_truths_can_be_ignored():
     trial = simulate(seed=1, duration=15.0)
     estimate = identify(trial)
     recording = trial.drop_vars([name for name in trial.data_vars if name.startswith("torque_")])
-    aside = evaluate(trial, estimate, against="measured")
-    pd.testing.assert_frame_equal(aside, evaluate(recording, estimate))
-    assert set(aside["against"]) == {"measured"}
+    table = evaluate(trial, estimate, against="measured")
+    pd.testing.assert_frame_equal(table, evaluate(recording, estimate))
+    assert set(table["against"]) == {"measured"}
     with pytest.raises(ValueError, match="against must be 'measured' or None"):
         evaluate(trial, estimate, against="true")
 
 
-def test_the_largest_pole_is_told():
+def test_the_largest_pole_is_reported():
     trial = simulate(seed=1, duration=15.0)
     estimate = identify(trial)
-    assert parameters(trial, estimate)["spectral_radius"][0] == pytest.approx(np.abs(estimate.model.poles()).max())
+    assert parameter_row(trial, estimate)["spectral_radius"] == pytest.approx(np.abs(estimate.model.poles()).max())
+
+
+def test_a_prepared_trial_has_the_same_scores_and_decimates_once(trial, perfect, monkeypatch):
+    expected = score_rows(trial, perfect, intervals=True), parameter_row(trial, perfect)
+    prepared = prepare(trial)
+    assert (score_rows(prepared, perfect, intervals=True), parameter_row(prepared, perfect)) == expected
+    monkeypatch.setattr("ankleloop.joint.prepared.decimate", None)
+    assert (score_rows(prepared, perfect, intervals=True), parameter_row(prepared, perfect)) == expected
+    pd.testing.assert_frame_equal(
+        evaluate(prepared, perfect, intervals=True), pd.DataFrame(expected[0], columns=list(SCORE_COLUMNS))
+    )

@@ -1,4 +1,4 @@
-"""One recording from check to decision: valid methods only, judged on what they have not seen."""
+"""Analysis of a recording: valid methods only, scored on data that were not fitted."""
 
 import numpy as np
 import pandas as pd
@@ -37,45 +37,45 @@ def analyses():
     ],
 )
 def test_only_valid_methods_are_fitted(analyses, loop, valid):
-    _, found = analyses[loop]
-    assert found.check.loop == loop
-    assert list(found.estimates) == list(found.residuals) == valid
-    table = found.table.set_index("label")
+    _, analysis = analyses[loop]
+    assert analysis.check.loop == loop
+    assert list(analysis.estimates) == list(analysis.residuals) == valid
+    table = analysis.table.set_index("label")
     assert list(table.index) == list(METHODS)
     assert table.index[table["valid"].astype(bool)].tolist() == valid
-    left_out = table[~table["valid"].astype(bool)]
-    assert (left_out["warnings"].str.len() > 10).all()
-    assert left_out["K"].isna().all()
+    invalid = table[~table["valid"].astype(bool)]
+    assert (invalid["warnings"].str.len() > 10).all()
+    assert invalid["K"].isna().all()
 
 
-def test_scores_are_of_what_was_not_seen(analyses):
-    trial, found = analyses["closed"]
-    row = found.table.set_index("label").loc["riv"]
+def test_scores_on_the_half_that_was_not_fitted(analyses):
+    trial, analysis = analyses["closed"]
+    row = analysis.table.set_index("label").loc["riv"]
     end = float(trial["time"][-1])
     half = identify(segment(trial, 0.0, end / 2), "riv")
     second = segment(trial, end / 2, end + 1.0)
     expected = evaluate(second, half.predict(second), against="measured").iloc[0]["vaf"]
     assert row["vaf_unseen"] == pytest.approx(expected, abs=1e-9)
     assert row["vaf_unseen_low"] < expected < row["vaf_unseen_high"]
-    assert row["K"] == found.estimates["riv"].stiffness["K"]
+    assert row["K"] == analysis.estimates["riv"].stiffness["K"]
     assert not row["residual_related"]
 
 
 def test_options_are_selected_within_the_first_half(analyses):
-    _, found = analyses["open"]
-    row = found.table.set_index("label").loc["PI"]
+    _, analysis = analyses["open"]
+    row = analysis.table.set_index("label").loc["PI"]
     assert row["selected"] == "order 2"
-    assert found.estimates["PI"].diagnostics["order"] == 2
-    assert "selection" not in found.estimates["PI"].diagnostics
+    assert analysis.estimates["PI"].diagnostics["order"] == 2
+    assert "selection" not in analysis.estimates["PI"].diagnostics
 
 
 def test_short_trials_are_merged():
-    """Eight trials of six seconds: too short each, long enough together; only methods that merge are valid."""
+    """Eight trials of six seconds are too short each, but long enough together; only methods that merge are valid."""
     whole = simulate(seed=1, duration=48.0, closed_loop=False).drop_vars("reference")
     trials = [segment(whole, 6.0 * k, 6.0 * (k + 1)) for k in range(8)]
-    found = analyse(trials, METHODS)
-    assert found.check.verdict == "warning"
-    assert "48 s in all" in found.check.findings[0].text
+    analysis = analyse(trials, METHODS)
+    assert analysis.check.verdict == "warning"
+    assert "48 s in all" in analysis.check.findings[0].text
     assert analyse(trials[:1], METHODS).check.verdict == "refused"
     methods = {"PI": {"method": "pi-moesp", "options": {"basis": "rectifier"}}, "cascade": METHODS["cascade"]}
     merged = analyse(trials, methods)
@@ -90,20 +90,20 @@ def test_short_trials_are_merged():
     assert "trial 8 of 8" in " ".join(refused.check.reasons)
 
 
-def test_a_refused_recording_has_its_reason_and_nothing_else():
+def test_a_refused_recording_has_only_its_reason():
     trial = simulate(seed=1, duration=30.0)
-    found = analyse(trial.assign(torque=-trial["torque"]), METHODS)
-    assert found.estimates == {}
-    assert found.table["verdict"].tolist() == ["refused"]
-    assert "Set torque_sign: -1" in found.table["reasons"].iloc[0]
+    analysis = analyse(trial.assign(torque=-trial["torque"]), METHODS)
+    assert analysis.estimates == {}
+    assert analysis.table["verdict"].tolist() == ["refused"]
+    assert "Set torque_sign: -1" in analysis.table["reasons"].iloc[0]
 
 
-def test_pictures_of_a_recording(analyses):
-    for _, found in analyses.values():
+def test_figures_of_a_recording(analyses):
+    for _, analysis in analyses.values():
         for figure in (
-            spectra_figure(found.check.spectra),
-            model_figure(found.estimates),
-            residual_figure(found.residuals),
+            spectra_figure(analysis.check.spectra),
+            model_figure(analysis.estimates),
+            residual_figure(analysis.residuals),
         ):
             for axis in figure.axes:
                 assert "[" in axis.get_xlabel()

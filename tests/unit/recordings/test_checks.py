@@ -1,4 +1,4 @@
-"""What a recording can carry: every refusal and warning, for the reason that it names."""
+"""Checks of a recording: every refusal and warning has the reason that it names."""
 
 import os
 from pathlib import Path
@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy import signal as sps
 
-from ankleloop import DataError, identify, new_trial, read_trial, simulate
-from ankleloop.joint.regressors import build_regressors
-from ankleloop.recordings.checks import check_trial
+from ankleloop import DataError, identify, new_trial, read_trial, segment, simulate
+from ankleloop.joint.prepared import prepare
+from ankleloop.recordings.checks import check_merged_trials, check_trial
 from ankleloop.records.drift import remove_drift
 
 
@@ -18,7 +18,7 @@ def closed():
     return simulate(seed=1)
 
 
-def found(check, name):
+def find(check, name):
     return next(finding for finding in check.findings if finding.name == name)
 
 
@@ -33,7 +33,7 @@ def test_a_good_record_is_ok(closed):
 
 def test_spectra_against_scipy(closed):
     spectra = check_trial(closed).spectra
-    r = build_regressors(closed, delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
+    r = prepare(closed).regressors(delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
     options = {"fs": 100.0, "nperseg": 512, "window": np.hanning(512)}
     frequency, density = sps.welch(r.torque, **options)
     inside = np.isin(frequency, spectra["frequency"])
@@ -42,7 +42,7 @@ def test_spectra_against_scipy(closed):
     np.testing.assert_allclose(spectra["coherence"], coherence[inside], rtol=1e-9)
 
 
-def test_valid_methods_can_be_run_as_they_are_named(closed):
+def test_valid_methods_run_with_their_options(closed):
     records = {
         "closed": closed,
         "open": simulate(seed=1, closed_loop=False),
@@ -57,27 +57,27 @@ def test_valid_methods_can_be_run_as_they_are_named(closed):
 
 def test_the_sign_is_detected(closed):
     for trial in (closed, simulate(seed=2, reflex_gain=15.0, voluntary=1.0), simulate(seed=3, closed_loop=False)):
-        assert found(check_trial(trial), "sign of the torque").verdict == "ok"
+        assert find(check_trial(trial), "sign of the torque").verdict == "ok"
         flipped = check_trial(trial.assign(torque=-trial["torque"]))
         assert flipped.verdict == "refused"
-        assert "Set torque_sign: -1" in found(flipped, "sign of the torque").text
+        assert "Set torque_sign: -1" in find(flipped, "sign of the torque").text
 
 
-def test_feedback_does_not_look_like_a_wrong_sign():
-    """Least squares finds a negative stiffness here; the torque has the right sign all the same."""
+def test_feedback_is_not_taken_for_a_wrong_sign():
+    """Least squares gives a negative viscosity here, although the torque has the right sign."""
     trial = simulate(seed=5, load=(0.1, 10.0, 100.0), reflex_gain=25.0, voluntary=1.0)
     assert identify(trial, "pr-moesp", basis="rectifier").stiffness["B"] < 0
-    assert found(check_trial(trial), "sign of the torque").verdict == "ok"
+    assert find(check_trial(trial), "sign of the torque").verdict == "ok"
 
 
 def test_without_a_reference_the_loop_cannot_be_decided(closed):
     check = check_trial(closed.drop_vars("reference"))
     assert check.verdict == "warning"
     assert check.loop == "undecided"
-    assert "cannot be decided" in found(check, "loop").text
+    assert "cannot be decided" in find(check, "loop").text
     other = simulate(seed=9)["reference"].values
     swapped = check_trial(closed.assign(reference=closed["reference"].copy(data=other)))
-    assert "too weak an instrument" in found(swapped, "reference").text
+    assert "too weak an instrument" in find(swapped, "reference").text
     assert swapped.loop == "undecided"
 
 
@@ -94,9 +94,9 @@ def test_without_a_reference_the_loop_cannot_be_decided(closed):
     ],
 )
 def test_real_recordings(file, mapping):
-    """As they are their torque has the other sign; turned round, nothing but the missing reference is to be said."""
+    """Their torque has the other sign; once it is inverted, only the missing reference gives warnings."""
     path = Path(os.environ["ANKLELOOP_RECORDINGS"]) / file
-    assert found(check_trial(read_trial(path, **mapping)), "sign of the torque").verdict == "refused"
+    assert find(check_trial(read_trial(path, **mapping)), "sign of the torque").verdict == "refused"
     check = check_trial(read_trial(path, torque_sign=-1, **mapping))
     assert check.verdict == "warning"
     assert check.loop == "undecided"
@@ -108,27 +108,27 @@ def test_real_recordings(file, mapping):
 def test_clipping(closed, share, verdict):
     top = np.quantile(closed["torque"], 1 - share)
     check = check_trial(closed.assign(torque=closed["torque"].clip(max=top)))
-    assert found(check, "clipping of the torque").verdict == verdict
-    assert "widen the range" in found(check, "clipping of the torque").text
-    assert found(check, "clipping of the position").verdict == "ok"
+    assert find(check, "clipping of the torque").verdict == verdict
+    assert "widen the range" in find(check, "clipping of the torque").text
+    assert find(check, "clipping of the position").verdict == "ok"
 
 
 def test_a_coarse_converter_is_not_clipping(closed):
     coarse = closed["position"].copy(data=np.round(closed["position"] / 5e-4) * 5e-4)
-    assert found(check_trial(closed.assign(position=coarse)), "clipping of the position").verdict == "ok"
+    assert find(check_trial(closed.assign(position=coarse)), "clipping of the position").verdict == "ok"
 
 
 def test_lengths(closed):
     assert check_trial(simulate(seed=1, duration=5.0)).verdict == "refused"
-    assert found(check_trial(simulate(seed=1, duration=20.0)), "length").verdict == "warning"
+    assert find(check_trial(simulate(seed=1, duration=20.0)), "length").verdict == "warning"
 
 
-def test_drift_is_seen_and_can_be_removed(closed):
+def test_drift_is_detected_and_can_be_removed(closed):
     t = closed["time"].values / 50.0
     drifting = closed.assign(torque=closed["torque"] + 30.0 * t**2 - 8.0 * t)
-    assert found(check_trial(drifting), "drift").verdict == "warning"
+    assert find(check_trial(drifting), "drift").verdict == "warning"
     level = remove_drift(drifting, 2)
-    assert found(check_trial(level), "drift").verdict == "ok"
+    assert find(check_trial(level), "drift").verdict == "ok"
     difference = level["torque"] - remove_drift(closed, 2)["torque"]
     assert float(np.abs(difference).max()) < 1e-9
     with pytest.raises(DataError, match="nothing but drift"):
@@ -144,11 +144,29 @@ def test_a_sinusoid_excites_too_little():
     noise = np.random.default_rng(1).standard_normal(t.size)
     trial = new_trial(position, 150 * position + 0.8 * velocity + 0.015 * acceleration + 0.1 * noise, 1000.0)
     check = check_trial(trial)
-    assert found(check, "excitation").verdict == "refused"
-    assert "excites 2 of" in found(check, "excitation").text
+    assert find(check, "excitation").verdict == "refused"
+    assert "excites 2 of" in find(check, "excitation").text
 
 
-def test_a_torque_that_has_nothing_to_do_with_the_movement(closed):
+def test_a_torque_that_is_unrelated_to_the_movement(closed):
     noise = np.random.default_rng(1).standard_normal(closed.sizes["time"])
     check = check_trial(closed.assign(torque=closed["torque"].copy(data=noise)))
-    assert found(check, "coherence").verdict != "ok"
+    assert find(check, "coherence").verdict != "ok"
+
+
+def test_a_prepared_trial_has_the_same_check(closed):
+    assert str(check_trial(prepare(closed))) == str(check_trial(closed))
+
+
+def test_merged_trials_have_the_worst_finding_and_its_trial():
+    whole = simulate(seed=1, duration=30.0, closed_loop=False)
+    trials = [segment(whole, start, start + 10.0) for start in (0.0, 10.0, 20.0)]
+    check = check_merged_trials(trials)
+    assert check.loop == "open"
+    assert list(check.methods) == ["pr-moesp", "pi-moesp", "po-moesp"]
+    assert find(check, "length").text.startswith("trial 1 of 3: 10 s at 1000 Hz, without gaps, 30 s in all")
+    trials[1] = trials[1].assign(torque=-trials[1]["torque"])
+    check = check_merged_trials(trials)
+    assert check.verdict == "refused"
+    assert find(check, "sign of the torque").text.startswith("trial 2 of 3: ")
+    assert find(check, "methods").text.endswith("Of these, the MOESP family merges trials.")

@@ -1,33 +1,33 @@
-"""The test for closed loop: right in nearly every trial, and not deceived by a servo that does not follow."""
+"""The test for closed loop: correct in nearly every trial, also with a servo that does not follow its command."""
 
 import numpy as np
 import pytest
 from scipy import signal as sps
 
 from ankleloop import DataError, new_trial, simulate
-from ankleloop.joint.regressors import build_regressors
+from ankleloop.joint.prepared import prepare
 from ankleloop.recordings.loop_test import feedback_test
 
 LOADS = {"assumed": (1.1, 7.1, 250.0), "light": (0.1, 10.0, 100.0), "stiff": (11.0, 71.0, 2500.0)}
 
 
-def outcome(trial):
-    r = build_regressors(trial, delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
+def run_feedback_test(trial):
+    r = prepare(trial).regressors(delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
     return feedback_test(r.inputs[:, 0], r.torque, r.reference, r.rate)
 
 
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("closed", [True, False])
 def test_loops_are_recognised(load, closed):
-    found = [outcome(simulate(seed=seed, load=LOADS[load], closed_loop=closed)) for seed in range(8)]
-    assert [f.loop for f in found] == ["closed" if closed else "open"] * 8
+    tests = [run_feedback_test(simulate(seed=seed, load=LOADS[load], closed_loop=closed)) for seed in range(8)]
+    assert [test.loop for test in tests] == ["closed" if closed else "open"] * 8
     if closed:
-        assert max(f.p_value for f in found) < 1e-20
-        assert min(f.work for f in found) > 0.1
+        assert max(test.p_value for test in tests) < 1e-20
+        assert min(test.work for test in tests) > 0.1
 
 
-def test_false_alarms_are_as_rare_as_they_say():
-    """Independent coloured remainders: the p-value is uniform, so small ones come as often as they should."""
+def test_frequency_of_false_alarms():
+    """Independent coloured residuals: the p-value is uniform."""
     rng = np.random.default_rng(1)
     p = []
     for _ in range(400):
@@ -39,19 +39,21 @@ def test_false_alarms_are_as_rare_as_they_say():
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_servo_that_does_not_follow_is_no_feedback(seed):
-    """Here the torque follows an unexplained movement: coherent, but the work is done on the joint."""
+def test_a_servo_that_does_not_follow_is_not_feedback(seed):
+    """The torque follows a movement that the reference does not explain, but the servo does work on the joint."""
     trial = simulate(seed=seed, closed_loop=False)
     low_pass = sps.butter(2, 8.0, fs=1000.0, output="sos")
-    moved = 0.05 * sps.sosfiltfilt(low_pass, np.random.default_rng(seed).standard_normal(trial.sizes["time"]))
-    velocity = np.gradient(moved, 1e-3)
-    torque = 150.0 * moved + 0.8 * velocity + 0.015 * np.gradient(velocity, 1e-3)
-    found = outcome(new_trial(trial["position"] + moved, trial["torque"] + torque, 1000.0, trial["reference"]))
-    assert found.p_value < 1e-6
-    assert found.work < 0
-    assert found.loop == "open"
+    movement = 0.05 * sps.sosfiltfilt(low_pass, np.random.default_rng(seed).standard_normal(trial.sizes["time"]))
+    velocity = np.gradient(movement, 1e-3)
+    torque = 150.0 * movement + 0.8 * velocity + 0.015 * np.gradient(velocity, 1e-3)
+    test = run_feedback_test(
+        new_trial(trial["position"] + movement, trial["torque"] + torque, 1000.0, trial["reference"])
+    )
+    assert test.p_value < 1e-6
+    assert test.work < 0
+    assert test.loop == "open"
 
 
 def test_a_short_record_is_refused():
     with pytest.raises(DataError, match="too short for a response"):
-        outcome(simulate(seed=1, duration=3.0))
+        run_feedback_test(simulate(seed=1, duration=3.0))

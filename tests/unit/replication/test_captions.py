@@ -1,18 +1,18 @@
-from ankleloop.replication.captions import circumstances, quantity
-from ankleloop.simulation import Simulation, parameter_table
+from ankleloop.replication.captions import describe_settings, label_setting
+from ankleloop.simulation.settings import SimulationSettings
 
 
-def test_every_parameter_has_a_name_and_its_unit():
-    for name, entry in parameter_table().items():
-        words, unit = quantity(name)
-        assert "_" not in words
-        assert unit == entry["unit"]
+def test_every_setting_has_a_name_and_its_unit():
+    for name in SimulationSettings.model_fields:
+        label, unit = label_setting(name)
+        assert "_" not in label
+        assert unit == SimulationSettings.unit(name)
 
 
-def test_circumstances_name_what_a_reader_must_know():
-    settings = Simulation().flat()
-    text = circumstances(settings)
-    for said in (
+def test_description_of_the_settings():
+    settings = SimulationSettings.defaults()
+    text = describe_settings(settings)
+    for phrase in (
         "trials of 50 s",
         "reflex gain 13",
         "10 dB",
@@ -20,14 +20,14 @@ def test_circumstances_name_what_a_reader_must_know():
         "closed loop",
         "250 N·m/rad",
     ):
-        assert said in text
-    other = circumstances({**settings, "snr_db": None, "voluntary": 0.0, "closed_loop": False})
-    for said in ("no measurement noise", "no voluntary torque", "open loop"):
-        assert said in other
+        assert phrase in text
+    other = describe_settings({**settings, "snr_db": None, "voluntary": 0.0, "closed_loop": False})
+    for phrase in ("no measurement noise", "no voluntary torque", "open loop"):
+        assert phrase in other
 
 
-def test_what_is_varied_is_left_out():
-    text = circumstances(Simulation().flat(), ["reflex_gain", "load_stiffness"])
+def test_varied_settings_are_left_out():
+    text = describe_settings(SimulationSettings.defaults(), ["reflex_gain", "load_stiffness"])
     assert "reflex gain" not in text
     assert "load" not in text
     assert "actuator" in text

@@ -1,0 +1,178 @@
+"""Results of a study: reading them, joining them, summaries over trials, and their words and numbers in tables."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+__all__ = [
+    "KEYS",
+    "count_trials",
+    "describe_condition",
+    "format_pairs",
+    "join_scores",
+    "read_results",
+    "summarise_columns",
+    "true_values",
+]
+
+KEYS = ["point", "method", "trial"]  # of an estimate
+# Simulation setting that is the true value of each estimated parameter.
+SETTINGS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}
+SETTINGS |= {name: name for name in ("omega_n", "zeta", "delay")}
+CONDITIONS: dict[str, dict[Any, str]] = {
+    "closed_loop": {True: "closed loop", False: "open loop"},
+    "perturbation": {"prbs": "PRBS", "pulses": "decorrelating pulses"},
+}
+
+
+def read_results(paths: Iterable[str | os.PathLike[str]]) -> pd.DataFrame:
+    """Read tables of scores or parameters, one below the other.
+
+    Parameters
+    ----------
+    paths : iterable of path-like
+        CSV files, one for each chunk of points.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Their rows, numbered from 0.
+    """
+    return pd.concat([pd.read_csv(path, low_memory=False) for path in paths], ignore_index=True)
+
+
+def join_scores(parameters: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
+    """Put the VAFs of each estimate beside its parameters.
+
+    Parameters
+    ----------
+    parameters : pandas.DataFrame
+        One row for each estimate: columns `point`, `method`, `trial`, and the parameters.
+    scores : pandas.DataFrame
+        One row for each score: columns `point`, `method`, `trial`, `torque`, `against`, `vaf`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `parameters`, with a column `vaf_{torque}_{against}` for each score.
+
+    Examples
+    --------
+    >>> key = {"point": "only", "method": "riv", "trial": [0, 1]}
+    >>> scores = pd.DataFrame(key | {"torque": "net", "against": "true", "vaf": [98.0, 97.0]})
+    >>> join_scores(pd.DataFrame(key | {"K": [150.0, 149.0]}), scores)["vaf_net_true"].tolist()
+    [98.0, 97.0]
+    """
+    columns = "vaf_" + scores["torque"] + "_" + scores["against"]
+    vaf = scores.assign(column=columns).pivot_table("vaf", KEYS, "column").rename_axis(columns=None)
+    return parameters.merge(vaf.reset_index(), on=KEYS)
+
+
+def summarise_columns(
+    table: pd.DataFrame,
+    by: Sequence[str],
+    names: Sequence[str],
+    statistics: Sequence[str] = ("mean", "std", "count"),
+) -> pd.DataFrame:
+    """Summarise columns over trials.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        One row for each estimate.
+    by : sequence of str
+        Columns whose values make a row of the summary, in the order of their first appearance.
+    names : sequence of str
+        Columns to be summarised.
+    statistics : sequence of str
+        Statistics as pandas names them.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `by`, and `{name}_{statistic}` for each name and statistic.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"method": "riv", "K": [150.0, 152.0]})
+    >>> summarise_columns(table, ["method"], ["K"], ["mean", "count"]).to_dict("records")
+    [{'method': 'riv', 'K_mean': 151.0, 'K_count': 2}]
+    """
+    summary = table.groupby(list(by), sort=False)[list(names)].agg(list(statistics))
+    summary.columns = pd.Index([f"{name}_{statistic}" for name, statistic in summary.columns])
+    return summary.reset_index()
+
+
+def count_trials(parameters: pd.DataFrame) -> int:
+    """Largest number of trials that a method has at a point."""
+    return int(parameters.groupby(["point", "method"]).size().max())
+
+
+def true_values(settings: Mapping[str, Any], names: Iterable[str] = tuple(SETTINGS)) -> dict[str, float]:
+    """True values of the parameters that are estimated from simulated trials.
+
+    Parameters
+    ----------
+    settings : dict
+        Simulation settings by name.
+    names : iterable of str
+        Parameters; all of them by default.
+
+    Returns
+    -------
+    dict of str to float
+
+    Examples
+    --------
+    >>> true_values({"stiffness": 150.0, "viscosity": 0.8}, ["K", "B"])
+    {'K': 150.0, 'B': 0.8}
+    """
+    return {name: settings[SETTINGS[name]] for name in names}
+
+
+def describe_condition(name: str, value: Any) -> str:
+    """Experimental condition in words.
+
+    Parameters
+    ----------
+    name : str
+        Simulation setting.
+    value : object
+        Its value.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> describe_condition("closed_loop", False), describe_condition("zeta", 0.8)
+    ('open loop', 'zeta 0.8')
+    """
+    return CONDITIONS.get(name, {}).get(value, f"{name} {value}")
+
+
+def format_pairs(first: Iterable[float], second: Iterable[float], template: str = "{:.1f} ± {:.1f}") -> list[str]:
+    """Pairs of numbers as text, such as means with standard deviations, or the ends of intervals.
+
+    Parameters
+    ----------
+    first, second : iterable of float
+        The numbers.
+    template : str
+        Format of a pair.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> format_pairs([150.0], [2.25])
+    ['150.0 ± 2.2']
+    """
+    return [template.format(*pair) for pair in zip(first, second, strict=True)]
