@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Mapping
 from types import NoneType, UnionType
-from typing import Any, Literal, Self, get_args, get_origin
+from typing import Any, Literal, Self, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-__all__ = ["Options", "describe_error", "option"]
+__all__ = ["Options", "describe_error", "option", "show_fields"]
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 KINDS = {"int": "a whole number", "float": "a finite number", "bool": "true or false", "string": "text", "str": "text"}
 BOUNDS = {
@@ -60,7 +63,7 @@ class Options(BaseModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        cls.__doc__ = f"{(cls.__doc__ or '').rstrip()}\n\n{cls.numpydoc()}"
+        cls.__doc__ = f"{cleandoc(cls.__doc__ or '')}\n\n{cls.numpydoc()}"
 
     @model_validator(mode="before")
     @classmethod
@@ -117,7 +120,8 @@ class Options(BaseModel):
     @classmethod
     def unit(cls, name: str) -> str:
         """Unit of a field, "1" where it has none."""
-        return _unit(cls.model_fields[name]) if name in cls.model_fields else "1"
+        field = cls.model_fields.get(name)
+        return "1" if field is None else _unit(field)
 
     @classmethod
     def numpydoc(cls) -> str:
@@ -137,6 +141,44 @@ def _is_numpy_scalar(value: Any) -> bool:
 def _unit(field: FieldInfo) -> str:
     extra = field.json_schema_extra
     return str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else "1"
+
+
+def show_fields(options: type[Options]) -> Callable[[Function], Function]:
+    """Decorate a function that takes options as `**keywords`: its signature shows their names, types and defaults.
+
+    Parameters
+    ----------
+    options : type of Options
+        Its fields become keyword-only parameters, except those that the function lists itself.
+
+    Returns
+    -------
+    callable
+        The decorator.
+
+    Examples
+    --------
+    >>> class Window(Options):
+    ...     length: float = option(5.0, "length of the window", unit="s", gt=0)
+    >>> @show_fields(Window)
+    ... def cut(signal, **window): ...
+    >>> inspect.signature(cut)
+    <Signature (signal, *, length: float = 5.0)>
+    """
+
+    def decorate(function: Function) -> Function:
+        signature = inspect.signature(function)
+        explicit = {name: item for name, item in signature.parameters.items() if item.kind is not item.VAR_KEYWORD}
+        fields = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.annotation)
+            for name, field in options.model_fields.items()
+            if name not in explicit
+        ]
+        parameters = [*explicit.values(), *fields]
+        function.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]  # PEP 362
+        return function
+
+    return decorate
 
 
 def type_name(annotation: Any) -> str:

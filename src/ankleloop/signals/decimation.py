@@ -1,14 +1,17 @@
-"""Decimation and differentiation with one and the same zero-phase low-pass, sampled exactly.
+"""Decimation and differentiation by the same zero-phase low-pass, sampled exactly.
 
 Every channel of a trial goes through the same kernel, so linear relations between position, velocity, acceleration
-and torque survive decimation. A derivative is taken by the derivative of that kernel: it is exact wherever the
-kernel passes anything at all, which a difference of samples is not.
+and torque survive decimation. A derivative is the convolution with the derivative of that kernel: unlike a difference
+of samples, it is exact at all frequencies that the kernel passes.
 """
+
+from __future__ import annotations
 
 from functools import lru_cache
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.errors import DataError
@@ -23,15 +26,15 @@ __all__ = [
     "lowpass",
 ]
 
-# Fractions of the identification rate: flat to 38 Hz and nothing left at the 50 Hz Nyquist frequency of 100 Hz data.
+# Fractions of the identification rate: for 100 Hz data, flat to 38 Hz and zero from the Nyquist frequency of 50 Hz on.
 PASSBAND, STOPBAND = 0.38, 0.50
-# Velocity ahead of the static nonlinearity has to stay wide: 150 Hz, or what the sampling rate allows.
+# Band of the velocity at the input of the static nonlinearity [Hz]; less where the sampling rate is low.
 VELOCITY_PASSBAND, VELOCITY_STOPBAND = 150.0, 250.0
 ATTENUATION_DB = 90.0
 
 
-def decimation_factor(sampling_rate, identification_rate):
-    """Whole number of recorded samples per identified sample.
+def decimation_factor(sampling_rate: float, identification_rate: float) -> int:
+    """Number of recorded samples per identified sample.
 
     Parameters
     ----------
@@ -41,7 +44,6 @@ def decimation_factor(sampling_rate, identification_rate):
     Returns
     -------
     int
-        The factor.
 
     Raises
     ------
@@ -67,42 +69,45 @@ def decimation_factor(sampling_rate, identification_rate):
 
 
 @lru_cache(maxsize=64)
-def _lowpass(rate, passband, stopband, derivative=0, shift=0.0):
+def _design_lowpass(
+    rate: float, passband: float, stopband: float, derivative: int = 0, shift: float = 0.0
+) -> tuple[np.ndarray, int]:
     """Taps of a Kaiser low-pass, differentiated and delayed by a fraction of a sample, and their half length.
 
     The derivative and the shift are applied to the spectrum of the taps: they act on the band-limited kernel itself.
     """
-    # Kaiser's formulas (1974), by hand: importing scipy.signal takes longer than most jobs of the workflow.
+    # Kaiser's formulas (1974), because importing scipy.signal takes longer than most jobs of the workflow.
     half = int(np.ceil((ATTENUATION_DB - 7.95) / (2.285 * 2 * np.pi * (stopband - passband) / rate) + 1)) // 2 + 1
     window = np.kaiser(2 * half + 1, 0.1102 * (ATTENUATION_DB - 8.7))
     taps = window * np.sinc((passband + stopband) / rate * np.arange(-half, half + 1))
     taps /= taps.sum()
     if derivative == 0 and shift == 0.0:
         return taps, half
-    # Differentiated taps ring a little beyond the kernel they come from; a quarter more length holds that.
-    wide = half + max(8, half // 4)
-    size = int(2 ** np.ceil(np.log2(8 * wide)))
-    padded = np.zeros(size)
-    padded[: 2 * half + 1] = taps
+    # The differentiated kernel rings beyond the length of the kernel itself: a quarter of its length is added.
+    half_length = half + max(8, half // 4)
+    size = int(2 ** np.ceil(np.log2(8 * half_length)))
+    buffer = np.zeros(size)
+    buffer[: 2 * half + 1] = taps
     omega = 2j * np.pi * np.fft.rfftfreq(size, 1.0 / rate)
-    spectrum = np.fft.rfft(np.roll(padded, -half)) * omega**derivative * np.exp(-omega * shift / rate)
-    kernel = np.roll(np.fft.irfft(spectrum, size), wide)[: 2 * wide + 1]
+    spectrum = np.fft.rfft(np.roll(buffer, -half)) * omega**derivative * np.exp(-omega * shift / rate)
+    kernel = np.roll(np.fft.irfft(spectrum, size), half_length)[: 2 * half_length + 1]
     kernel.setflags(write=False)
-    return kernel, wide
+    return kernel, half_length
 
 
 @lru_cache(maxsize=64)
-def _decimation_taps(factor, derivative):
+def _decimation_taps(factor: int, derivative: int) -> tuple[np.ndarray, int]:
+    """Taps of the decimation, and their half length in whole decimated samples."""
     # Design at unit identification rate, so that one cached design serves every rate.
-    taps, half = _lowpass(float(factor), PASSBAND, STOPBAND, derivative)
-    padded = -(-half // factor) * factor  # whole decimated samples
-    taps = np.pad(taps, padded - half)
+    taps, half = _design_lowpass(float(factor), PASSBAND, STOPBAND, derivative)
+    half_length = -(-half // factor) * factor
+    taps = np.pad(taps, half_length - half)
     taps.setflags(write=False)
-    return taps, padded
+    return taps, half_length
 
 
-def decimation_margin(factor):
-    """Recorded samples at either end that the decimation kernels need (the widest of them).
+def decimation_margin(factor: int) -> int:
+    """Recorded samples that the widest decimation kernel needs on either side of a decimated sample.
 
     Parameters
     ----------
@@ -122,7 +127,9 @@ def decimation_margin(factor):
     return _decimation_taps(factor, 1)[1]
 
 
-def decimate(x, factor, first, count, *, rate=1.0, derivative=0):
+def decimate(
+    x: ArrayLike, factor: int, first: int, count: int, *, rate: float = 1.0, derivative: int = 0
+) -> np.ndarray:
     """Decimate a signal, or a derivative of it, through the zero-phase low-pass of the identification.
 
     The kernel is flat to 0.38 and stops at 0.50 of the decimated rate; its derivatives are exact.
@@ -134,7 +141,7 @@ def decimate(x, factor, first, count, *, rate=1.0, derivative=0):
     factor : int
         Recorded samples per decimated sample.
     first, count : int
-        Recorded index of the first decimated sample, and how many to make. All of them have to lie
+        Recorded index of the first decimated sample, and number of decimated samples. All of them have to lie
         `decimation_margin` samples inside the record: edges are never padded.
     rate : float
         Sampling rate of `x` [Hz]; the unit of time of the derivative.
@@ -149,7 +156,7 @@ def decimate(x, factor, first, count, *, rate=1.0, derivative=0):
     Raises
     ------
     DataError
-        If the record is too short for the samples asked for.
+        If the record is too short for these samples.
 
     Examples
     --------
@@ -158,44 +165,44 @@ def decimate(x, factor, first, count, *, rate=1.0, derivative=0):
     >>> np.allclose(v, 2 * t[[500, 510, 520]])
     True
     """
-    x = np.asarray(x, dtype=float)
+    signal = np.asarray(x, dtype=float)
     taps, half = _decimation_taps(factor, derivative)
     start, stop = first - half, first + factor * (count - 1) + half + 1
-    if count < 1 or start < 0 or stop > x.shape[-1]:
+    if count < 1 or start < 0 or stop > signal.shape[-1]:
         raise DataError(
-            f"a record of {x.shape[-1]} samples is too short: decimation by {factor} needs samples "
+            f"a record of {signal.shape[-1]} samples is too short: decimation by {factor} needs samples "
             f"{start} to {stop - 1}. Record longer, or raise the identification rate."
         )
     if derivative:
-        # Constants are in the null space of a derivative: taking them out first keeps the rounding small.
-        x = x - x.mean(axis=-1, keepdims=True)
-    found = _filtered(x, taps, start, factor, count)
-    return found * (rate / factor) ** derivative if derivative else found
+        # Constants are in the null space of a derivative: removing them first keeps the rounding small.
+        signal = signal - signal.mean(axis=-1, keepdims=True)
+    y = _convolve_strided(signal, taps, start, factor, count)
+    return y * (rate / factor) ** derivative if derivative else y
 
 
-def _filtered(x, taps, start, factor, count):
-    """Every `factor`-th sample from `start` on of the convolution that is complete, of one signal or of several."""
+def _convolve_strided(x: np.ndarray, taps: np.ndarray, start: int, stride: int, count: int) -> np.ndarray:
+    """Samples of the convolution of one signal or of several: only those that need nothing beyond the ends."""
     rows = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
-    return _products(rows, np.ascontiguousarray(taps[::-1]), start, factor, count).reshape(*x.shape[:-1], count)
+    return _sum_products(rows, np.ascontiguousarray(taps[::-1]), start, stride, count).reshape(*x.shape[:-1], count)
 
 
-# Sums may be reordered, so that the compiler makes several terms at a time.
+# Sums may be reordered, so that the compiler adds several terms at a time.
 @njit(cache=True, fastmath={"contract", "reassoc"})
-def _products(rows, weights, start, factor, count):
-    """Weighted sums of `weights.size` samples at every `factor`-th one, two at a time: each weight is loaded once."""
+def _sum_products(rows, weights, start, stride, count):
+    """Weighted sums that begin every `stride` samples; two at a time, so that each weight is loaded once for both."""
     out = np.empty((rows.shape[0], count))
     n = weights.size
     for c in range(rows.shape[0]):
         x = rows[c, start:]
         for i in range(0, count - 1, 2):
-            first, second = x[i * factor : i * factor + n], x[(i + 1) * factor : (i + 1) * factor + n]
+            first, second = x[i * stride : i * stride + n], x[(i + 1) * stride : (i + 1) * stride + n]
             a, b = 0.0, 0.0
             for k in range(n):
                 a += weights[k] * first[k]
                 b += weights[k] * second[k]
             out[c, i], out[c, i + 1] = a, b
         if count % 2:
-            last = x[(count - 1) * factor : (count - 1) * factor + n]
+            last = x[(count - 1) * stride : (count - 1) * stride + n]
             a = 0.0
             for k in range(n):
                 a += weights[k] * last[k]
@@ -203,20 +210,20 @@ def _products(rows, weights, start, factor, count):
     return out
 
 
-def lowpass(x, factor):
-    """The low-pass of `decimate` without the decimation; the signal counts as its mean beyond its ends.
+def lowpass(x: ArrayLike, factor: int) -> np.ndarray:
+    """The low-pass of `decimate` without the decimation; beyond its ends the signal is taken to equal its mean.
 
     Parameters
     ----------
-    x : ndarray, shape (N,)
+    x : array_like, shape (N,)
         Recorded signal.
     factor : int
-        Factor of the decimation whose low-pass it is.
+        Factor of the decimation.
 
     Returns
     -------
     ndarray, shape (N,)
-        Low-passed signal without its mean.
+        Low-passed signal less its mean.
 
     Examples
     --------
@@ -228,13 +235,13 @@ def lowpass(x, factor):
     return convolve(x - x.mean(), taps)[half : half + x.size]
 
 
-def convolve(x, taps):
+def convolve(x: np.ndarray, taps: np.ndarray) -> np.ndarray:
     """Full convolution of a long signal by Fourier transforms.
 
     Parameters
     ----------
     x : ndarray, shape (N,)
-        The signal.
+        Signal.
     taps : ndarray, shape (M,)
         Impulse response.
 
@@ -252,14 +259,15 @@ def convolve(x, taps):
     return irfft(rfft(x, size) * rfft(taps, size), size)[:length]
 
 
-def _velocity_taps(rate, shift):
+def _velocity_taps(rate: float, shift: float) -> tuple[np.ndarray, int]:
+    """Taps of the half_length differentiator, delayed by a fraction of a sample, and their half length."""
     stopband = min(VELOCITY_STOPBAND, 0.5 * rate)
     passband = min(VELOCITY_PASSBAND, 0.6 * stopband)
-    return _lowpass(float(rate), passband, stopband, 1, float(shift))
+    return _design_lowpass(float(rate), passband, stopband, 1, float(shift))
 
 
-def differentiation_margin(rate, delay=0.0):
-    """Recorded samples that `differentiate` needs before and after each sample it makes.
+def differentiation_margin(rate: float, delay: float = 0.0) -> tuple[int, int]:
+    """Recorded samples that `differentiate` needs before and after each sample of its result.
 
     Parameters
     ----------
@@ -270,8 +278,8 @@ def differentiation_margin(rate, delay=0.0):
 
     Returns
     -------
-    tuple of int
-        Samples before, samples after.
+    before, after : int
+        `after` is negative where the delay is longer than the kernel reaches.
 
     Examples
     --------
@@ -284,10 +292,10 @@ def differentiation_margin(rate, delay=0.0):
     return half + whole, half - whole
 
 
-def differentiate(x, rate, delay=0.0):
-    """Velocity of a recorded signal through a wide differentiator (150 Hz), delayed.
+def differentiate(x: ArrayLike, rate: float, delay: float = 0.0) -> np.ndarray:
+    """Velocity of a recorded signal through a half_length differentiator (150 Hz), delayed.
 
-    The delay need not be a whole number of samples: the rest is part of the kernel.
+    The delay need not be a whole number of samples: its fractional part is part of the kernel.
 
     Parameters
     ----------
@@ -302,7 +310,7 @@ def differentiate(x, rate, delay=0.0):
     -------
     ndarray, shape (N,)
         Derivative [unit of x / s]. Samples nearer to an edge than `differentiation_margin` repeat the nearest
-        sample that is complete.
+        one at that distance.
 
     Raises
     ------
@@ -323,7 +331,7 @@ def differentiate(x, rate, delay=0.0):
         raise DataError(
             f"a record of {x.size} samples is too short to differentiate: it takes at least {taps.size + abs(whole)}."
         )
-    complete = _filtered(x - x.mean(), taps, 0, 1, x.size - taps.size + 1)
-    # complete[k] belongs to sample k + half; a delay of `whole` samples moves it to k + half + whole.
-    index = np.clip(np.arange(x.size) - half - whole, 0, complete.size - 1)
-    return complete[index]
+    velocity = _convolve_strided(x - x.mean(), taps, 0, 1, x.size - taps.size + 1)
+    # velocity[k] belongs to sample k + half; a delay of `whole` samples moves it to k + half + whole.
+    index = np.clip(np.arange(x.size) - half - whole, 0, velocity.size - 1)
+    return velocity[index]

@@ -1,12 +1,69 @@
-"""Exact discretisation of linear systems whose inputs are linear between samples."""
+"""Low-pass filters as state-space systems, and exact discretisation for inputs that are linear between samples."""
+
+from __future__ import annotations
 
 import numpy as np
 from scipy import linalg
 
-__all__ = ["held_linearly", "step_matrices"]
+__all__ = ["companion", "discretise_foh", "lowpass_denominator", "step_matrices"]
 
 
-def step_matrices(A, B, step):
+def lowpass_denominator(frequency: float, damping: float, pole: float | None = None) -> np.ndarray:
+    r"""Denominator of a second-order low-pass, with or without a further real pole.
+
+    .. math:: (s^2 + 2 \zeta \omega_n s + \omega_n^2) \, (s + p)
+
+    Parameters
+    ----------
+    frequency : float
+        Natural frequency ωn [rad/s].
+    damping : float
+        Damping ratio ζ [1].
+    pole : float, optional
+        Real pole p [rad/s]; second order by default.
+
+    Returns
+    -------
+    ndarray, shape (3,) or (4,)
+        Monic polynomial, constant term last.
+
+    Examples
+    --------
+    >>> lowpass_denominator(40.0, 0.8).tolist()
+    [1.0, 64.0, 1600.0]
+    """
+    denominator = np.array([1.0, 2 * damping * frequency, frequency**2])
+    return denominator if pole is None else np.convolve(denominator, [1.0, pole])
+
+
+def companion(denominator: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """State-space form of a low-pass of unit gain whose state is its output with the derivatives of it.
+
+    Parameters
+    ----------
+    denominator : ndarray, shape (n + 1,)
+        Monic denominator of the transfer function, constant term last; the numerator is its constant term.
+
+    Returns
+    -------
+    A, B, C : ndarray, shape (n, n), (n, 1), (1, n)
+        Continuous system, dx/dt = A x + B u, y = C x.
+
+    Examples
+    --------
+    >>> A, B, C = companion(np.array([1.0, 64.0, 1600.0]))
+    >>> A.tolist(), B.ravel().tolist(), C.ravel().tolist()
+    ([[0.0, 1.0], [-1600.0, -64.0]], [0.0, 1600.0], [1.0, 0.0])
+    """
+    n = denominator.size - 1
+    A = np.eye(n, k=1)
+    A[-1] = -denominator[:0:-1]
+    B = np.zeros((n, 1))
+    B[-1] = denominator[-1]
+    return A, B, np.eye(1, n)
+
+
+def step_matrices(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     r"""Matrices of one step, :math:`x^+ = F x + G_0 u + G_1 u^+`, exact for inputs that are linear over it.
 
     Parameters
@@ -35,24 +92,26 @@ def step_matrices(A, B, step):
     return F, constant - slope, slope
 
 
-def held_linearly(A, B, C, step):
-    """Discrete state-space matrices of a system without feedthrough, for inputs linear between samples.
+def discretise_foh(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, step: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Discretise a system without feedthrough by a first-order hold: inputs are linear between samples.
 
     Parameters
     ----------
     A, B, C : ndarray, shape (n, n), (n, m), (p, n)
-        Continuous system.
+        Continuous system, dx/dt = A x + B u, y = C x.
     step : float
         Sampling interval [s].
 
     Returns
     -------
-    A, B, C, D : ndarray
-        Discrete system; its state is the continuous one less what the present input has given to it.
+    A, B, C, D : ndarray, shape (n, n), (n, m), (p, n), (p, m)
+        Discrete system; its state is the continuous state less the contribution of the present input.
 
     Examples
     --------
-    >>> A, B, C, D = held_linearly(np.zeros((1, 1)), np.eye(1), np.eye(1), 0.2)
+    >>> A, B, C, D = discretise_foh(np.zeros((1, 1)), np.eye(1), np.eye(1), 0.2)
     >>> [round(matrix.item(), 12) for matrix in (A, B, C, D)]
     [1.0, 0.2, 1.0, 0.1]
     """

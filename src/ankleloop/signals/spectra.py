@@ -1,13 +1,16 @@
 """Spectra of records: tapered transforms within a band, and smooth noise spectra."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-__all__ = ["Band", "segment_spectra", "smoothed"]
+__all__ = ["Band", "segment_spectra", "smooth"]
 
-TAPERED = 0.1  # of the record, half at either end
+TAPER_SHARE = 0.1  # of the record, half of it at either end
 
 
 @dataclass(frozen=True)
@@ -30,55 +33,55 @@ class Band:
     highest: float
 
     @cached_property
-    def taper(self):
-        """Cosine taper, so that what a record does at its ends does not leak into other frequencies."""
-        ramp = max(1, round(0.5 * TAPERED * self.samples))
+    def taper(self) -> np.ndarray:
+        """Cosine taper, shape (samples,): it keeps the ends of a record from leaking into other frequencies."""
+        ramp = max(1, round(0.5 * TAPER_SHARE * self.samples))
         taper = np.ones(self.samples)
         taper[:ramp] = 0.5 * (1.0 - np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp))
         taper[-ramp:] = taper[:ramp][::-1]
         return taper
 
     @cached_property
-    def _kept(self):
+    def _selection(self) -> np.ndarray:
         frequency = np.fft.rfftfreq(self.samples, 1.0 / self.rate)
         return (frequency >= self.lowest) & (frequency <= self.highest)
 
     @cached_property
-    def frequency(self):
-        """Frequencies [Hz]."""
-        return np.fft.rfftfreq(self.samples, 1.0 / self.rate)[self._kept]
+    def frequency(self) -> np.ndarray:
+        """Frequencies of the band [Hz], shape (frequencies,)."""
+        return np.fft.rfftfreq(self.samples, 1.0 / self.rate)[self._selection]
 
     @cached_property
-    def s(self):
-        """Laplace variable on the imaginary axis [rad/s]."""
+    def s(self) -> np.ndarray:
+        """Laplace variable on the imaginary axis [rad/s], shape (frequencies,)."""
         return 2j * np.pi * self.frequency
 
     @property
-    def correlation(self):
+    def correlation(self) -> float:
         """Factor by which the taper raises variances: it correlates neighbouring frequencies."""
         return self.samples * np.sum(self.taper**4) / np.sum(self.taper**2) ** 2
 
     @property
-    def density(self):
-        """What squared magnitudes are divided by to give a one-sided power spectral density."""
+    def density(self) -> float:
+        """Divisor of squared magnitudes that gives a one-sided power spectral density."""
         return 0.5 * self.rate * np.sum(self.taper**2)
 
-    def transform(self, x):
-        """Fourier transform of tapered records without their means.
+    def transform(self, x: ArrayLike) -> np.ndarray:
+        """Fourier transform of tapered records less their means.
 
         Parameters
         ----------
-        x : ndarray, shape (..., N)
+        x : array_like, shape (..., N)
             Records.
 
         Returns
         -------
-        ndarray, shape (..., frequencies)
+        ndarray of complex, shape (..., frequencies)
         """
         x = np.asarray(x, dtype=float)
-        return np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)[..., self._kept]
+        return np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)[..., self._selection]
 
-    def smoothed(self, power, resolution):
+    def smooth(self, power: np.ndarray, resolution: float) -> np.ndarray:
         """Smooth a periodogram over a width in frequency.
 
         Parameters
@@ -92,9 +95,9 @@ class Band:
         -------
         ndarray, shape (frequencies,)
         """
-        return smoothed(power, resolution * self.samples / self.rate)
+        return smooth(power, resolution * self.samples / self.rate)
 
-    def smoothing_variance(self, resolution):
+    def smoothing_variance(self, resolution: float) -> float:
         """Variance of a smoothed periodogram over its square.
 
         Parameters
@@ -110,12 +113,12 @@ class Band:
         return float(self.correlation * np.sum(window**2))
 
 
-def segment_spectra(x, length, step):
-    """Fourier transforms of segments of a record, each without its mean and under a Hann window.
+def segment_spectra(x: ArrayLike, length: int, step: int) -> np.ndarray:
+    """Fourier transforms of segments of a record, each less its mean and under a Hann window.
 
     Parameters
     ----------
-    x : ndarray, shape (N,)
+    x : array_like, shape (N,)
         The record.
     length, step : int
         Length of the segments, and from the start of one to that of the next.
@@ -133,7 +136,7 @@ def segment_spectra(x, length, step):
     return np.fft.rfft((segments - segments.mean(axis=1, keepdims=True)) * np.hanning(length), axis=1)
 
 
-def smoothed(power, width):
+def smooth(power: np.ndarray, width: float) -> np.ndarray:
     """Smooth a periodogram with a Hann window; it is mirrored at its ends.
 
     Parameters
@@ -149,14 +152,14 @@ def smoothed(power, width):
 
     Examples
     --------
-    >>> smoothed(np.ones(50), 8.0).round(12).tolist() == [1.0] * 50
+    >>> smooth(np.ones(50), 8.0).round(12).tolist() == [1.0] * 50
     True
     """
     window = _window(width, power.size)
     return np.convolve(np.pad(power, window.size // 2, mode="reflect"), window, mode="valid")
 
 
-def _window(width, size):
+def _window(width: float, size: int) -> np.ndarray:
     """Hann window of unit sum, no longer than the periodogram allows."""
     half = int(min(max(4, round(width)), size - 1))
     window = np.hanning(2 * half + 3)[1:-1]

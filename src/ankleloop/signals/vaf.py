@@ -1,17 +1,20 @@
-"""How well an estimate explains a signal."""
+"""Variance accounted for (VAF) by an estimate of a signal, and its confidence interval."""
+
+from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 from scipy import special
 
 from ankleloop.errors import DataError
 
-__all__ = ["TWO_SIDED", "confidence_margin", "long_run_variance", "vaf", "vaf_and_interval", "vaf_interval"]
+__all__ = ["TWO_SIDED", "confidence_margin", "long_run_variance", "vaf", "vaf_interval", "vaf_with_interval"]
 
 TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %
 
 
-def confidence_margin(sd, n, level=0.95):
+def confidence_margin(sd: ArrayLike, n: ArrayLike, level: float = 0.95) -> np.ndarray:
     r"""Half width of the confidence interval of a mean over independent trials.
 
     .. math:: t_{(1 + level) / 2, \, n - 1} \; sd / \sqrt{n}
@@ -27,8 +30,8 @@ def confidence_margin(sd, n, level=0.95):
 
     Returns
     -------
-    float or ndarray
-        In the unit of `sd`.
+    ndarray
+        In the unit of `sd`; 0-D for a single one.
 
     Examples
     --------
@@ -40,7 +43,7 @@ def confidence_margin(sd, n, level=0.95):
     return np.where(n > 1, special.stdtrit(freedom, 0.5 + level / 2) * sd / np.sqrt(n), np.nan)
 
 
-def vaf(measured, estimated):
+def vaf(measured: ArrayLike, estimated: ArrayLike) -> float:
     r"""Percentage of the variance of a signal that an estimate accounts for.
 
     .. math:: \%VAF = 100 \left(1 - \frac{\mathrm{var}(y - \hat y)}{\mathrm{var}(y)}\right)
@@ -51,7 +54,7 @@ def vaf(measured, estimated):
     Parameters
     ----------
     measured, estimated : array_like, shape (N,)
-        The signal and its estimate, in the same unit.
+        Signal and estimate, in the same unit.
 
     Returns
     -------
@@ -68,14 +71,14 @@ def vaf(measured, estimated):
     >>> float(round(vaf([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 4.0]), 6))
     85.0
     """
-    signal, estimate = _pair(measured, estimated)
-    left, variance, _ = _energies(signal, estimate, 1)
-    _check(signal, estimate, left, variance)
-    return 100.0 * (1.0 - left / variance)
+    signal, estimate = _as_signals(measured, estimated)
+    error, variance, _ = _variances(signal, estimate, 1)
+    _check_variances(signal, estimate, error, variance)
+    return 100.0 * (1.0 - error / variance)
 
 
-def _pair(measured, estimated):
-    """Both as arrays that go together."""
+def _as_signals(measured: ArrayLike, estimated: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Signal and estimate as arrays of one length."""
     measured, estimated = np.ascontiguousarray(measured, dtype=float), np.ascontiguousarray(estimated, dtype=float)
     if measured.ndim != 1 or measured.shape != estimated.shape:
         raise DataError(
@@ -85,48 +88,53 @@ def _pair(measured, estimated):
     return measured, estimated
 
 
-def _check(measured, estimated, left, variance):
-    """Refuse signals without a VAF, which variances show."""
-    if not np.isfinite(left + variance):
+def _check_variances(measured: np.ndarray, estimated: np.ndarray, error: float, variance: float) -> None:
+    """Refuse signals without a VAF, by their variances: those not finite, and a constant measured signal."""
+    if not np.isfinite(error + variance):
         for name, signal in (("measured", measured), ("estimated", estimated)):
-            bad = np.flatnonzero(~np.isfinite(signal))
-            if bad.size:
-                raise DataError(f"the {name} signal is not finite at sample {bad[0]} ({bad.size} samples in all).")
-    # A constant differs from its mean by rounding only, so zero variance is judged against the signal's size.
+            faults = np.flatnonzero(~np.isfinite(signal))
+            if faults.size:
+                raise DataError(
+                    f"the {name} signal is not finite at sample {faults[0]} ({faults.size} samples in all)."
+                )
+    # A constant differs from its mean by rounding only, so its variance is compared with the size of the signal.
     if not variance > (np.finfo(float).eps * np.max(np.abs(measured), initial=0.0)) ** 2:
         raise DataError("the measured signal is constant, so it has no variance to account for.")
 
 
 @njit(cache=True, error_model="numpy")
-def _energies(measured, estimated, width):
+def _variances(measured, estimated, width):
     """Variances of the error and of the measured signal, and the long-run variance of the influence on their ratio."""
     size = measured.size
     mean, offset = measured.mean(), (measured - estimated).mean()
-    left, variance = 0.0, 0.0
+    error, variance = 0.0, 0.0
     for k in range(size):
-        left += (measured[k] - estimated[k] - offset) ** 2
+        error += (measured[k] - estimated[k] - offset) ** 2
         variance += (measured[k] - mean) ** 2
-    left, variance = left / size, variance / size
+    error, variance = error / size, variance / size
     influence = np.empty(size)
     for k in range(size):
-        influence[k] = (measured[k] - estimated[k] - offset) ** 2 / left - (measured[k] - mean) ** 2 / variance
-    return left, variance, _bartlett(influence, width)
+        influence[k] = (measured[k] - estimated[k] - offset) ** 2 / error - (measured[k] - mean) ** 2 / variance
+    return error, variance, _sum_covariances(influence, width)
 
 
 @njit(cache=True, error_model="numpy")
-def _bartlett(x, width):
-    """Sums of covariances with the weights of the kernel: squared sums over a window that moves across the signal."""
-    total, moving = 0.0, 0.0
-    for k in range(x.size + width - 1):  # nothing is beyond the ends
+def _sum_covariances(x, width):
+    """Sum of covariances with the weights of Bartlett's kernel, from the squared sums over a moving window.
+
+    Beyond its ends the signal is zero.
+    """
+    total, window = 0.0, 0.0
+    for k in range(x.size + width - 1):
         if k < x.size:
-            moving += x[k]
+            window += x[k]
         if k >= width:
-            moving -= x[k - width]
-        total += moving**2
+            window -= x[k - width]
+        total += window**2
     return total / (width * x.size)
 
 
-def long_run_variance(x, lags):
+def long_run_variance(x: ArrayLike, lags: int) -> float:
     r"""Variance of the mean of a correlated signal, times its length.
 
     .. math:: \gamma_0 + 2 \sum_{k=1}^{L} \left(1 - \frac{k}{L + 1}\right) \gamma_k
@@ -135,7 +143,7 @@ def long_run_variance(x, lags):
 
     Parameters
     ----------
-    x : ndarray, shape (N,)
+    x : array_like, shape (N,)
         The signal; its mean is removed.
     lags : int
         Longest lag L at which it may be correlated.
@@ -152,15 +160,16 @@ def long_run_variance(x, lags):
     True
     """
     x = np.asarray(x, dtype=float)
-    return _bartlett(x - np.mean(x), _width(x.size, lags))
+    return _sum_covariances(x - np.mean(x), _width(x.size, lags))
 
 
-def _width(size, lags):
+def _width(size: int, lags: int) -> int:
+    """Length of the moving window for a longest lag, no longer than the signal."""
     return min(int(lags), size - 1) + 1
 
 
-def vaf_interval(measured, estimated, lags):
-    r"""Asymptotic 95 % interval of the VAF that a given model has in the long run.
+def vaf_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> tuple[float, float]:
+    r"""Asymptotic 95 % interval of the VAF of a fixed model in the long run.
 
     With error e and signal y, both of zero mean, the logarithm of q = var(e)/var(y) is asymptotically normal, with the
     long-run variance of
@@ -172,14 +181,14 @@ def vaf_interval(measured, estimated, lags):
     Parameters
     ----------
     measured, estimated : array_like, shape (N,)
-        The signal and its estimate.
+        Signal and estimate, in the same unit.
     lags : int
         Samples over which their squares may be correlated; a second of them is ample for a joint.
 
     Returns
     -------
-    tuple of float
-        Low and high [%].
+    low, high : float
+        Ends of the interval [%].
 
     Raises
     ------
@@ -193,15 +202,32 @@ def vaf_interval(measured, estimated, lags):
     >>> low < 100 * (1 - 0.09 / 1.09) < high
     True
     """
-    return vaf_and_interval(measured, estimated, lags)[1:]
+    return vaf_with_interval(measured, estimated, lags)[1:]
 
 
-def vaf_and_interval(measured, estimated, lags):
-    """Both at once: VAF, low and high [%], see `vaf` and `vaf_interval`."""
-    signal, estimate = _pair(measured, estimated)
-    left, variance, spread = _energies(signal, estimate, _width(signal.size, lags))
-    _check(signal, estimate, left, variance)
-    if left == 0.0:
+def vaf_with_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> tuple[float, float, float]:
+    """VAF with its 95 % interval, in one pass over the signals.
+
+    Parameters
+    ----------
+    measured, estimated, lags
+        As `vaf_interval` takes them.
+
+    Returns
+    -------
+    vaf, low, high : float
+        VAF and the ends of its interval [%].
+
+    Raises
+    ------
+    DataError
+        As `vaf` does.
+    """
+    signal, estimate = _as_signals(measured, estimated)
+    error, variance, spread = _variances(signal, estimate, _width(signal.size, lags))
+    _check_variances(signal, estimate, error, variance)
+    if error == 0.0:
         return 100.0, 100.0, 100.0
-    deviation, share = TWO_SIDED * np.sqrt(spread / signal.size), left / variance
-    return tuple(float(100.0 * (1.0 - share * np.exp(sign * deviation))) for sign in (0.0, 1.0, -1.0))
+    deviation, share = TWO_SIDED * np.sqrt(spread / signal.size), error / variance
+    value, low, high = (float(100.0 * (1.0 - share * np.exp(sign * deviation))) for sign in (0.0, 1.0, -1.0))
+    return value, low, high

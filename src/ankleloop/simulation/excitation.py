@@ -1,14 +1,16 @@
-"""What drives the loop from outside: perturbation, voluntary torque, measurement noise."""
+"""Excitation of the loop from outside: perturbation, voluntary torque, measurement noise."""
+
+from __future__ import annotations
 
 import numpy as np
 
 from ankleloop.simulation.filters import run_filter, voluntary_filter
 
-__all__ = ["held_noise", "prbs", "pulses", "voluntary_torque"]
+__all__ = ["draw_noise", "draw_prbs", "draw_pulses", "draw_voluntary_torque"]
 
 
-def prbs(rng, samples, interval, amplitude):
-    """Pseudorandom binary sequence that switches at random multiples of an interval.
+def draw_prbs(rng: np.random.Generator, samples: int, interval: int, amplitude: float) -> np.ndarray:
+    """Draw a pseudorandom binary sequence that switches at random multiples of an interval.
 
     Parameters
     ----------
@@ -28,18 +30,18 @@ def prbs(rng, samples, interval, amplitude):
 
     Examples
     --------
-    >>> sorted(set(prbs(np.random.default_rng(1), 1000, 100, 0.04).tolist()))
+    >>> sorted(set(draw_prbs(np.random.default_rng(1), 1000, 100, 0.04).tolist()))
     [-0.02, 0.02]
     """
     levels = rng.integers(0, 2, size=-(-samples // interval)) - 0.5
     return amplitude * np.repeat(levels, interval)[:samples]
 
 
-def pulses(rng, samples, interval, length, amplitude):
-    """Short pulses of independent random sign at random multiples of an interval, back to rest in between.
+def draw_pulses(rng: np.random.Generator, samples: int, interval: int, length: int, amplitude: float) -> np.ndarray:
+    """Draw short pulses of independent random sign at random multiples of an interval, with zeros in between.
 
-    A pulse is over before its reflex comes, and its sign says nothing of the next one: so the position and its
-    derivatives are uncorrelated with the reflex torque, but for what the actuator smears.
+    A pulse ends before its reflex begins, and its sign is independent of the next one. So the position and its
+    derivatives are uncorrelated with the reflex torque, except for the smearing by the actuator.
 
     Parameters
     ----------
@@ -59,7 +61,7 @@ def pulses(rng, samples, interval, length, amplitude):
 
     Examples
     --------
-    >>> sorted(set(pulses(np.random.default_rng(1), 1000, 100, 20, 0.04).tolist()))
+    >>> sorted(set(draw_pulses(np.random.default_rng(1), 1000, 100, 20, 0.04).tolist()))
     [-0.02, 0.0, 0.02]
     """
     signs = rng.choice([-0.5, 0.0, 0.0, 0.5], size=-(-samples // interval))
@@ -67,8 +69,8 @@ def pulses(rng, samples, interval, length, amplitude):
     return amplitude * np.outer(signs, shape).ravel()[:samples]
 
 
-def voluntary_torque(rng, samples, rate, cutoff):
-    """Gaussian noise through a second-order Bessel low-pass, of unit standard deviation.
+def draw_voluntary_torque(rng: np.random.Generator, samples: int, rate: float, cutoff: float) -> np.ndarray:
+    """Draw Gaussian noise through a second-order Bessel low-pass, of unit standard deviation.
 
     Parameters
     ----------
@@ -84,20 +86,20 @@ def voluntary_torque(rng, samples, rate, cutoff):
     Returns
     -------
     ndarray, shape (samples,)
-        A stationary record; 1 is the standard deviation of the process, not that of this sample of it.
+        A stationary record; 1 is the standard deviation of the process, not of this sample.
 
     Examples
     --------
-    >>> x = voluntary_torque(np.random.default_rng(1), 200_000, 1000.0, 2.0)
+    >>> x = draw_voluntary_torque(np.random.default_rng(1), 200_000, 1000.0, 2.0)
     >>> bool(abs(x.std() - 1) < 0.1)
     True
     """
-    *system, warmup, deviation = voluntary_filter(rate, cutoff)
+    system, warmup, deviation = voluntary_filter(rate, cutoff)
     return run_filter(*system, rng.standard_normal((1, warmup + samples)))[0, warmup:] / deviation
 
 
-def held_noise(rng, samples, hold):
-    """White Gaussian noise of unit standard deviation, each value held for some samples.
+def draw_noise(rng: np.random.Generator, samples: int, hold: int) -> np.ndarray:
+    """Draw white Gaussian noise of unit standard deviation, each value of which is held for some samples.
 
     Parameters
     ----------
@@ -112,7 +114,7 @@ def held_noise(rng, samples, hold):
 
     Examples
     --------
-    >>> bool(np.all(np.diff(held_noise(np.random.default_rng(1), 30, 10).reshape(3, 10)) == 0))
+    >>> bool(np.all(np.diff(draw_noise(np.random.default_rng(1), 30, 10).reshape(3, 10)) == 0))
     True
     """
     return np.repeat(rng.standard_normal(-(-samples // hold)), hold)[:samples]

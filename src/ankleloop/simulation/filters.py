@@ -1,34 +1,55 @@
-"""Bessel filters of the experiment: the recorder's anti-aliasing filter, and what shapes the voluntary torque.
+"""Bessel filters of the experiment: anti-aliasing filter of the recorder, and low-pass of the voluntary torque.
 
-By hand, because importing a filter library takes longer than simulating fifty trials.
+They are designed here, because importing a filter library takes longer than simulating fifty trials.
 """
+
+from __future__ import annotations
 
 from functools import lru_cache
 from math import factorial
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from ankleloop.signals.discretisation import held_linearly, step_matrices
+from ankleloop.signals.discretisation import companion, discretise_foh, step_matrices
+from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = ["antialias", "bessel_denominator", "companion", "run_filter", "voluntary_filter"]
+__all__ = [
+    "DiscreteFilter",
+    "antialias",
+    "antialias_denominator",
+    "bessel_denominator",
+    "run_filter",
+    "voluntary_filter",
+]
 
 ANTIALIAS_ORDER = 4
 
 
-def bessel_denominator(order, cutoff):
-    """Monic denominator of the Bessel low-pass of unit gain, constant term last.
+class DiscreteFilter(NamedTuple):
+    """State-space matrices of a discrete single-input filter, shapes (n, n), (n,), (n,) and a float."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: float
+
+
+def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
+    """Denominator of the Bessel low-pass of unit gain.
 
     Parameters
     ----------
     order : int
-        Its order.
+        Order of the filter.
     cutoff : float
         -3 dB frequency [rad/s].
 
     Returns
     -------
     ndarray, shape (order + 1,)
+        Monic polynomial, constant term last.
 
     Examples
     --------
@@ -37,25 +58,20 @@ def bessel_denominator(order, cutoff):
     """
     # Reverse Bessel polynomial, lowest power first.
     powers = range(order + 1)
-    plain = [factorial(2 * order - k) / (2.0 ** (order - k) * factorial(k) * factorial(order - k)) for k in powers]
+    theta = [factorial(2 * order - k) / (2.0 ** (order - k) * factorial(k) * factorial(order - k)) for k in powers]
     # |θ(iω)|² - 2 θ(0)² as a polynomial of ω: its positive root is the -3 dB frequency.
-    along = np.array(plain) * 1j ** np.arange(order + 1)
-    power = np.convolve(along, along.conj()).real
-    power[0] -= 2.0 * plain[0] ** 2
+    axis = np.array(theta) * 1j ** np.arange(order + 1)
+    power = np.convolve(axis, axis.conj()).real
+    power[0] -= 2.0 * theta[0] ** 2
     roots = np.roots(power[::-1])
     edge = roots[(abs(roots.imag) < 1e-9 * abs(roots)) & (roots.real > 0)].real.min()
-    scaled = np.array(plain) * (edge / cutoff) ** np.arange(order + 1)
-    return (scaled / scaled[-1])[::-1]
+    coefficients = np.array(theta) * (edge / cutoff) ** np.arange(order + 1)
+    return (coefficients / coefficients[-1])[::-1]
 
 
-def companion(denominator):
-    """State matrix whose states are the low-pass output and its derivatives, with the input column."""
-    n = denominator.size - 1
-    A = np.eye(n, k=1)
-    A[-1] = -denominator[:0:-1]
-    b = np.zeros(n)
-    b[-1] = denominator[-1]
-    return A, b
+def antialias_denominator(cutoff: float) -> np.ndarray:
+    """Denominator of the anti-aliasing filter with a -3 dB frequency [Hz], shape (5,); see `bessel_denominator`."""
+    return bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff)
 
 
 @njit(cache=True)
@@ -65,9 +81,9 @@ def run_filter(A, B, C, D, u):
     Parameters
     ----------
     A, B, C, D : ndarray, shape (n, n), (n,), (n,), float
-        The filter.
+        Discrete filter.
     u : ndarray, shape (signals, N)
-        Its inputs.
+        Inputs.
 
     Returns
     -------
@@ -75,57 +91,55 @@ def run_filter(A, B, C, D, u):
     """
     n = B.size
     y = np.empty(u.shape)
-    x, following = np.empty(n), np.empty(n)
+    x, x_next = np.empty(n), np.empty(n)
     for k in range(u.shape[0]):
         x[:] = 0.0
         for t in range(u.shape[1]):
-            total = D * u[k, t]
+            output = D * u[k, t]
             for i in range(n):
-                total += C[i] * x[i]
-                driven = B[i] * u[k, t]
+                output += C[i] * x[i]
+                state = B[i] * u[k, t]
                 for j in range(n):
-                    driven += A[i, j] * x[j]
-                following[i] = driven
-            y[k, t] = total
-            x[:] = following
+                    state += A[i, j] * x[j]
+                x_next[i] = state
+            y[k, t] = output
+            x[:] = x_next
     return y
 
 
 @lru_cache
-def _antialias_filter(cutoff, rate, hold):
-    A, b = companion(bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff))
-    C = np.eye(1, b.size)
+def _antialias_filter(cutoff: float, rate: float, hold: str) -> DiscreteFilter:
+    A, B, C = companion(antialias_denominator(cutoff))
     if hold == "foh":
-        A, B, C, D = held_linearly(A, b[:, None], C, 1.0 / rate)
-        return np.ascontiguousarray(A), B[:, 0].copy(), C[0].copy(), float(D[0, 0])
-    F, before, after = step_matrices(A, b[:, None], 1.0 / rate)
-    return np.ascontiguousarray(F), (before + after)[:, 0].copy(), C[0].copy(), 0.0
+        A, B, C, D = discretise_foh(A, B, C, 1.0 / rate)
+        return DiscreteFilter(np.ascontiguousarray(A), B[:, 0].copy(), C[0].copy(), float(D[0, 0]))
+    F, before, now = step_matrices(A, B, 1.0 / rate)
+    return DiscreteFilter(np.ascontiguousarray(F), (before + now)[:, 0].copy(), C[0].copy(), 0.0)
 
 
-def antialias(x, simulation, hold):
-    """Pass external signals through the recorder's anti-aliasing filter, exactly.
+def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", "foh"]) -> np.ndarray:
+    """Pass external signals through the anti-aliasing filter of the recorder, exactly.
 
     Parameters
     ----------
     x : ndarray, shape (N,) or (trials, N)
-        The signals at the recording rate.
-    simulation : Simulation
-        The parameters.
+        Signals at the recording rate.
+    settings : SimulationSettings
+        Settings of the simulation.
     hold : {"zoh", "foh"}
-        Whether the signal is held over each sample or linear between samples.
+        Zero-order hold for a signal that is constant over each sample, first-order hold for one that is linear.
 
     Returns
     -------
     ndarray, shape of `x`
     """
-    recorder = simulation.recorder
-    filtered = _antialias_filter(recorder.antialias_cutoff, recorder.recording_rate, hold)
-    return run_filter(*filtered, np.ascontiguousarray(np.atleast_2d(x))).reshape(x.shape)
+    system = _antialias_filter(settings.antialias_cutoff, settings.recording_rate, hold)
+    return run_filter(*system, np.ascontiguousarray(np.atleast_2d(x))).reshape(x.shape)
 
 
 @lru_cache
-def voluntary_filter(rate, cutoff):
-    """Second-order Bessel low-pass in discrete time, by the bilinear transform with its cutoff kept.
+def voluntary_filter(rate: float, cutoff: float) -> tuple[DiscreteFilter, int, float]:
+    """Second-order Bessel low-pass in discrete time, by the bilinear transform with prewarped cutoff.
 
     Parameters
     ----------
@@ -136,9 +150,11 @@ def voluntary_filter(rate, cutoff):
 
     Returns
     -------
-    tuple
-        A, B, C, D for `run_filter`; samples until it has settled; and the standard deviation that it leaves of white
-        noise of unit variance.
+    system : DiscreteFilter
+    warmup : int
+        Samples until the filter has settled.
+    deviation : float
+        Standard deviation of its output for white noise of unit variance.
     """
     double = 2.0 * rate
     _, slope, constant = bessel_denominator(2, double * np.tan(np.pi * cutoff / rate))
@@ -147,7 +163,7 @@ def voluntary_filter(rate, cutoff):
     )
     b, a = constant * np.array([1.0, 2.0, 1.0]) / a[0], a / a[0]
     A = np.array([[-a[1], 1.0], [-a[2], 0.0]])
-    system = A, b[1:] - a[1:] * b[0], np.array([1.0, 0.0]), float(b[0])
+    system = DiscreteFilter(A, b[1:] - a[1:] * b[0], np.array([1.0, 0.0]), float(b[0]))
     warmup = int(np.ceil(5 * rate / cutoff))
     response = run_filter(*system, np.eye(1, 2 * warmup + 1))
-    return *system, warmup, float(np.linalg.norm(response))
+    return system, warmup, float(np.linalg.norm(response))

@@ -1,282 +1,170 @@
-"""Parameters of the simulated experiment, each with its unit, default and bounds.
+"""Settings of the simulated experiment, each with its unit, default and bounds.
 
-Defaults are those of Zhao, Ludvig and Kearney (ACC 2008) where the paper gives them. What it does not give (load,
-actuator, recorder, level of voluntary torque, reflex gain of its Table 1) is an assumption, marked as such.
+Defaults are those of Zhao, Ludvig and Kearney (ACC 2008) where the paper gives them. The others (load, actuator,
+recorder, level of voluntary torque, reflex gain of its Table 1) are assumptions, marked as such.
 """
 
-from dataclasses import dataclass, field, fields
-from numbers import Real
+from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from typing import Any, Literal, Self
 
-__all__ = [
-    "Actuator",
-    "Disturbances",
-    "Intrinsic",
-    "Load",
-    "Perturbation",
-    "Recorder",
-    "Reflex",
-    "Run",
-    "Simulation",
-    "parameter_table",
-]
+from pydantic import model_validator
 
-KINDS = ("prbs", "pulses")
+from ankleloop.options import Options, option
+
+__all__ = ["SimulationSettings"]
 
 
-def _parameter(default, unit, description, low=None, high=None, *, above=None, optional=False, choices=None):
-    metadata = {
-        "unit": unit,
-        "description": description,
-        "minimum": low,
-        "maximum": high,
-        "exclusiveMinimum": above,
-        "optional": optional,
-        "choices": choices,
-    }
-    return field(default=default, metadata=metadata)
+class SimulationSettings(Options):
+    """Settings of a simulated experiment.
 
-
-class _Checked:
-    """Refuse values outside the declared bounds, naming the parameter."""
-
-    def __post_init__(self):
-        for item in fields(self):
-            _check(item, getattr(self, item.name))
-
-
-def _check(item, value):
-    meta, name = item.metadata, item.name
-    if isinstance(item.default, bool):
-        if not isinstance(value, (bool, np.bool_)):
-            raise ValueError(f"{name} must be true or false, got {value!r}.")
-        return
-    if meta["choices"] is not None:
-        if value not in meta["choices"]:
-            raise ValueError(f"{name} must be one of {', '.join(meta['choices'])}; got {value!r}.")
-        return
-    if value is None and meta["optional"]:
-        return
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real) or not np.isfinite(value):
-        raise ValueError(f"{name} must be a finite number [{meta['unit']}], got {value!r}.")
-    for bound, holds, word in (
-        (meta["minimum"], lambda b: value >= b, "at least"),
-        (meta["maximum"], lambda b: value <= b, "at most"),
-        (meta["exclusiveMinimum"], lambda b: value > b, "above"),
-    ):
-        if bound is not None and not holds(bound):
-            raise ValueError(f"{name} must be {word} {bound} {meta['unit']}, got {value!r}.")
-
-
-@dataclass(frozen=True)
-class Intrinsic(_Checked):
-    """Intrinsic stiffness (Eq. 16): TQ_I = K·P + B·Ṗ + I·P̈."""
-
-    stiffness: float = _parameter(150.0, "N·m/rad", "intrinsic elastic stiffness K", 0)
-    viscosity: float = _parameter(0.8, "N·m·s/rad", "intrinsic viscosity B", 0)
-    inertia: float = _parameter(0.015, "kg·m²", "intrinsic inertia I", 0)
-
-
-@dataclass(frozen=True)
-class Reflex(_Checked):
-    """Reflex stiffness (Eq. 2, 17): delayed velocity, half-wave rectified, through a low-pass of order 2 or 3."""
-
-    reflex_gain: float = _parameter(
-        13.0, "N·m·s/rad", "reflex gain G; assumed: Eq. 17 as printed is 2, which cannot give Table 1", 0
-    )
-    omega_n: float = _parameter(40.0, "rad/s", "natural frequency of the reflex low-pass", above=0)
-    zeta: float = _parameter(1.0, "1", "damping ratio of the reflex low-pass", above=0)
-    delay: float = _parameter(0.040, "s", "reflex delay; at least one recorded sample", above=0)
-    pole: float | None = _parameter(
-        None, "rad/s", "extra real pole p of the third-order form (Eq. 2); null: second order", above=0, optional=True
-    )
-
-
-@dataclass(frozen=True)
-class Load(_Checked):
-    """Impedance-controlled load H_imp(s) = 1 / (I_L s² + B_L s + K_L); assumed, the paper gives none."""
-
-    load_inertia: float = _parameter(1.1, "kg·m²", "inertia I_L of the simulated load; assumed", above=0)
-    load_viscosity: float = _parameter(7.1, "N·m·s/rad", "viscosity B_L of the simulated load; assumed", 0)
-    load_stiffness: float = _parameter(250.0, "N·m/rad", "stiffness K_L of the simulated load; assumed", 0)
-
-
-@dataclass(frozen=True)
-class Actuator(_Checked):
-    """Position servo between the command and the joint, second order; assumed."""
-
-    actuator_frequency: float = _parameter(20.0, "Hz", "natural frequency of the servo; assumed", above=0)
-    actuator_damping: float = _parameter(0.8, "1", "damping ratio of the servo; assumed", above=0)
-
-
-@dataclass(frozen=True)
-class Perturbation(_Checked):
-    """Position command, the reference: a pseudorandom binary sequence, or short pulses."""
-
-    perturbation: str = _parameter(
-        "prbs", "1", "kind of the position command: pseudorandom binary sequence, or short pulses", choices=KINDS
-    )
-    amplitude: float = _parameter(0.04, "rad", "peak-to-peak amplitude of the position command", above=0)
-    switching_interval: float = _parameter(
-        0.1, "s", "interval at whose multiples the PRBS may switch, or a pulse may begin", above=0
-    )
-    pulse_length: float = _parameter(
-        0.02, "s", "length of the pulses; well below the delay, it decorrelates the two paths", above=0
-    )
-
-
-@dataclass(frozen=True)
-class Disturbances(_Checked):
-    """Voluntary torque and measurement noise; both are fed back through the load."""
-
-    voluntary: float = _parameter(
-        0.05, "1", "standard deviation of the voluntary torque over that of the clean net torque; assumed", 0
-    )
-    voluntary_cutoff: float = _parameter(2.0, "Hz", "-3 dB frequency of its second-order Bessel low-pass", above=0)
-    snr_db: float | None = _parameter(
-        10.0,
-        "dB",
-        "clean net torque over measurement noise, in the recorded signal; null: no noise",
-        -100,
-        300,
-        optional=True,
-    )
-    noise_rate: float = _parameter(100.0, "Hz", "rate at which white measurement noise is drawn and held", above=0)
-
-
-@dataclass(frozen=True)
-class Recorder(_Checked):
-    """Anti-aliasing filter and sampler, the same on every channel."""
-
-    recording_rate: float = _parameter(1000.0, "Hz", "sampling rate of the record", above=0)
-    antialias_cutoff: float = _parameter(
-        200.0, "Hz", "-3 dB frequency of the fourth-order Bessel anti-aliasing filter; assumed", above=0
-    )
-
-
-@dataclass(frozen=True)
-class Run(_Checked):
-    """Length of the run, and whether the loop is closed."""
-
-    duration: float = _parameter(50.0, "s", "length of the record", above=0)
-    settling: float = _parameter(5.0, "s", "time simulated ahead of the record, and dropped", 0)
-    integration_rate: float = _parameter(10000.0, "Hz", "rate of the exact discretisation of the loop", above=0)
-    closed_loop: bool = _parameter(True, "1", "false: stiff servo, torque does not move the joint")
-    position_limit: float = _parameter(1.0, "rad", "a loop that leaves ± this is declared unstable", above=0)
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """All parameters of a simulated experiment, in groups.
-
-    Parameters
-    ----------
-    intrinsic, reflex, load, actuator, perturbation, disturbances, recorder, run
-        The groups; each is a frozen dataclass of its own with documented fields.
+    They come in groups: the joint with its intrinsic stiffness (Eq. 16) and its reflex (Eq. 2, 17), the load
+    H_imp(s) = 1 / (I_L s² + B_L s + K_L), the actuator that turns the command into a position, the perturbation, the
+    disturbances, the recorder and the run.
 
     Examples
     --------
-    >>> Simulation.from_flat(reflex_gain=20.0).reflex.reflex_gain
+    >>> SimulationSettings(reflex_gain=20.0).reflex_gain
     20.0
-    >>> Simulation().load
-    Load(load_inertia=1.1, load_viscosity=7.1, load_stiffness=250.0)
+    >>> SimulationSettings.unit("omega_n")
+    'rad/s'
     """
 
-    intrinsic: Intrinsic = field(default_factory=Intrinsic)
-    reflex: Reflex = field(default_factory=Reflex)
-    load: Load = field(default_factory=Load)
-    actuator: Actuator = field(default_factory=Actuator)
-    perturbation: Perturbation = field(default_factory=Perturbation)
-    disturbances: Disturbances = field(default_factory=Disturbances)
-    recorder: Recorder = field(default_factory=Recorder)
-    run: Run = field(default_factory=Run)
+    # Intrinsic stiffness: TQ_I = K·P + B·Ṗ + I·P̈.
+    stiffness: float = option(150.0, "intrinsic elastic stiffness K", unit="N·m/rad", ge=0)
+    viscosity: float = option(0.8, "intrinsic viscosity B", unit="N·m·s/rad", ge=0)
+    inertia: float = option(0.015, "intrinsic inertia I", unit="kg·m²", ge=0)
 
-    def __post_init__(self):
-        self._check_grids()
+    # Reflex stiffness: delayed velocity, half-wave rectified, through a low-pass of order 2 or 3.
+    reflex_gain: float = option(
+        13.0,
+        "reflex gain G; assumed: Eq. 17 as printed is 2, which cannot give Table 1",
+        unit="N·m·s/rad",
+        ge=0,
+    )
+    omega_n: float = option(40.0, "natural frequency of the reflex low-pass", unit="rad/s", gt=0)
+    zeta: float = option(1.0, "damping ratio of the reflex low-pass", gt=0)
+    delay: float = option(0.040, "reflex delay; at least one recorded sample", unit="s", gt=0)
+    pole: float | None = option(
+        None, "extra real pole p of the third-order form (Eq. 2); null: second order", unit="rad/s", gt=0
+    )
+
+    # Impedance-controlled load.
+    load_inertia: float = option(1.1, "inertia I_L of the simulated load; assumed", unit="kg·m²", gt=0)
+    load_viscosity: float = option(7.1, "viscosity B_L of the simulated load; assumed", unit="N·m·s/rad", ge=0)
+    load_stiffness: float = option(250.0, "stiffness K_L of the simulated load; assumed", unit="N·m/rad", ge=0)
+
+    # Position servo of second order between the command and the joint.
+    actuator_frequency: float = option(20.0, "natural frequency of the servo; assumed", unit="Hz", gt=0)
+    actuator_damping: float = option(0.8, "damping ratio of the servo; assumed", gt=0)
+
+    # Position command, the reference.
+    perturbation: Literal["prbs", "pulses"] = option(
+        "prbs", "kind of the position command: pseudorandom binary sequence, or short pulses"
+    )
+    amplitude: float = option(0.04, "peak-to-peak amplitude of the position command", unit="rad", gt=0)
+    switching_interval: float = option(
+        0.1, "interval at whose multiples the PRBS may switch, or a pulse may begin", unit="s", gt=0
+    )
+    pulse_length: float = option(
+        0.02, "length of the pulses; well below the delay, it decorrelates the two paths", unit="s", gt=0
+    )
+
+    # Disturbances, both of which are fed back through the load.
+    voluntary: float = option(
+        0.05, "standard deviation of the voluntary torque over that of the clean net torque; assumed", ge=0
+    )
+    voluntary_cutoff: float = option(2.0, "-3 dB frequency of its second-order Bessel low-pass", unit="Hz", gt=0)
+    snr_db: float | None = option(
+        10.0,
+        "clean net torque over measurement noise, in the recorded signal; null: no noise",
+        unit="dB",
+        ge=-100,
+        le=300,
+    )
+    noise_rate: float = option(100.0, "rate at which white measurement noise is drawn and held", unit="Hz", gt=0)
+
+    # Anti-aliasing filter and sampler of every channel.
+    recording_rate: float = option(1000.0, "sampling rate of the record", unit="Hz", gt=0)
+    antialias_cutoff: float = option(
+        200.0, "-3 dB frequency of the fourth-order Bessel anti-aliasing filter; assumed", unit="Hz", gt=0
+    )
+
+    # Run.
+    duration: float = option(50.0, "length of the record", unit="s", gt=0)
+    settling: float = option(5.0, "time simulated ahead of the record, and dropped", unit="s", ge=0)
+    integration_rate: float = option(10000.0, "rate of the exact discretisation of the loop", unit="Hz", gt=0)
+    closed_loop: bool = option(True, "false: stiff servo, torque does not move the joint")
+    position_limit: float = option(1.0, "a loop that leaves ± this is declared unstable", unit="rad", gt=0)
 
     @classmethod
-    def from_flat(cls, **parameters):
-        """Build from parameters by name, whichever group they belong to.
+    def parse(cls, owner: str, /, *, load: Sequence[float] | None = None, **values: Any) -> Self:
+        """Check settings and fill in the defaults; the three parameters of the load may come together.
 
         Parameters
         ----------
-        **parameters
-            Any names of `parameter_table`.
+        owner : str
+            Function that takes the settings, for error messages.
+        load : sequence of float, optional
+            Inertia [kg·m²], viscosity [N·m·s/rad] and stiffness [N·m/rad] of the load; settings by name override it.
+        **values
+            Settings by name.
 
         Returns
         -------
-        Simulation
+        SimulationSettings
 
         Raises
         ------
         TypeError
-            For a name that no group has.
+            For a name that is not a setting.
         ValueError
-            For a value outside its bounds.
+            For a value out of its bounds; the message names it, its bound and its unit.
+
+        Examples
+        --------
+        >>> SimulationSettings.parse("simulate", load=(0.1, 10.0, 100.0)).load_viscosity
+        10.0
+        >>> SimulationSettings.parse("simulate", load_inertia=0.0)
+        Traceback (most recent call last):
+          ...
+        ValueError: load_inertia must be above 0 kg·m², got 0.0.
         """
-        unknown = sorted(set(parameters) - set(parameter_table()))
-        if unknown:
-            raise TypeError(f"unknown simulation parameter {unknown[0]!r}; known: {', '.join(parameter_table())}.")
-        groups = {}
-        for group in fields(cls):
-            names = {item.name for item in fields(group.default_factory)}
-            groups[group.name] = group.default_factory(**{k: v for k, v in parameters.items() if k in names})
-        return cls(**groups)
+        if load is None:
+            return super().parse(owner, **values)
+        try:
+            inertia, viscosity, stiffness = load
+        except (TypeError, ValueError):
+            raise ValueError(f"load must be three numbers (inertia, viscosity, stiffness), got {load!r}.") from None
+        parameters = {"load_inertia": inertia, "load_viscosity": viscosity, "load_stiffness": stiffness}
+        return super().parse(owner, **{**parameters, **values})
 
-    def flat(self):
-        """All parameters by name.
-
-        Returns
-        -------
-        dict
-        """
-        return {
-            item.name: getattr(getattr(self, group.name), item.name)
-            for group in fields(self)
-            for item in fields(group.default_factory)
-        }
-
-    def _check_grids(self):
+    @model_validator(mode="after")
+    def _check_grids(self) -> Self:
         """Everything that is held or switched has to fall on recorded samples."""
-        rate = self.recorder.recording_rate
+        rate = self.recording_rate
         for name, ratio in (
-            ("duration × recording_rate", self.run.duration * rate),
-            ("settling × recording_rate", self.run.settling * rate),
-            ("switching_interval × recording_rate", self.perturbation.switching_interval * rate),
-            ("pulse_length × recording_rate", self.perturbation.pulse_length * rate),
-            ("recording_rate / noise_rate", rate / self.disturbances.noise_rate),
-            ("integration_rate / recording_rate", self.run.integration_rate / rate),
+            ("duration × recording_rate", self.duration * rate),
+            ("settling × recording_rate", self.settling * rate),
+            ("switching_interval × recording_rate", self.switching_interval * rate),
+            ("pulse_length × recording_rate", self.pulse_length * rate),
+            ("recording_rate / noise_rate", rate / self.noise_rate),
+            ("integration_rate / recording_rate", self.integration_rate / rate),
         ):
             if abs(ratio - round(ratio)) > 1e-6 or (round(ratio) < 1 and not name.startswith("settling")):
                 raise ValueError(f"{name} must be a whole number, got {ratio:g}.")
-        if self.disturbances.voluntary_cutoff >= rate / 2:
+        return self
+
+    @model_validator(mode="after")
+    def _check_cutoff_and_delay(self) -> Self:
+        """The voluntary torque has to lie below the Nyquist frequency, and the reflex needs a recorded past."""
+        rate = self.recording_rate
+        if self.voluntary_cutoff >= rate / 2:
             raise ValueError(
                 f"voluntary_cutoff must be below half of the recording_rate ({rate / 2:g} Hz), got "
-                f"{self.disturbances.voluntary_cutoff!r} Hz."
+                f"{self.voluntary_cutoff!r} Hz."
             )
-        if self.reflex.delay * rate < 1 - 1e-9:
-            raise ValueError(
-                f"delay must be at least one recorded sample ({1 / rate:g} s), got {self.reflex.delay!r} s."
-            )
-
-
-def parameter_table():
-    """Every simulation parameter with its default, unit, description and bounds.
-
-    Returns
-    -------
-    dict of str to dict
-        Keys `default`, `unit`, `description`, `minimum`, `maximum`, `exclusiveMinimum`, `optional`, `choices`, by
-        parameter.
-
-    Examples
-    --------
-    >>> parameter_table()["omega_n"]["unit"]
-    'rad/s'
-    """
-    return {
-        item.name: {"default": item.default, **item.metadata}
-        for group in fields(Simulation)
-        for item in fields(group.default_factory)
-    }
+        if self.delay * rate < 1 - 1e-9:
+            raise ValueError(f"delay must be at least one recorded sample ({1 / rate:g} s), got {self.delay!r} s.")
+        return self

@@ -1,34 +1,44 @@
-"""A simulated experiment: parameters and a seed in, a trial with its true torques out."""
+"""A simulated experiment: from settings and a seed to a trial with its true torques."""
 
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import islice
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+import xarray as xr
 
 from ankleloop.errors import UnstableLoopError
 from ankleloop.records.trial import new_trial
-from ankleloop.simulation.excitation import held_noise, prbs, pulses, voluntary_torque
+from ankleloop.simulation.excitation import draw_noise, draw_prbs, draw_pulses, draw_voluntary_torque
 from ankleloop.simulation.filters import antialias
-from ankleloop.simulation.loop import build_loop, run_loop
-from ankleloop.simulation.settings import Simulation
+from ankleloop.simulation.loop import Loop, build_loop, run_loop
+from ankleloop.simulation.settings import SimulationSettings
 
 __all__ = ["simulate", "simulate_trials"]
 
-TOGETHER = 16  # trials of one pass: more of them take memory and no less time
+CHUNK = 16  # trials of one pass: more of them take memory and no less time
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def simulate(
-    *,
-    seed,
-    duration=50.0,
-    reflex_gain=13.0,
-    load=(1.1, 7.1, 250.0),
-    voluntary=0.05,
-    snr_db=10.0,
-    closed_loop=True,
-    recording_rate=1000.0,
-    **parameters,
-):
+def _show_settings(function: Function) -> Function:
+    """Name every setting with its default in the signature of a function that takes them as `**settings`."""
+    signature = inspect.signature(function)
+    explicit = [item for item in signature.parameters.values() if item.kind is not item.VAR_KEYWORD]
+    settings = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.annotation)
+        for name, field in SimulationSettings.model_fields.items()
+    ]
+    function.__signature__ = signature.replace(parameters=[*explicit, *settings])  # type: ignore[attr-defined] # PEP 362
+    return function
+
+
+@_show_settings
+def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None = None, **settings: Any) -> xr.Dataset:
     r"""Simulate a trial of the parallel-cascade joint against a compliant load.
 
     Position = servo(reference) − H_imp(s)·(intrinsic + reflex + voluntary + noise torque), Figure 2 and Section IV of
@@ -42,37 +52,28 @@ def simulate(
     Parameters
     ----------
     seed : int or numpy.random.SeedSequence
-        The same seed gives the same bits; perturbation, voluntary torque and noise have streams of their own, so
-        a change of one parameter leaves the other signals as they were.
-    duration : float
-        Length of the record [s].
-    reflex_gain : float
-        Reflex gain G [N·m·s/rad].
-    load : tuple of float
-        Inertia [kg·m²], viscosity [N·m·s/rad] and stiffness [N·m/rad] of the load.
-    voluntary : float
-        Standard deviation of the voluntary torque, as a fraction of that of the clean net torque.
-    snr_db : float or None
-        Signal-to-noise ratio of the recorded torque [dB]; None for no noise.
-    closed_loop : bool
-        False for a stiff servo: the torque does not move the joint.
-    recording_rate : float
-        Sampling rate of the record [Hz].
-    **parameters
-        Any other name of `ankleloop.simulation.parameter_table`.
+        The same seed gives the same bits; perturbation, voluntary torque and noise have separate streams, so a change
+        of one setting does not change the other signals.
+    load : sequence of float, optional
+        Inertia [kg·m²], viscosity [N·m·s/rad] and stiffness [N·m/rad] of the load together, instead of the settings
+        `load_inertia`, `load_viscosity` and `load_stiffness`.
+    **settings
+        Settings by name; `SimulationSettings` describes each of them with its unit, default and bounds.
 
     Returns
     -------
     xarray.Dataset
         A trial with `position`, `torque`, `reference` and the truths `torque_intrinsic`, `torque_reflex`,
-        `torque_voluntary`, `torque_noise`, all behind the same anti-aliasing filter. The parameters are attributes.
+        `torque_voluntary`, `torque_noise`, all behind the same anti-aliasing filter. The settings are attributes.
 
     Raises
     ------
     UnstableLoopError
         If the loop diverges.
-    TypeError, ValueError
-        For an unknown parameter or a value outside its bounds.
+    TypeError
+        For a name that is not a setting.
+    ValueError
+        For a value out of its bounds.
 
     Examples
     --------
@@ -80,19 +81,20 @@ def simulate(
     >>> trial.sizes["time"]
     10000
     """
-    names = {"duration": duration, "reflex_gain": reflex_gain, "load": load, "voluntary": voluntary, "snr_db": snr_db}
-    names |= {"closed_loop": closed_loop, "recording_rate": recording_rate}
-    return next(simulate_trials([seed], **names, **parameters))
+    return next(simulate_trials([seed], load=load, **settings))
 
 
-def simulate_trials(seeds, *, load=(1.1, 7.1, 250.0), **parameters):
+@_show_settings
+def simulate_trials(
+    seeds: Iterable[int | np.random.SeedSequence], *, load: Sequence[float] | None = None, **settings: Any
+) -> Iterator[xr.Dataset]:
     """Simulate trials that differ in their seeds alone, several in one pass.
 
     Parameters
     ----------
     seeds : iterable of int or numpy.random.SeedSequence
         Seed of each trial; it gives the same bits as `simulate` does.
-    load, **parameters
+    load, **settings
         As `simulate` takes them.
 
     Yields
@@ -104,112 +106,157 @@ def simulate_trials(seeds, *, load=(1.1, 7.1, 250.0), **parameters):
     ------
     UnstableLoopError
         If the loop diverges.
-    TypeError, ValueError
-        For an unknown parameter or a value outside its bounds.
+    TypeError
+        For a name that is not a setting.
+    ValueError
+        For a value out of its bounds.
 
     Examples
     --------
     >>> [trial.attrs["seed"] for trial in simulate_trials([3, 4], duration=2.0)]
     [3, 4]
     """
-    if np.shape(load) != (3,):
-        raise ValueError(f"load must be three numbers (inertia, viscosity, stiffness), got {load!r}.")
-    names = dict(zip(("load_inertia", "load_viscosity", "load_stiffness"), load, strict=True))
-    simulation = Simulation.from_flat(**{**names, **parameters})
-    loop, waiting = build_loop(simulation), iter(seeds)
-    while block := list(islice(waiting, TOGETHER)):
-        yield from _simulated(simulation, loop, block)
+    all_settings = SimulationSettings.parse("simulate", load=load, **settings)
+    loop, remaining = build_loop(all_settings), iter(seeds)
+    while chunk := list(islice(remaining, CHUNK)):
+        yield from _simulate_chunk(all_settings, loop, chunk)
 
 
-def _simulated(simulation, loop, seeds):
-    """One pass over all signals of a block of trials."""
-    rate = simulation.recorder.recording_rate
-    dropped = round(simulation.run.settling * rate)
-    samples = dropped + round(simulation.run.duration * rate)
-    streams = [_streams(seed) for seed in seeds]
-    command = np.stack([_command(of[0], samples, simulation.perturbation, rate) for of in streams])
-    nothing = np.zeros(command.shape)
-    recorded = _recorded(loop, simulation, command, nothing, nothing)
-    clean = np.std((recorded[1] + recorded[2])[:, dropped:], axis=1)[:, None]
-    disturbances, noise, spontaneous = simulation.disturbances, nothing, nothing
-    if disturbances.voluntary > 0:
-        unit = [voluntary_torque(of[1], samples, rate, disturbances.voluntary_cutoff) for of in streams]
-        spontaneous = disturbances.voluntary * clean * np.stack(unit)
-    if disturbances.snr_db is not None:
-        hold = round(rate / disturbances.noise_rate)
-        level = clean * 10 ** (-disturbances.snr_db / 20) / _recorded_deviation(simulation, hold)
-        noise = level * np.stack([held_noise(of[2], samples, hold) for of in streams])
-    if noise is not nothing or spontaneous is not nothing:
-        recorded = _recorded(loop, simulation, command, noise, spontaneous)
-    external = [antialias(command, simulation, "zoh"), *_filtered_torques(simulation, noise, spontaneous, nothing)]
-    described = {name: value for name, value in simulation.flat().items() if value is not None}
-    described = {name: int(value) if isinstance(value, bool) else value for name, value in described.items()}
+class _Streams(NamedTuple):
+    """Random generators of one trial, one for each signal."""
+
+    perturbation: np.random.Generator
+    voluntary: np.random.Generator
+    noise: np.random.Generator
+
+
+class _Disturbance(NamedTuple):
+    """A torque [N·m] that is fed back, and the same behind the anti-aliasing filter; shape (trials, samples)."""
+
+    torque: np.ndarray
+    record: np.ndarray
+
+
+def _simulate_chunk(
+    settings: SimulationSettings, loop: Loop, seeds: Sequence[int | np.random.SeedSequence]
+) -> Iterator[xr.Dataset]:
+    """Simulate one trial for each seed, all of them in one pass over every signal."""
+    settling = round(settings.settling * settings.recording_rate)
+    samples = settling + round(settings.duration * settings.recording_rate)
+    streams = [_open_streams(seed) for seed in seeds]
+    command = np.stack([_draw_command(settings, stream.perturbation, samples) for stream in streams])
+    zeros = np.zeros(command.shape)
+    silence = _Disturbance(zeros, zeros)
+    response = _run_stable_loop(loop, settings, command, silence, silence)
+    deviation = np.std((response[1] + response[2])[:, settling:], axis=1)[:, None]
+    voluntary = noise = silence
+    if settings.voluntary > 0:
+        voluntary = _draw_voluntary(settings, streams, samples, settings.voluntary * deviation)
+    if settings.snr_db is not None:
+        ratio = 10 ** (-settings.snr_db / 20)
+        noise = _draw_measurement_noise(settings, streams, samples, ratio * deviation)
+    if settings.voluntary > 0 or settings.snr_db is not None:
+        response = _run_stable_loop(loop, settings, command, noise, voluntary)
+    reference = antialias(command, settings, "zoh")
     for k, seed in enumerate(seeds):
-        position, intrinsic, reflex = recorded[:, k, dropped:]
-        reference, heard, own = (signal[k, dropped:] for signal in external)
-        yield new_trial(
-            position,
-            intrinsic + reflex + own + heard,
-            rate,
-            reference,
-            torque_intrinsic=intrinsic,
-            torque_reflex=reflex,
-            torque_voluntary=own,
-            torque_noise=heard,
-            # Any entropy, also what is too long for an integer of a file.
-            seed=seed if isinstance(seed, int) and abs(seed) < 2**63 else str(_sequence(seed)),
-            **described,
-        )
+        signals = *response[:, k], voluntary.record[k], noise.record[k], reference[k]
+        yield _make_trial(settings, seed, *(signal[settling:] for signal in signals))
 
 
-def _filtered_torques(simulation, noise, spontaneous, nothing):
-    """Noise and voluntary torque as they are recorded; what is nothing needs no filter."""
-    pairs = ((noise, "zoh"), (spontaneous, "foh"))
-    return [signal if signal is nothing else antialias(signal, simulation, hold) for signal, hold in pairs]
+def _make_trial(
+    settings: SimulationSettings,
+    seed: int | np.random.SeedSequence,
+    position: np.ndarray,
+    intrinsic: np.ndarray,
+    reflex: np.ndarray,
+    voluntary: np.ndarray,
+    noise: np.ndarray,
+    reference: np.ndarray,
+) -> xr.Dataset:
+    """Trial of recorded signals, with its seed and settings as attributes."""
+    attributes = {name: int(value) if isinstance(value, bool) else value for name, value in settings}
+    return new_trial(
+        position,
+        intrinsic + reflex + voluntary + noise,
+        settings.recording_rate,
+        reference,
+        torque_intrinsic=intrinsic,
+        torque_reflex=reflex,
+        torque_voluntary=voluntary,
+        torque_noise=noise,
+        # As text where the entropy is too long for an integer of a file.
+        seed=seed if isinstance(seed, int) and abs(seed) < 2**63 else str(_seed_sequence(seed)),
+        **attributes,
+    )
 
 
-def _sequence(seed):
+def _seed_sequence(seed: int | np.random.SeedSequence) -> np.random.SeedSequence:
     if seed is None:
         raise ValueError("seed must be a number or a SeedSequence: a trial has to be reproducible.")
     return seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
 
 
-def _streams(seed):
-    """Generators of perturbation, voluntary torque and noise.
+def _open_streams(seed: int | np.random.SeedSequence) -> _Streams:
+    """Random generators of a trial.
 
-    Children are keyed by hand, not spawned: spawning counts, and the same seed would give other bits next time.
+    The keys of the child sequences are set here: `SeedSequence.spawn` counts its calls, so the same seed would give
+    other bits the next time.
     """
-    root = _sequence(seed)
+    root = _seed_sequence(seed)
     keys = [(*root.spawn_key, k) for k in range(3)]
-    return [np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key)) for key in keys]
+    return _Streams(*(np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key)) for key in keys))
 
 
-def _command(rng, samples, perturbation, rate):
-    interval = round(perturbation.switching_interval * rate)
-    if perturbation.perturbation == "prbs":
-        return prbs(rng, samples, interval, perturbation.amplitude)
-    return pulses(rng, samples, interval, round(perturbation.pulse_length * rate), perturbation.amplitude)
+def _draw_command(settings: SimulationSettings, rng: np.random.Generator, samples: int) -> np.ndarray:
+    """Position command [rad], shape (samples,)."""
+    interval = round(settings.switching_interval * settings.recording_rate)
+    if settings.perturbation == "prbs":
+        return draw_prbs(rng, samples, interval, settings.amplitude)
+    length = round(settings.pulse_length * settings.recording_rate)
+    return draw_pulses(rng, samples, interval, length, settings.amplitude)
+
+
+def _draw_voluntary(
+    settings: SimulationSettings, streams: Sequence[_Streams], samples: int, deviation: np.ndarray
+) -> _Disturbance:
+    """Voluntary torque of a standard deviation [N·m], shape (trials, 1)."""
+    rate, cutoff = settings.recording_rate, settings.voluntary_cutoff
+    signals = [draw_voluntary_torque(stream.voluntary, samples, rate, cutoff) for stream in streams]
+    torque = deviation * np.stack(signals)
+    return _Disturbance(torque, antialias(torque, settings, "foh"))
+
+
+def _draw_measurement_noise(
+    settings: SimulationSettings, streams: Sequence[_Streams], samples: int, deviation: np.ndarray
+) -> _Disturbance:
+    """Measurement noise that has a standard deviation [N·m], shape (trials, 1), behind the anti-aliasing filter."""
+    hold = round(settings.recording_rate / settings.noise_rate)
+    level = deviation / _recorded_noise_deviation(settings, hold)
+    torque = level * np.stack([draw_noise(stream.noise, samples, hold) for stream in streams])
+    return _Disturbance(torque, antialias(torque, settings, "zoh"))
 
 
 @lru_cache
-def _recorded_deviation(simulation, hold):
-    """Standard deviation that the recorder leaves of unit white noise, each value of which is held."""
-    one_value = np.zeros(100 * hold)
-    one_value[:hold] = 1.0
-    return float(np.sqrt(np.sum(antialias(one_value, simulation, "zoh") ** 2) / hold))
+def _recorded_noise_deviation(settings: SimulationSettings, hold: int) -> float:
+    """Standard deviation, behind the anti-aliasing filter, of unit white noise that is held for some samples."""
+    pulse = np.zeros(100 * hold)
+    pulse[:hold] = 1.0
+    return float(np.sqrt(np.sum(antialias(pulse, settings, "zoh") ** 2) / hold))
 
 
-def _recorded(loop, simulation, command, noise, voluntary):
-    recorded, diverged = run_loop(loop, simulation, command, noise, voluntary)
-    if diverged >= 0:
-        s = simulation
-        at = diverged / s.recorder.recording_rate
+def _run_stable_loop(
+    loop: Loop, settings: SimulationSettings, command: np.ndarray, noise: _Disturbance, voluntary: _Disturbance
+) -> np.ndarray:
+    """Recorded position, intrinsic and reflex torque, shape (3, trials, samples); a loop that diverges is an error."""
+    record, divergence = run_loop(loop, settings, command, noise.torque, voluntary.torque)
+    if divergence >= 0:
         raise UnstableLoopError(
-            f"the closed loop is unstable: the position passes ±{s.run.position_limit:g} rad after {at:.3g} s. "
-            f"Parameters: load_inertia={s.load.load_inertia:g} kg·m², load_viscosity={s.load.load_viscosity:g} "
-            f"N·m·s/rad, load_stiffness={s.load.load_stiffness:g} N·m/rad, reflex_gain={s.reflex.reflex_gain:g} "
-            f"N·m·s/rad, delay={s.reflex.delay:g} s, stiffness={s.intrinsic.stiffness:g} N·m/rad, "
-            f"viscosity={s.intrinsic.viscosity:g} N·m·s/rad. "
+            f"the closed loop is unstable: the position passes ±{settings.position_limit:g} rad after "
+            f"{divergence / settings.recording_rate:.3g} s. "
+            f"Parameters: load_inertia={settings.load_inertia:g} kg·m², load_viscosity={settings.load_viscosity:g} "
+            f"N·m·s/rad, load_stiffness={settings.load_stiffness:g} N·m/rad, reflex_gain={settings.reflex_gain:g} "
+            f"N·m·s/rad, delay={settings.delay:g} s, stiffness={settings.stiffness:g} N·m/rad, "
+            f"viscosity={settings.viscosity:g} N·m·s/rad. "
             "Take a heavier or more damped load, or a lower reflex gain."
         )
-    return recorded
+    return record

@@ -16,24 +16,24 @@ from ankleloop.signals.decimation import (
 RATE, FACTOR = 1000.0, 10
 TIME = np.arange(5000) / RATE
 FIRST, COUNT = 1000, 200
-AT = TIME[FIRST : FIRST + FACTOR * COUNT : FACTOR]
+DECIMATED_TIME = TIME[FIRST : FIRST + FACTOR * COUNT : FACTOR]
 
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])
 @pytest.mark.parametrize("frequency", [0.5, 3.0, 12.3, 25.0, 37.0])
 def test_sinusoids_in_the_band_and_their_derivatives_are_exact(frequency, derivative):
     w = 2 * np.pi * frequency
-    found = decimate(np.sin(w * TIME + 0.3), FACTOR, FIRST, COUNT, rate=RATE, derivative=derivative)
-    expected = w**derivative * np.sin(w * AT + 0.3 + derivative * np.pi / 2)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * w**derivative)
+    output = decimate(np.sin(w * TIME + 0.3), FACTOR, FIRST, COUNT, rate=RATE, derivative=derivative)
+    expected = w**derivative * np.sin(w * DECIMATED_TIME + 0.3 + derivative * np.pi / 2)
+    np.testing.assert_allclose(output, expected, rtol=0, atol=1e-4 * w**derivative)
 
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])
 @pytest.mark.parametrize("frequency", [50.5, 62.0, 70.0, 130.0, 449.0])
-def test_what_would_alias_is_gone(frequency, derivative):
+def test_sinusoids_that_would_alias_are_removed(frequency, derivative):
     w = 2 * np.pi * frequency
-    found = decimate(np.sin(w * TIME), FACTOR, FIRST, COUNT, rate=RATE, derivative=derivative)
-    assert np.max(np.abs(found)) < 1e-4 * w**derivative
+    output = decimate(np.sin(w * TIME), FACTOR, FIRST, COUNT, rate=RATE, derivative=derivative)
+    assert np.max(np.abs(output)) < 1e-4 * w**derivative
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0, 2500.0])
@@ -44,11 +44,11 @@ def test_decimated_derivatives_are_the_derivatives_of_the_decimated_signal(rate)
     phases, levels = rng.uniform(0, 2 * np.pi, (2, harmonics.size))
     time = np.arange(4000) / rate
     x = np.sin(2 * np.pi * np.outer(time, harmonics) + phases) @ levels
-    plain, velocity, acceleration = (decimate(x, 10, 1000, 200, rate=rate, derivative=d) for d in range(3))
+    signal, velocity, acceleration = (decimate(x, 10, 1000, 200, rate=rate, derivative=d) for d in range(3))
     s = 2j * np.pi * np.fft.rfftfreq(200, 10 / rate)
-    for found, d in ((velocity, 1), (acceleration, 2)):
-        expected = np.fft.irfft(s**d * np.fft.rfft(plain), 200)
-        assert np.max(np.abs(found - expected)) < 1e-4 * np.max(np.abs(expected))
+    for output, d in ((velocity, 1), (acceleration, 2)):
+        expected = np.fft.irfft(s**d * np.fft.rfft(signal), 200)
+        assert np.max(np.abs(output - expected)) < 1e-4 * np.max(np.abs(expected))
 
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])
@@ -56,16 +56,16 @@ def test_decimated_derivatives_are_the_derivatives_of_the_decimated_signal(rate)
 def test_polynomials(power, derivative):
     polynomial = np.polynomial.Polynomial.basis(power)
     time = TIME - 2.0
-    found = decimate(polynomial(time), FACTOR, FIRST, COUNT, rate=RATE, derivative=derivative)
-    expected = polynomial.deriv(derivative)(AT - 2.0)
+    output = decimate(polynomial(time), FACTOR, FIRST, COUNT, rate=RATE, derivative=derivative)
+    expected = polynomial.deriv(derivative)(DECIMATED_TIME - 2.0)
     np.testing.assert_allclose(
-        found, expected, rtol=0, atol=1e-4 * 10 ** (derivative / 2) * max(1.0, np.max(np.abs(expected)))
+        output, expected, rtol=0, atol=1e-4 * 10 ** (derivative / 2) * max(1.0, np.max(np.abs(expected)))
     )
 
 
 def test_constants_and_ramps():
     np.testing.assert_allclose(decimate(np.full(5000, 3.0), FACTOR, FIRST, COUNT), 3.0, rtol=1e-12)
-    np.testing.assert_allclose(decimate(2 * TIME, FACTOR, FIRST, COUNT), 2 * AT, atol=1e-10)
+    np.testing.assert_allclose(decimate(2 * TIME, FACTOR, FIRST, COUNT), 2 * DECIMATED_TIME, atol=1e-10)
     np.testing.assert_allclose(decimate(2 * TIME, FACTOR, FIRST, COUNT, rate=RATE, derivative=1), 2.0, rtol=1e-5)
 
 
@@ -77,31 +77,31 @@ def test_zero_phase():
 
 
 @pytest.mark.parametrize(("derivative", "sign"), [(0, 1), (1, -1), (2, 1)])
-def test_a_signal_backwards_gives_its_derivatives_backwards(derivative, sign):
+def test_a_reversed_signal_has_reversed_derivatives(derivative, sign):
     x = np.random.default_rng(1).standard_normal(2001)
-    forwards, backwards = (decimate(z, FACTOR, 500, 101, derivative=derivative) for z in (x, x[::-1]))
-    np.testing.assert_allclose(backwards, sign * forwards[::-1], atol=1e-12)
+    forward, backward = (decimate(z, FACTOR, 500, 101, derivative=derivative) for z in (x, x[::-1]))
+    np.testing.assert_allclose(backward, sign * forward[::-1], atol=1e-12)
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(-3, 3), st.floats(-3, 3), st.integers(0, 2**31))
-def test_linear(a, b, seed):
+def test_decimation_is_linear(a, b, seed):
     x, y = np.random.default_rng(seed).standard_normal((2, 2000))
 
-    def through(z):
+    def velocity(z):
         return decimate(z, FACTOR, 500, 50, rate=RATE, derivative=1)
 
-    scale = 1 + np.max(np.abs(through(x))) + np.max(np.abs(through(y)))
-    np.testing.assert_allclose(through(a * x + b * y), a * through(x) + b * through(y), atol=1e-9 * scale)
+    scale = 1 + np.max(np.abs(velocity(x))) + np.max(np.abs(velocity(y)))
+    np.testing.assert_allclose(velocity(a * x + b * y), a * velocity(x) + b * velocity(y), atol=1e-9 * scale)
 
 
-def test_all_channels_at_once():
+def test_several_channels_in_one_pass():
     x = np.random.default_rng(0).standard_normal((3, 2000))
-    together = decimate(x, FACTOR, 500, 50)
-    np.testing.assert_allclose(together, [decimate(row, FACTOR, 500, 50) for row in x], atol=1e-14)
+    channels = decimate(x, FACTOR, 500, 50)
+    np.testing.assert_allclose(channels, [decimate(row, FACTOR, 500, 50) for row in x], atol=1e-14)
 
 
-def test_the_margin_is_enough_and_needed():
+def test_the_margin_is_sufficient_and_necessary():
     margin = decimation_margin(FACTOR)
     x = np.random.default_rng(0).standard_normal(2 * margin + 1)
     for derivative in range(3):
@@ -116,48 +116,50 @@ def test_the_margin_is_enough_and_needed():
 @pytest.mark.parametrize("frequency", [1.0, 20.0, 80.0, 149.0])
 def test_velocity_is_exact_to_150_hz_at_any_delay(frequency, delay):
     w = 2 * np.pi * frequency
-    found = differentiate(np.sin(w * TIME), RATE, delay)[500:-500]
-    np.testing.assert_allclose(found, w * np.cos(w * (TIME[500:-500] - delay)), atol=2e-4 * w)
+    velocity = differentiate(np.sin(w * TIME), RATE, delay)[500:-500]
+    np.testing.assert_allclose(velocity, w * np.cos(w * (TIME[500:-500] - delay)), atol=2e-4 * w)
 
 
-def test_velocity_has_settled_inside_its_margin():
+def test_velocity_inside_its_margin_does_not_depend_on_the_edges():
     x = np.random.default_rng(0).standard_normal(1000)
     before, after = differentiation_margin(RATE, 0.04)
-    # With other samples beyond the margin nothing changes inside.
+    # Other samples beyond the margin change nothing inside it.
     wider = np.concatenate([np.full(300, 9.0), x, np.full(300, -9.0)])
-    inside = slice(before, 1000 - after)
+    interior = slice(before, 1000 - after)
     np.testing.assert_allclose(
-        differentiate(x, RATE, 0.04)[inside], differentiate(wider, RATE, 0.04)[300:1300][inside], atol=1e-9
+        differentiate(x, RATE, 0.04)[interior], differentiate(wider, RATE, 0.04)[300:1300][interior], atol=1e-9
     )
     with pytest.raises(DataError, match="too short to differentiate"):
         differentiate(x[:100], RATE, 0.04)
 
 
-@pytest.mark.parametrize(("rate", "wanted", "factor"), [(1000, 100, 10), (100, 100, 1), (2000.0, 250.0, 8)])
-def test_factor(rate, wanted, factor):
-    assert decimation_factor(rate, wanted) == factor
+@pytest.mark.parametrize(
+    ("rate", "identification_rate", "factor"), [(1000, 100, 10), (100, 100, 1), (2000.0, 250.0, 8)]
+)
+def test_factor(rate, identification_rate, factor):
+    assert decimation_factor(rate, identification_rate) == factor
 
 
-@pytest.mark.parametrize(("rate", "wanted"), [(1000.0, 300.0), (1000.0, 128.0), (100.0, 1000.0)])
-def test_factor_must_be_whole(rate, wanted):
-    with pytest.raises(DataError, match=f"{rate:g} Hz.*{wanted:g} Hz") as error:
-        decimation_factor(rate, wanted)
-    suggested = float(str(error.value).split("for example ")[1].split(" Hz")[0])
-    assert decimation_factor(rate, suggested) >= 1
+@pytest.mark.parametrize(("rate", "identification_rate"), [(1000.0, 300.0), (1000.0, 128.0), (100.0, 1000.0)])
+def test_the_factor_must_be_whole(rate, identification_rate):
+    with pytest.raises(DataError, match=f"{rate:g} Hz.*{identification_rate:g} Hz") as error:
+        decimation_factor(rate, identification_rate)
+    suggestion = float(str(error.value).split("for example ")[1].split(" Hz")[0])
+    assert decimation_factor(rate, suggestion) >= 1
 
 
 @settings(deadline=None)
 @given(st.sampled_from([200.0, 999.9, 1000.0, 1024.0, 44100.0]), st.integers(1, 400).map(float))
 @example(1000.0, 150.0)
-def test_the_rate_that_is_suggested_does_divide(rate, wanted):
+def test_the_suggested_rate_divides_the_sampling_rate(rate, identification_rate):
     try:
-        decimation_factor(rate, wanted)
+        decimation_factor(rate, identification_rate)
     except DataError as error:
-        suggested = float(str(error).split("for example ")[1].split(" Hz")[0])
-        assert decimation_factor(rate, suggested) >= 1
+        suggestion = float(str(error).split("for example ")[1].split(" Hz")[0])
+        assert decimation_factor(rate, suggestion) >= 1
 
 
-@pytest.mark.parametrize("wanted", [0.0, -100.0, float("nan")])
-def test_rate_must_be_positive(wanted):
+@pytest.mark.parametrize("identification_rate", [0.0, -100.0, float("nan")])
+def test_the_rate_must_be_positive(identification_rate):
     with pytest.raises(DataError, match="identification_rate must be positive"):
-        decimation_factor(1000.0, wanted)
+        decimation_factor(1000.0, identification_rate)

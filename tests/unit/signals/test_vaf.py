@@ -5,23 +5,24 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ankleloop import DataError, vaf
+from ankleloop.signals.vaf import vaf_interval, vaf_with_interval
 
 numbers = st.floats(-1e3, 1e3).map(lambda x: round(x, 6))
 signals = hnp.arrays(float, st.integers(2, 40), elements=numbers).filter(lambda x: np.std(x) > 1e-3)
 
 
 @given(signals, numbers)
-def test_hundred_for_the_signal_itself_and_any_offset_of_it(signal, offset):
+def test_hundred_for_the_signal_with_any_offset(signal, offset):
     assert vaf(signal, signal + offset) == pytest.approx(100.0, abs=1e-6)
 
 
 @given(st.data(), numbers, numbers)
-def test_offsets_of_either_cost_nothing(data, of_measured, of_estimated):
+def test_offsets_do_not_change_the_vaf(data, measured_offset, estimated_offset):
     measured = data.draw(signals)
     estimated = data.draw(hnp.arrays(float, measured.size, elements=numbers))
-    plain = vaf(measured, estimated)
+    expected = vaf(measured, estimated)
     # Rounding of the sums counts against the variance of the measured signal.
-    assert vaf(measured + of_measured, estimated + of_estimated) == pytest.approx(plain, rel=1e-6, abs=1e-4)
+    assert vaf(measured + measured_offset, estimated + estimated_offset) == pytest.approx(expected, rel=1e-6, abs=1e-4)
 
 
 @given(signals, st.floats(-1e3, 1e3))
@@ -30,13 +31,13 @@ def test_zero_for_a_constant(signal, constant):
 
 
 @given(signals, st.floats(0.01, 100), st.floats(0.0, 3.0))
-def test_scale_of_both_is_no_matter_and_scale_of_one_is(signal, scale, gain):
+def test_a_common_scale_does_not_change_the_vaf_and_a_gain_does(signal, scale, gain):
     assert vaf(scale * signal, scale * gain * signal) == pytest.approx(vaf(signal, gain * signal), abs=1e-6)
     assert vaf(signal, gain * signal) == pytest.approx(100 * (1 - (1 - gain) ** 2), abs=1e-6)
 
 
 @given(st.data())
-def test_never_above_hundred_and_below_it_for_any_other_shape(data):
+def test_at_most_hundred_and_less_for_any_other_shape(data):
     signal = data.draw(signals)
     other = data.draw(hnp.arrays(float, signal.size, elements=numbers))
     assert vaf(signal, other) <= 100.0
@@ -55,6 +56,21 @@ def test_never_above_hundred_and_below_it_for_any_other_shape(data):
         ([], [], "constant"),
     ],
 )
-def test_what_cannot_be_scored(measured, estimated, message):
+def test_signals_without_a_vaf(measured, estimated, message):
     with pytest.raises(DataError, match=message):
         vaf(measured, estimated)
+
+
+@given(st.data(), st.integers(1, 60))
+def test_the_value_with_its_interval_is_that_of_each_alone(data, lags):
+    measured = data.draw(signals)
+    estimated = data.draw(hnp.arrays(float, measured.size, elements=numbers))
+    value, low, high = vaf_with_interval(measured, estimated, lags)
+    assert value == vaf(measured, estimated)
+    assert (low, high) == vaf_interval(measured, estimated, lags)
+    assert low <= value <= high
+
+
+def test_a_perfect_estimate_has_no_interval():
+    measured = np.array([0.0, 1.0, 3.0])
+    assert vaf_with_interval(measured, measured + 2.0, 5) == (100.0, 100.0, 100.0)

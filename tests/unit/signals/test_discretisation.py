@@ -1,0 +1,51 @@
+"""Low-pass filters in state-space form and their exact discretisation, against SciPy and an adaptive solver."""
+
+import numpy as np
+import pytest
+from scipy import signal as sps
+from scipy.integrate import solve_ivp
+
+from ankleloop.signals.discretisation import companion, discretise_foh, lowpass_denominator, step_matrices
+
+
+@pytest.mark.parametrize("pole", [None, 30.0])
+def test_the_companion_form_has_the_transfer_function(pole):
+    denominator = lowpass_denominator(40.0, 0.8, pole)
+    factors = [1.0, 64.0, 1600.0], [1.0] if pole is None else [1.0, pole]
+    np.testing.assert_allclose(denominator, np.polymul(*factors), rtol=1e-15)
+    s = 2j * np.pi * np.array([0.0, 1.0, 7.0, 30.0])
+    A, B, C = companion(denominator)
+    response = [(C @ np.linalg.solve(value * np.eye(len(A)) - A, B)).item() for value in s]
+    np.testing.assert_allclose(response, denominator[-1] / np.polyval(denominator, s), rtol=1e-12)
+
+
+def test_the_state_of_the_companion_form_is_the_output_with_its_derivatives():
+    A, B, C = companion(lowpass_denominator(40.0, 0.8, 30.0))
+    state = np.array([0.3, -2.0, 5.0])
+    assert C @ state == state[0]
+    np.testing.assert_array_equal((A @ state)[:-1], state[1:])
+    np.testing.assert_array_equal(B[:-1], 0.0)
+
+
+def test_one_step_against_an_adaptive_solver():
+    A, B = np.array([[0.0, 1.0], [-900.0, -20.0]]), np.array([[0.0], [900.0]])
+    F, before, after = step_matrices(A, B, 0.02)
+    start, u0, u1 = np.array([0.3, -2.0]), 0.7, -0.4
+    exact = solve_ivp(
+        lambda t, x: A @ x + B[:, 0] * (u0 + (u1 - u0) * t / 0.02), (0, 0.02), start, rtol=1e-10, atol=1e-12
+    ).y[:, -1]
+    np.testing.assert_allclose(F @ start + before[:, 0] * u0 + after[:, 0] * u1, exact, rtol=1e-7)
+
+
+@pytest.mark.parametrize("pole", [None, 30.0])
+def test_first_order_hold_against_scipy(pole):
+    system = companion(lowpass_denominator(40.0, 0.8, pole))
+    u = np.random.default_rng(3).standard_normal(500)
+    _, expected, _ = sps.dlsim(sps.cont2discrete((*system, np.zeros((1, 1))), 0.01, method="foh"), u)
+    _, output, _ = sps.dlsim((*discretise_foh(*system, 0.01), 0.01), u)
+    np.testing.assert_allclose(output, expected, atol=1e-9)
+
+
+def test_first_order_hold_keeps_the_gain_at_rest():
+    A, B, C, D = discretise_foh(np.array([[-2.0]]), np.array([[2.0]]), np.eye(1), 0.1)
+    assert (C @ np.linalg.solve(np.eye(1) - A, B) + D).item() == pytest.approx(1.0)  # gain at rest

@@ -1,0 +1,122 @@
+"""Settings of the simulation: defaults, bounds, grids, and the signature that shows them."""
+
+import inspect
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from ankleloop import simulate
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.simulate import simulate_trials
+
+
+@pytest.mark.parametrize(
+    ("settings", "kind", "message"),
+    [
+        ({"stiffnes": 150.0}, TypeError, r"^simulate has no option 'stiffnes'; it has stiffness, .*position_limit\.$"),
+        ({"inertia": -0.1}, ValueError, r"^inertia must be at least 0 kg·m², got -0\.1\.$"),
+        ({"snr_db": 301.0}, ValueError, r"^snr_db must be at most 300 dB, got 301\.0\.$"),
+        ({"pole": 0.0}, ValueError, r"^pole must be above 0 rad/s, got 0\.0\.$"),
+        ({"perturbation": "sine"}, ValueError, r"^perturbation must be one of 'prbs' or 'pulses'; got 'sine'\.$"),
+        ({"delay": 0.0005}, ValueError, r"^delay must be at least one recorded sample \(0\.001 s\), got 0\.0005 s\.$"),
+        (
+            {"switching_interval": 0.0105},
+            ValueError,
+            r"^switching_interval × recording_rate .*whole number, got 10\.5",
+        ),
+        ({"pulse_length": 0.0001}, ValueError, r"^pulse_length × recording_rate must be a whole number, got 0\.1\.$"),
+        ({"duration": 1.0005}, ValueError, r"^duration × recording_rate must be a whole number, got 1000\.5\.$"),
+        ({"settling": 0.0001}, ValueError, r"^settling × recording_rate must be a whole number, got 0\.1\.$"),
+        ({"noise_rate": 300.0}, ValueError, r"^recording_rate / noise_rate must be a whole number, got 3\.33333\.$"),
+        (
+            {"integration_rate": 1500.0},
+            ValueError,
+            r"^integration_rate / recording_rate .*whole number, got 1\.5",
+        ),
+        (
+            {"integration_rate": 100.0},
+            ValueError,
+            r"^integration_rate / recording_rate .*whole number, got 0\.1",
+        ),
+        ({"voluntary": "much"}, ValueError, r"^voluntary must be a finite number, got 'much'\.$"),
+        ({"omega_n": float("nan")}, ValueError, r"^omega_n must be a finite number \[rad/s\], got nan\.$"),
+        ({"stiffness": float("inf")}, ValueError, r"^stiffness must be a finite number \[N·m/rad\], got inf\.$"),
+        ({"stiffness": True}, ValueError, r"^stiffness must be a finite number \[N·m/rad\], got True\.$"),
+        ({"stiffness": None}, ValueError, r"^stiffness must be a finite number \[N·m/rad\], got None\.$"),
+        ({"closed_loop": "yes"}, ValueError, r"^closed_loop must be true or false, got 'yes'\.$"),
+        ({"closed_loop": 1}, ValueError, r"^closed_loop must be true or false, got 1\.$"),
+        ({"duration": 0.0}, ValueError, r"^duration must be above 0 s, got 0\.0\.$"),
+        ({"load": (0.0, 7.1, 250.0)}, ValueError, r"^load_inertia must be above 0 kg·m², got 0\.0\.$"),
+        (
+            {"load": (1.1, 7.1)},
+            ValueError,
+            r"^load must be three numbers .*stiffness\), got \(1\.1, 7\.1\)\.$",
+        ),
+        ({"load": 1.1}, ValueError, r"^load must be three numbers \(inertia, viscosity, stiffness\), got 1\.1\.$"),
+        ({"inertia": 1j}, ValueError, r"^inertia must be a finite number \[kg·m²\], got 1j\.$"),
+        (
+            {"voluntary_cutoff": 600.0},
+            ValueError,
+            r"^voluntary_cutoff must be below half .*\(500 Hz\), got 600\.0 Hz",
+        ),
+    ],
+)
+def test_wrong_settings_are_refused_by_name(settings, kind, message):
+    with pytest.raises(kind, match=message):
+        simulate(seed=1, **settings)
+
+
+def test_defaults_of_the_paper():
+    published = {
+        "stiffness": 150.0, "viscosity": 0.8, "inertia": 0.015, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04,
+        "amplitude": 0.04, "switching_interval": 0.1, "voluntary_cutoff": 2.0, "snr_db": 10.0, "duration": 50.0,
+    }  # fmt: skip
+    defaults = SimulationSettings.defaults()
+    assert {name: defaults[name] for name in published} == published
+    assert list(defaults) == list(SimulationSettings.model_fields)  # none is required
+
+
+def test_every_setting_has_a_unit_and_a_description():
+    for name, field in SimulationSettings.model_fields.items():
+        assert SimulationSettings.unit(name)
+        assert field.description
+        assert f"{name} : " in SimulationSettings.__doc__
+        assert field.description in SimulationSettings.__doc__
+
+
+@pytest.mark.parametrize("function", [simulate, simulate_trials])
+def test_the_signature_shows_every_setting_with_its_default(function):
+    parameters = inspect.signature(function).parameters
+    assert list(parameters)[2:] == list(SimulationSettings.model_fields)
+    for name, default in SimulationSettings.defaults().items():
+        assert parameters[name].default == default
+        assert parameters[name].kind is inspect.Parameter.KEYWORD_ONLY
+
+
+def test_the_parameters_of_the_load_may_come_together():
+    settings = SimulationSettings.parse("simulate", load=np.array([0.1, 10.0, 100.0]), load_stiffness=300.0)
+    assert (settings.load_inertia, settings.load_viscosity, settings.load_stiffness) == (0.1, 10.0, 300.0)
+
+
+def test_numbers_of_numpy_and_integers_are_floats():
+    values = {"reflex_gain": np.float32(2.0), "duration": 5, "closed_loop": np.bool_(False)}
+    settings = SimulationSettings.parse("simulate", **values)
+    assert (settings.reflex_gain, settings.duration, settings.closed_loop) == (2.0, 5.0, False)
+    assert [type(getattr(settings, name)) for name in values] == [float, float, bool]
+
+
+def test_settings_are_attributes_of_a_trial():
+    attributes = simulate(seed=3, duration=2.0, snr_db=None, closed_loop=False).attrs
+    settings = SimulationSettings(duration=2.0, snr_db=None, closed_loop=False)
+    expected = {name: value for name, value in settings if value is not None}
+    assert attributes == {"sampling_rate": 1000.0, "seed": 3, **expected}
+    assert type(attributes["closed_loop"]) is int  # a file has no booleans
+    assert "pole" not in attributes
+
+
+def test_the_settings_do_not_need_numpy():
+    code = "import sys, ankleloop.simulation.settings; print([m for m in ('numpy', 'xarray') if m in sys.modules])"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert process.stdout.strip() == "[]"
