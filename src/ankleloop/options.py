@@ -63,7 +63,7 @@ class Options(BaseModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        cls.__doc__ = f"{cleandoc(cls.__doc__ or '')}\n\n{cls.numpydoc()}"
+        cls.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n\n{cls.numpydoc()}"
 
     @model_validator(mode="before")
     @classmethod
@@ -218,7 +218,7 @@ def describe_error(error: Mapping[str, Any], unit: str = "1") -> str:
         word, key = BOUNDS[kind]
         return f"must be {word} {context[key]:g}{of_unit}, got {value!r}"
     if kind == "literal_error":
-        return f"must be one of {context['expected']}; got {value!r}"
+        return f"must be {'one of ' * (' or ' in context['expected'])}{context['expected']}; got {value!r}"
     if kind == "finite_number":
         return f"must be a finite number{of_unit and f' [{unit}]'}, got {value!r}"
     if kind == "value_error":

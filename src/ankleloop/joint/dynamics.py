@@ -84,7 +84,7 @@ class ReflexDynamics:
             relative.append(s / (s + self.pole))
         return response, [response * part for part in relative]
 
-    def matrices(self, rate):
+    def matrices(self, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Discrete matrices A, B, C, D for an input that is linear between samples.
 
         Parameters

@@ -12,7 +12,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis
 from ankleloop.joint.hammerstein import DriveSpectra
 from ankleloop.signals.decimation import decimation_factor, decimation_margin, differentiation_margin
-from ankleloop.subspace.records import centred
+from ankleloop.subspace.records import remove_means
 
 __all__ = ["INTRINSIC_NAMES", "Grid", "JointInputs", "Regressors", "decimation_grid", "recording_margins"]
 
@@ -110,7 +110,7 @@ class JointInputs:
     @cached_property
     def centred(self) -> list[np.ndarray]:
         """Inputs of the intrinsic and of the reflex path, less their means: shapes (N, 3) and (N, k)."""
-        return np.split(centred([self.values])[0], [len(INTRINSIC_NAMES)], axis=1)
+        return np.split(remove_means([self.values])[0], [len(INTRINSIC_NAMES)], axis=1)
 
     @cached_property
     def drive_spectra(self) -> DriveSpectra:
@@ -195,6 +195,6 @@ class Regressors:
         dict of str to float
             "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²].
         """
-        motion = centred([self.inputs[rows, : len(INTRINSIC_NAMES)]])[0]
+        motion = remove_means([self.inputs[rows, : len(INTRINSIC_NAMES)]])[0]
         values = np.linalg.lstsq(motion, torque - np.mean(torque), rcond=None)[0]
         return dict(zip("KBI", map(float, values), strict=True))

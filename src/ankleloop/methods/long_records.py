@@ -27,9 +27,9 @@ from ankleloop.records.files import atomic_file
 from ankleloop.records.long_record import LongRecord
 from ankleloop.records.validation import check_speed
 from ankleloop.signals.decimation import differentiate, differentiation_margin
-from ankleloop.subspace.input_matrices import continued
+from ankleloop.subspace.input_matrices import continue_response
 from ankleloop.subspace.moesp import SubspaceEstimate
-from ankleloop.subspace.streaming import moesp_chunks
+from ankleloop.subspace.moesp import moesp_chunks
 
 __all__ = ["identify_file"]
 
@@ -199,9 +199,9 @@ def _write_torques(chunks: _Chunks, basis: Basis, estimate: SubspaceEstimate, ou
     with atomic_file(output) as partial, h5netcdf.File(partial, "w") as file:
         variables = _create_variables(file, chunks, method)
         for (start, stop), part in chunks.passes(basis, "torques"):
-            u, path = part.inputs - input_means, model.of_inputs(part.reflex)
+            u, path = part.inputs - input_means, model.select_inputs(part.reflex)
             intrinsic = u[:, ~part.reflex] @ model.D[0, ~part.reflex]
-            reflex, state = continued(path.A, path.B, path.C, path.D, u[:, part.reflex], state)
+            reflex, state = continue_response(path.A, path.B, path.C, path.D, u[:, part.reflex], state)
             reflex = reflex[:, 0]
             torques = {"time": part.time, "net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
             for name, values in torques.items():

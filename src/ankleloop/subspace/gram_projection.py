@@ -1,46 +1,42 @@
 """The projections from inner products of Hankel rows: many times faster than factorising the Hankel matrices.
 
-Squaring costs half of the digits. So every step estimates what rounding does to it, and where that could change a rank
-or a ten-millionth of the result the answer is None: `project` is the route then.
+Squaring costs half of the digits. So every step estimates the effect of rounding, and where that could change a rank or
+a ten-millionth of the result the answer is None: the projection then has to be made by `ankleloop.subspace.projection`.
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import lapack
 
+from ankleloop.subspace.options import ProjectionForm
 from ankleloop.subspace.projection import (
     Projection,
-    check_form,
     check_instrument_rank,
     check_instrument_rows,
-    decomposed,
-    left_over,
+    decompose_residual,
+    subtract_fit,
 )
 
 __all__ = ["project_gram"]
 
-ROUNDING = 2e-16  # of a Gram matrix, over its largest eigenvalue
-ACCURACY = 1e-4  # of what is left of the outputs; a bound that adds magnitudes, a hundred times what errors come to
+ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
+ACCURACY = 1e-4  # of the outputs less their fit; a bound that adds magnitudes, a hundred times the size of the errors
 
 
-def project_gram(gram, sizes, columns, form, rank_tolerance, order):
-    """The projection of `project` from the inner products of the rows.
+def project_gram(
+    gram: np.ndarray, sizes: tuple[int, int], columns: int, form: ProjectionForm, rank_tolerance: float, order: int
+) -> Projection | None:
+    """The same as `ankleloop.subspace.projection.project`, from the inner products of the rows.
 
     Parameters
     ----------
     gram : ndarray, shape (k, k)
         Inner products of the rows of U, Z and Y, each less its mean.
-    sizes : tuple of int
-        Rows of U and of Z.
-    columns : int
-        Columns of the Hankel matrices.
-    form : {"ordinary", "correlation"}
-        Form of the projection.
-    rank_tolerance : float
-        Singular values below this fraction of the largest one are rounding.
-    order : int
-        Order to be found.
+    sizes, columns, form, rank_tolerance, order
+        As `project` takes them.
 
     Returns
     -------
@@ -50,63 +46,81 @@ def project_gram(gram, sizes, columns, form, rank_tolerance, order):
     Raises
     ------
     DataError
-        If too few instruments are left to see the order.
+        If there are too few instruments for the order.
     """
-    check_form(form)
     m, k = np.cumsum(sizes)
-    step = _ordinary if form == "ordinary" else _correlation
+    step = _project_ordinary if form == "ordinary" else _project_correlation
     return step(gram, m, k, columns, rank_tolerance, order)
 
 
-def _ordinary(gram, m, k, columns, rank_tolerance, order):
-    inputs = _directions(gram[:m, :m], rank_tolerance)
+def _project_ordinary(
+    gram: np.ndarray, m: int, k: int, columns: int, rank_tolerance: float, order: int
+) -> Projection | None:
+    """The ordinary form; rows of the inputs end at m, those of the instruments at k."""
+    inputs = _find_row_space(gram[:m, :m], rank_tolerance)
     if inputs is None:
         return None
-    others = gram[:m, m:]
-    beside = inputs.components(others)
-    left = gram[m:, m:] - beside.T @ beside
+    products = gram[:m, m:]
+    components = inputs.compute_components(products)
+    residual = gram[m:, m:] - components.T @ components
+    weights = inputs.compute_weights(products, components)
     z = k - m
-    weights = inputs.weights(others, beside)
     if z == 0:
-        return _from_outputs(left, weights, inputs, columns, order)
-    instruments = _directions(left[:z, :z], max(rank_tolerance, 1e-12), gram[m:k, m:k])
+        return _project_outputs(residual, weights, inputs, columns, order)
+    instruments = _find_row_space(residual[:z, :z], max(rank_tolerance, 1e-12), gram[m:k, m:k])
     if instruments is None:
         return None
     check_instrument_rank(instruments.rank, order)
-    explained = instruments.components(left[:z, z:])
-    fit = instruments.fit(explained)
-    # Coefficients of all rows in what is explained, and in the outputs beside the inputs.
-    size = np.sqrt(np.sum((weights[:, :z] @ fit) ** 2) + np.sum(fit**2))
-    other = np.sqrt(np.sum(weights[:, z:] ** 2) + fit.shape[1])
-    error = inputs.rounding * size * (size + 2.0 * other)
-    found = decomposed(explained.T, inputs.rank, instruments.rank, inputs.condition, columns, "ordinary")
-    return found if error <= ACCURACY * columns * found.singular_values[order - 1] ** 2 else None
+    fit = instruments.compute_components(residual[:z, z:])
+    coefficients = instruments.compute_coefficients(fit)
+    # Sizes of the coefficients of all rows in the fit, and in the outputs less their fit by the inputs.
+    fit_size = np.sqrt(np.sum((weights[:, :z] @ coefficients) ** 2) + np.sum(coefficients**2))
+    output_size = np.sqrt(np.sum(weights[:, z:] ** 2) + coefficients.shape[1])
+    error = inputs.rounding * fit_size * (fit_size + 2.0 * output_size)
+    projection = decompose_residual(fit.T, (inputs.rank, instruments.rank), inputs.condition, columns, "ordinary")
+    return projection if error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2 else None
 
 
-def _from_outputs(left, weights, inputs, columns, order):
-    """Without instruments: eigenvectors of what the inputs leave of the outputs."""
-    values, vectors = np.linalg.eigh(left)
-    error = inputs.rounding * (np.sum(weights**2) + len(left))
-    if not error <= min(ACCURACY * values[-order], values[0]):  # data without noise: the order would not show
+def _project_outputs(
+    residual: np.ndarray, weights: np.ndarray, inputs: _RowSpace, columns: int, order: int
+) -> Projection | None:
+    """Without instruments: eigenvectors of the inner products of the outputs less their fit by the inputs."""
+    values, vectors = np.linalg.eigh(residual)
+    error = inputs.rounding * (np.sum(weights**2) + len(residual))
+    if not error <= min(ACCURACY * values[-order], values[0]):  # data without noise, where rounding hides the order
         return None
     return Projection(vectors[:, ::-1], np.sqrt(values[::-1] / columns), inputs.rank, 0, inputs.condition)
 
 
-def _correlation(gram, m, k, columns, rank_tolerance, order):
-    """Nothing is lost: the form consists of inner products in any case."""
+def _project_correlation(
+    gram: np.ndarray, m: int, k: int, columns: int, rank_tolerance: float, order: int
+) -> Projection:
+    """No digits are lost: this form consists of inner products in any case."""
     check_instrument_rows(k - m, m, order)
-    residual, inputs, condition = left_over(gram[m:k, :m], gram[m:k, k:], rank_tolerance)
+    residual, input_rank, condition = subtract_fit(gram[m:k, :m], gram[m:k, k:], rank_tolerance)
     instruments, limit = gram[m:k, m:k], max(rank_tolerance**2, (k - m) * ROUNDING)
     rank = k - m
-    if _factored(instruments, limit * _largest(instruments)) is None:
+    if _factor_rows(instruments, limit * _bound_eigenvalues(instruments)) is None:
         values = np.linalg.eigvalsh(instruments)
         rank = int(np.sum(values > limit * values[-1]))
-    return decomposed(residual.T, inputs, rank, condition, columns, "correlation")
+    return decompose_residual(residual.T, (input_rank, rank), condition, columns, "correlation")
 
 
 @dataclass(frozen=True)
-class _Directions:
-    """Eigenvectors that count, or a Cholesky factor where all do; and those that do not, each over its distance."""
+class _RowSpace:
+    """Directions of some rows that count, from the inner products of the rows.
+
+    Parameters
+    ----------
+    rank : int
+        How many count.
+    smallest, largest : float
+        Extreme eigenvalues of those that count, or bounds of them.
+    factor : ndarray or None
+        Cholesky factor, where all count.
+    values, vectors : ndarray or None
+        Eigenvalues and eigenvectors of all directions, where some do not count.
+    """
 
     rank: int
     smallest: float
@@ -116,72 +130,75 @@ class _Directions:
     vectors: np.ndarray | None = None
 
     @property
-    def condition(self):
+    def condition(self) -> float:
         """Ratio of the largest to the smallest singular value that counts; where all do, an estimate of it."""
         return float(np.sqrt(self.largest / self.smallest)) if self.rank else np.inf
 
     @property
-    def rounding(self):
+    def rounding(self) -> float:
         """Error of inner products along unit directions."""
         return ROUNDING * self.largest
 
-    def components(self, products):
+    def compute_components(self, products: np.ndarray) -> np.ndarray:
         """Components of other rows along unit directions, from their inner products with the rows."""
-        if self.vectors is None:
+        if self.values is None or self.vectors is None:
             return lapack.dtrtrs(self.factor, products, lower=1)[0]
-        kept = slice(len(self.values) - self.rank, None)
-        return (self.vectors[:, kept] / np.sqrt(self.values[kept])).T @ products
+        return self._compute_directions(self.values, self.vectors).T @ products
 
-    def fit(self, components):
-        """Coefficients of the rows in what they explain of others, from the components of these."""
-        if self.vectors is None:
+    def compute_coefficients(self, components: np.ndarray) -> np.ndarray:
+        """Coefficients of the rows in their fit of other rows, from the components of these."""
+        if self.values is None or self.vectors is None:
             return lapack.dtrtrs(self.factor, components, lower=1, trans=1)[0]
-        kept = slice(len(self.values) - self.rank, None)
-        return (self.vectors[:, kept] / np.sqrt(self.values[kept])) @ components
+        return self._compute_directions(self.values, self.vectors) @ components
 
-    def weights(self, products, components):
-        """Sizes of the coefficients of other rows on the directions, which rounding goes with; or a bound of them.
+    def _compute_directions(self, values: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+        """Coefficients of the rows in unit directions."""
+        selection = slice(len(values) - self.rank, None)
+        return vectors[:, selection] / np.sqrt(values[selection])
 
-        Rounding turns a direction that counts towards one that does not, by its size over the gap between the two, so
-        those are weighed by their distance.
+    def compute_weights(self, products: np.ndarray, components: np.ndarray) -> np.ndarray:
+        """Sizes of the coefficients of other rows on the directions, by which rounding is multiplied; or a bound.
+
+        Rounding turns a direction that counts towards one that does not, by its size over the gap between the two
+        eigenvalues. So the directions that do not count are weighted by this distance.
         """
-        if self.vectors is None:
+        if self.values is None or self.vectors is None:
             return components / np.sqrt(self.smallest)
         distance = np.where(self.values >= self.smallest, self.values, self.smallest - self.values)
         return (self.vectors.T @ products) / distance[:, None]
 
 
-def _directions(gram, rank_tolerance, whole=None):
-    """Directions whose eigenvalue is above the squared tolerance times the largest one, or that of a whole of it.
+def _find_row_space(gram: np.ndarray, rank_tolerance: float, total: np.ndarray | None = None) -> _RowSpace | None:
+    """Directions whose eigenvalue is above the squared tolerance times the largest one, of `gram` or of `total`.
 
-    None if rounding leaves open which. Eigenvectors are made where a direction does not count; where all do, by a bound
-    of the condition, a Cholesky factor is enough and takes a twentieth of the time.
+    None if rounding leaves open which these are. Eigenvectors are computed only if some direction does not count; if a
+    bound of the condition shows that all count, a Cholesky factor is enough and takes a twentieth of the time.
     """
-    found = _factored(gram, rank_tolerance**2 * _largest(gram if whole is None else whole))
-    if found is not None:
-        return found
+    space = _factor_rows(gram, rank_tolerance**2 * _bound_eigenvalues(gram if total is None else total))
+    if space is not None:
+        return space
     values, vectors = np.linalg.eigh(gram)
-    largest = values[-1] if whole is None else float(np.linalg.eigvalsh(whole)[-1])
+    largest = values[-1] if total is None else float(np.linalg.eigvalsh(total)[-1])
     limit = rank_tolerance**2 * largest
     if np.any(np.abs(values - limit) < 10 * ROUNDING * largest):
         return None
     rank = int(np.sum(values > limit))
-    return _Directions(rank, float(values[-rank]) if rank else np.inf, float(values[-1]), None, values, vectors)
+    return _RowSpace(rank, float(values[-rank]) if rank else np.inf, float(values[-1]), None, values, vectors)
 
 
-def _largest(gram):
+def _bound_eigenvalues(gram: np.ndarray) -> float:
     """A bound of the largest eigenvalue: not less than it, and at most √n times as much."""
     return np.abs(gram).sum(axis=0).max()
 
 
-def _factored(gram, limit):
-    """All directions by a Cholesky factor, if its estimated condition says that every eigenvalue is above a limit."""
-    factor, failed = lapack.dpotrf(gram, lower=1)
-    if failed or np.min(np.diag(factor)) ** 2 <= limit:  # no eigenvalue is above the smallest pivot
+def _factor_rows(gram: np.ndarray, limit: float) -> _RowSpace | None:
+    """All directions by a Cholesky factor, if its estimated condition shows that every eigenvalue is above a limit."""
+    factor, info = lapack.dpotrf(gram, lower=1)
+    if info or np.min(np.diag(factor)) ** 2 <= limit:  # no eigenvalue is above the smallest pivot
         return None
-    norm = _largest(gram)
+    norm = _bound_eigenvalues(gram)
     reciprocal, _ = lapack.dpocon(factor, norm, uplo="L")
     smallest = reciprocal * norm
     if smallest / len(gram) <= max(limit, len(gram) * ROUNDING * norm):
         return None
-    return _Directions(len(gram), float(smallest), float(norm), factor)
+    return _RowSpace(len(gram), float(smallest), float(norm), factor)

@@ -1,13 +1,16 @@
 """Block Hankel matrices (Eq. 15)."""
 
+from __future__ import annotations
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
 
 __all__ = ["block_hankel"]
 
 
-def block_hankel(x, first, rows, columns):
+def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarray:
     r"""Block Hankel matrix of a signal.
 
     .. math:: R_{i,j,n} = \begin{bmatrix} r(i) & \cdots & r(i+n-1) \\ \vdots & & \vdots \\
@@ -18,7 +21,7 @@ def block_hankel(x, first, rows, columns):
     Parameters
     ----------
     x : array_like, shape (N,) or (N, m)
-        The signal; each sample is one block of m entries.
+        The signal; each sample gives one block row of m entries.
     first : int
         Sample in the upper left corner.
     rows, columns : int

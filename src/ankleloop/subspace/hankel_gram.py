@@ -1,5 +1,9 @@
 """Inner products of Hankel rows without the Hankel matrix, in constant memory however long the record is."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 
@@ -7,28 +11,28 @@ from ankleloop.errors import DataError
 
 __all__ = ["HankelGram"]
 
-BLOCK = 256  # columns: sums of sums round less than one long sum
+CHUNK = 256  # columns: sums of sums round less than one long sum
 
 
 class HankelGram:
     r"""Gram matrix H Hᵀ of a block-Hankel matrix, each row less its mean, accumulated over the chunks of one record.
 
-    Rows of a Hankel matrix are shifts of one signal, so each block follows from its upper left neighbour by what enters
-    and what leaves the window of n columns,
+    Rows of a Hankel matrix are shifts of one signal. So the products of each pair of block rows follow from those of
+    the pair before, by the samples that enter and leave the window of n columns,
 
     .. math:: G_{i+1,j+1} = G_{i,j} + w(i+n)\, w(j+n)^T - w(i)\, w(j)^T,
 
-    and only the first block row takes sums over the record (Mastronardi, Kressner, Sima, Van Dooren and Van Huffel, "A
-    fast algorithm for subspace state-space system identification via exploitation of the displacement structure", J.
-    Comput. Appl. Math. 132, 71-81, 2001).
+    and only the products with the first block row take sums over the record (Mastronardi, Kressner, Sima, Van Dooren
+    and Van Huffel, "A fast algorithm for subspace state-space system identification via exploitation of the
+    displacement structure", J. Comput. Appl. Math. 132, 71-81, 2001).
 
     Parameters
     ----------
     block_rows : int
         Block rows of the Hankel matrix, which begins with the first sample.
     lags : sequence of int, optional
-        For each channel, how many block rows later another row may be for their product to be of use: fewer are made
-        in less time. All `block_rows` by default.
+        For each channel, up to how many block rows later its products with other rows are computed: fewer take less
+        time. All `block_rows` by default.
 
     Examples
     --------
@@ -41,15 +45,17 @@ class HankelGram:
     True
     """
 
-    def __init__(self, block_rows, lags=None):
+    def __init__(self, block_rows: int, lags: Sequence[int] | np.ndarray | None = None) -> None:
         self.block_rows = block_rows
         self.lags = lags
         self.columns = 0
-        self._head = self._tail = None
-        self._products = self._sums = 0.0
+        self._head: np.ndarray | None = None
+        self._tail: np.ndarray | None = None
+        self._products: np.ndarray | float = 0.0
+        self._sums: np.ndarray | float = 0.0
 
-    def add(self, chunk):
-        """Continue the record.
+    def add(self, chunk: np.ndarray) -> None:
+        """Add the next samples of the record.
 
         Parameters
         ----------
@@ -64,44 +70,48 @@ class HankelGram:
         if self._head is None:
             self._head = x[: self.block_rows - 1].copy()
         lags = np.full(x.shape[1], self.block_rows) if self.lags is None else np.asarray(self.lags)
-        self._products = self._products + _lagged_products(np.ascontiguousarray(x), columns, self.block_rows, lags)
+        self._products = self._products + _sum_lagged_products(np.ascontiguousarray(x), columns, self.block_rows, lags)
         self._sums = self._sums + np.ones(columns) @ x[:columns]
         self._tail = x[columns:].copy()
         self.columns += columns
 
-    def matrix(self, rows=None):
-        """The Gram matrix of what has been added.
+    def matrix(self, rows: np.ndarray | None = None) -> np.ndarray:
+        """The Gram matrix of the samples added so far.
 
         Parameters
         ----------
         rows : ndarray of int, optional
-            Rows of the Hankel matrix to take, each once, in this order; all by default.
+            Rows of the Hankel matrix to take, in this order; all by default.
 
         Returns
         -------
         ndarray, shape (rows, rows)
-            Row i of the Hankel matrix holds channel i % channels at lag i // channels. Products that were not to be
-            made are nan.
+            Row i of the Hankel matrix holds channel i % channels at lag i // channels. Products beyond `lags` are nan.
 
         Raises
         ------
         DataError
             If the record is shorter than a single column.
         """
-        if self.columns == 0:
+        if self._head is None or self._tail is None:
             raise DataError(f"the record is shorter than the {self.block_rows} samples of one Hankel column.")
-        moved = np.cumsum(np.vstack([np.zeros(self._sums.size), self._tail - self._head]), axis=0)
-        means = (self._sums + moved).ravel() / np.sqrt(self.columns)
+        shifts = np.vstack([np.zeros(self._head.shape[1]), self._tail - self._head])
+        means = (self._sums + np.cumsum(shifts, axis=0)).ravel() / np.sqrt(self.columns)
         rows = np.arange(means.size) if rows is None else rows
-        place = np.argsort(rows)
-        ascending = rows[place].astype(np.uint64), place.astype(np.uint64)
-        return _displaced(self._products, self._head.ravel(), self._tail.ravel(), means, *ascending)
+        order = np.argsort(rows)
+        ascending = rows[order]
+        if np.any(ascending[1:] == ascending[:-1]):
+            unique, places = np.unique(rows, return_inverse=True)
+            return self.matrix(unique)[np.ix_(places, places)]
+        places = order.astype(np.uint64)
+        ends = self._head.ravel(), self._tail.ravel()
+        return _displace_products(self._products, *ends, means, ascending.astype(np.uint64), places)
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.
 @njit(fastmath={"contract"})
-def _add_singly(flat, start, stop, lags, part):
-    """The products of the columns that are left."""
+def _add_columns(flat, start, stop, lags, part):
+    """Add the products of some columns, one column at a time."""
     channels = len(part)
     for at in range(start * channels, stop * channels, channels):
         for i in range(channels):
@@ -110,17 +120,17 @@ def _add_singly(flat, start, stop, lags, part):
 
 
 @njit(cache=True, fastmath={"contract"})
-def _lagged_products(x, columns, block_rows, lags):
-    """First block row of the Gram matrix, sums over t of x(t) times x(t) … x(t + block_rows - 1).
+def _sum_lagged_products(x, columns, block_rows, lags):
+    """Products with the first block row: sums over t of x(t) times x(t) … x(t + block_rows - 1).
 
-    Samples follow each other in memory, so those of all lags are one row of numbers. Four columns at a time: the sums
-    are loaded and stored a fourth as often; two channels at a time: samples are loaded half as often.
+    Samples follow each other in memory, so those of all lags are one row of numbers. Taking four columns at a time, the
+    sums are loaded and stored a fourth as often; taking two channels at a time, samples are loaded half as often.
     """
     channels = x.shape[1]
     flat, width = x.ravel(), block_rows * channels
     sums, part = np.zeros((channels, width)), np.zeros((channels, width))
-    for start in range(0, columns, BLOCK):
-        stop = min(start + BLOCK, columns)
+    for start in range(0, columns, CHUNK):
+        stop = min(start + CHUNK, columns)
         whole = stop - (stop - start) % 4
         part[:] = 0.0
         for t in range(start, whole, 4):
@@ -143,7 +153,7 @@ def _lagged_products(x, columns, block_rows, lags):
                     row[k] += a0 * p + a1 * q + a2 * r + a3 * s
                     other[k] += b0 * p + b1 * q + b2 * r + b3 * s
                 i += 2
-        _add_singly(flat, whole, stop, lags, part)
+        _add_columns(flat, whole, stop, lags, part)
         sums += part
     for i in range(channels):
         sums[i, lags[i] * channels :] = np.nan
@@ -151,27 +161,28 @@ def _lagged_products(x, columns, block_rows, lags):
 
 
 @njit(cache=True)
-def _displaced(products, head, tail, means, rows, place):
-    """Rows of the Gram matrix one after the other: each is that of a block before, moved by a block and displaced.
+def _displace_products(products, head, tail, means, rows, places):
+    """Rows of the Gram matrix one after the other: each follows from that of the block row before by displacement.
 
-    Rows to take come in ascending order, with their places in the result; both unsigned, which index without a check.
+    The rows to take come in ascending order, each once, with their places in the result; both unsigned, because
+    unsigned indices need no check for negative ones.
     """
     channels, width = products.shape
-    size, taken = rows.size, 0
-    last, row = products.copy(), np.empty(width)
+    size, count = rows.size, 0
+    last_rows, row = products.copy(), np.empty(width)
     gram = np.empty((size, size))
     for i in range(width):
-        same_channel = last[i % channels]
+        last_row = last_rows[i % channels]
         if i >= channels:
             before, after = head[i - channels], tail[i - channels]
             for j in range(i - channels, width - channels):
-                row[j + channels] = same_channel[j] + after * tail[j] - before * head[j]
-            same_channel[i:] = row[i:]
-        if taken == size or rows[taken] != i:
+                row[j + channels] = last_row[j] + after * tail[j] - before * head[j]
+            last_row[i:] = row[i:]
+        if count == size or rows[count] != i:
             continue
-        for k in range(taken, size):
-            value = same_channel[rows[k]] - means[i] * means[rows[k]]
-            gram[place[taken], place[k]] = value
-            gram[place[k], place[taken]] = value
-        taken += 1
+        for k in range(count, size):
+            value = last_row[rows[k]] - means[i] * means[rows[k]]
+            gram[places[count], places[k]] = value
+            gram[places[k], places[count]] = value
+        count += 1
     return gram

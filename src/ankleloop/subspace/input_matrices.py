@@ -1,34 +1,53 @@
-"""B, D, initial state and offset, given A and C: a linear regression on simulated responses."""
+"""B, D, initial state and offset of a model with known A and C: a linear regression on simulated responses."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 from scipy import linalg
 from scipy.linalg import blas
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.records import are_batches, as_batches
+from ankleloop.subspace.records import are_merged, list_records
 
 __all__ = [
     "InputMatrices",
-    "continued",
-    "driving",
+    "OutputRegression",
+    "Solution",
+    "continue_response",
     "estimate_input_matrices",
-    "least_squares",
-    "matrices_of",
-    "response",
-    "sensitivities",
-    "state_trajectory",
+    "simulate_response",
+    "simulate_states",
+    "solve_least_squares",
 ]
 
-BLOCK = 1024  # samples
-SQUARED = 1e-4  # least ratio of singular values for which normal equations keep eight digits
+CHUNK = 1024  # samples
+NEGLIGIBLE = 1e-200  # size of a response that has died away; smaller numbers slow the arithmetic down
+LEAST_RATIO = 1e-4  # of singular values, for which normal equations keep eight digits
+
+Solution = tuple[np.ndarray, int, float]  # unknowns, rank and condition of a regression
 
 
 @dataclass(frozen=True)
 class InputMatrices:
-    """B, D, initial state and output offset (rows for data batches), rank and condition of their regression."""
+    """B, D, initial state and output offset, and the regression that gave them.
+
+    Parameters
+    ----------
+    B, D : ndarray, shape (n, m), (p, m)
+        The matrices.
+    initial_state, offset : ndarray, shape (n,), (p,); of merged records (records, n), (records, p)
+        State at the first sample, and output without state and input.
+    rank : int
+        Rank of the regression.
+    condition : float
+        Its condition.
+    """
 
     B: np.ndarray
     D: np.ndarray
@@ -39,7 +58,7 @@ class InputMatrices:
 
 
 @njit(cache=True)
-def state_trajectory(A, drive, x0):
+def simulate_states(A, drive, x0):
     """States of x(t+1) = A x(t) + drive(t).
 
     Parameters
@@ -69,7 +88,9 @@ def state_trajectory(A, drive, x0):
     return states
 
 
-def response(A, B, C, D, u, x0=None):
+def simulate_response(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, u: np.ndarray, x0: ArrayLike | None = None
+) -> np.ndarray:
     """Output of a state-space model.
 
     Parameters
@@ -78,7 +99,7 @@ def response(A, B, C, D, u, x0=None):
         The model.
     u : ndarray, shape (N, m)
         Inputs.
-    x0 : ndarray, shape (n,), optional
+    x0 : array_like, shape (n,), optional
         Initial state; zero by default.
 
     Returns
@@ -88,40 +109,40 @@ def response(A, B, C, D, u, x0=None):
     Examples
     --------
     >>> A, B, C, D = (np.array([[value]]) for value in (0.5, 1.0, 1.0, 0.0))
-    >>> response(A, B, C, D, np.array([[1.0], [0.0], [0.0]])).ravel()
+    >>> simulate_response(A, B, C, D, np.array([[1.0], [0.0], [0.0]])).ravel()
     array([0. , 1. , 0.5])
     """
     x0 = np.zeros(A.shape[0]) if x0 is None else np.asarray(x0, dtype=float)
-    return continued(A, B, C, D, u, x0)[0]
+    return continue_response(A, B, C, D, u, x0)[0]
 
 
-def continued(A, B, C, D, u, x0):
-    """Output of a state-space model, and the state that follows, so that a record can come in chunks.
+def continue_response(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, u: np.ndarray, x0: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Output of a state-space model, and the state that follows, for a record that comes in chunks.
 
     Parameters
     ----------
-    A, B, C, D, u, x0
-        As `response` takes them; the state has to be given.
+    A, B, C, D, u
+        As `simulate_response` takes them.
+    x0 : ndarray, shape (n,)
+        State at the first sample.
 
     Returns
     -------
     y : ndarray, shape (N, p)
     x : ndarray, shape (n,)
+        State after the last sample.
     """
     drive = np.ascontiguousarray(u @ B.T)
-    states = state_trajectory(np.ascontiguousarray(A), drive, x0)
+    states = simulate_states(np.ascontiguousarray(A), drive, x0)
     return states @ C.T + u @ D.T, A @ states[-1] + drive[-1]
-
-
-def driving(dynamic, inputs):
-    """Mask of the inputs that drive the state; all of them, by default."""
-    return np.ones(inputs, dtype=bool) if dynamic is None else np.asarray(dynamic, dtype=bool)
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.
 @njit(cache=True, fastmath={"contract"})
-def _follow(A, u, c, states, out):
-    """Rows v(t+1) = v(t) A + u(t) c of some inputs side by side into `out`, from states that are carried on.
+def _propagate_rows(A, u, c, states, out):
+    """Rows v(t+1) = v(t) A + u(t) c of some inputs side by side into `out`; `states` become those that follow.
 
     The first entry of all rows comes first, then the second one: the innermost loops run over the inputs.
     """
@@ -138,59 +159,101 @@ def _follow(A, u, c, states, out):
                 states[k * count + j] = total
 
 
-def sensitivities(A, C, u, dynamic, observed, driven, out=None):
-    """Responses of every output to the entries of D and B, the initial state and the offset.
-
-    The response to a column of B is a row C (q - A)⁻¹ u(t) for each input and output, which follows from the last one:
-    n numbers instead of the n² of a state for each entry. Both kinds of rows are carried on in place, so that a record
-    can come in chunks.
+class OutputRegression:
+    """Regression of the outputs on their responses to the entries of D and B, the initial state and the offset.
 
     Parameters
     ----------
     A, C : ndarray, shape (n, n), (p, n)
-        The model so far.
-    u : ndarray, shape (N, m)
-        Inputs.
-    dynamic : ndarray of int
-        Inputs that drive the state.
-    observed : ndarray, shape (p, n)
-        C Aᵗ at the first sample.
-    driven : ndarray, shape (p, n * inputs that drive the state)
-        The rows at the first sample, the first entry of all of them first.
-    out : ndarray, optional
-        Where to put them, with zeros between the outputs: memory that is used again costs less than new one.
-
-    Returns
-    -------
-    ndarray, shape (N, p, m * p + n * dynamic inputs + n + p)
+        State and output matrix.
+    inputs : int
+        Number of inputs m.
+    dynamic : array_like of bool, shape (m,), optional
+        Inputs that drive the state; all, by default.
     """
-    (samples, m), (p, n) = u.shape, C.shape
-    phi = np.zeros((samples, p, m * p + n * dynamic.size + n + p)) if out is None else out
-    A, C, undriven = np.ascontiguousarray(A), np.ascontiguousarray(C), np.zeros((samples, 1))
-    driving_inputs = np.ascontiguousarray(u if dynamic.size == m else u[:, dynamic])
-    for i in range(p):
-        phi[:, i, i : m * p : p] = u
-        _follow(A, driving_inputs, C[i], driven[i], phi[:, i, m * p : -n - p])
-        _follow(A, undriven, C[i], observed[i], phi[:, i, -n - p : -p])
-        phi[:, i, i - p] = 1.0
-    return phi
+
+    def __init__(self, A: np.ndarray, C: np.ndarray, inputs: int, dynamic: ArrayLike | None = None) -> None:
+        self.A, self.C, self.inputs = np.ascontiguousarray(A), np.ascontiguousarray(C), inputs
+        self.dynamic = np.arange(inputs) if dynamic is None else np.flatnonzero(np.asarray(dynamic, dtype=bool))
+        p, n = C.shape
+        self.edges = [inputs * p, inputs * p + n * self.dynamic.size]  # the unknowns of D end here, and those of B
+        self.unknowns = self.edges[1] + n + p
+
+    def generate_regressors(self, chunks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
+        """Responses of every output to each unknown, for one record chunk by chunk.
+
+        The response to a column of B is a row C (q - A)⁻¹ u(t) for each input and output, which follows from the row
+        before: n numbers instead of the n² of a state for each entry.
+
+        Parameters
+        ----------
+        chunks : iterable of ndarray, shape (N, m) each
+            The inputs.
+
+        Yields
+        ------
+        ndarray, shape (N * p, unknowns)
+            Memory that the next chunk uses again.
+        """
+        A, C = self.A, self.C
+        p, n = C.shape
+        d_end, b_end = self.edges
+        # Free and forced responses at the first sample of a chunk: C Aᵗ, and the rows of all dynamic inputs.
+        free, forced = C.copy(), np.zeros((p, b_end - d_end))
+        memory = np.zeros((0, p, self.unknowns))  # zero between the outputs
+        for u in chunks:
+            if len(u) > len(memory):
+                memory = np.zeros((len(u), p, self.unknowns))
+            phi, no_input = memory[: len(u)], np.zeros((len(u), 1))
+            dynamic_inputs = np.ascontiguousarray(u if self.dynamic.size == self.inputs else u[:, self.dynamic])
+            for i in range(p):
+                phi[:, i, i:d_end:p] = u
+                _propagate_rows(A, dynamic_inputs, C[i], forced[i], phi[:, i, d_end:b_end])
+                _propagate_rows(A, no_input, C[i], free[i], phi[:, i, b_end : b_end + n])
+                phi[:, i, i - p] = 1.0
+            free[np.abs(free) < NEGLIGIBLE] = 0.0
+            yield phi.reshape(-1, self.unknowns)
+
+    def merge_regressors(self, records: Sequence[np.ndarray]) -> np.ndarray:
+        """Regressors of all records: D and B are common to them, initial state and offset belong to one each."""
+        parts = [next(self.generate_regressors([record])) for record in records]
+        if len(parts) == 1:
+            return parts[0]
+        common, individual = zip(*(np.split(part, self.edges[1:], axis=1) for part in parts), strict=True)
+        return np.hstack([np.concatenate(common), linalg.block_diag(*individual)])
+
+    def unpack(self, solution: Solution, records: int = 1) -> InputMatrices:
+        """Sort the unknowns into matrices.
+
+        Parameters
+        ----------
+        solution : tuple
+            Unknowns, rank and condition.
+        records : int
+            Number of records.
+
+        Returns
+        -------
+        InputMatrices
+        """
+        theta, rank, condition = solution
+        p, n = self.C.shape
+        d, b, rest = np.split(theta, self.edges)
+        B = np.zeros((n, self.inputs))
+        B[:, self.dynamic] = b.reshape(n, self.dynamic.size)
+        rest = rest.reshape((records, n + p) if records > 1 else n + p)
+        return InputMatrices(B, d.reshape(self.inputs, p).T, rest[..., :n], rest[..., n:], rank, condition)
 
 
-def _regressors(A, C, u, dynamic):
-    """Regressors of one record, for D and B, its initial state and its offset."""
-    phi = sensitivities(A, C, u, dynamic, np.array(C), np.zeros((len(C), len(A) * dynamic.size)))
-    return phi.reshape(-1, phi.shape[2])
-
-
-def _stacked(parts, shared):
-    """Regressors of all records: the first columns are theirs together, the others belong to one record each."""
-    if len(parts) == 1:
-        return parts[0]
-    own = linalg.block_diag(*(part[:, shared:] for part in parts))
-    return np.hstack([np.concatenate([part[:, :shared] for part in parts]), own])
-
-
-def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, rank_tolerance=1e-10):
+def estimate_input_matrices(
+    A: np.ndarray,
+    C: np.ndarray,
+    u: Any,
+    y: Any,
+    dynamic: ArrayLike | None = None,
+    instrument_inputs: Any = None,
+    rank_tolerance: float = 1e-10,
+) -> InputMatrices:
     r"""B, D, x0 and offset by least squares, or with instruments.
 
     The output is linear in them, :math:`y(t) = C A^t x_0 + \sum_k C A^{t-1-k} B u(k) + D u(t) + d`. With instruments,
@@ -200,10 +263,10 @@ def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, ra
     Parameters
     ----------
     A, C : ndarray, shape (n, n), (p, n)
-        The model so far.
+        State and output matrix.
     u, y : ndarray, shape (N, m), (N, p), or lists of those
-        Inputs and outputs, of similar size; of one record, or of several data batches.
-    dynamic : ndarray of bool, shape (m,), optional
+        Inputs and outputs, of similar size; of one record or of several.
+    dynamic : array_like of bool, shape (m,), optional
         Inputs that drive the state; the rows of B of all others are zero (Eq. 11). All, by default.
     instrument_inputs : ndarray, shape (N, m), or list of those, optional
         Predicted noise-free inputs; None for least squares.
@@ -219,73 +282,65 @@ def estimate_input_matrices(A, C, u, y, dynamic=None, instrument_inputs=None, ra
     DataError
         If there are fewer samples than unknowns.
     """
-    several = are_batches(u)
-    u, y = as_batches(u, several), as_batches(y, several)
-    m, n, p = u[0].shape[1], A.shape[0], C.shape[0]
-    dynamic = driving(dynamic, m)
-    which = np.flatnonzero(dynamic)
-    shared = m * p + n * which.size
-    if instrument_inputs is None and len(u) == 1:
-        found = _by_normal_equations(A, C, u[0], y[0], which, rank_tolerance)
-        if found is not None:
-            return matrices_of(found[0], (m, n, p), dynamic, 1, *found[1:])
-    phi = _stacked([_regressors(A, C, record, which) for record in u], shared)
+    merged = are_merged(u)
+    inputs, outputs = list_records(u, merged), list_records(y, merged)
+    regression = OutputRegression(A, C, inputs[0].shape[1], dynamic)
+    if instrument_inputs is None and len(inputs) == 1:
+        solution = _solve_normal_equations(regression, inputs[0], outputs[0], rank_tolerance)
+        if solution is not None:
+            return regression.unpack(solution)
+    phi = regression.merge_regressors(inputs)
     if phi.shape[0] < phi.shape[1]:
         raise DataError(f"{phi.shape[0]} samples cannot determine {phi.shape[1]} entries of B, D, x0: record longer.")
-    target = np.concatenate([record.reshape(-1) for record in y])
-    psi = None
-    if instrument_inputs is not None:
-        predicted = as_batches(instrument_inputs, several)
-        psi = _stacked([_regressors(A, C, record, which) for record in predicted], shared)
-    if psi is None:
-        theta, rank, condition = least_squares(phi, target, rank_tolerance)
+    target = np.concatenate([record.reshape(-1) for record in outputs])
+    if instrument_inputs is None:
+        solution = solve_least_squares(phi, target, rank_tolerance)
     else:
-        theta, rank, condition = _instrumental(phi, target, psi, rank_tolerance)
-    return matrices_of(theta, (m, n, p), dynamic, len(u), rank, condition)
+        psi = regression.merge_regressors(list_records(instrument_inputs, merged))
+        solution = _solve_instruments(phi, target, psi, rank_tolerance)
+    return regression.unpack(solution, len(inputs))
 
 
-def _by_normal_equations(A, C, u, y, which, rank_tolerance):
+def _solve_normal_equations(
+    regression: OutputRegression, u: np.ndarray, y: np.ndarray, rank_tolerance: float
+) -> Solution | None:
     """Unknowns, rank and condition for one record; None where squares are not accurate enough.
 
-    The regressors are made a block at a time, which stays in the cache, and are not kept.
+    The regressors are not kept: they are computed and used chunk by chunk, because a chunk stays in the cache.
     """
-    p, n = C.shape
-    observed, driven = np.array(C), np.zeros((p, n * which.size))
-    space = np.zeros((min(BLOCK, len(u)), p, u.shape[1] * p + n * which.size + n + p))
-    gram, right = 0.0, 0.0
-    for start in range(0, len(u), BLOCK):
-        rows = slice(start, start + BLOCK)
-        phi = sensitivities(A, C, u[rows], which, observed, driven, space[: len(u) - start])
-        phi = phi.reshape(-1, phi.shape[2])
+    chunks = [slice(start, start + CHUNK) for start in range(0, len(u), CHUNK)]
+    gram: Any = 0.0
+    right: Any = 0.0
+    for chunk, phi in zip(chunks, regression.generate_regressors(u[chunk] for chunk in chunks), strict=True):
         gram = gram + blas.dsyrk(1.0, phi.T)  # its upper triangle
-        right = right + y[rows].reshape(-1) @ phi
+        right = right + y[chunk].reshape(-1) @ phi
     scale = np.sqrt(np.diag(gram))
     if scale.size > y.size or not scale.all():
         return None
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale), UPLO="U")
     # Squares lose twice the digits that the condition takes.
-    if not values[0] > max(SQUARED, 2.0 * rank_tolerance) ** 2 * values[-1]:
+    if not values[0] > max(LEAST_RATIO, 2.0 * rank_tolerance) ** 2 * values[-1]:
         return None
     theta = vectors @ ((vectors.T @ (right / scale)) / values)
     return theta / scale, len(values), float(np.sqrt(values[-1] / values[0]))
 
 
-def _instrumental(phi, target, psi, rank_tolerance):
-    scale, other = _norms(phi), _norms(psi)
-    left, right = (psi.T @ phi) / np.outer(other, scale), (psi.T @ target) / other
-    theta, _, rank, values = linalg.lstsq(left, right, cond=rank_tolerance, lapack_driver="gelsd")
-    return theta / scale, int(rank), float(values[0] / values[rank - 1])
+def _solve_instruments(phi: np.ndarray, target: np.ndarray, psi: np.ndarray, rank_tolerance: float) -> Solution:
+    """Unknowns, rank and condition from the normal equations with instruments psi."""
+    scale, psi_scale = _column_norms(phi), _column_norms(psi)
+    left, right = (psi.T @ phi) / np.outer(psi_scale, scale), (psi.T @ target) / psi_scale
+    return _solve(left, right, scale, rank_tolerance)
 
 
-def least_squares(phi, target, rank_tolerance):
-    """Least squares from columns of unit norm.
+def solve_least_squares(phi: np.ndarray, target: np.ndarray, rank_tolerance: float) -> Solution:
+    """Least squares from columns that are scaled to unit norm.
 
     Parameters
     ----------
     phi : ndarray, shape (N, k)
         Regressors, or a triangular factor of them.
     target : ndarray, shape (N,)
-        What they explain.
+        Signal that they explain.
     rank_tolerance : float
         Directions below this fraction of the largest one are left out.
 
@@ -296,24 +351,17 @@ def least_squares(phi, target, rank_tolerance):
     condition : float
         Ratio of the largest to the smallest singular value that counts.
     """
-    scale = _norms(phi)
-    theta, _, rank, values = linalg.lstsq(phi / scale, target, cond=rank_tolerance, lapack_driver="gelsd")
+    scale = _column_norms(phi)
+    return _solve(phi / scale, target, scale, rank_tolerance)
+
+
+def _solve(phi: np.ndarray, target: np.ndarray, scale: np.ndarray, rank_tolerance: float) -> Solution:
+    theta, _, rank, values = linalg.lstsq(phi, target, cond=rank_tolerance, lapack_driver="gelsd")
     return theta / scale, int(rank), float(values[0] / values[rank - 1])
 
 
-def _norms(phi):
+def _column_norms(phi: np.ndarray) -> np.ndarray:
+    """Norms of columns, 1 for columns of zeros."""
     norms = np.linalg.norm(phi, axis=0)
     norms[norms == 0] = 1.0
     return norms
-
-
-def matrices_of(theta, sizes, dynamic, records, rank, condition):
-    """The unknowns of the regression, sorted into matrices; `sizes` are those of inputs, state and outputs."""
-    m, n, p = sizes
-    count = int(dynamic.sum())
-    direct, driven, own = np.split(theta, [m * p, m * p + n * count])
-    B = np.zeros((n, m))
-    B[:, dynamic] = driven.reshape(n, count)
-    own = own.reshape(records, n + p)
-    own = own if records > 1 else own[0]
-    return InputMatrices(B, direct.reshape(m, p).T, own[..., :n], own[..., n:], rank, condition)

@@ -1,15 +1,20 @@
-"""Instrumental variables of the MOESP family: which past signals are uncorrelated with the future noise."""
+"""Instrumental variables of the MOESP family: past signals that are uncorrelated with the future noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from ankleloop.errors import DataError
 from ankleloop.subspace.hankel import block_hankel
-from ankleloop.subspace.records import as_batches, batch_hankel, centred
+from ankleloop.subspace.options import Instruments
+from ankleloop.subspace.records import merge_hankel, remove_means
 
-__all__ = ["INSTRUMENTS", "instrument_channels", "predict_from_reference", "reference_response"]
+__all__ = ["INSTRUMENT_SIGNALS", "fit_reference_response", "predict_from_reference", "select_channels"]
 
-# Which signals each choice stacks.
-INSTRUMENTS = {
+SIGNALS = ("input", "output", "reference")
+INSTRUMENT_SIGNALS: dict[Instruments, tuple[str, ...]] = {
     "none": (),
     "past-input": ("input",),
     "past-input-output": ("input", "output"),
@@ -17,15 +22,15 @@ INSTRUMENTS = {
 }
 
 
-def instrument_channels(instruments, inputs, outputs, references):
-    """Which channels a choice of instruments consists of, where a record holds inputs, outputs and reference.
+def select_channels(instruments: Instruments, sizes: tuple[int, int, int]) -> np.ndarray:
+    """Select the channels that instruments consist of, from records of inputs, outputs and reference side by side.
 
     Parameters
     ----------
-    instruments : str
-        One of `INSTRUMENTS`.
-    inputs, outputs, references : int
-        Number of channels of each; 0 references where there is none.
+    instruments : {"none", "past-input", "past-input-output", "past-reference"}
+        Instrumental variables.
+    sizes : tuple of int
+        Numbers of inputs, outputs and references; 0 references where there is none.
 
     Returns
     -------
@@ -34,33 +39,34 @@ def instrument_channels(instruments, inputs, outputs, references):
     Raises
     ------
     DataError
-        If the choice needs a reference and there is none.
+        If the instruments need a reference and there is none.
 
     Examples
     --------
-    >>> instrument_channels("past-reference", 2, 1, 1).tolist()
+    >>> select_channels("past-reference", (2, 1, 1)).tolist()
     [3]
     """
-    if instruments not in INSTRUMENTS:
-        raise ValueError(f"unknown instruments {instruments!r}; known: {', '.join(INSTRUMENTS)}.")
-    if "reference" in INSTRUMENTS[instruments] and not references:
+    signals = INSTRUMENT_SIGNALS[instruments]
+    if "reference" in signals and not sizes[2]:
         raise DataError("past-reference instruments need a reference: pass the external command of the loop.")
-    edges = np.cumsum([0, inputs, outputs, references])
-    of = {name: np.arange(*edges[k : k + 2]) for k, name in enumerate(("input", "output", "reference"))}
-    return np.concatenate([of[name] for name in INSTRUMENTS[instruments]] or [np.arange(0)])
+    channels = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
+    parts = [part for name, part in zip(SIGNALS, channels, strict=True) if name in signals]
+    return np.concatenate([np.arange(0), *parts])
 
 
-def reference_response(u, reference, leads=15, lags=80):
+def fit_reference_response(
+    signals: Sequence[np.ndarray], references: Sequence[np.ndarray], leads: int = 15, lags: int = 80
+) -> np.ndarray:
     """Finite response of signals to leads and lags of the reference, by least squares.
 
-    Zero-phase filters leak the future into the past, hence the leads.
+    The leads are needed because zero-phase filters leak the future into the past.
 
     Parameters
     ----------
-    u : ndarray, shape (N, m), or list of those
-        Signals of one record, or of several.
-    reference : ndarray, shape (N, q), or list of those
-        External reference.
+    signals : sequence of ndarray, shape (N, m) each
+        Signals of each record.
+    references : sequence of ndarray, shape (N, q) each
+        External reference of each record.
     leads, lags : int
         Samples ahead of and behind the present.
 
@@ -74,38 +80,39 @@ def reference_response(u, reference, leads=15, lags=80):
     DataError
         If the record is too short for so many leads and lags.
     """
-    u, reference = as_batches(u), as_batches(reference)
-    taps, q = leads + lags + 1, reference[0].shape[1]
-    columns = sum(max(0, record.shape[0] - taps + 1) for record in reference)
+    taps, q = leads + lags + 1, references[0].shape[1]
+    columns = sum(max(0, record.shape[0] - taps + 1) for record in references)
     if columns < taps * q:
-        samples = " + ".join(str(record.shape[0]) for record in reference)
+        samples = " + ".join(str(record.shape[0]) for record in references)
         raise DataError(
             f"a record of {samples} samples is too short to predict its inputs from {taps} leads and lags "
             "of the reference: record longer, or use input_matrices='least-squares'."
         )
-    regressors = batch_hankel(reference, 0, taps, taps).T
-    # Every lag loses its own mean: they differ a little, and an offset of the signal would leak through the difference.
+    regressors = merge_hankel(references, 0, taps, taps).T
+    # Each lag loses its own mean: an offset of the signal would leak through small differences between these means.
     regressors = regressors - regressors.mean(axis=0)
-    target = np.concatenate([record[lags : record.shape[0] - leads] for record in u if record.shape[0] >= taps])
+    target = np.concatenate([record[lags : record.shape[0] - leads] for record in signals if record.shape[0] >= taps])
     # Rows run from the oldest lag to the furthest lead; the response reads the other way.
     return np.linalg.lstsq(regressors, target - target.mean(axis=0), rcond=1e-10)[0].reshape(taps, q, -1)[::-1]
 
 
-def predict_from_reference(u, reference, leads=15, lags=80):
-    """Part of signals that leads and lags of the reference explain: it is free of fed-back noise.
+def predict_from_reference(
+    signals: Sequence[np.ndarray], references: Sequence[np.ndarray], leads: int = 15, lags: int = 80
+) -> list[np.ndarray]:
+    """Predict signals from leads and lags of the reference: the prediction is free of noise that is fed back.
 
     Parameters
     ----------
-    u : ndarray, shape (N, m), or list of those
-        Signals of zero mean, of one record, or of several.
-    reference : ndarray, shape (N, q), or list of those
-        External reference; it counts as zero beyond its ends.
+    signals : sequence of ndarray, shape (N, m) each
+        Signals of each record, of zero mean.
+    references : sequence of ndarray, shape (N, q) each
+        External reference of each record; it counts as zero beyond its ends.
     leads, lags : int
         Samples ahead of and behind the present.
 
     Returns
     -------
-    ndarray, shape (N, m), or list of those
+    list of ndarray, shape (N, m) each
 
     Raises
     ------
@@ -116,14 +123,13 @@ def predict_from_reference(u, reference, leads=15, lags=80):
     --------
     >>> r = np.random.default_rng(0).standard_normal((400, 1))
     >>> u = np.vstack([np.zeros((1, 1)), r[:-1]])
-    >>> bool(np.abs(predict_from_reference(u, r) - u).max() < 0.1)
+    >>> bool(np.abs(predict_from_reference([u], [r])[0] - u).max() < 0.1)
     True
     """
-    response = reference_response(u, reference, leads, lags)
+    response = fit_reference_response(signals, references, leads, lags)
     taps = response[::-1].reshape(-1, response.shape[2])
     edges = ((lags, leads), (0, 0))
-    predicted = [
+    return [
         block_hankel(np.pad(record, edges), 0, leads + lags + 1, record.shape[0]).T @ taps
-        for record in centred(as_batches(reference))
+        for record in remove_means(references)
     ]
-    return predicted if isinstance(u, list) else predicted[0]

@@ -1,8 +1,15 @@
-"""A state-space model as arrays, and as an object of the control library when it is asked for."""
+"""A state-space model as arrays, and on request as an object of the control library."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from control import StateSpace
 
 __all__ = ["Matrices"]
 
@@ -26,13 +33,23 @@ class Matrices:
     C: np.ndarray
     D: np.ndarray
     dt: float = 1.0
-    names: tuple | None = None
+    names: tuple[Sequence[str], Sequence[str]] | None = None
 
-    def of_inputs(self, used):
-        """The model from some of its inputs only; `used` is a mask or indices."""
-        return Matrices(self.A, self.B[:, used], self.C, self.D[:, used], self.dt)
+    def select_inputs(self, inputs: np.ndarray) -> Matrices:
+        """The model with some of its inputs only.
 
-    def frequency_response(self, z):
+        Parameters
+        ----------
+        inputs : ndarray
+            Mask or indices.
+
+        Returns
+        -------
+        Matrices
+        """
+        return Matrices(self.A, self.B[:, inputs], self.C, self.D[:, inputs], self.dt)
+
+    def frequency_response(self, z: np.ndarray) -> np.ndarray:
         """Response of the first output to each input.
 
         Parameters
@@ -46,17 +63,17 @@ class Matrices:
 
         Examples
         --------
-        >>> one = np.eye(1)
-        >>> Matrices(0.5 * one, one, one, 0 * one).frequency_response(np.ones(1)).real.tolist()
+        >>> unit = np.eye(1)
+        >>> Matrices(0.5 * unit, unit, unit, 0 * unit).frequency_response(np.ones(1)).real.tolist()
         [[2.0]]
         """
         shifted = z[:, None, None] * np.eye(len(self.A)) - self.A
         row = np.broadcast_to(self.C[0][:, None], (z.size, len(self.A), 1))
-        left = np.linalg.solve(np.swapaxes(shifted, 1, 2), row)
-        return left[..., 0] @ self.B + self.D[0]
+        rows = np.linalg.solve(np.swapaxes(shifted, 1, 2), row)  # C (z - A)⁻¹
+        return rows[..., 0] @ self.B + self.D[0]
 
-    def state_space(self):
-        """The same as an object that simulates, plots and connects.
+    def state_space(self) -> StateSpace:
+        """The model as an object that simulates, plots and connects.
 
         Returns
         -------
@@ -64,8 +81,8 @@ class Matrices:
 
         Examples
         --------
-        >>> one = np.eye(1)
-        >>> Matrices(0.5 * one, one, one, 0 * one, dt=0.01).state_space().poles().tolist()
+        >>> unit = np.eye(1)
+        >>> Matrices(0.5 * unit, unit, unit, 0 * unit, dt=0.01).state_space().poles().tolist()
         [(0.5+0j)]
         """
         from control import StateSpace  # here, because importing it takes longer than an identification

@@ -1,11 +1,13 @@
 """From the extended observability matrix to A and C."""
 
+from __future__ import annotations
+
 import numpy as np
 
 __all__ = ["choose_order", "realise"]
 
 
-def choose_order(singular_values, largest):
+def choose_order(singular_values: np.ndarray, largest: int) -> int:
     """Order at the largest drop between consecutive singular values.
 
     Parameters
@@ -25,11 +27,10 @@ def choose_order(singular_values, largest):
     2
     """
     values = singular_values[: largest + 1]
-    floor = np.finfo(float).tiny
-    return int(np.argmax(values[:-1] / np.maximum(values[1:], floor))) + 1
+    return int(np.argmax(values[:-1] / np.maximum(values[1:], np.finfo(float).tiny))) + 1
 
 
-def realise(observability, outputs, order):
+def realise(observability: np.ndarray, outputs: int, order: int) -> tuple[np.ndarray, np.ndarray, float | None]:
     """A and C by shift invariance of the extended observability matrix, stable in any case.
 
     Where least squares gives an unstable A, the shifted matrix is extended by a block of zeros instead: with
@@ -48,8 +49,8 @@ def realise(observability, outputs, order):
     -------
     A : ndarray, shape (n, n)
     C : ndarray, shape (p, n)
-    guarded : float or None
-        Spectral radius of the unstable A that had to be replaced, None if least squares was stable.
+    unstable_radius : float or None
+        Spectral radius of the unstable A that had to be replaced; None if least squares gave a stable one.
     """
     columns = observability[:, :order]
     A = np.linalg.lstsq(columns[:-outputs], columns[outputs:], rcond=None)[0]

@@ -9,8 +9,8 @@ from ankleloop.subspace import block_hankel
 SIGNAL = np.arange(20.0)
 
 
-def written_out(x, first, rows, columns):
-    """Equation 15, entry by entry."""
+def build_entry_by_entry(x, first, rows, columns):
+    """Equation 15."""
     channels = x.shape[1]
     hankel = np.full((rows * channels, columns), np.nan)
     for a in range(rows):
@@ -30,21 +30,21 @@ def written_out(x, first, rows, columns):
     seed=st.integers(0, 2**32 - 1),
 )
 def test_equation_15(first, rows, columns, channels, spare, seed):
-    # With nothing to spare, the last sample of the signal is the lower right corner.
+    # With spare = 0, the last sample of the signal is the lower right corner.
     samples = first + rows + columns - 1 + spare
     x = np.random.default_rng(seed).standard_normal((samples, channels))
-    np.testing.assert_array_equal(block_hankel(x, first, rows, columns), written_out(x, first, rows, columns))
+    np.testing.assert_array_equal(block_hankel(x, first, rows, columns), build_entry_by_entry(x, first, rows, columns))
 
 
 def test_a_vector_is_one_channel():
-    np.testing.assert_array_equal(block_hankel(SIGNAL, 3, 4, 5), written_out(SIGNAL[:, None], 3, 4, 5))
+    np.testing.assert_array_equal(block_hankel(SIGNAL, 3, 4, 5), build_entry_by_entry(SIGNAL[:, None], 3, 4, 5))
 
 
 @pytest.mark.parametrize("kind", [list, lambda x: x.astype(int), lambda x: x.astype(np.float32)])
 def test_array_kinds(kind):
     hankel = block_hankel(kind(SIGNAL), 0, 3, 4)
     assert hankel.dtype == np.float64
-    np.testing.assert_array_equal(hankel, written_out(SIGNAL[:, None], 0, 3, 4))
+    np.testing.assert_array_equal(hankel, build_entry_by_entry(SIGNAL[:, None], 0, 3, 4))
 
 
 @pytest.mark.parametrize(

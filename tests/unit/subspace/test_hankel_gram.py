@@ -8,14 +8,14 @@ from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.hankel_gram import HankelGram
 
 
-def dense(x, rows):
+def multiply_rows(x, rows):
     """H Hᵀ of the Hankel matrix itself, each row less its mean."""
     H = block_hankel(x, 0, rows, len(x) - rows + 1)
     H = H - H.mean(axis=1, keepdims=True)
     return H @ H.T
 
 
-def accumulated(x, rows, chunks, lags=None):
+def accumulate(x, rows, chunks, lags=None):
     gram = HankelGram(rows, lags)
     for chunk in chunks:
         gram.add(chunk)
@@ -30,35 +30,42 @@ def accumulated(x, rows, chunks, lags=None):
     cuts=st.lists(st.integers(0, 700), max_size=6),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_the_same_as_the_product_however_the_record_is_cut(samples, channels, rows, cuts, seed):
+def test_the_gram_matrix_does_not_depend_on_the_chunks(samples, channels, rows, cuts, seed):
     x = np.random.default_rng(seed).standard_normal((samples, channels)).cumsum(axis=0) + 3.0
-    gram = accumulated(x, rows, np.split(x, sorted(min(cut, samples) for cut in cuts)))
-    expected = dense(x, rows)
+    gram = accumulate(x, rows, np.split(x, sorted(min(cut, samples) for cut in cuts)))
+    expected = multiply_rows(x, rows)
     assert gram.columns == samples - rows + 1
     scale = np.abs(x).max() ** 2 * samples
     np.testing.assert_allclose(gram.matrix(), expected, atol=1e-12 * scale)
 
 
-def test_products_that_are_not_wanted_are_nan_and_the_others_as_before():
+def test_products_beyond_the_lags_are_nan():
     x = np.random.default_rng(0).standard_normal((200, 3))
     rows, lags = 6, np.array([6, 2, 3])
-    found, whole = accumulated(x, rows, [x], lags).matrix(), dense(x, rows)
+    gram, expected = accumulate(x, rows, [x], lags).matrix(), multiply_rows(x, rows)
     for i in range(rows * 3):
         for j in range(rows * 3):
             (first, channel), later = divmod(min(i, j), 3), max(i, j) // 3
-            wanted = later - first < lags[channel] if i // 3 != j // 3 else True
-            assert np.isnan(found[i, j]) != wanted
-            if wanted:
-                assert found[i, j] == pytest.approx(whole[i, j], abs=1e-10)
+            within = later - first < lags[channel] if i // 3 != j // 3 else True
+            assert np.isnan(gram[i, j]) != within
+            if within:
+                assert gram[i, j] == pytest.approx(expected[i, j], abs=1e-10)
+
+
+def test_rows_in_any_order_and_repeated():
+    x = np.random.default_rng(2).standard_normal((60, 2))
+    gram = accumulate(x, 4, [x])
+    for rows in (np.array([5, 0, 7, 2]), np.array([5, 0, 5, 2, 2])):
+        np.testing.assert_array_equal(gram.matrix(rows), gram.matrix()[np.ix_(rows, rows)])
 
 
 def test_a_record_without_a_single_column_is_refused():
     with pytest.raises(DataError, match="shorter than the 5 samples of one Hankel column"):
-        accumulated(np.ones((4, 1)), 5, [np.ones((2, 1)), np.ones((2, 1))]).matrix()
+        accumulate(np.ones((4, 1)), 5, [np.ones((2, 1)), np.ones((2, 1))]).matrix()
 
 
 def test_long_sums_do_not_lose_digits():
     """A constant beside a small signal: sums of sums keep what one long sum rounds away."""
     x = np.random.default_rng(1).standard_normal((200_000, 1)) * 1e-3 + 1.0
-    exact = dense(x.astype(np.longdouble) - 1.0, 3)
-    np.testing.assert_allclose(accumulated(x, 3, [x]).matrix(), exact.astype(float), atol=1e-8 * exact[0, 0])
+    exact = multiply_rows(x.astype(np.longdouble) - 1.0, 3)
+    np.testing.assert_allclose(accumulate(x, 3, [x]).matrix(), exact.astype(float), atol=1e-8 * exact[0, 0])

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from scipy import signal as sps
 
 from ankleloop.errors import DataError
-from ankleloop.subspace import estimate_input_matrices, response
-from ankleloop.subspace.instruments import predict_from_reference, reference_response
+from ankleloop.subspace import estimate_input_matrices, simulate_response
+from ankleloop.subspace.instruments import fit_reference_response, predict_from_reference
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -20,7 +20,7 @@ def random_model(rng, order, inputs, outputs, radius=0.9):
     )  # fmt: skip
 
 
-def simulated(A, B, C, D, u, x0):
+def simulate(A, B, C, D, u, x0):
     """The state-space equations, sample by sample."""
     x, y = np.asarray(x0, float), np.empty((u.shape[0], C.shape[0]))
     for t in range(u.shape[0]):
@@ -29,7 +29,7 @@ def simulated(A, B, C, D, u, x0):
     return y
 
 
-def observable(A, C):
+def is_observable(A, C):
     return np.linalg.cond(np.vstack([C @ np.linalg.matrix_power(A, k) for k in range(A.shape[0])])) < 1e3
 
 
@@ -42,7 +42,7 @@ def test_response_agrees_with_scipy_and_control(order, inputs, outputs, seed):
     rng = np.random.default_rng(seed)
     A, B, C, D = random_model(rng, order, inputs, outputs, radius=0.98)
     u, x0 = rng.standard_normal((80, inputs)), rng.standard_normal(order)
-    y = response(A, B, C, D, u, x0)
+    y = simulate_response(A, B, C, D, u, x0)
     assert y.shape == (80, outputs)
     np.testing.assert_allclose(y, sps.dlsim((A, B, C, D, 1.0), u, x0=x0)[1], rtol=1e-10, atol=1e-10)
     by_control = control.forced_response(control.ss(A, B, C, D, 1.0), inputs=u.T, initial_state=x0, squeeze=False)
@@ -52,14 +52,14 @@ def test_response_agrees_with_scipy_and_control(order, inputs, outputs, seed):
 def test_response_starts_from_rest():
     A, B, C, D = random_model(np.random.default_rng(1), 3, 2, 2)
     u = np.random.default_rng(2).standard_normal((50, 2))
-    np.testing.assert_allclose(response(A, B, C, D, u), simulated(A, B, C, D, u, np.zeros(3)), atol=1e-12)
+    np.testing.assert_allclose(simulate_response(A, B, C, D, u), simulate(A, B, C, D, u, np.zeros(3)), atol=1e-12)
 
 
 def test_response_takes_any_memory_order():
     A, B, C, D = random_model(np.random.default_rng(1), 3, 2, 2)
     u, x0 = np.random.default_rng(2).standard_normal((50, 2)), [1, 2, 3]
-    odd = response(*(np.asfortranarray(M) for M in (A, B, C, D)), np.asfortranarray(u)[:, ::-1][:, ::-1], x0)
-    np.testing.assert_allclose(odd, simulated(A, B, C, D, u, x0), atol=1e-12)
+    y = simulate_response(*(np.asfortranarray(M) for M in (A, B, C, D)), np.asfortranarray(u)[:, ::-1][:, ::-1], x0)
+    np.testing.assert_allclose(y, simulate(A, B, C, D, u, x0), atol=1e-12)
     assert x0 == [1, 2, 3]
 
 
@@ -78,80 +78,80 @@ def test_exact_recovery(order, inputs, outputs, mask, seed):
     rng = np.random.default_rng(seed)
     dynamic = np.array(mask[:inputs])
     A, B, C, D = random_model(rng, order, inputs, outputs)
-    assume(observable(A, C))
+    assume(is_observable(A, C))
     B[:, ~dynamic] = 0.0
     u, x0, offset = rng.standard_normal((150, inputs)), rng.standard_normal(order), rng.standard_normal(outputs)
-    y = simulated(A, B, C, D, u, x0) + offset
-    found = estimate_input_matrices(A, C, u, y, dynamic)
+    y = simulate(A, B, C, D, u, x0) + offset
+    estimate = estimate_input_matrices(A, C, u, y, dynamic)
     for name, value, truth in (
-        ("B", found.B, B),
-        ("D", found.D, D),
-        ("x0", found.initial_state, x0),
-        ("offset", found.offset, offset),
+        ("B", estimate.B, B),
+        ("D", estimate.D, D),
+        ("x0", estimate.initial_state, x0),
+        ("offset", estimate.offset, offset),
     ):
         np.testing.assert_allclose(value, truth, atol=1e-8, err_msg=name)
-    np.testing.assert_array_equal(found.B[:, ~dynamic], 0.0)
-    assert found.rank == inputs * outputs + order * dynamic.sum() + order + outputs
-    assert np.isfinite(found.condition)
+    np.testing.assert_array_equal(estimate.B[:, ~dynamic], 0.0)
+    assert estimate.rank == inputs * outputs + order * dynamic.sum() + order + outputs
+    assert np.isfinite(estimate.condition)
 
 
 def test_every_input_is_dynamic_by_default():
     rng = np.random.default_rng(3)
     A, B, C, D = random_model(rng, 2, 3, 2)
     u = rng.standard_normal((100, 3))
-    found = estimate_input_matrices(A, C, u, simulated(A, B, C, D, u, np.zeros(2)))
-    np.testing.assert_allclose(found.B, B, atol=1e-10)
+    estimate = estimate_input_matrices(A, C, u, simulate(A, B, C, D, u, np.zeros(2)))
+    np.testing.assert_allclose(estimate.B, B, atol=1e-10)
 
 
-def test_the_mask_holds_in_noise():
+def test_rows_of_static_inputs_are_zero_in_noise():
     rng = np.random.default_rng(4)
     A, B, C, D = random_model(rng, 2, 3, 1)
     u = rng.standard_normal((400, 3))
-    y = simulated(A, B, C, D, u, np.zeros(2)) + 0.3 * rng.standard_normal((400, 1))
-    found = estimate_input_matrices(A, C, u, y, dynamic=[False, True, False])
-    np.testing.assert_array_equal(found.B[:, [0, 2]], 0.0)
-    assert np.all(found.B[:, 1] != 0)
-    assert np.all(found.D != 0)
+    y = simulate(A, B, C, D, u, np.zeros(2)) + 0.3 * rng.standard_normal((400, 1))
+    estimate = estimate_input_matrices(A, C, u, y, dynamic=[False, True, False])
+    np.testing.assert_array_equal(estimate.B[:, [0, 2]], 0.0)
+    assert np.all(estimate.B[:, 1] != 0)
+    assert np.all(estimate.D != 0)
 
 
-def test_least_squares_is_least():
+def test_least_squares_leaves_the_smallest_residual():
     """No other B, D, x0 and offset leave a smaller residual."""
     rng = np.random.default_rng(5)
     A, B, C, D = random_model(rng, 2, 2, 2)
     u = rng.standard_normal((200, 2))
-    y = simulated(A, B, C, D, u, [1.0, -1.0]) + rng.standard_normal((200, 2))
-    found = estimate_input_matrices(A, C, u, y)
-    residual = y - simulated(A, found.B, C, found.D, u, found.initial_state) - found.offset
+    y = simulate(A, B, C, D, u, [1.0, -1.0]) + rng.standard_normal((200, 2))
+    estimate = estimate_input_matrices(A, C, u, y)
+    residual = y - simulate(A, estimate.B, C, estimate.D, u, estimate.initial_state) - estimate.offset
     # The gradient: the residual is orthogonal to the response to every single entry.
     for k in range(2):
         unit = np.eye(2)[k]
         np.testing.assert_allclose(residual.sum(axis=0)[k], 0.0, atol=1e-9)
-        free = simulated(A, 0 * B, C, 0 * D, u, unit)
+        free = simulate(A, 0 * B, C, 0 * D, u, unit)
         np.testing.assert_allclose(np.sum(residual * free), 0.0, atol=1e-9)
         for j in range(2):
             entry = np.zeros((2, 2))
             entry[k, j] = 1.0
-            np.testing.assert_allclose(np.sum(residual * simulated(A, entry, C, 0 * D, u, np.zeros(2))), 0.0, atol=1e-8)
+            np.testing.assert_allclose(np.sum(residual * simulate(A, entry, C, 0 * D, u, np.zeros(2))), 0.0, atol=1e-8)
             np.testing.assert_allclose(np.sum(residual[:, k] * u[:, j]), 0.0, atol=1e-9)
 
 
-def test_an_input_that_repeats_another_is_shared_and_not_blown_up():
+def test_equal_inputs_share_their_coefficients():
     rng = np.random.default_rng(6)
     A, B, C, D = random_model(rng, 2, 1, 1)
     u = rng.standard_normal((200, 1))
-    found = estimate_input_matrices(A, C, np.hstack([u, u]), simulated(A, B, C, D, u, np.zeros(2)))
-    assert found.rank == 1 + 2 + 2 + 1
-    np.testing.assert_allclose(found.B, np.hstack([B, B]) / 2, atol=1e-9)
-    np.testing.assert_allclose(found.D, np.hstack([D, D]) / 2, atol=1e-9)
+    estimate = estimate_input_matrices(A, C, np.hstack([u, u]), simulate(A, B, C, D, u, np.zeros(2)))
+    assert estimate.rank == 1 + 2 + 2 + 1
+    np.testing.assert_allclose(estimate.B, np.hstack([B, B]) / 2, atol=1e-9)
+    np.testing.assert_allclose(estimate.D, np.hstack([D, D]) / 2, atol=1e-9)
 
 
-def test_a_silent_input_gets_nothing():
+def test_coefficients_of_an_input_without_signal_are_zero():
     rng = np.random.default_rng(7)
     A, B, C, D = random_model(rng, 2, 2, 1)
     u = rng.standard_normal((200, 2)) * [1.0, 0.0]
-    found = estimate_input_matrices(A, C, u, simulated(A, B, C, D, u, np.zeros(2)))
-    np.testing.assert_allclose(found.B, B * [1, 0], atol=1e-10)
-    np.testing.assert_allclose(found.D, D * [1, 0], atol=1e-10)
+    estimate = estimate_input_matrices(A, C, u, simulate(A, B, C, D, u, np.zeros(2)))
+    np.testing.assert_allclose(estimate.B, B * [1, 0], atol=1e-10)
+    np.testing.assert_allclose(estimate.D, D * [1, 0], atol=1e-10)
 
 
 def test_too_few_samples_are_refused():
@@ -172,10 +172,10 @@ def test_instruments_are_exact_without_noise(dynamic):
     if dynamic:
         B[:, 1] = 0.0
     u, x0, offset = rng.standard_normal((300, 2)), rng.standard_normal(3), np.array([2.0, -3.0])
-    predicted = u + 0.5 * rng.standard_normal(u.shape)  # any correlated signals serve
-    y = simulated(A, B, C, D, u, x0) + offset
-    found = estimate_input_matrices(A, C, u, y, dynamic, predicted)
-    for value, truth in ((found.B, B), (found.D, D), (found.initial_state, x0), (found.offset, offset)):
+    predicted = u + 0.5 * rng.standard_normal(u.shape)  # any correlated signals are valid instruments
+    y = simulate(A, B, C, D, u, x0) + offset
+    estimate = estimate_input_matrices(A, C, u, y, dynamic, predicted)
+    for value, truth in ((estimate.B, B), (estimate.D, D), (estimate.initial_state, x0), (estimate.offset, offset)):
         np.testing.assert_allclose(value, truth, atol=1e-8)
 
 
@@ -203,10 +203,10 @@ def test_instruments_remove_the_bias_of_feedback():
         u, y, r = closed_loop(np.random.default_rng(seed), 4000, noise=1.0)
         clean, _, _ = closed_loop(np.random.default_rng(seed), 4000, noise=0.0)
         # Of the bias, as many parts in 4000 leak through the prediction as it has taps: few, here.
-        predicted = predict_from_reference(u - u.mean(axis=0), r, leads=0, lags=25)
+        predicted = predict_from_reference([u - u.mean(axis=0)], [r], leads=0, lags=25)[0]
         for name, instruments in zip(errors, (None, clean, predicted), strict=True):
-            found = estimate_input_matrices(A, C, u, y, instrument_inputs=instruments)
-            errors[name].append(np.concatenate([found.B.ravel(), found.D.ravel()]) - truth)
+            estimate = estimate_input_matrices(A, C, u, y, instrument_inputs=instruments)
+            errors[name].append(np.concatenate([estimate.B.ravel(), estimate.D.ravel()]) - truth)
     errors = {name: np.array(values) for name, values in errors.items()}
     mean = {name: values.mean(axis=0) for name, values in errors.items()}
     deviation = {name: values.std(axis=0, ddof=1) / np.sqrt(24) for name, values in errors.items()}
@@ -218,25 +218,25 @@ def test_instruments_remove_the_bias_of_feedback():
         assert np.max(np.abs(mean[name])) < 0.02 * np.max(np.abs(mean["least squares"])), name
 
 
-def test_reference_response_reads_from_the_furthest_lead_to_the_oldest_lag():
+def test_fit_reference_response_runs_from_the_furthest_lead_to_the_oldest_lag():
     rng = np.random.default_rng(10)
     r = rng.standard_normal((500, 2))
     taps = rng.standard_normal((4, 2, 3))  # two leads, the present, one lag; two references; three signals
     u = sum(np.roll(r, shift, axis=0) @ taps[k] for k, shift in enumerate((-2, -1, 0, 1)))
     u += [1.0, -2.0, 3.0]  # an offset, which no lag of the reference explains
-    found = reference_response(u, r, leads=2, lags=1)
-    assert found.shape == (4, 2, 3)
-    np.testing.assert_allclose(found, taps, atol=1e-10)
-    longer = reference_response(u, r, leads=5, lags=4)
+    estimate = fit_reference_response([u], [r], leads=2, lags=1)
+    assert estimate.shape == (4, 2, 3)
+    np.testing.assert_allclose(estimate, taps, atol=1e-10)
+    longer = fit_reference_response([u], [r], leads=5, lags=4)
     np.testing.assert_allclose(longer[3:7], taps, atol=1e-10)
     np.testing.assert_allclose(np.delete(longer, range(3, 7), axis=0), 0.0, atol=1e-10)
 
 
-def test_prediction_repeats_what_the_reference_explains():
+def test_prediction_is_the_part_that_the_reference_explains():
     rng = np.random.default_rng(11)
     r = rng.standard_normal((4000, 1))
     explained = np.roll(r, 3, axis=0) - 0.5 * np.roll(r, -4, axis=0)
-    predicted = predict_from_reference(explained + rng.standard_normal((4000, 1)), r)
+    predicted = predict_from_reference([explained + rng.standard_normal((4000, 1))], [r])[0]
     assert predicted.shape == (4000, 1)
     error = (predicted - explained)[100:-100]
     # 96 taps fitted to 4000 samples of unit noise: 96/4000 of its power comes through, and nothing else.
@@ -246,5 +246,5 @@ def test_prediction_repeats_what_the_reference_explains():
 def test_prediction_of_a_short_record_is_refused():
     r = np.random.default_rng(12).standard_normal((190, 1))
     with pytest.raises(DataError, match=r"190 samples is too short to predict its inputs from 96 leads and lags"):
-        predict_from_reference(r, r)
-    assert predict_from_reference(np.vstack([r, [[0.0]]]), np.vstack([r, [[1.0]]])).shape == (191, 1)
+        predict_from_reference([r], [r])
+    assert predict_from_reference([np.vstack([r, [[0.0]]])], [np.vstack([r, [[1.0]]])])[0].shape == (191, 1)

@@ -1,3 +1,5 @@
+import inspect
+
 import control
 import ctrlsys
 import numpy as np
@@ -6,7 +8,7 @@ from scipy import signal as sps
 
 from ankleloop.errors import DataError
 from ankleloop.signals.vaf import vaf
-from ankleloop.subspace import moesp, response
+from ankleloop.subspace import moesp, moesp_chunks, simulate_response
 
 MEMBERS = ("none", "past-input", "past-input-output", "past-reference")
 FREQUENCIES = np.linspace(0.0, np.pi, 50)
@@ -19,7 +21,7 @@ def random_model(rng, order, inputs, outputs, radius=0.9):
     return A, B, C, rng.standard_normal((outputs, inputs))
 
 
-def simulated(model, u):
+def simulate(model, u):
     return sps.dlsim((*model, 1.0), u)[1].reshape(u.shape[0], -1)
 
 
@@ -32,27 +34,27 @@ def matrices(estimate):
     return estimate.model.A, estimate.model.B, estimate.model.C, estimate.model.D
 
 
-def assert_same_transfer_function(found, truth, rtol):
+def assert_same_transfer_function(model, truth, rtol):
     expected = frequency_response(*truth)
-    np.testing.assert_allclose(frequency_response(*found), expected, atol=rtol * np.max(np.abs(expected)))
+    np.testing.assert_allclose(frequency_response(*model), expected, atol=rtol * np.max(np.abs(expected)))
 
 
-def pole_distance(found, truth):
-    """Largest distance of a pole to the pole it is matched with."""
-    found, truth = (np.sort_complex(np.linalg.eigvals(A)) for A in (found, truth))
-    return np.max(np.abs(found - truth))
+def pole_distance(A, truth):
+    """Largest distance between corresponding poles."""
+    poles, expected = (np.sort_complex(np.linalg.eigvals(A)) for A in (A, truth))
+    return np.max(np.abs(poles - expected))
 
 
-def fit(model, u, y):
+def compute_vaf(model, u, y):
     """VAF of every output by a simulation from rest."""
-    estimated = simulated(model, u)
+    estimated = simulate(model, u)
     return np.array([vaf(a, b) for a, b in zip(y.T, estimated.T, strict=True)])
 
 
 # --- against SLICOT
 
 
-def slicot(u, y, block_rows, order, method="C"):
+def run_slicot(u, y, block_rows, order, method="C"):
     """A, B, C, D by SLICOT's IB01AD and IB01BD, its MOESP ("M", A and C only) or combined method ("C")."""
     m, p, samples = u.shape[1], y.shape[1], u.shape[0]
     u, y = (np.array(x, order="F") for x in (u, y))
@@ -66,11 +68,11 @@ def slicot(u, y, block_rows, order, method="C"):
 OPEN_LOOP = [(4, 3, 2), (2, 8, 1), (2, 1, 1)]
 
 
-def open_loop(order, inputs, outputs, snr_db, samples=5000, seed=0):
+def simulate_open_loop(order, inputs, outputs, snr_db, samples=5000, seed=0):
     rng = np.random.default_rng(seed)
     truth = random_model(rng, order, inputs, outputs)
     u = rng.standard_normal((samples, inputs))
-    clean = simulated(truth, u)
+    clean = simulate(truth, u)
     noise = 0.0 if snr_db is None else clean.std(axis=0) * 10 ** (-snr_db / 20) * rng.standard_normal(clean.shape)
     return truth, u, clean, clean + noise
 
@@ -78,167 +80,168 @@ def open_loop(order, inputs, outputs, snr_db, samples=5000, seed=0):
 @pytest.mark.parametrize("sizes", OPEN_LOOP)
 @pytest.mark.parametrize("instruments", MEMBERS[:3])
 def test_poles_of_slicot_without_noise(sizes, instruments):
-    _, u, y, _ = open_loop(*sizes, snr_db=None)
-    expected = slicot(u, y, 15, sizes[0])
-    found = moesp(u, y, 15, sizes[0], instruments)
-    assert pole_distance(found.model.A, expected[0]) < 1e-8
-    assert_same_transfer_function(matrices(found), expected, 1e-8)
+    _, u, y, _ = simulate_open_loop(*sizes, snr_db=None)
+    expected = run_slicot(u, y, 15, sizes[0])
+    estimate = moesp(u, y, 15, sizes[0], instruments)
+    assert pole_distance(estimate.model.A, expected[0]) < 1e-8
+    assert_same_transfer_function(matrices(estimate), expected, 1e-8)
 
 
 @pytest.mark.parametrize("sizes", OPEN_LOOP)
 @pytest.mark.parametrize("instruments", MEMBERS[:3])
 def test_vaf_of_slicot_at_10_db(sizes, instruments):
-    _, u, clean, y = open_loop(*sizes, snr_db=10.0)
-    expected = fit(slicot(u, y, 15, sizes[0]), u, clean)
-    found = fit(matrices(moesp(u, y, 15, sizes[0], instruments)), u, clean)
+    _, u, clean, y = simulate_open_loop(*sizes, snr_db=10.0)
+    expected = compute_vaf(run_slicot(u, y, 15, sizes[0]), u, clean)
+    estimate = compute_vaf(matrices(moesp(u, y, 15, sizes[0], instruments)), u, clean)
     assert np.min(expected) > 99.8
-    np.testing.assert_allclose(found, expected, atol=0.06)
+    np.testing.assert_allclose(estimate, expected, atol=0.06)
 
 
 @pytest.mark.parametrize("sizes", OPEN_LOOP)
 def test_past_inputs_and_outputs_are_the_moesp_of_slicot(sizes):
     """SLICOT's MOESP has the same instruments; only the removal of means is not the same."""
-    _, u, _, y = open_loop(*sizes, snr_db=10.0)
+    _, u, _, y = simulate_open_loop(*sizes, snr_db=10.0)
     y = y / y.std(axis=0)  # as channels are weighted here
     u, y = u - u.mean(axis=0), y - y.mean(axis=0)
-    expected = slicot(u, y, 15, sizes[0], method="M")[0]
-    found = moesp(u, y, 15, sizes[0], "past-input-output")
-    assert pole_distance(found.model.A, expected) < 2e-5
+    expected = run_slicot(u, y, 15, sizes[0], method="M")[0]
+    estimate = moesp(u, y, 15, sizes[0], "past-input-output")
+    assert pole_distance(estimate.model.A, expected) < 2e-5
 
 
 # --- exact recovery
 
 
-def referenced(samples=1500, seed=1, inputs=2, outputs=2, order=3):
+def simulate_with_reference(samples=1500, seed=1, inputs=2, outputs=2, order=3):
     """Inputs that a reference drives only in part, and outputs with offsets."""
     rng = np.random.default_rng(seed)
     truth = random_model(rng, order, inputs, outputs)
     r = rng.standard_normal((samples, inputs))
     u = sps.lfilter([1.0, 0.6, -0.3], [1.0, -0.5], r, axis=0) + 0.3 * rng.standard_normal(r.shape)
-    return truth, u + 5.0, simulated(truth, u + 5.0) - 20.0, r
+    return truth, u + 5.0, simulate(truth, u + 5.0) - 20.0, r
 
 
 @pytest.mark.parametrize("input_matrices", ["least-squares", "instruments"])
 @pytest.mark.parametrize("projection", ["ordinary", "correlation"])
 @pytest.mark.parametrize("instruments", MEMBERS)
 def test_exact_recovery(instruments, projection, input_matrices):
-    truth, u, y, r = referenced()
+    truth, u, y, r = simulate_with_reference()
     options = {"projection": projection, "reference": r, "input_matrices": input_matrices}
     if (instruments, projection) == ("none", "correlation"):
         with pytest.raises(DataError, match="has 0 rows of instruments, but needs at least 19"):
             moesp(u, y, 8, 3, instruments, **options)
         return
-    found = moesp(u, y, 8, 3, instruments, **options)
-    assert_same_transfer_function(matrices(found), truth, 1e-8)
-    np.testing.assert_allclose(np.poly(found.model.poles()), np.poly(truth[0]), atol=1e-8)
-    assert found.diagnostics["stable"]
-    assert found.diagnostics["warnings"] == []
-    assert found.diagnostics["rank"] == 16
+    estimate = moesp(u, y, 8, 3, instruments, **options)
+    assert_same_transfer_function(matrices(estimate), truth, 1e-8)
+    np.testing.assert_allclose(np.poly(estimate.model.poles()), np.poly(truth[0]), atol=1e-8)
+    assert estimate.diagnostics["stable"]
+    assert estimate.diagnostics["warnings"] == []
+    assert estimate.diagnostics["rank"] == 16
 
 
 @pytest.mark.parametrize("instruments", MEMBERS)
-def test_the_order_is_found(instruments):
-    truth, u, y, r = referenced()
-    found = moesp(u, y, 12, None, instruments, reference=r)
-    assert found.diagnostics["order"] == 3
-    assert found.model.nstates == 3
-    assert found.singular_values[3] < 1e-9 * found.singular_values[2]
-    assert_same_transfer_function(matrices(found), truth, 1e-8)
+def test_the_order_by_default(instruments):
+    truth, u, y, r = simulate_with_reference()
+    estimate = moesp(u, y, 12, None, instruments, reference=r)
+    assert estimate.diagnostics["order"] == 3
+    assert estimate.model.nstates == 3
+    assert estimate.singular_values[3] < 1e-9 * estimate.singular_values[2]
+    assert_same_transfer_function(matrices(estimate), truth, 1e-8)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_order_is_found_in_noise(seed):
-    _, u, _, y = open_loop(2, 1, 1, snr_db=20.0, seed=seed)
+def test_the_order_by_default_in_noise(seed):
+    _, u, _, y = simulate_open_loop(2, 1, 1, snr_db=20.0, seed=seed)
     assert moesp(u, y, 10, None, "past-input").diagnostics["order"] == 2
 
 
-def test_the_initial_state_belongs_to_the_data_less_their_means():
-    truth, u, _, _ = referenced()
+def test_the_initial_state_is_that_of_data_without_their_means():
+    truth, u, _, _ = simulate_with_reference()
     x0 = np.array([30.0, -20.0, 10.0])
-    y = response(*truth, u, x0)
-    found = moesp(u, y, 8, 3)
-    again = response(*matrices(found), u - u.mean(axis=0), found.initial_state)
-    difference = y - again
+    y = simulate_response(*truth, u, x0)
+    estimate = moesp(u, y, 8, 3)
+    difference = y - simulate_response(*matrices(estimate), u - u.mean(axis=0), estimate.initial_state)
     np.testing.assert_allclose(difference, np.broadcast_to(difference.mean(axis=0), y.shape), atol=1e-8)
 
 
 @pytest.mark.parametrize("gains", [(1.0, 1.0), (1e-6, 1e5)])
 def test_units_of_the_data_are_units_of_the_model(gains):
-    (A, B, C, D), u, y, _ = referenced()
+    (A, B, C, D), u, y, _ = simulate_with_reference()
     u_gain, y_gain = np.array([1.0, gains[0]]), np.array([gains[1], 1.0])
-    found = moesp(u * u_gain, y * y_gain, 8, 3)
+    estimate = moesp(u * u_gain, y * y_gain, 8, 3)
     truth = (A, B / u_gain, y_gain[:, None] * C, y_gain[:, None] * D / u_gain)
     expected = frequency_response(*truth)
-    np.testing.assert_allclose(frequency_response(*matrices(found)), expected, rtol=1e-6)
+    np.testing.assert_allclose(frequency_response(*matrices(estimate)), expected, rtol=1e-6)
 
 
 def test_static_inputs_have_no_dynamics():
-    (A, B, C, D), u, _, _ = referenced()
+    (A, B, C, D), u, _, _ = simulate_with_reference()
     B = B * [0.0, 1.0]
-    found = moesp(u, response(A, B, C, D, u), 8, 3, dynamic=[False, True])
-    np.testing.assert_array_equal(found.model.B[:, 0], 0.0)
-    assert_same_transfer_function(matrices(found), (A, B, C, D), 1e-8)
+    estimate = moesp(u, simulate_response(A, B, C, D, u), 8, 3, dynamic=[False, True])
+    np.testing.assert_array_equal(estimate.model.B[:, 0], 0.0)
+    assert_same_transfer_function(matrices(estimate), (A, B, C, D), 1e-8)
 
 
 def test_dependent_inputs_do_not_disturb_the_poles():
-    """An input that repeats another one two samples late: no subspace method without a rank policy survives it."""
-    truth, u, y, _ = referenced(inputs=1, outputs=1)
+    """An input that repeats another one two samples late: subspace methods without a rank policy fail."""
+    truth, u, y, _ = simulate_with_reference(inputs=1, outputs=1)
     late = np.vstack([np.full((2, 1), 5.0), u[:-2]])
-    found = moesp(np.hstack([u, late]), y, 8, 3)
-    assert found.diagnostics["rank"] == 8 + 2
-    np.testing.assert_allclose(np.poly(found.model.poles()), np.poly(truth[0]), atol=1e-7)
+    estimate = moesp(np.hstack([u, late]), y, 8, 3)
+    assert estimate.diagnostics["rank"] == 8 + 2
+    np.testing.assert_allclose(np.poly(estimate.model.poles()), np.poly(truth[0]), atol=1e-7)
 
 
 def test_predicted_inputs_serve_as_instruments():
-    truth, u, y, _ = referenced()
-    found = moesp(u, y, 8, 3, input_matrices="instruments", predicted_inputs=u + np.sin(np.arange(1500))[:, None])
-    assert_same_transfer_function(matrices(found), truth, 1e-8)
+    truth, u, y, _ = simulate_with_reference()
+    estimate = moesp(u, y, 8, 3, input_matrices="instruments", predicted_inputs=u + np.sin(np.arange(1500))[:, None])
+    assert_same_transfer_function(matrices(estimate), truth, 1e-8)
 
 
 def test_vectors_are_single_channels():
-    truth, u, y, _ = referenced(inputs=1, outputs=1)
-    found = moesp(list(u[:, 0]), y[:, 0], 8, 3)
-    assert_same_transfer_function(matrices(found), truth, 1e-8)
+    truth, u, y, _ = simulate_with_reference(inputs=1, outputs=1)
+    estimate = moesp(list(u[:, 0]), y[:, 0], 8, 3)
+    assert_same_transfer_function(matrices(estimate), truth, 1e-8)
 
 
 def test_the_data_are_not_changed():
-    _, u, y, r = referenced(samples=300)
-    before = [x.copy() for x in (u, y, r)]
+    _, u, y, r = simulate_with_reference(samples=300)
+    copies = [x.copy() for x in (u, y, r)]
     moesp(u, y, 5, 3, "past-reference", reference=r)
-    for x, kept in zip((u, y, r), before, strict=True):
-        np.testing.assert_array_equal(x, kept)
+    for x, copy in zip((u, y, r), copies, strict=True):
+        np.testing.assert_array_equal(x, copy)
 
 
 # --- the model
 
 
 def test_names_and_sampling_interval():
-    _, u, y, _ = referenced(samples=500)
-    found = moesp(u, y, 6, 3, dt=0.01, names=(("velocity", "position"), ("torque", "force")))
-    assert isinstance(found.model, control.StateSpace)
-    assert found.model.input_labels == ["velocity", "position"]
-    assert found.model.output_labels == ["torque", "force"]
-    assert found.model.dt == 0.01
+    _, u, y, _ = simulate_with_reference(samples=500)
+    estimate = moesp(u, y, 6, 3, dt=0.01, names=(("velocity", "position"), ("torque", "force")))
+    assert isinstance(estimate.model, control.StateSpace)
+    assert estimate.model.input_labels == ["velocity", "position"]
+    assert estimate.model.output_labels == ["torque", "force"]
+    assert estimate.model.dt == 0.01
 
 
-def test_states_without_effect_stay():
-    """A model of the order asked for, even where the data need less."""
+def test_states_without_effect_are_not_removed():
+    """The model has the order of the options, even where the data need less."""
     rng = np.random.default_rng(2)
     u = rng.standard_normal((500, 1))
-    found = moesp(u, 2.0 * u + 1e-3 * rng.standard_normal((500, 1)), 6, 2)
-    assert found.model.nstates == 2
+    estimate = moesp(u, 2.0 * u + 1e-3 * rng.standard_normal((500, 1)), 6, 2)
+    assert estimate.model.nstates == 2
 
 
 def test_diagnostics():
-    _, u, y, r = referenced()
-    found = moesp(u, y, 8, 3, "past-reference", "correlation", r, instrument_rows=20, input_matrices="instruments")
-    seen = found.diagnostics
-    assert (seen["instruments"], seen["projection"]) == ("past-reference", "correlation")
-    assert (seen["instrument_rows"], seen["instrument_rank"]) == (40, 40)
-    assert (seen["input_matrices"], seen["regression_rank"]) == ("instruments", 4 + 6 + 3 + 2)
-    assert seen["condition"] > 1
-    assert seen["regression_condition"] > 1
-    np.testing.assert_allclose(np.sort_complex(seen["poles"]), np.sort_complex(found.model.poles()), atol=1e-12)
+    _, u, y, r = simulate_with_reference()
+    estimate = moesp(u, y, 8, 3, "past-reference", "correlation", r, instrument_rows=20, input_matrices="instruments")
+    diagnostics = estimate.diagnostics
+    assert (diagnostics["instruments"], diagnostics["projection"]) == ("past-reference", "correlation")
+    assert (diagnostics["instrument_rows"], diagnostics["instrument_rank"]) == (40, 40)
+    assert (diagnostics["input_matrices"], diagnostics["regression_rank"]) == ("instruments", 4 + 6 + 3 + 2)
+    assert diagnostics["condition"] > 1
+    assert diagnostics["regression_condition"] > 1
+    np.testing.assert_allclose(
+        np.sort_complex(diagnostics["poles"]), np.sort_complex(estimate.model.poles()), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -248,17 +251,17 @@ def test_diagnostics():
         ("past-input", "ordinary", 16, 16),
         ("past-input-output", "ordinary", 32, 19),  # without noise the outputs add the n directions of the state
         ("past-reference", "ordinary", 16, 16),
-        # m·s + n = 19 are the least; room is left for the outputs, (m + p)·s.
+        # m·s + n = 19 are the least; (m + p)·s leave some for the outputs.
         ("past-input", "correlation", 32, 32),
         ("past-input-output", "correlation", 32, 19),
         ("past-reference", "correlation", 32, 32),
     ],
 )
 def test_default_instrument_rows(instruments, projection, rows, rank):
-    _, u, y, r = referenced()
-    found = moesp(u, y, 8, 3, instruments, projection, r)
-    assert found.diagnostics["instrument_rows"] == rows
-    assert found.diagnostics["instrument_rank"] == rank
+    _, u, y, r = simulate_with_reference()
+    estimate = moesp(u, y, 8, 3, instruments, projection, r)
+    assert estimate.diagnostics["instrument_rows"] == rows
+    assert estimate.diagnostics["instrument_rank"] == rank
 
 
 # --- the closed loop
@@ -284,7 +287,7 @@ def upper_pole(estimate):
     return poles[np.argmax(poles.imag)]
 
 
-def rms(errors):
+def compute_rms(errors):
     return np.sqrt(np.mean(np.abs(errors) ** 2))
 
 
@@ -295,10 +298,10 @@ def test_consistency_in_closed_loop():
         for form in ("ordinary", "correlation"):
             past = moesp(u, y, 6, 2, "past-reference", form, r, instrument_rows=24)
             # Any shift of the reference is a valid instrument: 6 samples on, the same rows reach into the future.
-            both = moesp(u[:-6], y[:-6], 6, 2, "past-reference", form, r[6:], instrument_rows=24)
+            early = moesp(u[:-6], y[:-6], 6, 2, "past-reference", form, r[6:], instrument_rows=24)
             errors[form].append(upper_pole(past) - PLANT_POLE)
-            errors[f"{form} with leads"].append(upper_pole(both) - PLANT_POLE)
-    size = {name: rms(values) for name, values in errors.items()}
+            errors[f"{form} with leads"].append(upper_pole(early) - PLANT_POLE)
+    size = {name: compute_rms(values) for name, values in errors.items()}
     assert size["ordinary"] > 0.1
     assert size["correlation"] < size["ordinary"] / 4
     assert size["ordinary with leads"] > 0.2
@@ -310,7 +313,7 @@ def test_consistency_in_closed_loop():
 def test_leads_are_rows_of_the_reference_in_the_future():
     u, y, r = closed_loop(0, samples=4000)
     leads = moesp(u, y, 6, 2, "past-reference", "correlation", r, instrument_rows=18, instrument_leads=6)
-    # The same rows as of a reference that is early, up to the six columns that its shift costs.
+    # The same rows as those of a reference that is six samples early, but for six columns.
     early = moesp(u[:-6], y[:-6], 6, 2, "past-reference", "correlation", r[6:], instrument_rows=24)
     assert leads.diagnostics["instrument_rows"] == early.diagnostics["instrument_rows"] == 24
     assert abs(upper_pole(leads) - upper_pole(early)) < 0.02
@@ -324,21 +327,21 @@ def test_leads_are_rows_of_the_reference_in_the_future():
 # --- errors
 
 
-def test_a_missing_sample_is_named():
-    _, u, y, r = referenced(samples=300)
+def test_the_error_names_a_missing_sample():
+    _, u, y, r = simulate_with_reference(samples=300)
     for name, signal, arguments in (("input", u, ()), ("output", y, ()), ("reference", r, ("past-reference",))):
         for value in (np.nan, np.inf):
-            broken = signal.copy()
-            broken[[17, 200], 1] = value
-            data = {"input": u, "output": y, "reference": r} | {name: broken}
+            faulty = signal.copy()
+            faulty[[17, 200], 1] = value
+            data = {"input": u, "output": y, "reference": r} | {name: faulty}
             with pytest.raises(DataError, match=f"{name} 1 is not finite at sample 17: cut or repair the record"):
                 moesp(data["input"], data["output"], 5, 2, *arguments, reference=data["reference"])
 
 
 @pytest.mark.parametrize("level", [0.0, 0.1, -3e5])
 @pytest.mark.parametrize("name", ["input", "output", "reference"])
-def test_a_constant_channel_is_named(name, level):
-    _, u, y, r = referenced(samples=300)
+def test_the_error_names_a_constant_channel(name, level):
+    _, u, y, r = simulate_with_reference(samples=300)
     data = {"input": u, "output": y, "reference": r}
     data[name][:, 1] = level
     with pytest.raises(DataError, match=f"{name} 1 is constant and carries no information: leave it out"):
@@ -346,7 +349,7 @@ def test_a_constant_channel_is_named(name, level):
 
 
 def test_unequal_lengths():
-    _, u, y, r = referenced(samples=300)
+    _, u, y, r = simulate_with_reference(samples=300)
     with pytest.raises(DataError, match="300 samples of inputs, 299 of the output: cut them to one length"):
         moesp(u, y[:-1], 5, 2)
     with pytest.raises(DataError, match="300 samples of inputs, 290 of the reference: cut them to one length"):
@@ -358,7 +361,7 @@ def test_unequal_lengths():
     [("none", "ordinary", 32 + 7), ("past-input", "ordinary", 48 + 15), ("past-input-output", "correlation", 64 + 15)],
 )
 def test_a_record_shorter_than_its_hankel_window(instruments, projection, least):
-    _, u, y, _ = referenced()
+    _, u, y, _ = simulate_with_reference()
     rows = least - (7 if instruments == "none" else 15)
     message = (
         rf"the record of {least - 1} samples is shorter than its Hankel window: {rows} Hankel rows need at least "
@@ -371,13 +374,13 @@ def test_a_record_shorter_than_its_hankel_window(instruments, projection, least)
 
 @pytest.mark.parametrize("samples", [1, 2, 10])
 def test_a_tiny_record(samples):
-    _, u, y, _ = referenced()
+    _, u, y, _ = simulate_with_reference()
     with pytest.raises(DataError, match=r"is constant|shorter than its Hankel window"):
         moesp(u[:samples], y[:samples], 8, 3)
 
 
 def test_a_missing_reference():
-    _, u, y, _ = referenced(samples=300)
+    _, u, y, _ = simulate_with_reference(samples=300)
     with pytest.raises(DataError, match="past-reference instruments need a reference: pass the external command"):
         moesp(u, y, 5, 2, "past-reference")
     with pytest.raises(DataError, match="input_matrices='instruments' needs a reference: pass the external command"):
@@ -387,24 +390,57 @@ def test_a_missing_reference():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"instruments": "future"}, "unknown instruments 'future'; known: none, past-input, past-input-output, past-r"),
-        ({"projection": "oblique"}, "unknown projection 'oblique'; known: ordinary, correlation"),
-        ({"input_matrices": "guess"}, "unknown input_matrices 'guess'; known: least-squares, instruments"),
+        (
+            {"instruments": "future"},
+            "instruments must be one of 'none', 'past-input', 'past-input-output' or 'past-r.*'; got 'future'",
+        ),
+        ({"projection": "oblique"}, "projection must be one of 'ordinary' or 'correlation'; got 'oblique'"),
+        ({"input_matrices": "guess"}, "input_matrices must be one of 'least-squares' or 'instruments'; got 'guess'"),
         ({"order": 5}, r"block_rows must be larger than the order \(5\), got 5"),
         ({"order": 9}, r"block_rows must be larger than the order \(9\), got 5"),
         ({"order": 0}, "order must be at least 1, got 0"),
         ({"order": None, "block_rows": 1}, r"block_rows must be larger than the order \(1\), got 1"),
+        ({"instrument_rows": 0}, "instrument_rows must be at least 1, got 0"),
+        ({"dt": 0.0}, "dt must be above 0 s, got 0.0"),
+        ({"rank_tolerance": 1.0}, "rank_tolerance must be below 1, got 1.0"),
     ],
 )
 def test_impossible_options(options, message):
-    _, u, y, _ = referenced(samples=300)
+    _, u, y, _ = simulate_with_reference(samples=300)
     with pytest.raises(ValueError, match=message):
         moesp(u, y, **({"block_rows": 5, "order": 2} | options))
 
 
+def test_unknown_options_are_refused():
+    _, u, y, _ = simulate_with_reference(samples=300)
+    known = "block_rows, order, instruments, projection, dt, instrument_rows, .*names"
+    with pytest.raises(TypeError, match=f"moesp has no option 'tolerance'; it has {known}, input_matrices, compress"):
+        moesp(u, y, 5, 2, tolerance=1e-3)
+    with pytest.raises(TypeError, match=f"moesp_chunks has no option 'compression'; it has {known}\\."):
+        moesp_chunks(lambda: iter([(u, y, None)]), 5, 2, compression="qr")
+
+
+def test_the_signature_shows_all_options():
+    parameters = inspect.signature(moesp).parameters
+    positional = ["u", "y", "block_rows", "order", "instruments", "projection", "reference", "dt"]
+    keywords = {
+        "instrument_rows": None,
+        "instrument_leads": 0,
+        "input_matrices": "least-squares",
+        "dynamic": None,
+        "predicted_inputs": None,
+        "compression": "gram",
+        "rank_tolerance": 1e-8,
+        "regression_tolerance": 1e-10,
+        "names": None,
+    }
+    assert [name for name, item in parameters.items() if item.kind is item.POSITIONAL_OR_KEYWORD] == positional
+    assert {name: item.default for name, item in parameters.items() if item.kind is item.KEYWORD_ONLY} == keywords
+
+
 @pytest.mark.parametrize("rows", [5, 15])
 def test_too_few_instrument_rows_for_the_correlation_form(rows):
-    _, u, y, r = referenced()
+    _, u, y, r = simulate_with_reference()
     message = rf"the correlation form has {rows} rows of instruments, but needs at least 19 .*Raise instrument_rows"
     with pytest.raises(DataError, match=message):
         moesp(u, y, 8, 3, "past-reference", "correlation", r[:, 0], instrument_rows=rows)
@@ -413,7 +449,7 @@ def test_too_few_instrument_rows_for_the_correlation_form(rows):
 # --- the guard
 
 
-def test_an_unstable_estimate_is_guarded_and_reported():
+def test_an_unstable_estimate_is_replaced_and_reported():
     rng = np.random.default_rng(3)
     u = rng.standard_normal((150, 1))
     y = np.empty(150)
@@ -421,9 +457,9 @@ def test_an_unstable_estimate_is_guarded_and_reported():
     for t in range(150):
         y[t] = state
         state = 1.05 * state + u[t, 0]
-    found = moesp(u, y, 6, 1)
-    assert np.max(np.abs(found.model.poles())) < 1
-    assert not found.diagnostics["stable"]
-    (warning,) = found.diagnostics["warnings"]
+    estimate = moesp(u, y, 6, 1)
+    assert np.max(np.abs(estimate.model.poles())) < 1
+    assert not estimate.diagnostics["stable"]
+    (warning,) = estimate.diagnostics["warnings"]
     assert warning.startswith("least squares gave an unstable A (spectral radius 1.0500) at order 1")
     assert "Lower the order" in warning

@@ -5,35 +5,40 @@ from hypothesis import strategies as st
 
 from ankleloop.errors import DataError
 from ankleloop.subspace.hankel import block_hankel
-from ankleloop.subspace.projection import project
+from ankleloop.subspace.projection import factor_rows
+from ankleloop.subspace.projection import project as project_factor
 
 TOLERANCE = 1e-8
 
 
-def without_rows_of(X, U):
+def project(U, Y, Z, form, rank_tolerance, order):
+    return project_factor(factor_rows(U, Z, Y), (len(U), len(Z)), U.shape[1], form, rank_tolerance, order)
+
+
+def remove_rows(X, U):
     """X Π⊥_U, by its definition."""
     return X - X @ np.linalg.pinv(U) @ U
 
 
-def dense(U, Y, Z, form):
-    """The matrix whose left singular vectors the projection returns, by dense formulas on centred rows."""
+def project_dense(U, Y, Z, form):
+    """The matrix whose left singular vectors the projection returns, by dense formulas on rows without their means."""
     U, Y, Z = (X - X.mean(axis=1, keepdims=True) for X in (U, Y, Z))
     if form == "correlation":
-        return without_rows_of(Y @ Z.T, U @ Z.T)
-    Y = without_rows_of(Y, U)
+        return remove_rows(Y @ Z.T, U @ Z.T)
+    Y = remove_rows(Y, U)
     if Z.shape[0] == 0:
         return Y
-    Z = without_rows_of(Z, U)
+    Z = remove_rows(Z, U)
     # Least squares of Y on Z: the part of Y in the row space of Z.
     return np.linalg.lstsq(Z.T, Y.T, rcond=None)[0].T @ Z
 
 
-def gram(found):
+def multiply(projection):
     """Left vectors and singular values together, free of signs and of the order of equal values."""
-    return found.observability * found.singular_values**2 @ found.observability.T
+    return projection.observability * projection.singular_values**2 @ projection.observability.T
 
 
-def span(matrix, n):
+def project_on_span(matrix, n):
     left = np.linalg.svd(matrix)[0][:, :n]
     return left @ left.T
 
@@ -42,7 +47,7 @@ def random_matrices(rng, u_rows, y_rows, z_rows, columns):
     return [rng.standard_normal((rows, columns)) for rows in (u_rows, y_rows, z_rows)]
 
 
-def linear_data(columns=200, rows=6, seed=0, inputs=2, order=2, noise=0.1):
+def simulate_data(columns=200, rows=6, seed=0, inputs=2, order=2, noise=0.1):
     """Hankel matrices of a noisy second-order system with one output; the past inputs are the instruments."""
     rng = np.random.default_rng(seed)
     samples = columns + 2 * rows - 1
@@ -69,13 +74,13 @@ def linear_data(columns=200, rows=6, seed=0, inputs=2, order=2, noise=0.1):
     seed=st.integers(0, 2**32 - 1),
 )
 def test_ordinary_form(u_rows, y_rows, z_rows, extra, seed):
-    # One column more than rows is the least that can work: the mean takes one direction.
+    # One column more than rows are the fewest possible: the mean takes one direction.
     columns = u_rows + y_rows + z_rows + 1 + extra
     U, Y, Z = random_matrices(np.random.default_rng(seed), u_rows, y_rows, z_rows, columns)
-    found = project(U, Y, Z, "ordinary", TOLERANCE, 0)
-    expected = dense(U, Y, Z, "ordinary")
-    np.testing.assert_allclose(gram(found) * columns, expected @ expected.T, rtol=1e-9, atol=1e-9 * columns)
-    assert (found.input_rank, found.instrument_rank) == (u_rows, z_rows)
+    projection = project(U, Y, Z, "ordinary", TOLERANCE, 0)
+    expected = project_dense(U, Y, Z, "ordinary")
+    np.testing.assert_allclose(multiply(projection) * columns, expected @ expected.T, rtol=1e-9, atol=1e-9 * columns)
+    assert (projection.input_rank, projection.instrument_rank) == (u_rows, z_rows)
 
 
 @settings(deadline=None, max_examples=60)
@@ -91,28 +96,28 @@ def test_correlation_form(u_rows, y_rows, order, spare, extra, seed):
     z_rows = u_rows + order + spare
     columns = u_rows + y_rows + z_rows + 1 + extra
     U, Y, Z = random_matrices(np.random.default_rng(seed), u_rows, y_rows, z_rows, columns)
-    found = project(U, Y, Z, "correlation", TOLERANCE, order)
-    expected = dense(U, Y, Z, "correlation")
+    projection = project(U, Y, Z, "correlation", TOLERANCE, order)
+    expected = project_dense(U, Y, Z, "correlation")
     expected = expected @ expected.T
-    np.testing.assert_allclose(gram(found) * columns**2, expected, rtol=1e-7, atol=1e-9 * np.trace(expected))
-    assert (found.input_rank, found.instrument_rank) == (u_rows, z_rows)
+    np.testing.assert_allclose(multiply(projection) * columns**2, expected, rtol=1e-7, atol=1e-9 * np.trace(expected))
+    assert (projection.input_rank, projection.instrument_rank) == (u_rows, z_rows)
 
 
 @pytest.mark.parametrize("form", ["ordinary", "correlation"])
 def test_left_vectors_are_orthonormal_and_singular_values_fall(form):
     U, Y, Z = random_matrices(np.random.default_rng(1), 4, 5, 8, 60)
-    found = project(U, Y, Z, form, TOLERANCE, 2)
-    np.testing.assert_allclose(found.observability.T @ found.observability, np.eye(5), atol=1e-14)
-    assert np.all(np.diff(found.singular_values) <= 0)
-    assert found.singular_values[-1] >= 0
+    projection = project(U, Y, Z, form, TOLERANCE, 2)
+    np.testing.assert_allclose(projection.observability.T @ projection.observability, np.eye(5), atol=1e-14)
+    assert np.all(np.diff(projection.singular_values) <= 0)
+    assert projection.singular_values[-1] >= 0
 
 
 def test_condition_is_that_of_the_inputs():
     U, Y, Z = random_matrices(np.random.default_rng(2), 4, 5, 0, 60)
     U[0] *= 1e3
-    centred = U - U.mean(axis=1, keepdims=True)
-    found = project(U, Y, Z, "ordinary", TOLERANCE, 2)
-    assert found.condition == pytest.approx(np.linalg.cond(centred), rel=1e-9)
+    deviations = U - U.mean(axis=1, keepdims=True)
+    projection = project(U, Y, Z, "ordinary", TOLERANCE, 2)
+    assert projection.condition == pytest.approx(np.linalg.cond(deviations), rel=1e-9)
 
 
 @pytest.mark.parametrize("form", ["ordinary", "correlation"])
@@ -134,7 +139,7 @@ def test_a_constant_offset_does_not_matter(form):
     matrices = random_matrices(np.random.default_rng(4), 4, 5, 8, 60)
     plain = project(*matrices, form, TOLERANCE, 2)
     offset = project(*(X + 10.0 * (k + 1) for k, X in enumerate(matrices)), form, TOLERANCE, 2)
-    np.testing.assert_allclose(gram(offset), gram(plain), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(multiply(offset), multiply(plain), rtol=1e-10, atol=1e-12)
     assert (offset.input_rank, offset.instrument_rank) == (plain.input_rank, plain.instrument_rank)
 
 
@@ -143,7 +148,7 @@ def test_a_constant_offset_does_not_matter(form):
 ROWS, COLUMNS = 6, 200
 
 
-def hankels(u, y, past=ROWS):
+def build_hankels(u, y, past=ROWS):
     U, Y = (block_hankel(x, ROWS, ROWS, COLUMNS) for x in (u, y))
     return U, Y, block_hankel(u, ROWS - past, past, COLUMNS)
 
@@ -153,8 +158,8 @@ def hankels(u, y, past=ROWS):
 )
 @pytest.mark.parametrize("kind", ["duplicated", "scaled", "shifted", "combined"])
 def test_dependent_rows_count_once(instruments, kind):
-    u, y = linear_data()
-    U, Y, Z = hankels(u, y)
+    u, y = simulate_data()
+    U, Y, Z = build_hankels(u, y)
     if instruments == "none":
         Z = Z[:0]
     elif instruments == "correlation":
@@ -169,21 +174,23 @@ def test_dependent_rows_count_once(instruments, kind):
     }[kind]
     stacked = np.vstack([U, more])
     reduced = np.vstack([U, more[:1]]) if kind == "shifted" else U
-    found = project(stacked, Y, Z, form, TOLERANCE, 2)
-    once = project(reduced, Y, Z, form, TOLERANCE, 2)
-    assert found.input_rank == once.input_rank == np.linalg.matrix_rank(stacked) == rank
-    np.testing.assert_allclose(gram(found), gram(once), rtol=1e-9, atol=1e-12)
-    first_two = found.observability[:, :2]
-    np.testing.assert_allclose(first_two @ first_two.T, span(dense(reduced, Y, Z, form), 2), atol=1e-9)
+    projection = project(stacked, Y, Z, form, TOLERANCE, 2)
+    expected = project(reduced, Y, Z, form, TOLERANCE, 2)
+    assert projection.input_rank == expected.input_rank == np.linalg.matrix_rank(stacked) == rank
+    np.testing.assert_allclose(multiply(projection), multiply(expected), rtol=1e-9, atol=1e-12)
+    first_two = projection.observability[:, :2]
+    np.testing.assert_allclose(
+        first_two @ first_two.T, project_on_span(project_dense(reduced, Y, Z, form), 2), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(("size", "counts"), [(1e-6, True), (1e-10, False)])
 def test_a_direction_counts_above_the_tolerance(size, counts):
     U, Y, Z = random_matrices(np.random.default_rng(5), 3, 4, 0, 60)
     almost = np.vstack([U, U[:1] + size * np.random.default_rng(6).standard_normal((1, 60))])
-    found = project(almost, Y, Z, "ordinary", TOLERANCE, 1)
-    assert found.input_rank == 3 + counts
-    assert (found.condition > 1e5) == counts
+    projection = project(almost, Y, Z, "ordinary", TOLERANCE, 1)
+    assert projection.input_rank == 3 + counts
+    assert (projection.condition > 1e5) == counts
 
 
 def test_rank_of_inputs_and_instruments():
@@ -193,11 +200,11 @@ def test_rank_of_inputs_and_instruments():
     fresh = rng.standard_normal((4, columns))
     Z = np.vstack([U[:2], fresh, fresh[:2] - fresh[2:]])
     Y = rng.standard_normal((5, columns))
-    found = project(U, Y, Z, "ordinary", TOLERANCE, 4)
-    # Instruments that repeat future inputs say nothing beside them.
-    assert (found.input_rank, found.instrument_rank) == (3, 4)
-    found = project(U[:3], Y, Z, "correlation", TOLERANCE, 2)
-    assert (found.input_rank, found.instrument_rank) == (3, 6)
+    projection = project(U, Y, Z, "ordinary", TOLERANCE, 4)
+    # Instruments that repeat future inputs add no directions.
+    assert (projection.input_rank, projection.instrument_rank) == (3, 4)
+    projection = project(U[:3], Y, Z, "correlation", TOLERANCE, 2)
+    assert (projection.input_rank, projection.instrument_rank) == (3, 6)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
@@ -212,7 +219,7 @@ def test_instruments_inside_the_inputs_are_refused_whatever_their_size(scale):
 
 
 @pytest.mark.parametrize("order", [1, 3])
-def test_the_correlation_form_names_the_rows_it_needs(order):
+def test_the_error_states_the_rows_that_the_correlation_form_needs(order):
     U, Y, Z = random_matrices(np.random.default_rng(9), 6, 4, 6 + order, 60)
     project(U, Y, Z, "correlation", TOLERANCE, order)
     message = rf"has {5 + order} rows of instruments, but needs at least {6 + order} \(.*Raise instrument_rows"
@@ -225,8 +232,3 @@ def test_too_few_columns_are_refused(form):
     matrices = random_matrices(np.random.default_rng(10), 4, 3, 8, 14)
     with pytest.raises(DataError, match=r"the record leaves 14 columns for 15 Hankel rows .*: use a longer record"):
         project(*matrices, form, TOLERANCE, 2)
-
-
-def test_unknown_form():
-    with pytest.raises(ValueError, match="unknown projection 'oblique'; known: ordinary, correlation"):
-        project(*random_matrices(np.random.default_rng(11), 2, 2, 2, 20), "oblique", TOLERANCE, 1)

@@ -9,7 +9,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def random_system(rng, order, outputs, radius):
-    """A and C, with the spectral radius asked for."""
+    """A and C of a given spectral radius."""
     A = rng.standard_normal((order, order))
     return A * (radius / np.max(np.abs(np.linalg.eigvals(A)))), rng.standard_normal((outputs, order))
 
@@ -42,22 +42,22 @@ def test_exact_observability_matrix(order, outputs, spare, more, radius, seed):
     # The left singular vectors of a projection: the column space, and then directions of the noise.
     noise = rng.standard_normal((exact.shape[0], min(more, exact.shape[0] - order)))
     columns = np.linalg.qr(np.column_stack([exact, noise]))[0]
-    A_found, C_found, guarded = realise(columns, outputs, order)
-    assert guarded is None
-    np.testing.assert_allclose(np.poly(A_found), np.poly(A), atol=1e-9)
-    # The same system in another basis: its own observability matrix is the one given.
-    np.testing.assert_allclose(observability(A_found, C_found, order + spare), columns[:, :order], atol=1e-9)
+    A_estimate, C_estimate, unstable_radius = realise(columns, outputs, order)
+    assert unstable_radius is None
+    np.testing.assert_allclose(np.poly(A_estimate), np.poly(A), atol=1e-9)
+    # The same system in another basis, whose observability matrix has these columns.
+    np.testing.assert_allclose(observability(A_estimate, C_estimate, order + spare), columns[:, :order], atol=1e-9)
 
 
-def test_more_columns_than_the_order_are_left_out():
+def test_columns_beyond_the_order_have_no_effect():
     rng = np.random.default_rng(1)
     A, C = random_system(rng, 3, 2, 0.9)
     exact = np.linalg.qr(observability(A, C, 8))[0]
-    alone = realise(exact, 2, 3)
+    expected = realise(exact, 2, 3)
     noise = np.linalg.qr(np.column_stack([exact, rng.standard_normal((16, 5))]))[0]
-    beside = realise(noise, 2, 3)
-    np.testing.assert_allclose(beside[0], alone[0], atol=1e-12)
-    np.testing.assert_allclose(beside[1], alone[1], atol=1e-12)
+    realisation = realise(noise, 2, 3)
+    np.testing.assert_allclose(realisation[0], expected[0], atol=1e-12)
+    np.testing.assert_allclose(realisation[1], expected[1], atol=1e-12)
 
 
 # --- stability
@@ -71,16 +71,16 @@ def test_more_columns_than_the_order_are_left_out():
     radius=st.floats(1.001, 1.5),
     seed=SEEDS,
 )
-def test_an_unstable_system_is_guarded_and_reported(order, outputs, spare, radius, seed):
+def test_an_unstable_system_is_replaced_and_reported(order, outputs, spare, radius, seed):
     A, C = random_system(np.random.default_rng(seed), order, outputs, radius)
     exact = observability(A, C, order + spare)
     assume(np.linalg.cond(exact[:-outputs]) < 1e3)
     columns = np.linalg.qr(exact)[0]
-    A_found, C_found, guarded = realise(columns, outputs, order)
-    assert guarded == pytest.approx(radius, rel=1e-7)
-    assert spectral_radius(A_found) < 1
-    assert np.linalg.norm(A_found, 2) <= 1 + 1e-12
-    np.testing.assert_array_equal(C_found, columns[:outputs])
+    A_estimate, C_estimate, unstable_radius = realise(columns, outputs, order)
+    assert unstable_radius == pytest.approx(radius, rel=1e-7)
+    assert spectral_radius(A_estimate) < 1
+    assert np.linalg.norm(A_estimate, 2) <= 1 + 1e-12
+    np.testing.assert_array_equal(C_estimate, columns[:outputs])
 
 
 @settings(deadline=None, max_examples=200)
@@ -89,15 +89,15 @@ def test_any_column_space_gives_a_stable_system(order, outputs, spare, seed):
     rows = (order + spare) * outputs
     columns = np.linalg.qr(np.random.default_rng(seed).standard_normal((rows, order)))[0]
     least_squares = np.linalg.pinv(columns[:-outputs]) @ columns[outputs:]
-    A, _, guarded = realise(columns, outputs, order)
+    A, _, unstable_radius = realise(columns, outputs, order)
     assert spectral_radius(A) < 1
     radius = spectral_radius(least_squares)
     assume(abs(radius - 1) > 1e-9)
     if radius < 1:
-        assert guarded is None
+        assert unstable_radius is None
         np.testing.assert_allclose(A, least_squares, rtol=1e-8, atol=1e-8)
     else:
-        assert guarded == pytest.approx(radius, rel=1e-6)
+        assert unstable_radius == pytest.approx(radius, rel=1e-6)
 
 
 # --- the order

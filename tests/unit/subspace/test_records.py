@@ -1,4 +1,4 @@
-"""Data batches: merged without a joint across their seams."""
+"""Merged records: nothing reaches across their seams."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop import DataError
-from ankleloop.subspace import moesp, response
+from ankleloop.subspace import moesp, simulate_response
 from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.instruments import predict_from_reference
-from ankleloop.subspace.records import as_batches, batch_hankel, scaled
+from ankleloop.subspace.records import list_records, merge_hankel, scale_records
 
 A = np.array([[0.75, -0.37], [0.37, 0.75]])
 B = np.array([[1.0, 0.3], [-0.5, 0.8]])
@@ -17,13 +17,13 @@ C = np.array([[1.0, 0.5]])
 D = np.array([[0.2, -1.0]])
 
 
-def records(lengths, noise=0.0, seed=0):
-    """Records of one system: each begins in a state, and about an offset, of its own."""
+def simulate_records(lengths, noise=0.0, seed=0):
+    """Records of one system, with different initial states and offsets."""
     rng = np.random.default_rng(seed)
     starts = 5.0 * rng.standard_normal((len(lengths), 2))
     inputs = [rng.standard_normal((n, 2)) + 3.0 * rng.standard_normal(2) for n in lengths]
     outputs = [
-        response(A, B, C, D, u, x0) + noise * rng.standard_normal((len(u), 1))
+        simulate_response(A, B, C, D, u, x0) + noise * rng.standard_normal((len(u), 1))
         for u, x0 in zip(inputs, starts, strict=True)
     ]
     return inputs, outputs, starts
@@ -31,7 +31,7 @@ def records(lengths, noise=0.0, seed=0):
 
 @pytest.mark.parametrize("instruments", ["none", "past-input", "past-input-output"])
 def test_short_records_are_merged_exactly(instruments):
-    u, y, _ = records([90, 60, 140, 75, 200])
+    u, y, _ = simulate_records([90, 60, 140, 75, 200])
     estimate = moesp(u, y, 6, 2, instruments)
     np.testing.assert_allclose(
         np.sort_complex(estimate.model.poles()), np.sort_complex(np.linalg.eigvals(A)), atol=1e-9
@@ -40,47 +40,47 @@ def test_short_records_are_merged_exactly(instruments):
     assert estimate.initial_state.shape == (5, 2)
 
 
-def test_every_record_begins_in_a_state_of_its_own():
-    u, y, _ = records([120, 80, 150])
+def test_every_record_has_its_own_initial_state():
+    u, y, _ = simulate_records([120, 80, 150])
     estimate = moesp(u, y, 6, 2)
     model = estimate.model
     for inputs, outputs, start in zip(u, y, estimate.initial_state, strict=True):
-        predicted = response(model.A, model.B, model.C, model.D, inputs - inputs.mean(axis=0), start)
-        # Each record keeps an offset of its own, too.
+        predicted = simulate_response(model.A, model.B, model.C, model.D, inputs - inputs.mean(axis=0), start)
+        # Each record has its own offset, too.
         np.testing.assert_allclose(np.ptp(outputs - predicted), 0.0, atol=1e-7)
 
 
-def test_records_set_end_to_end_are_not_merged():
-    """The seams are what a plain concatenation gets wrong."""
-    u, y, _ = records([60] * 12)
-    joined = moesp(np.concatenate(u), np.concatenate(y), 6, 2)
+def test_concatenated_records_give_wrong_poles():
+    """A concatenation is wrong at the seams."""
+    u, y, _ = simulate_records([60] * 12)
+    concatenated = moesp(np.concatenate(u), np.concatenate(y), 6, 2)
     merged = moesp(u, y, 6, 2)
     true = np.sort_complex(np.linalg.eigvals(A))
-    error = [np.abs(np.sort_complex(found.model.poles()) - true).max() for found in (joined, merged)]
+    error = [np.abs(np.sort_complex(estimate.model.poles()) - true).max() for estimate in (concatenated, merged)]
     assert error[0] > 1e-3
     assert error[1] < 1e-9
 
 
-def test_one_batch_is_the_record_itself():
-    u, y, _ = records([300], noise=0.1)
-    whole, listed = moesp(u[0], y[0], 8, 2), moesp(u, y, 8, 2)
-    np.testing.assert_array_equal(whole.model.A, listed.model.A)
-    np.testing.assert_array_equal(whole.model.B, listed.model.B)
-    np.testing.assert_array_equal(whole.initial_state, listed.initial_state)
+def test_a_list_of_one_record_is_that_record():
+    u, y, _ = simulate_records([300], noise=0.1)
+    single, merged = moesp(u[0], y[0], 8, 2), moesp(u, y, 8, 2)
+    np.testing.assert_array_equal(single.model.A, merged.model.A)
+    np.testing.assert_array_equal(single.model.B, merged.model.B)
+    np.testing.assert_array_equal(single.initial_state, merged.initial_state)
 
 
-def test_more_records_say_more():
+def test_more_records_are_more_accurate():
     """The spread of the poles falls about as the root of the number of records."""
 
-    def spread(count):
+    def compute_spread(count):
         true = np.sort_complex(np.linalg.eigvals(A))
         errors = []
         for seed in range(30):
-            u, y, _ = records([80] * count, noise=0.5, seed=seed)
+            u, y, _ = simulate_records([80] * count, noise=0.5, seed=seed)
             errors.append(np.abs(np.sort_complex(moesp(u, y, 6, 2).model.poles()) - true).max())
         return np.sqrt(np.mean(np.square(errors)))
 
-    assert spread(16) < 0.7 * spread(4)
+    assert compute_spread(16) < 0.7 * compute_spread(4)
 
 
 def test_records_in_closed_loop_with_a_reference():
@@ -105,48 +105,48 @@ def test_records_in_closed_loop_with_a_reference():
 @given(lengths=st.lists(st.integers(8, 30), min_size=1, max_size=4), rows=st.integers(1, 4), first=st.integers(0, 3))
 def test_hankel_matrices_stand_side_by_side(lengths, rows, first):
     rng = np.random.default_rng(0)
-    batches = [rng.standard_normal((n, 2)) for n in lengths]
+    records = [rng.standard_normal((n, 2)) for n in lengths]
     window = first + rows
-    expected = np.hstack([block_hankel(x, first, rows, len(x) - window + 1) for x in batches])
-    np.testing.assert_array_equal(batch_hankel(batches, first, rows, window), expected)
+    expected = np.hstack([block_hankel(x, first, rows, len(x) - window + 1) for x in records])
+    np.testing.assert_array_equal(merge_hankel(records, first, rows, window), expected)
 
 
-def test_records_too_short_for_a_column_are_left_out():
-    u, y, _ = records([150, 5, 150])
+def test_records_too_short_for_a_column_are_skipped():
+    u, y, _ = simulate_records([150, 5, 150])
     estimate = moesp(u, y, 6, 2)
     np.testing.assert_allclose(
         np.sort_complex(estimate.model.poles()), np.sort_complex(np.linalg.eigvals(A)), atol=1e-9
     )
 
 
-def test_scale_is_that_of_all_records():
-    batches = [np.array([[1.0], [3.0]]), np.array([[10.0], [10.0], [16.0], [16.0]])]
-    centred, scale = scaled(batches, "input")
+def test_the_scale_is_that_of_all_records():
+    records = [np.array([[1.0], [3.0]]), np.array([[10.0], [10.0], [16.0], [16.0]])]
+    deviations, scale = scale_records(records, "input")
     np.testing.assert_allclose(scale, np.sqrt((2 * 1 + 4 * 9) / 6))
-    assert [record.mean() for record in centred] == [0.0, 0.0]
+    assert [record.mean() for record in deviations] == [0.0, 0.0]
 
 
-def test_prediction_keeps_to_its_record():
+def test_prediction_of_merged_records():
     rng = np.random.default_rng(1)
     r = [rng.standard_normal((n, 1)) for n in (400, 300)]
     u = [np.vstack([np.zeros((1, 1)), record[:-1]]) for record in r]
     predicted = predict_from_reference(u, r, leads=2, lags=5)
-    for one, other in zip(predicted, u, strict=True):
-        np.testing.assert_allclose(one[6:-3], (other - other.mean())[6:-3], atol=0.1)
+    for prediction, inputs in zip(predicted, u, strict=True):
+        np.testing.assert_allclose(prediction[6:-3], (inputs - inputs.mean())[6:-3], atol=0.1)
 
 
-def test_what_does_not_fit_together_is_named():
-    u, y, _ = records([100, 80])
-    with pytest.raises(DataError, match="2 data batches of inputs, 1 of the output"):
+def test_the_error_names_records_that_do_not_agree():
+    u, y, _ = simulate_records([100, 80])
+    with pytest.raises(DataError, match="2 records of inputs, 1 of the output"):
         moesp(u, y[:1], 6, 2)
-    with pytest.raises(DataError, match="80 samples of inputs, 79 of the output in data batch 1"):
+    with pytest.raises(DataError, match="80 samples of inputs, 79 of the output in record 1"):
         moesp(u, [y[0], y[1][:-1]], 6, 2)
-    with pytest.raises(DataError, match="data batch 1 has shape"):
+    with pytest.raises(DataError, match="record 1 has shape"):
         moesp([u[0], u[1][:, :1]], y, 6, 2)
     with pytest.raises(DataError, match=r"the record of 9 \+ 8 samples is shorter"):
         moesp([u[0][:9], u[1][:8]], [y[0][:9], y[1][:8]], 6, 2)
     y[1][7] = np.nan
-    with pytest.raises(DataError, match="output 0 is not finite at sample 7 of data batch 1"):
+    with pytest.raises(DataError, match="output 0 is not finite at sample 7 of record 1"):
         moesp(u, y, 6, 2)
-    with pytest.raises(DataError, match="no data batches"):
-        as_batches([], several=True)
+    with pytest.raises(DataError, match="there are no records"):
+        list_records([], merged=True)

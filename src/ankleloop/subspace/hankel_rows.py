@@ -1,0 +1,102 @@
+"""Rows of the Hankel matrices that a projection takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ankleloop.errors import DataError
+from ankleloop.subspace.hankel_gram import HankelGram
+
+__all__ = ["HankelRows"]
+
+
+@dataclass(frozen=True)
+class HankelRows:
+    """Rows of future inputs U, instruments Z and future outputs Y.
+
+    They are taken from records that hold inputs, outputs and, possibly, a reference side by side.
+
+    Parameters
+    ----------
+    inputs, outputs : int
+        Numbers of channels.
+    instruments : ndarray of int
+        Channels that the instruments consist of.
+    block_rows : int
+        Block rows of the future.
+    past, leads : int
+        Block rows of the instruments before the future and within it.
+    """
+
+    inputs: int
+    outputs: int
+    instruments: np.ndarray
+    block_rows: int
+    past: int
+    leads: int
+
+    @property
+    def window(self) -> int:
+        """Samples that one column reaches over."""
+        return self.past + self.block_rows
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Rows of U and of Z."""
+        return self.inputs * self.block_rows, self.instruments.size * (self.past + self.leads)
+
+    @property
+    def total(self) -> int:
+        """Rows of U, Z and Y."""
+        return sum(self.sizes) + self.outputs * self.block_rows
+
+    @property
+    def matrices(self) -> tuple[tuple[np.ndarray, int, int], ...]:
+        """Channels, first block row and number of block rows of U, Z and Y."""
+        u, y = np.arange(self.inputs), self.inputs + np.arange(self.outputs)
+        future = self.past, self.block_rows
+        return (u, *future), (self.instruments, 0, self.past + self.leads), (y, *future)
+
+    def start_gram(self, channels: int) -> HankelGram:
+        """Start the Gram matrix of a record with this number of channels, to which its samples are then added."""
+        lags = np.full(channels, self.block_rows)
+        lags[self.instruments] = self.window  # they reach into the past, all other channels into the future alone
+        return HankelGram(self.window, lags)
+
+    def list_indices(self, channels: int) -> np.ndarray:
+        """Rows of U, Z and Y in the Hankel matrix of a record with this number of channels over the window."""
+        return np.concatenate(
+            [
+                (np.arange(first, first + count)[:, None] * channels + part).ravel()
+                for part, first, count in self.matrices
+            ]
+        )
+
+    def count_columns(self, lengths: Sequence[int]) -> int:
+        """Columns of the Hankel matrices of all records.
+
+        Parameters
+        ----------
+        lengths : sequence of int
+            Samples of each record.
+
+        Returns
+        -------
+        int
+
+        Raises
+        ------
+        DataError
+            If there are fewer columns than rows.
+        """
+        columns = sum(max(0, length - self.window + 1) for length in lengths)
+        if columns < self.total:
+            raise DataError(
+                f"the record of {' + '.join(map(str, lengths))} samples is shorter than its Hankel window: "
+                f"{self.total} Hankel rows need at least {self.total + self.window - 1} samples. Record longer, or use "
+                "fewer block_rows or instrument_rows."
+            )
+        return columns

@@ -1,0 +1,118 @@
+"""Data of an identification from records in memory."""
+
+from __future__ import annotations
+
+from functools import reduce
+from operator import add
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ankleloop.errors import DataError
+from ankleloop.subspace.hankel_rows import HankelRows
+from ankleloop.subspace.input_matrices import InputMatrices, estimate_input_matrices
+from ankleloop.subspace.instruments import predict_from_reference
+from ankleloop.subspace.options import MemoryOptions
+from ankleloop.subspace.projection import factor_rows
+from ankleloop.subspace.records import are_merged, list_records, merge_hankel, remove_means, scale_records
+
+__all__ = ["MemorySource"]
+
+
+class MemorySource:
+    """One record or merged records: each channel without its mean over each record, of unit variance over all records.
+
+    Parameters
+    ----------
+    u, y, reference, dynamic, predicted_inputs
+        As `ankleloop.subspace.moesp.moesp` takes them.
+    options : MemoryOptions
+        Options of the identification.
+
+    Raises
+    ------
+    DataError
+        If records differ in length, or a channel is constant or not finite.
+    """
+
+    def __init__(
+        self, u: Any, y: Any, reference: Any, dynamic: ArrayLike | None, predicted_inputs: Any, options: MemoryOptions
+    ) -> None:
+        self.options, self.dynamic, self.predicted_inputs = options, dynamic, predicted_inputs
+        self.input_matrices: str = options.input_matrices
+        self.merged = are_merged(u)
+        inputs, outputs = list_records(u, self.merged), list_records(y, self.merged)
+        references = None if reference is None else list_records(reference, self.merged)
+        _check_lengths(inputs, outputs, "output")
+        self.inputs, u_scale = scale_records(inputs, "input")
+        self.outputs, y_scale = scale_records(outputs, "output")
+        self.scales = u_scale, y_scale
+        self.open_loop, self.references = False, None
+        if references is not None:
+            _check_lengths(inputs, references, "reference")
+            self.open_loop = options.instruments == "past-reference" and all(map(np.array_equal, references, inputs))
+            self.references = self.inputs if self.open_loop else scale_records(references, "reference")[0]
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        """Numbers of inputs, outputs and references."""
+        references = self.references[0].shape[1] if self.references else 0
+        return self.inputs[0].shape[1], self.outputs[0].shape[1], references
+
+    def compute_gram(self, rows: HankelRows) -> tuple[np.ndarray | None, int]:
+        """Inner products of the Hankel rows, None if the options exclude them; and the number of columns."""
+        columns = rows.count_columns([len(record) for record in self.inputs])
+        if self.options.compression == "qr":
+            return None, columns
+        records = [record for record in self._stack_channels(rows) if len(record) >= rows.window]
+        grams = [rows.start_gram(record.shape[1]) for record in records]
+        for gram, record in zip(grams, records, strict=True):
+            gram.add(record)
+        indices = rows.list_indices(records[0].shape[1])
+        return reduce(add, (gram.matrix(indices) for gram in grams)), columns
+
+    def factor_rows(self, rows: HankelRows) -> np.ndarray:
+        """Triangular factor of the Hankel rows."""
+        records = self._stack_channels(rows)
+        matrices = [
+            merge_hankel(
+                [record[:, channels] for record in records], first, count, rows.window, subtract_means=len(records) > 1
+            )
+            if channels.size
+            else np.empty((0, rows.count_columns([len(record) for record in records])))
+            for channels, first, count in rows.matrices
+        ]
+        return factor_rows(*matrices)
+
+    def estimate_input_matrices(self, A: np.ndarray, C: np.ndarray) -> InputMatrices:
+        """B, D and initial states; with instruments, from inputs that the reference predicts."""
+        predicted = self._predict_inputs() if self.input_matrices == "instruments" else None
+        tolerance = self.options.regression_tolerance
+        return estimate_input_matrices(A, C, self.inputs, self.outputs, self.dynamic, predicted, tolerance)
+
+    def _stack_channels(self, rows: HankelRows) -> list[np.ndarray]:
+        """Records of inputs and outputs side by side, and of the reference where the instruments consist of it."""
+        signals = [self.inputs, self.outputs]
+        if self.references and rows.instruments.max(initial=0) >= rows.inputs + rows.outputs:
+            signals.append(self.references)
+        return [np.column_stack(parts) for parts in zip(*signals, strict=True)]
+
+    def _predict_inputs(self) -> list[np.ndarray]:
+        """Noise-free predictions of the inputs, in their scale."""
+        if self.predicted_inputs is not None:
+            predicted = remove_means(list_records(self.predicted_inputs, self.merged))
+            return [record / self.scales[0] for record in predicted]
+        if not self.references:
+            raise DataError("input_matrices='instruments' needs a reference: pass the external command of the loop.")
+        return predict_from_reference(self.inputs, self.references)
+
+
+def _check_lengths(inputs: list[np.ndarray], others: list[np.ndarray], name: str) -> None:
+    """Refuse signals whose records do not have the lengths of the inputs."""
+    if len(others) != len(inputs):
+        raise DataError(f"{len(inputs)} records of inputs, {len(others)} of the {name}: give one for each.")
+    for k, (u, other) in enumerate(zip(inputs, others, strict=True)):
+        if len(other) != len(u):
+            number = f" in record {k}" if len(inputs) > 1 else ""
+            raise DataError(f"{len(u)} samples of inputs, {len(other)} of the {name}{number}: cut them to one length.")

@@ -1,0 +1,73 @@
+"""Options of the MOESP family, declared once for data in memory and in chunks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, Self
+
+from pydantic import model_validator
+
+from ankleloop.options import Options, option
+
+__all__ = ["Instruments", "MemoryOptions", "ProjectionForm", "SubspaceOptions"]
+
+Instruments = Literal["none", "past-input", "past-input-output", "past-reference"]
+ProjectionForm = Literal["ordinary", "correlation"]
+
+
+class SubspaceOptions(Options):
+    """Options of an identification, wherever its data are."""
+
+    block_rows: int = option(description="block rows of the future, more than the order")
+    order: int | None = option(description="order; None takes the largest drop of the singular values", ge=1)
+    instruments: Instruments = option(description="instrumental variables")
+    projection: ProjectionForm = option(description="form of the projection")
+    dt: float = option(description="sampling interval", unit="s", gt=0)
+    instrument_rows: int | None = option(
+        None, "block rows of the past; None for block_rows, or for as many as the correlation form needs", ge=1
+    )
+    instrument_leads: int = option(
+        0,
+        "block rows by which the reference reaches into the future as well, at most block_rows: any shift of an "
+        "external reference is a valid instrument, shifts of inputs and outputs into the future are not",
+        ge=0,
+    )
+    rank_tolerance: float = option(
+        1e-8, "singular values of the projection below this fraction of the largest one count as zero", ge=0, lt=1
+    )
+    regression_tolerance: float = option(1e-10, "the same for the regression that gives B and D", ge=0, lt=1)
+    names: tuple[Sequence[str], Sequence[str]] | None = option(
+        None, "names of the inputs and of the outputs of the model", strict=False
+    )
+
+    @property
+    def least_order(self) -> int:
+        """The order, or the least one that is possible where the data decide."""
+        return self.order or 1
+
+    @model_validator(mode="after")
+    def _check_rows(self) -> Self:
+        rows, leads = self.block_rows, self.instrument_leads
+        if rows <= self.least_order:
+            raise ValueError(f"block_rows must be larger than the order ({self.least_order}), got {rows}.")
+        if leads > rows:
+            raise ValueError(f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}.")
+        if leads and self.instruments != "past-reference":
+            raise ValueError(
+                f"instrument_leads need instruments made of the reference, not {self.instruments!r}: use 0."
+            )
+        return self
+
+
+class MemoryOptions(SubspaceOptions):
+    """Options of an identification from records in memory."""
+
+    input_matrices: Literal["least-squares", "instruments"] = option(
+        "least-squares", "how B and D are estimated; with instruments, the inputs are predicted from the reference"
+    )
+    compression: Literal["gram", "qr"] = option(
+        "gram",
+        "how the Hankel matrices are compressed: to inner products of their rows by the displacement structure, or by "
+        'a QR factorisation; "gram" goes over to "qr" where rounding of the squares would count, and then states it in '
+        '`diagnostics["compression"]`',
+    )
