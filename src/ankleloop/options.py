@@ -191,7 +191,7 @@ def type_name(annotation: Any) -> str:
     """
     if get_origin(annotation) is Literal:
         return "{" + ", ".join(map(repr, get_args(annotation))) + "}"
-    if isinstance(annotation, UnionType) or get_origin(annotation) is not None and NoneType in get_args(annotation):
+    if isinstance(annotation, UnionType):
         return " or ".join(type_name(part) for part in get_args(annotation))
     if annotation is NoneType:
         return "None"

@@ -110,6 +110,7 @@ def _read_extent(path: Path, options: ReadingOptions) -> tuple[float, int]:
             raise DataError(f"{path.name}: there is no variable {name!r}.")
         if len(shape) != 1 or shape != shapes[options.position]:
             raise DataError(f"{path.name}: {name} has shape {shape}: all variables must be 1-D and alike.")
+        (samples,) = shape
     if rate is None:
         raise DataError(f"{path.name}: the file states no sampling_rate: pass it in Hz.")
-    return float(np.ravel(rate)[0]), shapes[options.position][0]
+    return float(np.ravel(rate)[0]), samples

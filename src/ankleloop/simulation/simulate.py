@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import islice
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from ankleloop.errors import UnstableLoopError
+from ankleloop.options import show_fields
 from ankleloop.records.trial import new_trial
 from ankleloop.simulation.excitation import draw_noise, draw_prbs, draw_pulses, draw_voluntary_torque
 from ankleloop.simulation.filters import antialias
@@ -22,22 +22,8 @@ __all__ = ["simulate", "simulate_trials"]
 
 CHUNK = 16  # trials of one pass: more of them take memory and no less time
 
-Function = TypeVar("Function", bound=Callable[..., Any])
 
-
-def _show_settings(function: Function) -> Function:
-    """Name every setting with its default in the signature of a function that takes them as `**settings`."""
-    signature = inspect.signature(function)
-    explicit = [item for item in signature.parameters.values() if item.kind is not item.VAR_KEYWORD]
-    settings = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.annotation)
-        for name, field in SimulationSettings.model_fields.items()
-    ]
-    function.__signature__ = signature.replace(parameters=[*explicit, *settings])  # type: ignore[attr-defined] # PEP 362
-    return function
-
-
-@_show_settings
+@show_fields(SimulationSettings)
 def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None = None, **settings: Any) -> xr.Dataset:
     r"""Simulate a trial of the parallel-cascade joint against a compliant load.
 
@@ -84,7 +70,7 @@ def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None
     return next(simulate_trials([seed], load=load, **settings))
 
 
-@_show_settings
+@show_fields(SimulationSettings)
 def simulate_trials(
     seeds: Iterable[int | np.random.SeedSequence], *, load: Sequence[float] | None = None, **settings: Any
 ) -> Iterator[xr.Dataset]:
