@@ -13,20 +13,20 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ankleloop.methods.long_records import LongRecord, identify_file
-from ankleloop.simulation import simulate_trials
+from ankleloop.methods.long_records import identify_file
+from ankleloop.records.long_record import LongRecord
+from ankleloop.simulation.simulate import simulate_trials
 
 RATE = 100.0  # Hz
-PIECE = 1000.0  # s: the record is made of simulated trials of this length, end to end
-KEPT = ("position", "torque", "reference")
+PART = 1000.0  # s: the record consists of simulated trials of this length, end to end
+CHANNELS = ("position", "torque", "reference")
 
 
-def make_record(path, samples):
-    """Write a record of so many samples, a piece at a time."""
-    pieces = -(-samples // round(PIECE * RATE))
+def write_record(path, samples):
+    """Write a record of a number of samples, one simulated trial at a time."""
     trials = simulate_trials(
-        range(pieces),
-        duration=PIECE,
+        range(-(-samples // round(PART * RATE))),
+        duration=PART,
         recording_rate=RATE,
         integration_rate=1000.0,
         antialias_cutoff=40.0,
@@ -35,50 +35,58 @@ def make_record(path, samples):
     )
     with h5py.File(path, "w") as file:
         file.attrs["sampling_rate"] = RATE
-        variables = {name: file.create_dataset(name, (samples,), float, chunks=(100_000,)) for name in KEPT}
-        at = 0
+        variables = {name: file.create_dataset(name, (samples,), float, chunks=(100_000,)) for name in CHANNELS}
+        start = 0
         for trial in trials:
-            stop = min(at + trial.sizes["time"], samples)
+            stop = min(start + trial.sizes["time"], samples)
             for name, variable in variables.items():
-                variable[at:stop] = trial[name].values[: stop - at]
-            at = stop
-            print(f"\rsimulated {100 * at / samples:.0f} %", end="", file=sys.stderr)
+                variable[start:stop] = trial[name].values[: stop - start]
+            start = stop
+            print(f"\rsimulated {100 * start / samples:.0f} %", end="", file=sys.stderr)
     print(file=sys.stderr)
 
 
-def report(name, share):
+def print_progress(name, share):
     """Progress of a pass."""
     print(f"\r{name} {100 * share:.0f} %   ", end="" if share < 1 else "\n", file=sys.stderr)
 
 
+def peak_memory():
+    """Most memory that the process has had [MiB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
 def main():
-    """Make the record if it is not there, and identify it."""
+    """Write the record unless it exists, and identify it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, default=36_000_000)
     parser.add_argument("--method", default="pr-moesp")
     parser.add_argument("--basis", default="chebyshev")
-    parser.add_argument("--folder", type=Path, help="where to keep the record; a temporary folder by default")
-    given = parser.parse_args()
+    parser.add_argument("--folder", type=Path, help="folder of the record; a temporary folder by default")
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
-        folder = given.folder or Path(temporary)
-        path = folder / f"record-{given.samples}.h5"
+        folder = arguments.folder or Path(temporary)
+        path = folder / f"record-{arguments.samples}.h5"
         if not path.exists():
-            make_record(path, given.samples)
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+            write_record(path, arguments.samples)
+        memory_before = peak_memory()
         start = time.perf_counter()
         estimate = identify_file(
-            LongRecord(path), folder / "torques.nc", given.method, basis=given.basis, progress=report
+            LongRecord(path),
+            folder / "torques.nc",
+            arguments.method,
+            basis=arguments.basis,
+            progress=print_progress,
         )
         seconds = time.perf_counter() - start
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        memory = peak_memory()
         written = estimate.torque.sizes["time"]
         estimate.torque.close()
+    samples, hours = arguments.samples, arguments.samples / RATE / 3600
     values = {name: float(np.round(value, 4)) for name, value in estimate.stiffness.items()}
-    print(
-        f"{given.samples:,} samples at {RATE:g} Hz ({given.samples / RATE / 3600:.3g} h), {given.method}, {given.basis}"
-    )
-    print(f"{seconds:.1f} s, {1e6 * seconds / given.samples:.2f} µs a sample; peak memory {peak / 1024:.0f} MiB")
-    print(f"({before / 1024:.0f} MiB before the identification); {written:,} samples of three torques written")
+    print(f"{samples:,} samples at {RATE:g} Hz ({hours:.3g} h), {arguments.method}, {arguments.basis}")
+    print(f"{seconds:.1f} s, {1e6 * seconds / samples:.2f} µs a sample; peak memory {memory:.0f} MiB")
+    print(f"({memory_before:.0f} MiB before the identification); {written:,} samples of three torques written")
     print(f"{values}, net VAF {estimate.diagnostics['vaf']:.2f} %, compression {estimate.diagnostics['compression']}")
 
 

@@ -1,8 +1,8 @@
 """Identification with other programs side by side: time, peak memory and accuracy, on one thread.
 
-Run by `make benchmark`. Everything is timed in one process, program after program in each round, so that a busy
-machine slows all of them alike; memory is taken in a process for each. Writes results/benchmarks/peers.csv, peers.md
-and peers.png.
+Run by `make benchmark`. Everything is timed in one process, program after program in each round, so that other load of
+the machine slows all of them alike; memory is measured in a process for each. Writes results/benchmarks/peers.csv,
+peers.md and peers.png.
 """
 
 import argparse
@@ -22,70 +22,70 @@ sys.path.append(str(Path(sys.prefix) / "peers"))  # behind the packages of the e
 import numpy as np
 import pandas as pd
 import programs
-from datasets import accuracy, open_loop, paper
-from floor import floor
+from datasets import make_data, score_model
+from kernels import prepare_kernels
 
 RESULTS = Path(__file__).resolve().parents[1] / "results" / "benchmarks"
-LIMIT = 8 * 2**30  # bytes of address space of a process that is asked for its memory
-SLOW = 2.0  # s: what takes longer is timed once
+MEMORY_LIMIT = 8 * 2**30  # bytes of address space of a process whose memory is measured
+SLOW = 2.0  # s: a call that takes longer is timed once
 ROUNDS = 7
-MAIN = [(kind, samples, rows) for kind in ("open loop", "paper") for samples in (5_000, 50_000) for rows in (15, 20)]
+WARM_UP_SAMPLES = 1_000
+CASES = [(kind, samples, rows) for kind in ("open loop", "paper") for samples in (5_000, 50_000) for rows in (15, 20)]
 SWEEPS = {
     "samples": [{"samples": n} for n in (1_000, 2_000, 5_000, 10_000, 20_000, 50_000)],
     "inputs": [{"inputs": m} for m in (1, 2, 4, 8, 16)],
-    "block rows": [{"rows": s} for s in (10, 15, 20, 30, 40)],
+    "block rows": [{"block_rows": s} for s in (10, 15, 20, 30, 40)],
 }
+CENTRE = {"samples": 5_000, "inputs": 8, "block_rows": 15}  # of the sweeps
+LARGEST_SWEEP = {"nfoursid": 10_000}  # samples for which a program has enough memory
 
 
-def data_of(kind, samples, inputs=8):
-    """One of the two kinds of data sets."""
-    return open_loop(samples, inputs) if kind == "open loop" else paper(samples)
+def measure_times(calls, rounds):
+    """Median time of each call [s], with one of each in every round; and the errors of those that fail.
 
-
-def timed(calls, rounds):
-    """Median time of each call [s], one of each in every round; slow ones once. What fails says why.
-
-    A quick call is made twice, and the second one timed: what other programs leave in the cache is not its business.
+    Slow calls are timed once. A quick call is run twice, and the second run is timed, so that it finds its own data in
+    the cache.
     """
-    times, failed = {name: [] for name in calls}, {}
-    for k in range(rounds + 1):
+    times, failures = {name: [] for name in calls}, {}
+    for number in range(rounds + 1):
         for name, call in calls.items():
-            if name in failed or (times[name] and times[name][0] > SLOW):
+            if name in failures or (times[name] and times[name][0] > SLOW):
                 continue
             try:
                 if times[name]:
                     call()
                 start = time.perf_counter()
                 call()
+                seconds = time.perf_counter() - start
             except Exception as error:
-                failed[name] = f"{type(error).__name__}: {error}"
+                failures[name] = f"{type(error).__name__}: {error}"
                 continue
-            if k or time.perf_counter() - start > SLOW:  # the first round compiles and warms up
-                times[name].append(time.perf_counter() - start)
-    return {name: float(np.median(values)) if values else np.nan for name, values in times.items()}, failed
+            if number or seconds > SLOW:  # the first round compiles and warms up
+                times[name].append(seconds)
+    return {name: float(np.median(values)) if values else np.nan for name, values in times.items()}, failures
 
 
-def memory(name, kind, samples, rows):
-    """Peak memory that one identification adds [MiB], in a process of its own; or why there is none."""
-    arguments = [sys.executable, __file__, "--child", json.dumps([name, kind, samples, rows])]
-    done = subprocess.run(arguments, capture_output=True, text=True, check=False)
-    if done.returncode == 0:
-        return json.loads(done.stdout.splitlines()[-1])
-    lines = (done.stderr or "killed").strip().splitlines()
-    return "out of memory" if "MemoryError" in done.stderr or done.returncode < 0 else lines[-1][:100]
+def measure_memory(name, kind, samples, block_rows):
+    """Peak memory that one identification adds [MiB], in a process of its own; or the reason of its failure."""
+    arguments = [sys.executable, __file__, "--memory", json.dumps([name, kind, samples, block_rows])]
+    process = subprocess.run(arguments, capture_output=True, text=True, check=False)
+    if process.returncode == 0:
+        return json.loads(process.stdout.splitlines()[-1])
+    lines = (process.stderr or "killed").strip().splitlines()
+    return "out of memory" if "MemoryError" in process.stderr or process.returncode < 0 else lines[-1][:100]
 
 
-def child(name, kind, samples, rows):
+def print_memory(name, kind, samples, block_rows):
     """Print the peak memory that one identification adds."""
-    data = data_of(kind, samples)
-    programs.PROGRAMS[name](data_of(kind, 1_000), rows)  # imports and compiled code are not its memory
-    resource.setrlimit(resource.RLIMIT_AS, (LIMIT, LIMIT))
-    before = _resident(reset=True)
-    programs.PROGRAMS[name](data, rows)
-    print(json.dumps(_resident() - before))
+    data = make_data(kind, samples)
+    programs.PROGRAMS[name](make_data(kind, WARM_UP_SAMPLES), block_rows)  # loads packages and compiles
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
+    before = _peak_memory(reset=True)
+    programs.PROGRAMS[name](data, block_rows)
+    print(json.dumps(_peak_memory() - before))
 
 
-def _resident(*, reset=False):
+def _peak_memory(*, reset=False):
     """Most memory that the process has had since the last reset [MiB]; Linux only."""
     if reset:
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
@@ -93,69 +93,71 @@ def _resident(*, reset=False):
     return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
 
-def compare(kind, samples, rows, rounds):
+def compare(kind, samples, block_rows, rounds):
     """Table of one data set: a row for each program."""
-    data = data_of(kind, samples)
-    used = {name: memory(name, kind, samples, rows) for name in programs.PROGRAMS}
-    able = {name: program for name, program in programs.PROGRAMS.items() if not isinstance(used[name], str)}
-    calls = {name: partial(program, data, rows) for name, program in able.items()}
-    calls |= {"floor": floor(data, rows)}
+    data = make_data(kind, samples)
+    memory = {name: measure_memory(name, kind, samples, block_rows) for name in programs.PROGRAMS}
+    failures = {name: reason for name, reason in memory.items() if isinstance(reason, str)}
+    usable = {name: program for name, program in programs.PROGRAMS.items() if name not in failures}
+    calls = {name: partial(program, data, block_rows) for name, program in usable.items()}
+    calls["kernels"] = prepare_kernels(data, block_rows)
     if kind == "paper":
-        calls |= {"ankleloop with torques": partial(programs.with_torques, data, rows)}
-    for program in able.values():
-        program(data_of(kind, 1_000), rows)  # what a first call imports and compiles is not timed
-    times, failed = timed(calls, rounds)
-    lines = []
-    for name in [*programs.PROGRAMS, *(set(calls) - set(programs.PROGRAMS))]:
-        row = {"data": kind, "samples": samples, "block_rows": rows, "program": name}
-        why = used.get(name) if isinstance(used.get(name), str) else failed.get(name)
-        if why is None:
-            row |= {"ms": 1e3 * times[name], "ratio": times[name] / times["ankleloop"], "mib": used.get(name)}
-        if why is None and name in programs.PROGRAMS:
-            row |= accuracy(data, programs.PROGRAMS[name](data, rows))
-            why = None if np.isfinite(row["vaf"]) else "its model diverges"
-        lines.append({**row, "failed": why})
-    return pd.DataFrame(lines)
+        calls["ankleloop with torques"] = partial(programs.ankleloop_with_torques, data, block_rows)
+    for program in usable.values():
+        program(make_data(kind, WARM_UP_SAMPLES), block_rows)  # loads packages and compiles
+    times, errors = measure_times(calls, rounds)
+    failures |= errors
+    rows = []
+    for name in dict.fromkeys([*programs.PROGRAMS, *calls]):
+        row = {"data": kind, "samples": samples, "block_rows": block_rows, "program": name}
+        failure = failures.get(name)
+        if failure is None:
+            row |= {"ms": 1e3 * times[name], "ratio": times[name] / times["ankleloop"], "mib": memory.get(name)}
+            if name in usable:
+                row |= score_model(data, usable[name](data, block_rows))
+                failure = None if np.isfinite(row["vaf"]) else "its model diverges"
+        rows.append({**row, "failure": failure})
+    return pd.DataFrame(rows)
 
 
 def sweep(rounds):
     """Times against samples, inputs and block rows on open-loop data."""
-    lines = []
-    for along, points in SWEEPS.items():
+    rows = []
+    for variable, points in SWEEPS.items():
         for point in points:
-            given = {"samples": 5_000, "inputs": 8, "rows": 15} | point
-            data = open_loop(given["samples"], given["inputs"])
+            case = CENTRE | point
+            data = make_data("open loop", case["samples"], case["inputs"])
             calls = {
-                name: partial(program, data, given["rows"])
+                name: partial(program, data, case["block_rows"])
                 for name, program in programs.PROGRAMS.items()
-                if name != "nfoursid" or given["samples"] <= 10_000
+                if case["samples"] <= LARGEST_SWEEP.get(name, case["samples"])
             }
-            times, _ = timed({**calls, "floor": floor(data, given["rows"])}, rounds)
-            lines += [{"along": along, **given, "program": name, "ms": 1e3 * value} for name, value in times.items()]
-            print(f"  {along}: {point}", file=sys.stderr)
-    return pd.DataFrame(lines)
+            times, _ = measure_times({**calls, "kernels": prepare_kernels(data, case["block_rows"])}, rounds)
+            rows += [{"variable": variable, **case, "program": name, "ms": 1e3 * s} for name, s in times.items()]
+            print(f"  {variable}: {point}", file=sys.stderr)
+    return pd.DataFrame(rows)
 
 
 def main():
-    """Everything, or the memory of one identification."""
+    """Compare all programs, or print the memory of one identification."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--child", help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    parser.add_argument("--memory", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
     warnings.simplefilter("ignore")
-    if given.child:
-        child(*json.loads(given.child))
+    if arguments.memory:
+        print_memory(*json.loads(arguments.memory))
         return
-    from report import report
+    from report import write_report
 
-    missing = [name for name in programs.PEERS if not programs.available(name)]
+    missing = [name for name in programs.PACKAGES if not programs.is_installed(name)]
     if missing:
         print(f"Without {', '.join(missing)}: `make benchmark` installs them.", file=sys.stderr)
     tables = []
-    for case in MAIN:
+    for case in CASES:
         print("{}, {:,} samples, {} block rows".format(*case), file=sys.stderr)
-        tables.append(compare(*case, given.rounds))
-    report(pd.concat(tables, ignore_index=True), sweep(max(3, given.rounds // 2)), RESULTS)
+        tables.append(compare(*case, arguments.rounds))
+    write_report(pd.concat(tables, ignore_index=True), sweep(max(3, arguments.rounds // 2)), RESULTS)
 
 
 if __name__ == "__main__":

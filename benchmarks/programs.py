@@ -4,77 +4,81 @@ import importlib.util
 
 import numpy as np
 
-from ankleloop.methods.moesp import REGRESSION_TOLERANCE, torques
+from ankleloop import method_options
+from ankleloop.methods.moesp import REGRESSION_TOLERANCE, simulate_torques
 from ankleloop.subspace import moesp
 
-PEERS = {
+PACKAGES = {
     "ctrlsys": "ctrlsys",
     "ctrlsys, IB01BD": "ctrlsys",
     "sippy_unipi": "sippy_unipi",
     "nfoursid": "nfoursid",
 }
-RANK_TOLERANCE = 1e-5  # what identify_moesp takes
 
 
-def available(name):
-    """Whether a peer is installed."""
-    return importlib.util.find_spec(PEERS[name]) is not None
+def is_installed(name):
+    """Whether the package of a program is installed."""
+    return importlib.util.find_spec(PACKAGES[name]) is not None
 
 
-def _options(data):
-    if data.regressors is None:
-        return {}
-    tolerances = {"rank_tolerance": RANK_TOLERANCE, "regression_tolerance": REGRESSION_TOLERANCE}
-    return {"dynamic": data.regressors.reflex, **tolerances}
+def _identify_by_ankleloop(data, block_rows):
+    options = {}
+    if data.regressors is not None:
+        options = {
+            "dynamic": data.regressors.reflex,
+            "rank_tolerance": method_options("pr-moesp")["rank_tolerance"],
+            "regression_tolerance": REGRESSION_TOLERANCE,
+        }
+    return moesp(data.u, data.y, block_rows, data.order, "past-reference", reference=data.reference, **options)
 
 
-def _ankleloop(data, rows):
-    return moesp(data.u, data.y, rows, data.order, "past-reference", reference=data.reference, **_options(data))
-
-
-def ankleloop(data, rows):
+def ankleloop(data, block_rows):
     """MOESP with the past reference as instrument: A, B, C, D and initial state."""
-    found = _ankleloop(data, rows).matrices
-    return found.A, found.B, found.C, found.D
+    model = _identify_by_ankleloop(data, block_rows).matrices
+    return model.A, model.B, model.C, model.D
 
 
-def with_torques(data, rows):
-    """The same with the three torques."""
-    found = _ankleloop(data, rows)
-    return torques(found.matrices, found.initial_state, data.regressors)
+def ankleloop_with_torques(data, block_rows):
+    """The same and the three torques."""
+    estimate = _identify_by_ankleloop(data, block_rows)
+    return simulate_torques(estimate.matrices, estimate.initial_state, data.regressors)
 
 
-def _slicot(data, rows):
-    """A, B, C, D by SLICOT: IB01AD by its fastest route, IB01BD by the combined method, whose B and D are right."""
+def _remove_means(data):
+    return data.u - data.u.mean(axis=0), data.y - data.y.mean(axis=0)
+
+
+def _identify_by_slicot(data, block_rows):
+    """Data and A, B, C, D by SLICOT: IB01AD by its fastest route, IB01BD by the combined method."""
     import ctrlsys as slicot
 
-    u, y = (np.array(x - x.mean(axis=0), order="F") for x in (data.u, data.y))
+    u, y = (np.asfortranarray(x) for x in _remove_means(data))
     samples, m, p = len(u), u.shape[1], y.shape[1]
     for route in "CQ":  # Cholesky factor; QR where that breaks down
         try:
-            _, r, _, _, info = slicot.ib01ad("M", route, "N", "O", "N", "N", rows, m, p, u, y, 0.0, -1.0)
+            _, r, _, _, info = slicot.ib01ad("M", route, "N", "O", "N", "N", block_rows, m, p, u, y, 0.0, -1.0)
         except ArithmeticError:
             info = -1
         if not info:
             break
     if info:
         raise ArithmeticError(f"IB01AD ended with info {info}")
-    A, C, B, D, *_, info = slicot.ib01bd("C", "A", "N", rows, data.order, m, p, samples, r, 0.0)
+    A, C, B, D, *_, info = slicot.ib01bd("C", "A", "N", block_rows, data.order, m, p, samples, r, 0.0)
     if info:
         raise ArithmeticError(f"IB01BD ended with info {info}")
     return u, y, A, B, C, D
 
 
-def slicot_matrices(data, rows):
+def ctrlsys_without_ib01cd(data, block_rows):
     """SLICOT without initial state: B and D from the factor of the Hankel matrix."""
-    return _slicot(data, rows)[2:]
+    return _identify_by_slicot(data, block_rows)[2:]
 
 
-def ctrlsys(data, rows):
-    """SLICOT, complete: B, D and the initial state by IB01CD, from simulated responses, as ankleloop finds them."""
+def ctrlsys(data, block_rows):
+    """SLICOT, complete: B, D and the initial state by IB01CD, from simulated responses as in ankleloop."""
     import ctrlsys as slicot
 
-    u, y, *matrices = _slicot(data, rows)
+    u, y, *matrices = _identify_by_slicot(data, block_rows)
     A, B, C, D = (np.asfortranarray(matrix) for matrix in matrices)
     n, m, p = len(A), u.shape[1], y.shape[1]
     _, B, D, *_, info = slicot.ib01cd("X", "C", "D", n, m, p, A, B, C, D, u, y, 0.0)
@@ -83,35 +87,35 @@ def ctrlsys(data, rows):
     return A, B, C, D
 
 
-def sippy(data, rows):
+def sippy(data, block_rows):
     """SIPPY's MOESP."""
     from sippy_unipi import system_identification
 
-    u, y = (data.u - data.u.mean(axis=0)).T, (data.y - data.y.mean(axis=0)).T
-    given = {"SS_fixed_order": data.order, "SS_f": rows, "SS_D_required": True}
-    found = system_identification(y, u, "MOESP", **given)
-    return found.A, found.B, found.C, found.D
+    u, y = _remove_means(data)
+    options = {"SS_fixed_order": data.order, "SS_f": block_rows, "SS_D_required": True}
+    model = system_identification(y.T, u.T, "MOESP", **options)
+    return model.A, model.B, model.C, model.D
 
 
-def nfoursid(data, rows):
+def nfoursid(data, block_rows):
     """nfoursid's PO-MOESP."""
     import pandas as pd
     from nfoursid.nfoursid import NFourSID
 
-    u, y = data.u - data.u.mean(axis=0), data.y - data.y.mean(axis=0)
+    u, y = _remove_means(data)
     inputs, outputs = [f"u{k}" for k in range(u.shape[1])], ["y"]
     frame = pd.DataFrame(np.hstack([u, y]), columns=[*inputs, *outputs])
-    found = NFourSID(frame, output_columns=outputs, input_columns=inputs, num_block_rows=rows)
-    found.subspace_identification()
-    model, _ = found.system_identification(rank=data.order)
+    identification = NFourSID(frame, output_columns=outputs, input_columns=inputs, num_block_rows=block_rows)
+    identification.subspace_identification()
+    model, _ = identification.system_identification(rank=data.order)
     return model.a, model.b, model.c, model.d
 
 
 _ALL = {
     "ankleloop": ankleloop,
     "ctrlsys": ctrlsys,
-    "ctrlsys, IB01BD": slicot_matrices,
+    "ctrlsys, IB01BD": ctrlsys_without_ib01cd,
     "sippy_unipi": sippy,
     "nfoursid": nfoursid,
 }
-PROGRAMS = {name: program for name, program in _ALL.items() if name == "ankleloop" or available(name)}
+PROGRAMS = {name: program for name, program in _ALL.items() if name == "ankleloop" or is_installed(name)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from types import NoneType, UnionType
-from typing import Any, Literal, Self, TypeVar, get_args, get_origin
+from typing import Any, Literal, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
@@ -186,12 +186,12 @@ def type_name(annotation: Any) -> str:
 
     Examples
     --------
-    >>> type_name(float | None), type_name(Literal["noise", "flat"])
-    ('float or None', "{'noise', 'flat'}")
+    >>> type_name(float | None), type_name(Literal["noise", "flat"] | None)
+    ('float or None', "{'noise', 'flat'} or None")
     """
     if get_origin(annotation) is Literal:
         return "{" + ", ".join(map(repr, get_args(annotation))) + "}"
-    if isinstance(annotation, UnionType):
+    if get_origin(annotation) in (Union, UnionType):  # Union where one of the types is a Literal
         return " or ".join(type_name(part) for part in get_args(annotation))
     if annotation is NoneType:
         return "None"

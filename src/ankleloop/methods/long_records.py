@@ -14,7 +14,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
 from ankleloop.joint.estimate import TORQUES, Estimate
-from ankleloop.joint.prepared import PreparedTrial, check_delay
+from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors, decimation_grid, recording_margins
 from ankleloop.methods.moesp import (
     MEMBERS,
@@ -28,8 +28,7 @@ from ankleloop.records.long_record import LongRecord
 from ankleloop.records.validation import check_speed
 from ankleloop.signals.decimation import differentiate, differentiation_margin
 from ankleloop.subspace.input_matrices import continue_response
-from ankleloop.subspace.moesp import SubspaceEstimate
-from ankleloop.subspace.moesp import moesp_chunks
+from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
 
 __all__ = ["identify_file"]
 
@@ -94,7 +93,6 @@ def identify_file(
     if method not in MEMBERS:
         raise DataError(f"long records are identified by {', '.join(MEMBERS)}, not by {method!r}.")
     chosen = MoespModelOptions.parse(f"method {method!r} of long records", **options)
-    check_delay(chosen.delay)
     instruments, projection = MEMBERS[method]
     if instruments != "past-reference":
         record = replace(record, reference=None)
@@ -148,8 +146,8 @@ class _Chunks:
             yield start, stop
             self.progress(name, stop / self.count)
 
-    def _read(self, start: int, stop: int, roles: Sequence[str] | None = None) -> xr.Dataset:
-        return self.record.read(self.factor * start, self.factor * (stop - 1) + self.first + self._after + 1, roles)
+    def _read(self, start: int, stop: int, channels: Sequence[str] | None = None) -> xr.Dataset:
+        return self.record.read(self.factor * start, self.factor * (stop - 1) + self.first + self._after + 1, channels)
 
     def fit_basis(self) -> Basis:
         """Basis fitted to velocities that are evenly spread over the record, scaled by the largest of all."""

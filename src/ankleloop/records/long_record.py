@@ -65,7 +65,8 @@ class LongRecord:
         except ValueError as error:
             raise DataError(f"{path.name}: {error}") from None
         rate, samples = _read_extent(path, options)
-        for name, value in {"path": path, "options": options, "rate": rate, "samples": samples}.items():
+        extent = {"sampling_rate": rate, "rate": rate, "samples": samples}
+        for name, value in {"path": path, "options": options, **extent}.items():
             object.__setattr__(self, name, value)
 
     def read(self, start: int, stop: int, channels: Sequence[str] | None = None) -> xr.Dataset:

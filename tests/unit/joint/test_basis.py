@@ -1,3 +1,5 @@
+"""Basis functions against their definitions."""
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ VELOCITY = np.random.default_rng(0).standard_normal(4000)
 
 
 @pytest.mark.parametrize("degree", [1, 2, 5, 12])
-def test_chebyshev_is_that_of_the_textbook(degree):
+def test_chebyshev_terms_against_numpy_and_the_cosine(degree):
     basis = fit_basis(VELOCITY, "chebyshev", degree)
     x = VELOCITY / np.max(np.abs(VELOCITY))
     expected = [np.polynomial.chebyshev.chebval(x, np.eye(degree + 1)[k]) for k in range(1, degree + 1)]
@@ -17,10 +19,10 @@ def test_chebyshev_is_that_of_the_textbook(degree):
     assert basis.names == tuple(f"chebyshev_{k}" for k in range(1, degree + 1))
 
 
-def test_chebyshev_keeps_the_recurrence_of_the_paper():
+def test_chebyshev_terms_follow_the_recurrence_of_the_paper():
     T = dict(enumerate(fit_basis(VELOCITY, "chebyshev", 6)(VELOCITY), start=1))
     v = VELOCITY / np.max(np.abs(VELOCITY))
-    T[0] = np.ones_like(v)  # the constant of Eq. 10, which is left to the mean
+    T[0] = np.ones_like(v)  # the constant of Eq. 10, which the basis does not have
     for n in range(2, 7):
         np.testing.assert_allclose(T[n], 2 * v * T[n - 1] - T[n - 2], atol=1e-12)
 
@@ -32,7 +34,7 @@ def test_rectifier():
 
 
 @pytest.mark.parametrize("degree", [4, 5, 8, 12])
-def test_spline_reaches_every_cubic_and_no_term_is_superfluous(degree):
+def test_splines_contain_every_cubic_and_are_independent(degree):
     basis = fit_basis(VELOCITY, "spline", degree)
     terms = basis(VELOCITY)
     assert terms.shape == (degree, VELOCITY.size)
@@ -42,16 +44,15 @@ def test_spline_reaches_every_cubic_and_no_term_is_superfluous(degree):
         target = VELOCITY**power - np.mean(VELOCITY**power)
         residual = target - centred @ np.linalg.lstsq(centred, target, rcond=None)[0]
         assert np.max(np.abs(residual)) < 1e-9 * np.max(np.abs(target))
-    # B-splines are a partition of unity: what the terms lack is the one that was left out, and it is no negative.
-    missing = 1 - terms.sum(axis=0)
-    # The first of a clamped cubic family is a cubic that falls from 1 at the end knot to 0 at the next one.
+    # B-splines sum to one, so one minus the sum of the terms is the function that the basis leaves out: the first of a
+    # clamped cubic family, which falls from 1 at the end knot to 0 at the next one.
     first, second = np.quantile(VELOCITY, [0.0, 1.0 / (degree - 2)])
-    np.testing.assert_allclose(missing, np.maximum((second - VELOCITY) / (second - first), 0.0) ** 3, atol=1e-12)
-    # Far from collinear, too: no term is there in name only.
+    expected = np.maximum((second - VELOCITY) / (second - first), 0.0) ** 3
+    np.testing.assert_allclose(1 - terms.sum(axis=0), expected, atol=1e-12)
     assert np.linalg.cond(centred / centred.std(axis=0)) < 1e3
 
 
-def test_a_spline_stays_level_beyond_the_velocities_it_was_fitted_to():
+def test_a_spline_is_constant_beyond_the_velocities_of_its_fit():
     basis = fit_basis(VELOCITY, "spline", 6)
     ends = np.array([VELOCITY.min(), VELOCITY.max()])
     np.testing.assert_array_equal(basis(2 * ends), basis(ends))
@@ -73,12 +74,12 @@ def test_a_fitted_basis_serves_another_record(kind):
         ("spline", 3, "degree of at least 4"),
     ],
 )
-def test_wrong_choices(kind, degree, message):
+def test_invalid_kinds_and_degrees_are_refused(kind, degree, message):
     with pytest.raises(ValueError, match=message):
         fit_basis(VELOCITY, kind, degree)
 
 
-def test_velocities_that_carry_nothing():
+def test_velocities_without_variation_are_refused():
     with pytest.raises(DataError, match="zero throughout"):
         fit_basis(np.zeros(10), "rectifier", 1)
     with pytest.raises(DataError, match="too few values"):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import signal as sps
 
 from ankleloop.joint.dynamics import ReflexDynamics, fit_dynamics
-from ankleloop.subspace.input_matrices import response
+from ankleloop.subspace.input_matrices import simulate_response
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ from ankleloop.subspace.input_matrices import response
 def test_matrices_against_scipy(dynamics, gain, denominator):
     u = np.random.default_rng(3).standard_normal(500)
     numerator, discrete, _ = sps.cont2discrete(([gain], denominator), 0.01, method="foh")
-    torque = response(*dynamics.matrices(100.0), u[:, None])[:, 0]
+    torque = simulate_response(*dynamics.matrices(100.0), u[:, None])[:, 0]
     np.testing.assert_allclose(torque, sps.lfilter(numerator.ravel(), discrete, u), atol=1e-9)
 
 

@@ -1,9 +1,11 @@
+"""Inputs of an identification against the truth of the simulation, and on one grid of samples."""
+
 import numpy as np
 import pytest
 
-import ankleloop
-from ankleloop import DataError, simulate
-from ankleloop.joint.regressors import build_regressors, decimated, predicted_inputs
+from ankleloop import DataError, new_trial, simulate
+from ankleloop.joint.prepared import prepare
+from ankleloop.joint.regressors import decimation_grid, recording_margins
 
 OPTIONS = {"delay": 0.04, "basis": "rectifier", "degree": 1, "identification_rate": 100.0}
 
@@ -14,19 +16,22 @@ def clean():
 
 
 def test_intrinsic_regressors_give_the_intrinsic_torque(clean):
-    """Equation 3, in the simulator's truth: the three channels and the torque went through the same filters."""
-    regressors = build_regressors(clean, **OPTIONS)
-    truth = decimated(clean, "torque_intrinsic", regressors.time, 100.0)
-    found = regressors.inputs[:, :3] @ [150.0, 0.8, 0.015]
-    assert np.std(found - truth) < 1e-3 * np.std(truth)
-    assert regressors.stiffness(truth) == pytest.approx({"K": 150.0, "B": 0.8, "I": 0.015}, rel=2e-3)
+    """Equation 3 with the parameters of the simulation: the channels and the torque went through the same filters."""
+    trial = prepare(clean)
+    regressors = trial.regressors(**OPTIONS)
+    truth = trial.channel_at("torque_intrinsic", regressors.time, 100.0)
+    torque = regressors.inputs[:, :3] @ [150.0, 0.8, 0.015]
+    assert np.std(torque - truth) < 1e-3 * np.std(truth)
+    assert regressors.fit_stiffness(truth) == pytest.approx({"K": 150.0, "B": 0.8, "I": 0.015}, rel=2e-3)
+    rows = np.arange(100, 2000)
+    assert regressors.fit_stiffness(truth[rows], rows) == pytest.approx({"K": 150.0, "B": 0.8, "I": 0.015}, rel=2e-3)
 
 
-def test_intrinsic_regressors_are_exact_once_the_recorder_does_not_alias():
-    """At 1 kHz a jump of the acceleration leaves 2e-4 behind a 200 Hz recorder; at 2 kHz nothing is left of it."""
-    trial = simulate(seed=1, duration=10.0, snr_db=None, voluntary=0.0, recording_rate=2000.0)
-    regressors = build_regressors(trial, **OPTIONS)
-    truth = decimated(trial, "torque_intrinsic", regressors.time, 100.0)
+def test_intrinsic_regressors_are_exact_if_the_recorder_does_not_alias():
+    """At 1 kHz a jump of the acceleration leaves an error of 2e-4 behind a 200 Hz recorder; at 2 kHz none of it."""
+    trial = prepare(simulate(seed=1, duration=10.0, snr_db=None, voluntary=0.0, recording_rate=2000.0))
+    regressors = trial.regressors(**OPTIONS)
+    truth = trial.channel_at("torque_intrinsic", regressors.time, 100.0)
     error = regressors.inputs[:, :3] @ [150.0, 0.8, 0.015] - truth
     assert np.max(np.abs(error)) < 2e-5 * np.max(np.abs(truth))
 
@@ -37,8 +42,9 @@ def test_a_rectified_sinusoid_is_its_fourier_series(delay):
     frequency, rate = 9.0, 5000.0
     time = np.arange(int(8 * rate)) / rate
     w = 2 * np.pi * frequency
-    trial = ankleloop.new_trial(0.02 * np.sin(w * time), np.sin(w * time), rate)
-    regressors = build_regressors(trial, **OPTIONS | {"delay": delay})
+    regressors = prepare(new_trial(0.02 * np.sin(w * time), np.sin(w * time), rate)).regressors(
+        **OPTIONS | {"delay": delay}
+    )
     phase = w * (regressors.time - delay)
     even = sum(np.cos(2 * k * phase) * (-1) ** k / (4 * k**2 - 1) for k in (1, 2))  # 18 and 36 Hz, not 54 Hz
     expected = 0.02 * w * (1 / np.pi + np.cos(phase) / 2 - 2 / np.pi * even)
@@ -46,42 +52,63 @@ def test_a_rectified_sinusoid_is_its_fourier_series(delay):
 
 
 def test_the_linear_chebyshev_term_is_the_velocity_four_samples_ago(clean):
-    regressors = build_regressors(clean, **OPTIONS | {"basis": "chebyshev", "degree": 3})
+    regressors = prepare(clean).regressors(**OPTIONS | {"basis": "chebyshev", "degree": 3})
     linear = regressors.inputs[:, 3] * regressors.basis.scale
     velocity = regressors.inputs[:, 1]
     np.testing.assert_allclose(linear[4:], velocity[:-4], rtol=0, atol=1e-4 * np.max(np.abs(velocity)))
 
 
-def test_reflex_regressor_drives_the_reflex_torque(clean):
-    """The continuous low-pass of Eq. 2, applied in the frequency domain, turns the one into the other."""
-    regressors = build_regressors(clean, **OPTIONS)
-    truth = decimated(clean, "torque_reflex", regressors.time, 100.0)
+def test_the_reflex_regressor_drives_the_reflex_torque(clean):
+    """The continuous low-pass of Eq. 2, applied in the frequency domain, makes the torque of the rectified velocity."""
+    trial = prepare(clean)
+    regressors = trial.regressors(**OPTIONS)
+    truth = trial.channel_at("torque_reflex", regressors.time, 100.0)
     drive = regressors.inputs[:, 3]
     size = 8 * drive.size
     s = 2j * np.pi * np.fft.rfftfreq(size, 0.01)
-    through = np.fft.irfft(np.fft.rfft(drive, size) * 13.0 * 1600.0 / (s**2 + 80.0 * s + 1600.0), size)
-    inside = slice(100, drive.size - 100)  # away from where the periodic convolution begins
-    error = through[: drive.size] - truth
+    torque = np.fft.irfft(np.fft.rfft(drive, size) * 13.0 * 1600.0 / (s**2 + 80.0 * s + 1600.0), size)
+    inside = slice(100, drive.size - 100)  # beyond the effect of the periodic convolution
+    error = torque[: drive.size] - truth
     assert np.std(error[inside]) < 2e-3 * np.std(truth[inside])
 
 
 def test_times_are_those_of_the_record(clean):
-    whole = build_regressors(clean, **OPTIONS)
-    later = build_regressors(clean.isel(time=slice(5000, None)), **OPTIONS)
+    whole = prepare(clean).regressors(**OPTIONS)
+    part = prepare(clean.isel(time=slice(5000, None)))
+    later = part.regressors(**OPTIONS)
     assert np.allclose(np.diff(whole.time), 0.01)
     shared = np.isin(np.round(whole.time, 6), np.round(later.time, 6))
     np.testing.assert_allclose(whole.time[shared], later.time, atol=1e-9)
-    # The means that differentiation takes out differ, and so does the rounding.
+    # The means that differentiation subtracts differ, and so does the rounding.
     np.testing.assert_allclose(whole.inputs[shared], later.inputs, atol=1e-6)
-    np.testing.assert_allclose(
-        decimated(clean.isel(time=slice(5000, None)), "torque", later.time, 100.0), later.torque, atol=1e-12
-    )
+    np.testing.assert_allclose(part.channel_at("torque", later.time, 100.0), later.torque, atol=1e-12)
 
 
-def test_delay_shifts_the_reflex_regressor(clean):
-    now, later = (build_regressors(clean, **OPTIONS | {"delay": delay}) for delay in (0.04, 0.05))
-    a = dict(zip(np.round(now.time, 6), now.inputs[:, 3], strict=True))
-    b = dict(zip(np.round(later.time, 6), later.inputs[:, 3], strict=True))
+def test_the_grid_leaves_out_the_samples_that_filters_touch():
+    grid = decimation_grid(5000, 1000.0, 100.0, 0.04)
+    before, after = recording_margins(1000.0, 10, 0.04)
+    assert (grid.factor, grid.first) == (10, before)
+    assert before % 10 == 0
+    last = grid.first + grid.factor * (grid.samples - 1)
+    assert last + after <= 4999 < last + after + grid.factor
+    assert recording_margins(1000.0, 10, 0.5)[0] > before
+
+
+def test_names_units_and_path_of_every_input(clean):
+    regressors = prepare(clean).regressors(**OPTIONS | {"basis": "chebyshev", "degree": 2})
+    assert regressors.names == ("position", "velocity", "acceleration", "chebyshev_1", "chebyshev_2")
+    assert regressors.units == ("rad", "rad/s", "rad/s²", "1", "1")
+    assert regressors.reflex.tolist() == [False, False, False, True, True]
+    assert (regressors.delay, regressors.rate) == (0.04, 100.0)
+    motion, drive = regressors.joint_inputs.centred
+    assert (motion.shape[1], drive.shape[1]) == (3, 2)
+    np.testing.assert_allclose(np.hstack([motion, drive]).mean(axis=0), 0.0, atol=1e-9)
+
+
+def test_the_delay_shifts_the_reflex_regressor(clean):
+    early, late = (prepare(clean).regressors(**OPTIONS | {"delay": delay}) for delay in (0.04, 0.05))
+    a = dict(zip(np.round(early.time, 6), early.inputs[:, 3], strict=True))
+    b = dict(zip(np.round(late.time, 6), late.inputs[:, 3], strict=True))
     pairs = [(a[t], b[round(t + 0.01, 6)]) for t in a if round(t + 0.01, 6) in b]
     assert len(pairs) > 2500
     np.testing.assert_allclose(*zip(*pairs, strict=True), atol=1e-9)
@@ -89,14 +116,24 @@ def test_delay_shifts_the_reflex_regressor(clean):
 
 def test_predicted_inputs_are_free_of_fed_back_noise():
     """They follow the reference, so they are nearly the same whatever the noise; the measured ones are not."""
-    found = []
+    positions = []
     for db in (None, 0.0):
-        trial = simulate(seed=2, duration=50.0, reflex_gain=2.0, voluntary=0.0, snr_db=db, load=(0.3, 10.0, 100.0))
-        regressors = build_regressors(trial, reference="reference", **OPTIONS)
-        found.append((regressors.inputs[:, 0], predicted_inputs(trial, regressors, 0.04)[:, 0]))
-    (clean, from_clean), (noisy, from_noisy) = found
+        trial = prepare(
+            simulate(seed=2, duration=50.0, reflex_gain=2.0, voluntary=0.0, snr_db=db, load=(0.3, 10.0, 100.0))
+        )
+        regressors = trial.regressors(reference="reference", **OPTIONS)
+        positions.append((regressors.inputs[:, 0], trial.predict_inputs(regressors)[:, 0]))
+    (clean, from_clean), (noisy, from_noisy) = positions
     assert np.std(from_clean - clean) < 0.1 * np.std(clean)
     assert np.std(from_noisy - clean) < 0.5 * np.std(noisy - clean)
+
+
+def test_predicted_inputs_in_open_loop_are_the_inputs(clean):
+    trial = prepare(clean)
+    regressors = trial.regressors(reference="position", **OPTIONS)
+    assert trial.predict_inputs(regressors) is regressors.inputs
+    with pytest.raises(DataError, match="instruments are made of the reference, and the trial has none"):
+        trial.predict_inputs(trial.regressors(**OPTIONS))
 
 
 @pytest.mark.parametrize(
@@ -110,14 +147,15 @@ def test_predicted_inputs_are_free_of_fed_back_noise():
         ({"identification_rate": 300.0}, DataError, "not a whole multiple"),
         ({"delay": None}, ValueError, "does not estimate it"),
         ({"delay": -0.01}, ValueError, "between 0 and 1 s"),
+        ({"delay": 1.01}, ValueError, "between 0 and 1 s"),
         ({"basis": "wavelet"}, ValueError, "unknown basis"),
     ],
 )
-def test_what_is_refused(clean, change, kind, message):
+def test_invalid_options_are_refused(clean, change, kind, message):
     with pytest.raises(kind, match=message):
-        build_regressors(clean, **OPTIONS | change)
+        prepare(clean).regressors(**OPTIONS | change)
 
 
 def test_a_record_shorter_than_its_filters(clean):
     with pytest.raises(DataError, match=r"too short.*Record longer"):
-        build_regressors(clean.isel(time=slice(0, 500)), **OPTIONS)
+        prepare(clean.isel(time=slice(0, 500))).regressors(**OPTIONS)

@@ -1,11 +1,12 @@
+"""Identification chunk by chunk against identification in memory."""
+
 import h5py
 import numpy as np
 import pytest
 
 import ankleloop
-from ankleloop.errors import DataError
-from ankleloop.joint.regressors import decimated
-from ankleloop.methods.long_records import LongRecord, identify_file
+from ankleloop import DataError, LongRecord, identify_file
+from ankleloop.joint.prepared import prepare
 
 
 @pytest.fixture(scope="module")
@@ -21,10 +22,10 @@ def saved(trial, tmp_path):
 
 @pytest.mark.parametrize("chunk", [333, 50_000])
 @pytest.mark.parametrize("method", ["pr-moesp", "eiv-moesp"])
-def test_the_same_as_in_memory(trial, saved, tmp_path, method, chunk):
+def test_the_estimate_is_that_in_memory(trial, saved, tmp_path, method, chunk):
     whole = ankleloop.identify(trial, method, basis="rectifier")
     passes = []
-    found = identify_file(
+    estimate = identify_file(
         LongRecord(saved),
         tmp_path / "torques.nc",
         method,
@@ -34,56 +35,86 @@ def test_the_same_as_in_memory(trial, saved, tmp_path, method, chunk):
     )
     assert passes == ["basis", "pass 1", "pass 2", "torques"]
     for name, value in whole.stiffness.items():
-        assert found.stiffness[name] == pytest.approx(value, rel=1e-5)
+        assert estimate.stiffness[name] == pytest.approx(value, rel=1e-5)
     for name, value in whole.reflex.items():
-        assert found.reflex[name] == pytest.approx(value, rel=1e-4)
-    np.testing.assert_allclose(found.torque["time"], whole.torque["time"], atol=1e-9)
+        assert estimate.reflex[name] == pytest.approx(value, rel=1e-4)
+    np.testing.assert_allclose(estimate.torque["time"], whole.torque["time"], atol=1e-9)
     for name in ("net", "intrinsic", "reflex"):
         size = float(np.abs(whole.torque[name]).max())
-        np.testing.assert_allclose(found.torque[name], whole.torque[name], atol=1e-5 * size)
-        assert found.torque[name].attrs["units"] == "N·m"
-    measured = decimated(trial, "torque", whole.torque["time"].values, 100.0)
-    assert found.diagnostics["vaf"] == pytest.approx(ankleloop.vaf(measured, whole.torque["net"].values), abs=1e-4)
-    assert not found.torque.indexes  # an index of the time would be in memory, all of it
-    found.torque.close()
+        np.testing.assert_allclose(estimate.torque[name], whole.torque[name], atol=1e-5 * size)
+        assert estimate.torque[name].attrs["units"] == "N·m"
+    measured = prepare(trial).channel_at("torque", whole.torque["time"].values, 100.0)
+    assert estimate.diagnostics["vaf"] == pytest.approx(ankleloop.vaf(measured, whole.torque["net"].values), abs=1e-4)
+    assert not estimate.torque.indexes  # an index of the time would be in memory as a whole
+    estimate.torque.close()
 
 
-def test_a_file_of_a_laboratory(trial, tmp_path):
-    """Degrees, the torque the other way round, names of its own."""
+def test_a_record_in_degrees_with_other_names_and_another_sign_of_the_torque(trial, tmp_path):
     path = tmp_path / "long.h5"
     with h5py.File(path, "w") as file:
         file["angle"], file["moment"] = np.degrees(trial["position"].values), -trial["torque"].values
         file["command"] = np.degrees(trial["reference"].values)
     names = {"position": "angle", "torque": "moment", "reference": "command"}
     record = LongRecord(path, 1000.0, **names, position_unit="deg", torque_sign=-1)
-    found = identify_file(record, tmp_path / "torques.nc", chunk=1000)
-    found.torque.close()
-    assert found.stiffness["K"] == pytest.approx(ankleloop.identify(trial).stiffness["K"], rel=1e-5)
+    estimate = identify_file(record, tmp_path / "torques.nc", chunk=1000)
+    estimate.torque.close()
+    assert estimate.stiffness["K"] == pytest.approx(ankleloop.identify(trial).stiffness["K"], rel=1e-5)
 
 
-def test_what_is_wrong_is_said(trial, saved, tmp_path):
+def write_record(path, trial, **variables):
+    with h5py.File(path, "w") as file:
+        for name in ("position", "torque", "reference"):
+            file[name] = variables.get(name, trial[name].values)
+
+
+def test_invalid_records_are_refused(trial, saved, tmp_path):
     with pytest.raises(DataError, match="there is no variable 'angle'"):
         LongRecord(saved, position="angle")
     with pytest.raises(DataError, match=r"read from \.h5, \.hdf5, \.nc; convert it first"):
         LongRecord(tmp_path / "trial.csv")
-    with pytest.raises(DataError, match="long records are identified by"):
-        identify_file(LongRecord(saved), tmp_path / "torques.nc", "riv")
-    with pytest.raises(DataError, match="needs a reference"):
-        identify_file(LongRecord(saved, reference=None), tmp_path / "torques.nc")
     path = tmp_path / "broken.h5"
-    with h5py.File(path, "w") as file:
-        for name in ("position", "torque", "reference"):
-            file[name] = trial[name].values
-        file["short"] = np.zeros(5)
-        file["torque"][20_345] = np.nan
+    write_record(path, trial, torque=np.zeros(5))
+    with pytest.raises(DataError, match=r"torque has shape \(5,\)"):
+        LongRecord(path, 1000.0)
     with pytest.raises(DataError, match="states no sampling_rate"):
-        LongRecord(path)
-    with pytest.raises(DataError, match=r"short has shape \(5,\)"):
-        LongRecord(path, 1000.0, torque="short")
-    with pytest.raises(DataError, match="torque is not finite at sample 20345"):
-        identify_file(LongRecord(path, 1000.0), tmp_path / "torques.nc", chunk=500)
-    with h5py.File(path, "r+") as file:
-        file["position"][20_345] += np.pi
-    with pytest.raises(DataError, match=r"^broken.h5: position moves at .* rad/s at sample 2\d{4} .* in degrees"):
-        identify_file(LongRecord(path, 1000.0), tmp_path / "torques.nc", chunk=500)
+        LongRecord(path, torque="position")
+    with pytest.raises(DataError, match="position_sign must be one of 1 or -1; got 2"):
+        LongRecord(saved, position_sign=2)
+
+
+def test_methods_and_options_without_use_for_long_records_are_refused(saved, tmp_path):
+    torques = tmp_path / "torques.nc"
+    with pytest.raises(DataError, match=r"long records are identified by pr-moesp, .*, not by 'riv'"):
+        identify_file(LongRecord(saved), torques, "riv")
+    with pytest.raises(DataError, match="needs a reference"):
+        identify_file(LongRecord(saved, reference=None), torques)
+    with pytest.raises(TypeError, match="method 'pr-moesp' of long records has no option 'free_b'; it has order, "):
+        identify_file(LongRecord(saved), torques, free_b=True)
+    with pytest.raises(ValueError, match=r"^block_rows must be at least 3 samples, got 2\.$"):
+        identify_file(LongRecord(saved), torques, block_rows=2)
     assert not list(tmp_path.glob("*torques*"))
+
+
+def test_invalid_samples_are_refused_wherever_they_are(trial, tmp_path):
+    path, torques = tmp_path / "broken.h5", tmp_path / "torques.nc"
+    torque, position = trial["torque"].values.copy(), trial["position"].values.copy()
+    torque[20_345] = np.nan
+    write_record(path, trial, torque=torque)
+    with pytest.raises(DataError, match="torque is not finite at sample 20345"):
+        identify_file(LongRecord(path, 1000.0), torques, chunk=500)
+    position[20_345] += np.pi
+    write_record(path, trial, position=position)
+    with pytest.raises(DataError, match=r"^broken.h5: position moves at .* rad/s at sample 2\d{4} .* in degrees"):
+        identify_file(LongRecord(path, 1000.0), torques, chunk=500)
+    assert not list(tmp_path.glob("*torques*"))
+
+
+def test_a_part_of_a_record(trial, saved):
+    record = LongRecord(saved)
+    assert (record.sampling_rate, record.rate, record.samples) == (1000.0, 1000.0, trial.sizes["time"])
+    part = record.read(100, 200, ["torque"])
+    assert list(part.data_vars) == ["torque"]
+    np.testing.assert_array_equal(part["torque"], trial["torque"][100:200])
+    np.testing.assert_allclose(part["time"], trial["time"][100:200], atol=1e-12)
+    assert set(record.read(29_990, 30_100).data_vars) == {"position", "torque", "reference"}
+    assert record.read(29_990, 30_100).sizes["time"] == 10

@@ -1,18 +1,18 @@
-"""The real-time algorithm: where its perturbation suits it, and what it does where it does not."""
+"""The real-time algorithm: exact for perturbations that decorrelate the paths, biased for others."""
 
 import numpy as np
 import pytest
 
 import ankleloop
 from ankleloop import DataError, identify, new_trial, simulate
-from ankleloop.methods.real_time import _lags, _track
-from ankleloop.simulation.excitation import pulses
+from ankleloop.methods.real_time import _lag_input, _track
+from ankleloop.simulation.excitation import draw_pulses
 
 QUIET = {"snr_db": None, "voluntary": 0.0, "closed_loop": False, "duration": 60.0, "reflex_gain": 5.0}
 
 
 @pytest.fixture(scope="module")
-def found():
+def means():
     """Means over seeds for a decorrelating perturbation and for a PRBS, in open loop without noise."""
     values = {}
     for perturbation in ("pulses", "prbs"):
@@ -25,32 +25,32 @@ def found():
     return values
 
 
-def test_the_decorrelating_perturbation_gives_the_truth(found):
-    assert found["pulses"]["K"] == pytest.approx(150.0, rel=0.03)
-    assert found["pulses"]["B"] == pytest.approx(0.8, rel=0.05)
-    assert found["pulses"]["I"] == pytest.approx(0.015, rel=0.05)
-    assert found["pulses"]["G"] == pytest.approx(5.0, rel=0.05)
+def test_a_decorrelating_perturbation_gives_the_truth(means):
+    assert means["pulses"]["K"] == pytest.approx(150.0, rel=0.03)
+    assert means["pulses"]["B"] == pytest.approx(0.8, rel=0.05)
+    assert means["pulses"]["I"] == pytest.approx(0.015, rel=0.05)
+    assert means["pulses"]["G"] == pytest.approx(5.0, rel=0.05)
 
 
-def test_a_prbs_biases_it(found):
-    assert found["prbs"]["K"] > 1.05 * 150.0
+def test_a_prbs_biases_the_stiffness(means):
+    assert means["prbs"]["K"] > 1.05 * 150.0
 
 
 def test_information_form_is_weighted_least_squares():
     """With forgetting, the parameters known at a time are those of exponentially weighted least squares of the past."""
     rng = np.random.default_rng(1)
-    inputs, forgetting, block = rng.standard_normal((200, 2)), 0.97, 10
+    inputs, forgetting, chunk = rng.standard_normal((200, 2)), 0.97, 10
     target = inputs @ [2.0, -3.0] + 0.7 + 0.1 * rng.standard_normal(200)
-    _, known = _track(inputs, target, forgetting, block, 0)
+    _, parameters = _track(inputs, target, forgetting, chunk, 0)
     for k in (5, 12, 19):
-        past = slice(0, k * block)
-        weights = np.sqrt(forgetting ** np.arange(k * block)[::-1])
+        past = slice(0, k * chunk)
+        weights = np.sqrt(forgetting ** np.arange(k * chunk)[::-1])
         phi = np.column_stack([inputs, np.ones(200)])[past]
         expected = np.linalg.lstsq(phi * weights[:, None], target[past] * weights, rcond=None)[0]
-        np.testing.assert_allclose(known[k], expected[:2], rtol=1e-6)
+        np.testing.assert_allclose(parameters[k], expected[:2], rtol=1e-6)
 
 
-def test_predictions_use_the_past_alone():
+def test_predictions_depend_on_the_past_only():
     rng = np.random.default_rng(2)
     inputs = rng.standard_normal((300, 2))
     target = inputs @ [1.0, 2.0]
@@ -60,8 +60,8 @@ def test_predictions_use_the_past_alone():
     np.testing.assert_array_equal(before[:200], after[:200])
 
 
-def test_it_follows_a_joint_that_changes():
-    """Two records set end to end, the second with half the stiffness: the trace of K crosses over."""
+def test_the_trace_follows_a_joint_that_changes():
+    """Of two records end to end the second has half the stiffness."""
     first, second = (
         simulate(seed=seed, perturbation="pulses", switching_interval=0.2, stiffness=k, **QUIET)
         for seed, k in ((1, 150.0), (2, 75.0))
@@ -78,7 +78,7 @@ def test_it_follows_a_joint_that_changes():
     assert {len(traces[f"trace_{name}"]) for name in "KBIG"} == {len(time)}
 
 
-def test_torque_covers_the_record_and_means_leave_the_settling_out():
+def test_torque_covers_the_record_and_means_exclude_the_settling_time():
     trial = simulate(seed=1, perturbation="pulses", switching_interval=0.2, **QUIET)
     estimate = identify(trial, "real-time", settling=20.0)
     time, k = estimate.diagnostics["trace_time"], estimate.diagnostics["trace_K"]
@@ -89,12 +89,12 @@ def test_torque_covers_the_record_and_means_leave_the_settling_out():
     assert (scores > 95).all()
 
 
-def test_lags_begin_with_the_first_value():
-    np.testing.assert_array_equal(_lags(np.array([1.0, 2.0, 3.0]), 2), [[1, 1, 1], [2, 1, 1], [3, 2, 1]])
+def test_lags_before_the_record_are_its_first_value():
+    np.testing.assert_array_equal(_lag_input(np.array([1.0, 2.0, 3.0]), 2), [[1, 1, 1], [2, 1, 1], [3, 2, 1]])
 
 
-def test_pulses_are_symmetric_and_half_of_them_are_missing():
-    x = pulses(np.random.default_rng(1), 400_000, 200, 20, 0.04)
+def test_pulses_are_symmetric_and_half_of_the_intervals_have_none():
+    x = draw_pulses(np.random.default_rng(1), 400_000, 200, 20, 0.04)
     starts = x[::200]
     assert set(np.unique(x)) == {-0.02, 0.0, 0.02}
     assert np.mean(starts == 0) == pytest.approx(0.5, abs=0.05)
@@ -105,14 +105,14 @@ def test_pulses_are_symmetric_and_half_of_them_are_missing():
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"memory": 0.0}, ValueError, "memory must be positive"),
-        ({"reflex_lags": -1.0}, ValueError, "reflex_lags must be positive"),
-        ({"settling": -1.0}, ValueError, "settling must not be negative"),
+        ({"memory": 0.0}, ValueError, r"^memory must be above 0 s, got 0\.0\.$"),
+        ({"reflex_lags": -1.0}, ValueError, r"^reflex_lags must be above 0 s, got -1\.0\.$"),
+        ({"settling": -1.0}, ValueError, r"^settling must be at least 0 s, got -1\.0\.$"),
         ({"settling": 59.0}, DataError, "too short for a settling time of 59 s"),
-        ({"basis": "chebyshev"}, ValueError, "basis must be 'rectifier'"),
+        ({"basis": "chebyshev"}, ValueError, r"^basis must be 'rectifier'; got 'chebyshev'\.$"),
     ],
 )
-def test_options_out_of_range(options, error, message):
+def test_invalid_options_are_refused(options, error, message):
     trial = simulate(seed=1, perturbation="pulses", **QUIET)
     with pytest.raises(error, match=message):
         identify(trial, "real-time", **options)

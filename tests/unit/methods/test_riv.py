@@ -1,4 +1,4 @@
-"""Refined instrumental variables: the truth where feedback biases everything else, and how sure it is."""
+"""Refined instrumental variables: unbiased in closed loop, with intervals that hold the truth."""
 
 import numpy as np
 import pytest
@@ -9,32 +9,32 @@ TRUTH = {"K": 150.0, "B": 0.8, "I": 0.015, "omega_n": 40.0, "zeta": 1.0}
 COMPLIANT = {"load": (0.1, 10.0, 100.0), "reflex_gain": 25.0, "voluntary": 0.3}
 
 
-def values(estimate):
+def parameters(estimate):
     return estimate.stiffness | estimate.reflex
 
 
 @pytest.fixture(scope="module")
 def compliant():
-    """Trials against a very compliant load, and what the method makes of them."""
+    """Trials against a very compliant load, and their estimates."""
     trials = [simulate(seed=seed, **COMPLIANT) for seed in range(12)]
     return trials, [identify(trial, "riv") for trial in trials]
 
 
 @pytest.mark.parametrize("gain", [2.0, 13.0])
-def test_without_noise_it_finds_the_truth(gain):
+def test_the_truth_without_noise(gain):
     estimate = identify(simulate(seed=1, reflex_gain=gain, snr_db=None, voluntary=0.0), "riv")
-    found = values(estimate)
+    values = parameters(estimate)
     for name, truth in (TRUTH | {"G": gain}).items():
-        assert found[name] == pytest.approx(truth, rel=3e-3), name
+        assert values[name] == pytest.approx(truth, rel=3e-3), name
     assert estimate.diagnostics["converged"]
 
 
-def test_feedback_does_not_bias_it(compliant):
-    """Least squares is far off on the same trials."""
+def test_feedback_does_not_bias_the_estimates(compliant):
+    """Least squares is biased on the same trials."""
     trials, estimates = compliant
-    means = {name: np.mean([values(e)[name] for e in estimates]) for name in (*TRUTH, "G")}
+    means = {name: np.mean([parameters(e)[name] for e in estimates]) for name in (*TRUTH, "G")}
     for name, truth in (TRUTH | {"G": 25.0}).items():
-        spread = np.std([values(e)[name] for e in estimates], ddof=1) / np.sqrt(len(estimates))
+        spread = np.std([parameters(e)[name] for e in estimates], ddof=1) / np.sqrt(len(estimates))
         assert abs(means[name] - truth) < 0.02 * truth + 3 * spread, name
     vaf = [evaluate(t, e).query("against == 'true'")["vaf"].min() for t, e in zip(trials, estimates, strict=True)]
     assert np.mean(vaf) > 99.7
@@ -42,7 +42,7 @@ def test_feedback_does_not_bias_it(compliant):
     assert np.mean(biased) < 0.9 * 150.0
 
 
-def test_the_truth_can_have_a_low_net_vaf():
+def test_an_unbiased_estimate_can_have_a_lower_net_vaf():
     trial = simulate(seed=3, reflex_gain=15.0, voluntary=1.0)
     estimates = {name: identify(trial, name, basis="rectifier") for name in ("riv", "pr-moesp")}
     scores = {name: evaluate(trial, e).set_index(["torque", "against"])["vaf"] for name, e in estimates.items()}
@@ -50,35 +50,35 @@ def test_the_truth_can_have_a_low_net_vaf():
     assert scores["riv"]["intrinsic", "true"] > 99 > scores["pr-moesp"]["intrinsic", "true"]
 
 
-def test_intervals_are_as_wide_as_the_estimates_scatter(compliant):
+def test_intervals_are_as_wide_as_the_scatter_of_estimates(compliant):
     _, estimates = compliant
     for name in ("K", "B", "I", "G", "omega_n", "zeta"):
-        scatter = np.std([values(e)[name] for e in estimates], ddof=1)
+        scatter = np.std([parameters(e)[name] for e in estimates], ddof=1)
         half = np.median([0.5 * np.ptp(e.intervals[name]) for e in estimates]) / 1.96
         assert 0.5 < half / scatter < 2.0, name
-        assert all(low < values(e)[name] < high for e in estimates for low, high in [e.intervals[name]])
+        assert all(low < parameters(e)[name] < high for e in estimates for low, high in [e.intervals[name]])
     inside = [low <= TRUTH["K"] <= high for e in estimates for low, high in [e.intervals["K"]]]
     assert np.mean(inside) > 0.7
 
 
-def test_the_delay_can_be_found():
-    found = [
-        values(identify(simulate(seed=seed, delay=delay), "riv", delay=None))["delay"]
+def test_the_delay_can_be_estimated():
+    delays = [
+        parameters(identify(simulate(seed=seed, delay=delay), "riv", delay=None))["delay"]
         for seed, delay in ((1, 0.04), (2, 0.052))
     ]
-    np.testing.assert_allclose(found, [0.04, 0.052], atol=0.002)
+    np.testing.assert_allclose(delays, [0.04, 0.052], atol=0.002)
 
 
 def test_records_in_open_loop():
     trial = simulate(seed=1, closed_loop=False, voluntary=0.3)
     for reference in ("reference", "position"):
-        found = values(identify(trial, "riv", reference=reference))
-        assert found["K"] == pytest.approx(150.0, rel=0.05)
-        assert found["G"] == pytest.approx(13.0, rel=0.1)
+        values = parameters(identify(trial, "riv", reference=reference))
+        assert values["K"] == pytest.approx(150.0, rel=0.05)
+        assert values["G"] == pytest.approx(13.0, rel=0.1)
 
 
 def test_other_bases_have_the_same_dynamics():
-    """A polynomial of degree 8 is nearly a rectifier, a spline is one but for the neighbourhood of its corner."""
+    """A polynomial of degree 8 is nearly a rectifier; a spline differs from it near the corner only."""
     trial = simulate(seed=1, snr_db=None, voluntary=0.0)
     for basis, degree, accuracy in (("chebyshev", 8, 0.05), ("spline", 10, 0.01)):
         estimate = identify(trial, "riv", basis=basis, degree=degree)
@@ -91,26 +91,26 @@ def test_other_bases_have_the_same_dynamics():
 
 
 def test_a_third_pole():
-    """Three real poles can be told as two and one in any way: what counts is the three of them."""
+    """Three real poles can be split into two and one in any way, so all three are compared."""
     truth = np.sort([40.0 * (0.8 + 0.6j), 40.0 * (0.8 - 0.6j), 70.0])
     trial = simulate(seed=1, zeta=0.8, pole=70.0, snr_db=None, voluntary=0.0)
     estimate = identify(trial, "riv", order=3)
-    found = estimate.reflex
-    poles = found["omega_n"] * (found["zeta"] + np.array([1j, -1j]) * np.sqrt(1 - found["zeta"] ** 2))
-    np.testing.assert_allclose(np.sort([*poles, found["pole"]]), truth, rtol=0.02)
+    omega_n, zeta, pole = (estimate.reflex[name] for name in ("omega_n", "zeta", "pole"))
+    poles = omega_n * (zeta + np.array([1j, -1j]) * np.sqrt(1 - zeta**2))
+    np.testing.assert_allclose(np.sort([*poles, pole]), truth, rtol=0.02)
     assert estimate.model.A.shape == (3, 3)
     low, high = identify(simulate(seed=1, zeta=0.8, pole=70.0), "riv", order=3).intervals["pole"]
     assert low < 70.0 < high
 
 
-def test_a_third_pole_that_is_not_there():
+def test_a_third_pole_that_the_joint_does_not_have():
     estimate = identify(simulate(seed=2), "riv", order=3)
     assert any("take order=2" in warning for warning in estimate.diagnostics["warnings"])
-    with pytest.raises(ValueError, match="order must be 2 or 3"):
+    with pytest.raises(ValueError, match=r"^order must be one of 2 or 3; got 4\.$"):
         identify(simulate(seed=1, duration=20.0), "riv", order=4)
 
 
-def test_the_model_is_the_estimate():
+def test_the_model_has_the_estimated_parameters():
     """Poles are those of the dynamics, the gain at rest is G, and D holds K, B and I."""
     estimate = identify(simulate(seed=1, duration=20.0), "riv")
     s = np.log(estimate.model.poles().astype(complex)) * 100.0
@@ -129,9 +129,9 @@ def test_a_weak_reference_is_refused():
         identify(trial.drop_vars("reference"), "riv")
 
 
-def test_it_says_when_it_has_not_converged():
+def test_missing_convergence_is_a_warning():
     estimate = identify(simulate(seed=1, duration=20.0), "riv", max_iterations=1, tolerance=1e-9)
     assert not estimate.diagnostics["converged"]
     assert "not converged after 1 iterations" in estimate.diagnostics["warnings"][0]
-    with pytest.raises(ValueError, match="must be positive"):
+    with pytest.raises(ValueError, match=r"^max_iterations must be at least 1, got 0\.$"):
         identify(simulate(seed=1, duration=20.0), "riv", max_iterations=0)

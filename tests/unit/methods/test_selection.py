@@ -1,11 +1,10 @@
-"""Choosing on unseen data: the truth is preferred, also where the net VAF prefers something else."""
+"""Selection on data that the fit has not seen: the truth is preferred, also where the net VAF prefers another model."""
 
 import numpy as np
 import pytest
 
-from ankleloop import DataError, evaluate, identify, segment, simulate
-from ankleloop.methods.moesp import identify_moesp
-from ankleloop.methods.riv import identify_riv
+from ankleloop import METHODS, DataError, evaluate, identify, segment, simulate
+from ankleloop.joint.prepared import prepare
 from ankleloop.methods.selection import select_options
 
 
@@ -18,12 +17,14 @@ def clean():
 def test_the_true_order_is_chosen(clean, criterion):
     estimate = identify(clean, "pr-moesp", basis="rectifier", select={"order": [1, 2, 3, 4]}, criterion=criterion)
     assert estimate.diagnostics["order"] == 2
-    told = estimate.diagnostics["selection"]
-    assert told["criterion"] == criterion
-    assert told["chosen"] == {"order": 2}
-    assert [row["order"] for row in told["candidates"]] == [1, 2, 3, 4]
-    assert told["candidates"][0]["scores"][criterion] < 99.5 < 99.99 < told["candidates"][1]["scores"][criterion]
-    assert set(told["candidates"][0]["scores"]) == {"instrumental", "cross-validation"}
+    selection = estimate.diagnostics["selection"]
+    assert selection["criterion"] == criterion
+    assert selection["chosen"] == {"order": 2}
+    assert [row["order"] for row in selection["candidates"]] == [1, 2, 3, 4]
+    assert (
+        selection["candidates"][0]["scores"][criterion] < 99.5 < 99.99 < selection["candidates"][1]["scores"][criterion]
+    )
+    assert set(selection["candidates"][0]["scores"]) == {"instrumental", "cross-validation"}
 
 
 def test_the_true_basis_is_chosen(clean):
@@ -32,8 +33,8 @@ def test_the_true_basis_is_chosen(clean):
     assert estimate.reflex["G"] == pytest.approx(13.0, rel=0.01)
 
 
-def test_more_terms_do_not_win_by_chance():
-    """A third pole that is not there must be better by more than a standard error: in one trial of six it is."""
+def test_a_superfluous_pole_is_seldom_chosen():
+    """It has to be better by more than a standard error, which it is in one trial of six."""
     chosen = [
         identify(simulate(seed=seed), "riv", select={"order": [2, 3]}).diagnostics["selection"]["chosen"]["order"]
         for seed in range(6)
@@ -41,22 +42,22 @@ def test_more_terms_do_not_win_by_chance():
     assert chosen.count(2) >= 4
 
 
-def test_criterion_of_the_instruments_prefers_the_truth_where_net_vaf_does_not():
+def test_the_instrumental_criterion_prefers_the_truth_where_the_net_vaf_does_not():
     trial = simulate(seed=5, load=(0.1, 10.0, 100.0), reflex_gain=25.0, voluntary=0.3)
 
     def fit(part, method):
-        return identify_riv(part) if method == "riv" else identify_moesp(part, method=method, basis="rectifier")
+        return METHODS[method](part, basis="rectifier")
 
     scores = {}
     for criterion in ("instrumental", "cross-validation"):
-        found = select_options(trial, fit, {"method": ["pr-moesp", "riv"]}, criterion=criterion)
-        scores[criterion] = [row["scores"][criterion] for row in found.candidates]
-        assert found.chosen == {"method": "riv" if criterion == "instrumental" else "pr-moesp"}
+        selection = select_options(trial, fit, {"method": ["pr-moesp", "riv"]}, criterion=criterion)
+        scores[criterion] = [row["scores"][criterion] for row in selection.candidates]
+        assert selection.chosen == {"method": "riv" if criterion == "instrumental" else "pr-moesp"}
     assert scores["instrumental"][1] > scores["instrumental"][0] + 0.5
     assert scores["cross-validation"][1] < scores["cross-validation"][0]
 
 
-def test_without_a_reference_it_cross_validates(clean):
+def test_without_a_reference_the_criterion_is_cross_validation(clean):
     estimate = identify(clean.drop_vars("reference"), "pi-moesp", basis="rectifier", select={"order": [1, 2]})
     assert estimate.diagnostics["selection"]["criterion"] == "cross-validation"
     assert set(estimate.diagnostics["selection"]["candidates"][0]["scores"]) == {"cross-validation"}
@@ -65,10 +66,10 @@ def test_without_a_reference_it_cross_validates(clean):
     assert estimate.diagnostics["selection"]["chosen"] == {"order": 2}
 
 
-def test_candidates_that_fail_are_told(clean):
+def test_candidates_that_fail_are_reported(clean):
     rows = {"instrument_rows": [10, None]}
-    found = identify(clean, "pr-moesp", select=rows, basis="rectifier", projection="correlation")
-    first, second = found.diagnostics["selection"]["candidates"]
+    estimate = identify(clean, "pr-moesp", select=rows, basis="rectifier", projection="correlation")
+    first, second = estimate.diagnostics["selection"]["candidates"]
     assert first["scores"] == {}
     assert "instrument" in first["error"]
     assert second["scores"]["instrumental"] > 99
@@ -85,9 +86,18 @@ def test_candidates_that_fail_are_told(clean):
         ({"select": {"order": [1]}, "criterion": "vaf"}, ValueError, "unknown criterion 'vaf'; known: instrumental"),
     ],
 )
-def test_wrong_selections(clean, options, error, message):
+def test_invalid_selections_are_refused(clean, options, error, message):
     with pytest.raises(error, match=message):
         identify(clean, "pr-moesp", **options)
+
+
+def test_a_prepared_trial_gives_the_same_selection():
+    trial = simulate(seed=2, duration=20.0)
+    candidates = {"basis": ["rectifier", "chebyshev"], "order": [1, 2]}
+    expected, estimate = (identify(part, "pr-moesp", select=candidates) for part in (trial, prepare(trial)))
+    assert estimate.torque.identical(expected.torque)
+    assert estimate.diagnostics["selection"] == expected.diagnostics["selection"]
+    assert len(estimate.diagnostics["selection"]["candidates"]) == 4
 
 
 @pytest.mark.parametrize(
@@ -99,20 +109,20 @@ def test_wrong_selections(clean, options, error, message):
         ("riv", {}, 99.99),
     ],
 )
-def test_estimates_predict_what_they_have_not_seen(clean, method, options, accuracy):
+def test_estimates_predict_records_that_they_have_not_seen(clean, method, options, accuracy):
     first, second = segment(clean, 0.0, 25.0), segment(clean, 25.0, 50.0)
     estimate = identify(first, method, **options)
-    predicted = estimate.predict(second)
-    assert predicted.torque["time"][0] >= 25.0
-    assert evaluate(second, predicted).query("against == 'true'")["vaf"].min() > accuracy
-    # On the record of the fit a prediction from rest is the fit, but for its beginning.
+    prediction = estimate.predict(second)
+    assert prediction.torque["time"][0] >= 25.0
+    assert evaluate(second, prediction).query("against == 'true'")["vaf"].min() > accuracy
+    # On the record of the fit a prediction from rest is the fit, except at its beginning.
     again = estimate.predict(first).torque["net"].sel(time=estimate.torque["time"], method="nearest", tolerance=1e-6)
     late = slice(100, None)
     difference = (again - estimate.torque["net"].values).values[late]
     assert np.ptp(difference) < 1e-3 * np.ptp(again.values)
 
 
-def test_what_cannot_predict_says_so(clean):
+def test_methods_without_a_model_do_not_predict(clean):
     with pytest.raises(DataError, match="no model to predict with"):
         identify(clean, "real-time").predict(clean)
     with pytest.raises(DataError, match="segment from 60 to 70 s has no samples"):

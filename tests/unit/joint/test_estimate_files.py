@@ -1,0 +1,227 @@
+import json
+import os
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from ankleloop import DataError, identify, simulate
+from ankleloop.joint.estimate import TORQUES, Estimate, torque_dataset
+from ankleloop.joint.estimate_files import EstimateCollection, load_estimates, load_estimates_of, save_estimates
+from ankleloop.records import files
+
+
+def make_estimate(seed=0, samples=50, reflex=None, **fields):
+    rng = np.random.default_rng(seed)
+    torque = torque_dataset(
+        0.35 + np.arange(samples) / 100.0, 100.0, **{name: rng.standard_normal(samples) for name in TORQUES}
+    )
+    stiffness = {"K": 150.0 + rng.standard_normal(), "B": 0.8, "I": 0.1 + 0.2}
+    return Estimate("pr-moesp", torque, None, stiffness, {"delay": 0.04} if reflex is None else reflex, **fields)
+
+
+def assert_same_torque(loaded, saved):
+    assert set(loaded.torque.variables) == {"time", *TORQUES}
+    for name in ("time", *TORQUES):
+        assert loaded.torque[name].dims == ("time",)
+        assert loaded.torque[name].dtype == np.float64
+        assert loaded.torque[name].values.tobytes() == saved.torque[name].values.tobytes()
+        assert loaded.torque[name].attrs == saved.torque[name].attrs
+    assert loaded.torque.attrs["identification_rate"] == saved.torque.attrs["identification_rate"]
+
+
+def save(estimates, path):
+    save_estimates({"pr-moesp": EstimateCollection(estimates)}, path)
+
+
+def load(path):
+    return load_estimates(path, "pr-moesp")
+
+
+def test_round_trip_of_several_trials(tmp_path):
+    estimates = [make_estimate(seed, diagnostics={"trial": seed}) for seed in range(3)]
+    save(estimates, tmp_path / "estimates.nc")
+    loaded = load(tmp_path / "estimates.nc")
+    assert len(loaded) == 3
+    for after, before in zip(loaded, estimates, strict=True):
+        assert after.method == "pr-moesp"
+        assert after.model is None
+        assert after.stiffness == before.stiffness
+        assert list(after.stiffness) == ["K", "B", "I"]
+        assert after.reflex == before.reflex
+        assert after.diagnostics == before.diagnostics
+        assert_same_torque(after, before)
+
+
+def test_special_values_keep_their_bits(tmp_path):
+    estimate = make_estimate()
+    special = [-0.0, 5e-324, 1.7976931348623157e308, np.nan, np.inf, -np.inf, 0.1 + 0.2]
+    estimate.torque["reflex"][: len(special)] = special
+    save([estimate], str(tmp_path / "estimates.nc"))
+    (loaded,) = load(str(tmp_path / "estimates.nc"))
+    assert_same_torque(loaded, estimate)
+
+
+def test_diagnostics_become_json(tmp_path):
+    diagnostics = {
+        "poles": np.array([0.7 + 0.1j, 0.7 - 0.1j]),
+        "real_poles": np.array([0.5, 0.25]),
+        "singular_values": np.array([3.0, 0.1 + 0.2, 1e-300]),
+        "pole": np.complex128(1 - 2j),
+        "matrix": np.arange(4).reshape(2, 2),
+        "complex_matrix": np.array([[1j]]),
+        "rank": np.int64(7),
+        "stable": np.bool_(True),
+        "condition": np.float32(0.5),
+        "passes": 3,
+        "none": None,
+        "warnings": ["σ is 2 × too large", 'a "quoted" one'],
+        "nested": {"history": (1.0, 2.0)},
+    }
+    save([make_estimate(diagnostics=diagnostics)], tmp_path / "estimates.nc")
+    (loaded,) = load(tmp_path / "estimates.nc")
+    assert loaded.diagnostics == {
+        "poles": [[0.7, 0.1], [0.7, -0.1]],
+        "real_poles": [0.5, 0.25],
+        "singular_values": [3.0, 0.1 + 0.2, 1e-300],
+        "pole": [1.0, -2.0],
+        "matrix": [[0, 1], [2, 3]],
+        "complex_matrix": [[[0.0, 1.0]]],
+        "rank": 7,
+        "stable": True,
+        "condition": 0.5,
+        "passes": 3,
+        "none": None,
+        "warnings": ["σ is 2 × too large", 'a "quoted" one'],
+        "nested": {"history": [1.0, 2.0]},
+    }
+
+
+def test_a_real_estimate_survives(tmp_path):
+    trials = [simulate(seed=seed, duration=15.0) for seed in (1, 2)]
+    for method in ("pi-moesp", "parallel-cascade"):
+        estimates = [identify(trial, method, basis="rectifier") for trial in trials]
+        save(estimates, tmp_path / "estimates.nc")
+        for loaded, saved in zip(load(tmp_path / "estimates.nc"), estimates, strict=True):
+            assert_same_torque(loaded, saved)
+            assert (loaded.method, loaded.stiffness, loaded.reflex) == (method, saved.stiffness, saved.reflex)
+            assert set(loaded.diagnostics) == set(saved.diagnostics)
+            assert loaded.diagnostics["warnings"] == saved.diagnostics["warnings"]
+            if method == "pi-moesp":
+                poles = np.atleast_1d(saved.diagnostics["poles"]).astype(complex)
+                loaded_poles = [complex(*np.atleast_1d(pole)) for pole in loaded.diagnostics["poles"]]
+                np.testing.assert_array_equal(loaded_poles, poles)
+                np.testing.assert_array_equal(
+                    loaded.diagnostics["singular_values"], saved.diagnostics["singular_values"]
+                )
+
+
+def test_reflex_parameters_that_one_trial_lacks(tmp_path):
+    with_gain, without = (make_estimate(reflex=reflex) for reflex in ({"delay": 0.04, "G": 13.0}, {"delay": 0.05}))
+    for estimates in ([with_gain, without], [without, with_gain]):
+        save(estimates, tmp_path / "estimates.nc")
+        assert [e.reflex for e in load(tmp_path / "estimates.nc")] == [e.reflex for e in estimates]
+
+
+def test_intervals_survive(tmp_path):
+    intervals = {"K": (140.0, 160.0), "G": (12.5, 13.5)}
+    save([make_estimate(intervals=intervals)], tmp_path / "estimates.nc")
+    (loaded,) = load(tmp_path / "estimates.nc")
+    assert {name: tuple(bounds) for name, bounds in loaded.intervals.items()} == intervals
+
+
+def test_the_file_is_plain_netcdf_with_units(tmp_path):
+    save([make_estimate(diagnostics={"order": 2})], tmp_path / "estimates.nc")
+    with xr.open_dataset(tmp_path / "estimates.nc", engine="h5netcdf", group="pr-moesp") as data:
+        assert data["net"].dims == ("trial", "time")
+        assert data["net"].attrs["units"] == "N·m"
+        assert data["stiffness"].attrs["units"] == "N·m/rad, N·m·s/rad, kg·m²"
+        assert data["parameter"].values.tolist() == ["K", "B", "I"]
+        assert json.loads(data["diagnostics"].values[0]) == {"order": 2}
+        assert data.attrs["method"] == "pr-moesp"
+
+
+def collect(index, precision="double"):
+    collection = EstimateCollection(precision=precision)
+    for seed, (point, number) in index.items():
+        collection.add(make_estimate(seed), point, number)
+    return collection
+
+
+def test_estimates_of_a_point_in_several_files(tmp_path):
+    files_of_study = {"0.nc": {0: ("a", 0), 1: ("a", 1), 2: ("b", 0)}, "1.nc": {3: ("b", 1), 4: ("b", 2)}}
+    for name, index in files_of_study.items():
+        save_estimates({"x": collect(index), "y": collect(index)}, tmp_path / name)
+    paths = [tmp_path / name for name in reversed(files_of_study)]
+    for point, seeds in (("a", (0, 1)), ("b", (2, 3, 4))):
+        for loaded, seed in zip(load_estimates_of(paths, point, "y"), seeds, strict=True):
+            assert_same_torque(loaded, make_estimate(seed))
+    with pytest.raises(DataError, match="no estimate file has the point 'c'"):
+        load_estimates_of(paths, "c", "x")
+    with pytest.raises(DataError, match="there are no estimates to save"):
+        save_estimates({"x": EstimateCollection()}, tmp_path / "none.nc")
+    assert not (tmp_path / "none.nc").exists()
+
+
+def test_single_precision_rounds_the_torques_alone(tmp_path):
+    save_estimates({"x": collect({0: ("a", 0)}, "single")}, tmp_path / "0.nc")
+    (loaded,), saved = load_estimates_of([tmp_path / "0.nc"], "a", "x"), make_estimate(0)
+    assert loaded.stiffness == saved.stiffness
+    assert loaded.torque["net"].dtype == np.float64
+    np.testing.assert_array_equal(loaded.torque["net"], saved.torque["net"].values.astype(np.float32))
+    with pytest.raises(ValueError, match="unknown precision 'half'"):
+        EstimateCollection(precision="half")
+
+
+def test_the_same_estimates_give_the_same_file(tmp_path):
+    for name in ("a.nc", "b.nc"):
+        save([make_estimate(diagnostics={"order": 2})], tmp_path / name)
+    assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+
+
+def _fail(*_, **__):
+    raise OSError("disk full")
+
+
+def _half(dataset, path, **_):
+    """What a full disk leaves: the first bytes, and an error."""
+    with open(path, "wb") as file:
+        file.write(b"\x89HDF\r\n")
+    raise OSError("disk full")
+
+
+@pytest.mark.parametrize("existing", [False, True], ids=["new", "replaced"])
+@pytest.mark.parametrize("stage", ["writing", "renaming"])
+def test_a_failed_save_leaves_nothing_half_written(tmp_path, monkeypatch, existing, stage):
+    path = tmp_path / "estimates.nc"
+    if existing:
+        save([make_estimate()], path)
+    before = path.read_bytes() if existing else None
+    with monkeypatch.context() as patch:
+        if stage == "writing":
+            patch.setattr(xr.Dataset, "to_netcdf", _half)
+        else:
+            patch.setattr(files.os, "replace", _fail)
+        with pytest.raises(OSError, match="disk full"):
+            save([make_estimate(1)], path)
+    assert os.listdir(tmp_path) == (["estimates.nc"] if existing else [])
+    if existing:
+        assert path.read_bytes() == before
+
+
+def test_diagnostics_without_a_form_in_json(tmp_path):
+    with pytest.raises(TypeError, match="object cannot be kept in diagnostics"):
+        save([make_estimate(diagnostics={"thing": object()})], tmp_path / "estimates.nc")
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_missing_folder(tmp_path):
+    with pytest.raises(DataError, match=r"there is no folder .*: make it first"):
+        save([make_estimate()], tmp_path / "none" / "estimates.nc")
+
+
+def test_saving_replaces_and_leaves_nothing_else(tmp_path):
+    (tmp_path / "estimates.nc").write_text("old")
+    save([make_estimate()], tmp_path / "estimates.nc")
+    assert os.listdir(tmp_path) == ["estimates.nc"]
+    assert len(load(tmp_path / "estimates.nc")) == 1

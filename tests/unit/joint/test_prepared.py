@@ -1,0 +1,205 @@
+"""A prepared trial: methods and scores share its values, and give exactly the results that they give alone."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from ankleloop import METHODS, DataError, evaluate, identify, simulate
+from ankleloop.joint import prepared as module
+from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare, prepare_trials
+
+OPTIONS = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0}
+SHORT = {"real-time": {"memory": 2.0}}  # options that a short trial needs
+SIGNALS = ("position", "torque", "reference", "torque_intrinsic", "torque_reflex")
+
+
+@pytest.fixture(scope="module")
+def trials():
+    return [simulate(seed=seed, duration=12.0) for seed in (1, 2)]
+
+
+def identify_by(trial, name):
+    return identify(trial, name, **SHORT.get(name, {}))
+
+
+def assert_same_estimate(first, second):
+    assert first.torque.identical(second.torque)
+    assert (first.stiffness, first.reflex, first.intervals) == (second.stiffness, second.reflex, second.intervals)
+    assert (first.matrices is None) == (second.matrices is None)
+    if first.matrices is not None:
+        for name in "ABCD":
+            np.testing.assert_array_equal(getattr(first.matrices, name), getattr(second.matrices, name))
+    np.testing.assert_equal(first.diagnostics, second.diagnostics)
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """Arguments of every derivative and decimation, arrays by their content."""
+    records = []
+
+    def count(name):
+        function = getattr(module, name)
+
+        def counted(x, *args, **options):
+            records.append((name, np.asarray(x).tobytes(), args, tuple(options.items())))
+            return function(x, *args, **options)
+
+        monkeypatch.setattr(module, name, counted)
+
+    count("decimate")
+    count("differentiate")
+    return records
+
+
+# --- sharing
+
+
+@pytest.mark.parametrize("order", [1, -1], ids=["in order", "in reverse"])
+def test_methods_that_share_a_trial_give_what_they_give_alone(trials, order):
+    for trial in trials:
+        before, shared = trial.copy(deep=True), prepare(trial)
+        for name in list(METHODS)[::order]:
+            alone, together = identify_by(trial, name), identify_by(shared, name)
+            assert_same_estimate(together, alone)
+            assert evaluate(shared, together).equals(evaluate(trial, alone))
+        assert trial.identical(before)
+
+
+def test_options_do_not_mix(trials):
+    """Values of one delay, rate, basis or reference do not serve another."""
+    shared = prepare(trials[0])
+    for options in (
+        {},
+        {"delay": 0.05},
+        {"identification_rate": 50.0},
+        {"basis": "rectifier"},
+        {"basis": "chebyshev", "degree": 3},
+        {"basis": "spline"},
+        {"input_matrices": "instruments"},
+        {"input_matrices": "instruments", "basis": "rectifier", "delay": 0.05},
+        {},
+    ):
+        assert_same_estimate(identify(shared, **options), identify(trials[0], **options))
+    lags = ({}, {"reflex_lags": 0.3}, {"intrinsic_lags": 0.02}, {"rank_tolerance": 1e-2}, {"rank": "mdl"}, {})
+    for options in lags:
+        cascade = {"max_passes": 2, **options}
+        expected = identify(trials[0], "parallel-cascade", **cascade)
+        assert_same_estimate(identify(shared, "parallel-cascade", **cascade), expected)
+
+
+def test_every_derivative_and_channel_is_computed_once(trials, calls):
+    shared = prepare(trials[0])
+    for _ in range(2):
+        for name in METHODS:
+            evaluate(shared, identify_by(shared, name))
+    assert len(calls) > 10
+    assert len(set(calls)) == len(calls)
+
+
+def test_a_plain_trial_is_computed_anew_each_time(trials, calls):
+    for _ in range(2):
+        prepare(trials[0]).regressors(**OPTIONS)
+    assert len(calls) == 2 * len(set(calls))
+
+
+def test_a_value_is_computed_at_the_first_call(trials):
+    trial, count = prepare(trials[0]), []
+    for _ in range(3):
+        assert trial.memoise("key", lambda: count.append(1) or len(count)) == 1
+    assert trial.memoise("another key", lambda: None) is None
+    assert trial.memoise("another key", lambda: pytest.fail("computed twice")) is None
+    assert len(count) == 1
+
+
+def test_a_trial_is_validated_once(trials, monkeypatch):
+    count = []
+    monkeypatch.setattr(module, "validate", lambda trial: count.append(1) or trial)
+    shared = prepare(trials[0])
+    for name in ("pr-moesp", "parallel-cascade"):
+        evaluate(shared, identify(shared, name).predict(shared))
+    assert len(count) == 1
+    assert prepare(shared) is shared
+    PreparedTrial(trials[0], validated=True)
+    assert len(count) == 1
+
+
+def test_an_invalid_trial_is_refused(trials):
+    broken = trials[0].copy(deep=True)
+    broken["torque"][777] = np.nan
+    with pytest.raises(DataError, match="torque is not finite at sample 777"):
+        prepare(broken)
+
+
+def test_a_plain_trial_may_change_between_two_identifications():
+    trial = simulate(seed=1, duration=8.0)
+    before = prepare(trial).regressors(**OPTIONS).torque
+    stiffness = identify(trial, basis="rectifier").stiffness["K"]
+    trial["torque"] = 2.0 * trial["torque"]
+    np.testing.assert_allclose(prepare(trial).regressors(**OPTIONS).torque, 2.0 * before)
+    assert identify(trial, basis="rectifier").stiffness["K"] == pytest.approx(2.0 * stiffness, rel=1e-9)
+
+
+def test_two_threads_give_the_results_of_one(trials):
+    def results(trial):
+        shared = prepare(trial)
+        return [identify_by(shared, name) for _ in range(2) for name in METHODS]
+
+    with ThreadPoolExecutor(2) as pool:
+        concurrent = list(pool.map(results, trials))
+    for trial, estimates in zip(trials, concurrent, strict=True):
+        for estimate, expected in zip(estimates, results(trial), strict=True):
+            assert_same_estimate(estimate, expected)
+
+
+# --- several trials
+
+
+@pytest.fixture
+def several(trials):
+    signals = {name: np.stack([trial[name].values for trial in trials]) for name in SIGNALS}
+    return prepare_trials(trials, signals, [(100.0, 0.04), (50.0, 0.03)])
+
+
+def test_trials_prepared_together_give_what_each_gives_by_itself(trials, several):
+    for trial, shared in zip(trials, several, strict=True):
+        assert shared.trial is trial
+        for options in ({}, {"identification_rate": 50.0, "delay": 0.03}, {"delay": 0.1}):
+            alone, together = identify(trial, **options), identify(shared, **options)
+            assert_same_estimate(together, alone)
+            assert evaluate(shared, together).equals(evaluate(trial, alone))
+
+
+def test_trials_prepared_together_are_not_decimated_again(several, calls):
+    for trial in several:
+        for rate, delay in ((100.0, 0.04), (50.0, 0.03)):
+            grid = trial.grid(rate, delay)
+            for name in SIGNALS[1:]:
+                assert trial.channel(name, grid).shape == (grid.samples,)
+            assert [x.shape for x in trial.motion(grid)] == [(grid.samples,)] * 3
+    assert calls == []
+
+
+def test_trials_prepared_together_may_lack_signals(trials):
+    bare = [trial[["position", "torque"]].assign_attrs(trial.attrs) for trial in trials]
+    signals = {name: np.stack([trial[name].values for trial in trials]) for name in ("position", "torque")}
+    for trial, shared in zip(bare, prepare_trials(bare, signals, [(100.0, 0.04)]), strict=True):
+        assert_same_estimate(identify(shared, "pi-moesp"), identify(trial, "pi-moesp"))
+    with pytest.raises(DataError, match="too short"):
+        prepare_trials(
+            [trial.isel(time=slice(0, 300)) for trial in bare],
+            {name: values[:, :300] for name, values in signals.items()},
+            [(100.0, 0.04)],
+        )
+
+
+def test_merged_trials_share_a_basis(trials):
+    prepared = [prepare(trial) for trial in trials]
+    basis = fit_shared_basis(prepared, 0.04, "chebyshev", 4)
+    assert basis.scale == max(float(np.abs(trial.velocity(0.04)).max()) for trial in prepared)
+    for trial in prepared:
+        regressors = trial.regressors(delay=0.04, basis=basis, identification_rate=100.0)
+        assert regressors.basis is basis
+        assert regressors.inputs.shape[1] == 3 + 4
+    for alone, together in zip(identify(trials), identify(prepared), strict=True):
+        assert_same_estimate(together, alone)

@@ -1,0 +1,286 @@
+"""The MOESP family: the truth without noise, its models, references, and merged trials."""
+
+import control
+import numpy as np
+import pytest
+
+from ankleloop import METHODS, DataError, evaluate, identify, segment, simulate, vaf
+from ankleloop.joint.prepared import prepare
+from ankleloop.methods.moesp import MEMBERS
+
+TRUE_POLES = np.poly([np.exp(-0.4), np.exp(-0.4)])  # two at 40 rad/s, at 100 Hz
+
+
+def evaluate_vaf(trial, estimate):
+    return evaluate(trial, estimate).set_index(["torque", "against"])["vaf"]
+
+
+def build_regressors(trial, basis, degree=5):
+    return prepare(trial).regressors(delay=0.04, basis=basis, degree=degree, identification_rate=100.0)
+
+
+# --- recovery of the truth
+
+
+def assert_joint(estimate, gain):
+    """K = 150, B = 0.8, I = 0.015 and a double pole at 40 rad/s."""
+    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.005)
+    assert estimate.stiffness["I"] == pytest.approx(0.015, rel=0.005)
+    assert estimate.stiffness["B"] == pytest.approx(0.8, rel=0.015)
+    np.testing.assert_allclose(np.poly(estimate.model.poles()), TRUE_POLES, atol=0.01)
+    assert estimate.reflex["G"] == pytest.approx(gain, rel=0.005)
+    assert estimate.reflex["omega_n"] == pytest.approx(40.0, rel=0.01)
+    assert estimate.reflex["zeta"] == pytest.approx(1.0, rel=0.01)
+    assert estimate.reflex["delay"] == 0.04
+
+
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [(method, {}) for method in MEMBERS]
+    + [("pr-moesp", {"projection": "correlation"}), ("pr-moesp", {"input_matrices": "instruments"})],
+    ids=[*MEMBERS, "pr-moesp-correlation", "pr-moesp-instruments"],
+)
+@pytest.mark.parametrize("gain", [2.0, 13.0])
+def test_a_rectifier_recovers_the_joint_without_noise(clean, gain, method, options):
+    estimate = identify(clean[gain], method, basis="rectifier", **options)
+    assert_joint(estimate, gain)
+    result = evaluate_vaf(clean[gain], estimate)
+    assert result["net", "measured"] >= 99.99
+    assert result["net", "true"] >= 99.99
+    assert result["intrinsic", "true"] >= 99.99
+    assert result["reflex", "true"] >= 99.99
+
+
+@pytest.mark.parametrize("gain", [2.0, 13.0])
+def test_splines_recover_the_torques_without_noise(clean, gain):
+    estimate = identify(clean[gain], basis="spline", degree=8)
+    result = evaluate_vaf(clean[gain], estimate)
+    assert result.min() >= 99.99
+    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.005)
+    np.testing.assert_allclose(np.poly(estimate.model.poles()), TRUE_POLES, atol=0.01)
+
+
+def test_a_polynomial_is_not_a_rectifier(clean):
+    """With degree 5 about half a percent of the net torque stays unexplained, most of it in the reflex."""
+    result = evaluate_vaf(clean[13.0], identify(clean[13.0], basis="chebyshev"))
+    assert 99.0 < result["net", "true"] < 99.9
+    assert 97.0 < result["reflex", "true"] < 99.5
+
+
+def test_the_third_order_form_of_the_reflex():
+    trial = simulate(seed=1, voluntary=0.0, snr_db=None, pole=20.0)
+    second, third = (identify(trial, basis="rectifier", order=order) for order in (2, 3))
+    expected = np.poly([np.exp(-0.4), np.exp(-0.4), np.exp(-0.2)])
+    np.testing.assert_allclose(np.poly(third.model.poles()), expected, atol=0.01)
+    assert evaluate_vaf(trial, third).min() >= 99.99
+    assert evaluate_vaf(trial, second)["reflex", "true"] < 99.95
+    assert third.reflex["G"] == pytest.approx(13.0, rel=0.005)
+    assert third.stiffness["K"] == pytest.approx(150.0, rel=0.005)
+
+
+def test_the_order_is_two_without_noise(clean):
+    assert identify(clean[13.0], basis="rectifier", order=None).diagnostics["order"] == 2
+
+
+def test_the_true_delay_explains_most(clean):
+    net = {}
+    for delay in (0.03, 0.04, 0.05):
+        net[delay] = evaluate_vaf(clean[13.0], identify(clean[13.0], basis="rectifier", delay=delay))["net", "true"]
+    assert max(net, key=net.get) == 0.04
+
+
+@pytest.mark.parametrize("rate", [50.0, 200.0])
+def test_other_identification_rates(clean, rate):
+    estimate = identify(clean[13.0], basis="rectifier", identification_rate=rate)
+    assert estimate.model.dt == 1 / rate
+    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.02)
+    assert evaluate_vaf(clean[13.0], estimate)["net", "true"] > 99.9
+
+
+# --- models
+
+
+@pytest.mark.parametrize(
+    ("basis", "degree", "terms"),
+    [
+        ("chebyshev", 5, [f"chebyshev_{k}" for k in range(1, 6)]),
+        ("rectifier", 1, ["rectified_velocity"]),
+        ("spline", 6, [f"spline_{k}" for k in range(1, 7)]),
+    ],
+)
+@pytest.mark.parametrize("free_b", [False, True])
+@pytest.mark.parametrize("method", MEMBERS)
+def test_the_model_reproduces_the_torques(noisy, method, basis, degree, terms, free_b):
+    estimate = identify(noisy, method, basis=basis, degree=degree, free_b=free_b)
+    regressors = build_regressors(noisy, basis, degree)
+    model = estimate.model
+    assert model.input_labels == ["position", "velocity", "acceleration", *terms] == list(regressors.names)
+    u = (regressors.inputs - regressors.inputs.mean(axis=0)).T
+    # From this sample on the effect of the initial state is below rounding.
+    start = int(np.log(1e-13) / np.log(np.max(np.abs(model.poles()))))
+    assert start < 1500
+    for torque, channels in (("net", slice(None)), ("intrinsic", slice(0, 3)), ("reflex", slice(3, None))):
+        inputs = np.zeros_like(u)
+        inputs[channels] = u[channels]
+        simulated = control.forced_response(model, inputs=inputs).outputs[0]
+        actual = estimate.torque[torque].values[start:]
+        # Torques are deviations from their means.
+        np.testing.assert_allclose(
+            actual - actual.mean(), simulated[start:] - simulated[start:].mean(), atol=1e-7, err_msg=torque
+        )
+    np.testing.assert_allclose(estimate.torque["time"], regressors.time, rtol=1e-14)
+    stiffness = [estimate.stiffness[name] for name in "KBI"]
+    if free_b:  # the effect of P, Ṗ and P̈ through the state counts as well
+        u, intrinsic = u[:3].T, estimate.torque["intrinsic"].values
+        np.testing.assert_allclose(stiffness, np.linalg.lstsq(u, intrinsic, rcond=None)[0], rtol=1e-6)
+    else:
+        assert stiffness == model.D[0, :3].tolist()
+
+
+@pytest.mark.parametrize("method", MEMBERS)
+def test_only_the_reflex_has_a_state_unless_b_is_free(noisy, method):
+    fixed, free = (identify(noisy, method, basis="rectifier", free_b=free_b).model for free_b in (False, True))
+    np.testing.assert_array_equal(fixed.B[:, :3], 0.0)
+    assert np.all(fixed.B[:, 3] != 0)
+    assert np.all(free.B != 0)
+
+
+@pytest.mark.parametrize("basis", ["rectifier", "spline"])
+def test_free_b_still_separates_the_torques(clean, basis):
+    """Without noise the joint is a special case of the model with free B, and so are its two torques."""
+    estimate = identify(clean[13.0], basis=basis, degree=8, free_b=True)
+    result = evaluate_vaf(clean[13.0], estimate)
+    assert result["net", "true"] >= 99.9
+    assert result["intrinsic", "true"] >= 99.0
+    assert result["reflex", "true"] >= 99.0
+    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.05)
+
+
+def test_free_b_explains_no_less(noisy):
+    """The model without free_b is a special case of the one with it."""
+    fixed, free = (identify(noisy, basis="rectifier", free_b=free_b) for free_b in (False, True))
+    torque = build_regressors(noisy, "rectifier").torque
+    assert vaf(torque, free.torque["net"].values) > vaf(torque, fixed.torque["net"].values)
+
+
+@pytest.mark.parametrize(
+    ("method", "instruments", "projection"),
+    [
+        ("pr-moesp", "past-reference", "ordinary"),
+        ("eiv-moesp", "past-input-output", "correlation"),
+        ("pi-moesp", "past-input", "ordinary"),
+        ("po-moesp", "past-input-output", "ordinary"),
+        ("moesp", "none", "ordinary"),
+    ],
+)
+def test_members_differ_in_their_instruments(noisy, method, instruments, projection):
+    diagnostics = identify(noisy, method, basis="rectifier").diagnostics
+    assert (diagnostics["instruments"], diagnostics["projection"]) == (instruments, projection)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_the_correlation_form_has_enough_instruments_by_default(noisy, order):
+    diagnostics = identify(noisy, basis="rectifier", projection="correlation", order=order).diagnostics
+    assert diagnostics["instrument_rows"] >= 4 * 15 + order
+
+
+def test_the_linear_term_of_a_polynomial_repeats_the_velocity(clean):
+    """T₁ is the velocity 4 samples late: 11 of its 15 Hankel rows are rows of the velocity, up to filter errors."""
+    diagnostics = identify(clean[13.0], basis="chebyshev", degree=1, order=1).diagnostics
+    assert diagnostics["rank"] <= 4 * 15 - 11
+    assert diagnostics["condition"] < 1e5
+
+
+def test_an_unstable_high_order_is_stabilised_with_a_warning(noisy):
+    estimate = identify(noisy, "pi-moesp", basis="rectifier", order=6)
+    assert not estimate.diagnostics["stable"]
+    assert np.max(np.abs(estimate.model.poles())) < 1
+    (warning,) = estimate.diagnostics["warnings"]
+    assert "unstable A (spectral radius 1.0" in warning
+    assert "order 6" in warning
+    assert warning in repr(estimate)
+    assert evaluate_vaf(noisy, estimate)["net", "measured"] > 90
+
+
+# --- the reference
+
+
+def test_a_missing_reference_is_refused(noisy):
+    bare = noisy.drop_vars("reference")
+    for method, options in (("pr-moesp", {}), ("pi-moesp", {"input_matrices": "instruments"})):
+        message = "the trial has no variable 'reference' to serve as reference; it has position, torque"
+        with pytest.raises(DataError, match=message):
+            identify(bare, method, **options)
+    with pytest.raises(DataError, match=r"has no variable 'command' to serve as reference; it has .*reference='positi"):
+        identify(noisy, reference="command")
+
+
+@pytest.mark.parametrize("options", [{}, {"input_matrices": "instruments"}])
+def test_the_position_serves_as_reference_of_an_open_loop_record(options):
+    trial = simulate(seed=1, duration=20.0, closed_loop=False, voluntary=0.0, snr_db=None).drop_vars("reference")
+    estimate = identify(trial, basis="rectifier", reference="position", **options)
+    assert estimate.diagnostics["reference"] == "position"
+    assert_joint(estimate, 13.0)
+    assert evaluate_vaf(trial, estimate).min() >= 99.99
+
+
+def test_the_reference_is_in_the_diagnostics(noisy):
+    assert identify(noisy, basis="rectifier").diagnostics["reference"] == "reference"
+    assert "reference" not in identify(noisy, "pi-moesp", basis="rectifier").diagnostics
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"order": 15}, r"block_rows must be larger than the order \(15\), got 15"),
+        ({"order": 0}, r"^order must be at least 1, got 0\.$"),
+        ({"projection": "oblique"}, r"^projection must be one of 'ordinary' or 'correlation'; got 'oblique'\.$"),
+        (
+            {"input_matrices": "guess"},
+            r"^input_matrices must be one of 'least-squares' or 'instruments'; got 'guess'\.$",
+        ),
+        ({"basis": "spline", "degree": 3}, "a cubic spline basis needs a degree of at least 4, got 3"),
+        ({"delay": None}, r"^delay must be a finite number \[s\], got None\.$"),
+    ],
+)
+def test_invalid_options_of_the_family_are_refused(noisy, options, message):
+    with pytest.raises(ValueError, match=message):
+        identify(noisy, **options)
+
+
+# --- merged trials
+
+
+def test_short_trials_are_merged():
+    """Ten records of five seconds give what the whole record gives, and their order does not matter."""
+    whole = simulate(seed=1, snr_db=None, voluntary=0.0)
+    parts = [segment(whole, 5.0 * k, 5.0 * (k + 1)) for k in range(10)]
+    estimates = identify(parts, "pr-moesp", basis="rectifier")
+    assert len(estimates) == 10
+    assert all(e.stiffness == estimates[0].stiffness for e in estimates)
+    assert estimates[0].stiffness["K"] == pytest.approx(150.0, rel=2e-3)
+    assert estimates[0].reflex["G"] == pytest.approx(13.0, rel=5e-3)
+    for part, estimate in zip(parts, estimates, strict=True):
+        assert evaluate(part, estimate, trim=0.0).query("torque == 'net'")["vaf"].min() > 99.9
+    shuffled = [parts[k] for k in (3, 8, 1, 6, 0, 9, 4, 7, 2, 5)]
+    again = identify(shuffled, "pr-moesp", basis="rectifier")
+    assert again[0].stiffness["K"] == pytest.approx(estimates[0].stiffness["K"], rel=1e-6)
+
+
+def test_only_methods_that_merge_take_several_trials():
+    parts = [simulate(seed=seed, duration=8.0) for seed in range(3)]
+    merged = identify(parts, "pr-moesp", basis="chebyshev", input_matrices="instruments")
+    assert len({id(e.matrices) for e in merged}) == 1
+    with pytest.raises(
+        DataError, match="parallel-cascade identifies one trial at a time; trials are merged by pr-moesp"
+    ):
+        identify(parts, "parallel-cascade")
+    for name, method in METHODS.items():
+        assert method.merges == (name in MEMBERS)
+        if not method.merges:
+            with pytest.raises(DataError, match=f"^{name} identifies one trial at a time"):
+                method(parts)
+    with pytest.raises(DataError, match="pr-moesp selects options on one trial at a time; trials are merged by pr-mo"):
+        identify(parts, "pr-moesp", select={"order": [1, 2]})
+    with pytest.raises(DataError, match="no trials"):
+        identify([], "pi-moesp")

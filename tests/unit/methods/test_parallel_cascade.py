@@ -1,0 +1,161 @@
+"""The parallel cascade against alternating least squares with explicit matrices of lagged inputs."""
+
+import numpy as np
+import pytest
+
+from ankleloop import DataError, evaluate, identify
+from ankleloop.joint.prepared import prepare
+from ankleloop.methods import parallel_cascade
+
+LEADS, LAGS = 4, 50  # ± 40 ms and 0 … 0.5 s at 100 Hz
+
+
+def evaluate_vaf(trial, estimate):
+    return evaluate(trial, estimate).set_index(["torque", "against"])["vaf"]
+
+
+class LaggedInputs:
+    """Lagged position and rectified velocity, and the torque, all centred."""
+
+    def __init__(self, trial):
+        regressors = prepare(trial).regressors(delay=0.04, basis="rectifier", identification_rate=100.0)
+        position, rectified, torque = regressors.inputs[:, 0], regressors.inputs[:, 3], regressors.torque
+        self.rows = range(LAGS, torque.size - LEADS)
+        self.time = regressors.time[LAGS : torque.size - LEADS]
+        self.intrinsic = self.centred([[position[t - lag] for lag in range(-LEADS, LEADS + 1)] for t in self.rows])
+        self.reflex = self.centred([[rectified[t - lag] for lag in range(LAGS + 1)] for t in self.rows])
+        self.torque = self.centred(torque[self.rows])
+
+    @staticmethod
+    def centred(x):
+        return np.asarray(x) - np.mean(x, axis=0)
+
+    @staticmethod
+    def fit(lags, target):
+        return np.linalg.lstsq(lags, target, rcond=None)[0]
+
+    def fit_jointly(self):
+        """Both impulse responses in one fit, without alternation."""
+        return np.split(self.fit(np.hstack([self.intrinsic, self.reflex]), self.torque), [2 * LEADS + 1])
+
+    def net_vaf(self, residual):
+        return 100 * (1 - residual @ residual / (self.torque @ self.torque))
+
+
+@pytest.fixture(scope="module")
+def cascades(clean, noisy):
+    return {name: (trial, LaggedInputs(trial)) for name, trial in (("clean", clean[13.0]), ("noisy", noisy))}
+
+
+@pytest.mark.parametrize("record", ["clean", "noisy"])
+def test_the_parallel_cascade_converges_to_joint_least_squares(cascades, record):
+    trial, lagged = cascades[record]
+    intrinsic, reflex = lagged.fit_jointly()
+    best = lagged.net_vaf(lagged.torque - lagged.intrinsic @ intrinsic - lagged.reflex @ reflex)
+    estimate = identify(trial, "parallel-cascade")
+    assert estimate.diagnostics["converged"]
+    assert 0 <= best - estimate.diagnostics["history"][-1] < 1e-3  # the default tolerance, in points
+    fine = identify(trial, "parallel-cascade", tolerance=1e-12)
+    assert best == pytest.approx(fine.diagnostics["history"][-1], abs=1e-9)
+    np.testing.assert_allclose(fine.torque["intrinsic"], lagged.intrinsic @ intrinsic, atol=2e-4)
+    np.testing.assert_allclose(fine.torque["reflex"], lagged.reflex @ reflex, atol=2e-4)
+    np.testing.assert_allclose(fine.torque["time"], lagged.time, rtol=1e-14)
+
+
+@pytest.mark.parametrize("record", ["clean", "noisy"])
+@pytest.mark.parametrize("passes", [1, 3])
+def test_passes_of_the_parallel_cascade(cascades, record, passes):
+    """Intrinsic first, then reflex, each by ordinary least squares."""
+    trial, lagged = cascades[record]
+    reflex, history = np.zeros_like(lagged.torque), []
+    for _ in range(passes):
+        intrinsic_response = lagged.fit(lagged.intrinsic, lagged.torque - reflex)
+        intrinsic = lagged.intrinsic @ intrinsic_response
+        reflex_response = lagged.fit(lagged.reflex, lagged.torque - intrinsic)
+        reflex = lagged.reflex @ reflex_response
+        history.append(lagged.net_vaf(lagged.torque - intrinsic - reflex))
+    estimate = identify(trial, "parallel-cascade", max_passes=passes)
+    diagnostics = estimate.diagnostics
+    assert diagnostics["passes"] == len(diagnostics["history"]) == passes
+    assert not diagnostics["converged"]
+    assert diagnostics["warnings"] == []
+    np.testing.assert_allclose(diagnostics["history"], history, atol=1e-9)
+    np.testing.assert_allclose(estimate.torque["intrinsic"], intrinsic, atol=1e-8)
+    np.testing.assert_allclose(estimate.torque["reflex"], reflex, atol=1e-8)
+    for name, response in (("intrinsic_response", intrinsic_response), ("reflex_response", reflex_response)):
+        np.testing.assert_allclose(diagnostics[name], response, rtol=1e-6, atol=1e-6 * np.max(np.abs(response)))
+    np.testing.assert_allclose(diagnostics["intrinsic_lags"], np.arange(-LEADS, LEADS + 1) / 100)
+    np.testing.assert_allclose(diagnostics["reflex_lags"], np.arange(LAGS + 1) / 100)
+
+
+@pytest.mark.parametrize("gain", [2.0, 13.0])
+def test_every_pass_explains_more(clean, gain):
+    history = identify(clean[gain], "parallel-cascade", tolerance=1e-6).diagnostics["history"]
+    assert len(history) > 5
+    assert np.all(np.diff(history) > 0)
+    assert np.all(np.diff(history)[:-1] >= 1e-6)
+    assert np.diff(history)[-1] < 1e-6
+
+
+def test_convergence_that_is_not_reached_is_a_warning(noisy, monkeypatch):
+    monkeypatch.setattr(parallel_cascade, "PASS_CEILING", 3)
+    diagnostics = identify(noisy, "parallel-cascade", tolerance=0.0).diagnostics
+    assert (diagnostics["passes"], diagnostics["converged"]) == (3, False)
+    assert diagnostics["warnings"] == ["no convergence within 3 passes"]
+
+
+@pytest.mark.parametrize("gain", [2.0, 13.0])
+def test_the_converged_parallel_cascade_has_no_bias_without_noise(clean, gain):
+    estimate = identify(clean[gain], "parallel-cascade", tolerance=1e-6)
+    assert evaluate_vaf(clean[gain], estimate).min() >= 99.9
+    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.01)
+    assert estimate.stiffness["I"] == pytest.approx(0.015, rel=0.01)
+    assert estimate.reflex["G"] == pytest.approx(gain, rel=0.01)
+
+
+def test_the_first_pass_is_biased_in_closed_loop(clean):
+    first = evaluate_vaf(clean[13.0], identify(clean[13.0], "parallel-cascade", max_passes=1))
+    assert first["intrinsic", "true"] < 70
+    assert first["reflex", "true"] < 75
+
+
+def minimum_description_length(lags, target):
+    """Fit in the directions of the lagged inputs that shorten the description most, by a search over their number."""
+    directions = np.linalg.svd(lags, full_matrices=False)[0]
+    strongest = sorted(range(directions.shape[1]), key=lambda k: -abs(directions[:, k] @ target))
+    cost, fits = [], []
+    for terms in range(1, len(strongest) + 1):
+        subset = directions[:, strongest[:terms]]
+        fits.append(subset @ np.linalg.lstsq(subset, target, rcond=None)[0])
+        cost.append(np.sum((target - fits[-1]) ** 2) * (1 + terms * np.log(target.size) / target.size))
+    return fits[int(np.argmin(cost))], int(np.argmin(cost)) + 1
+
+
+def test_rank_by_minimum_description_length(cascades):
+    trial, lagged = cascades["noisy"]
+    intrinsic, intrinsic_rank = minimum_description_length(lagged.intrinsic, lagged.torque)
+    reflex, reflex_rank = minimum_description_length(lagged.reflex, lagged.torque - intrinsic)
+    assert intrinsic_rank <= 2 * LEADS + 1
+    assert reflex_rank < LAGS + 1
+    estimate = identify(trial, "parallel-cascade", max_passes=1, rank="mdl")
+    np.testing.assert_allclose(estimate.torque["intrinsic"], intrinsic, atol=1e-8)
+    np.testing.assert_allclose(estimate.torque["reflex"], reflex, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"rank": "half"}, r"^rank must be one of 'full' or 'mdl'; got 'half'\.$"),
+        ({"basis": "chebyshev"}, r"^basis must be 'rectifier'; got 'chebyshev'\.$"),
+        ({"max_passes": 0}, r"^max_passes must be at least 1, got 0\.$"),
+        ({"reflex_lags": 20.0}, r"^reflex_lags must be at most 5 s, got 20\.0\.$"),
+    ],
+)
+def test_invalid_options_of_the_parallel_cascade(noisy, options, message):
+    with pytest.raises(ValueError, match=message):
+        identify(noisy, "parallel-cascade", **options)
+
+
+def test_responses_longer_than_the_record_are_refused(noisy):
+    with pytest.raises(DataError, match=r"leaves \d+ samples for 510 unknowns: record longer, or shorten"):
+        identify(noisy.isel(time=slice(0, 10_000)), "parallel-cascade", reflex_lags=5.0)
