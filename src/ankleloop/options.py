@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Mapping
 from types import NoneType, UnionType
 from typing import Any, Literal, Self, TypeVar, Union, get_args, get_origin
@@ -130,8 +131,13 @@ class Options(BaseModel):
         for name, field in cls.model_fields.items():
             default = "required" if field.is_required() else f"default {field.get_default()!r}"
             unit = "" if _unit(field) == "1" else f" [{_unit(field)}]"
-            lines += [f"{name} : {type_name(field.annotation)}, {default}", f"    {field.description}{unit}."]
+            lines += [f"{name} : {type_name(field.annotation)}, {default}", f"    {_python_text(field)}{unit}."]
         return "\n".join(lines) + "\n"
+
+
+def _python_text(field: FieldInfo) -> str:
+    """Description of a field for readers of Python, where YAML's null is None."""
+    return re.sub(r"\bnull\b", "None", field.description or "")
 
 
 def _is_numpy_scalar(value: Any) -> bool:

@@ -263,11 +263,12 @@ def test_numpy_scalars_give_the_estimate_of_plain_numbers(noisy):
 
 @pytest.mark.parametrize(("options", "name"), FIELDS)
 def test_every_option_is_documented(options, name):
-    """The docstring has its name, type, default, description and unit."""
+    """The docstring has its name, type, default, description (null of YAML is None there) and unit."""
     field = options.model_fields[name]
     assert len(field.description) > 10
     unit = options.unit(name)
-    quantity = field.description + (f" [{unit}]." if unit != "1" else ".")
+    description = re.sub(r"\bnull\b", "None", field.description)
+    quantity = description + (f" [{unit}]." if unit != "1" else ".")
     entry = re.search(rf"^{name} : (.+), default (.+)\n    (.+)$", options.__doc__, re.MULTILINE)
     assert entry.group(2) == repr(field.default)
     assert entry.group(3) == quantity
