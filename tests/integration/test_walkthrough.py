@@ -9,24 +9,26 @@ import scipy.io
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "walkthrough.ipynb"
 
 
-def printed(notebook):
+def printed_text(notebook):
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     return "".join(output.get("text", "") for output in outputs if output.output_type == "stream")
 
 
 @pytest.mark.parametrize("container", [".csv.gz", ".mat", ".h5", ".nc"])
-def test_your_first_recording(tmp_path, container):
-    given = {"container": container, "folder": str(tmp_path / "made")}
+def test_first_recording(tmp_path, container):
+    folder = tmp_path / "walkthrough"
+    parameters = {"container": container, "folder": str(folder)}
     notebook = papermill.execute_notebook(
-        str(NOTEBOOK), str(tmp_path / "done.ipynb"), given, kernel_name="python3", progress_bar=False
+        str(NOTEBOOK), str(tmp_path / "executed.ipynb"), parameters, kernel_name="python3", progress_bar=False
     )
-    text = printed(notebook)
-    assert "Set torque_sign: -1" in text  # the sign is detected, and then mended
+    text = printed_text(notebook)
+    assert "Set torque_sign: -1" in text  # the sign is detected, and then corrected
     assert "The loop is closed. Valid methods: riv, pr-moesp." in text
     assert "written: estimate.csv, estimate.mat, estimate.nc" in text
-    estimate = scipy.io.loadmat(tmp_path / "made" / "estimate.mat", simplify_cells=True)["estimate"]
-    for name, truth in (("K", 150.0), ("G", 8.0)):  # within three standard errors: 1.96 of them make an interval
+    estimate = scipy.io.loadmat(folder / "estimate.mat", simplify_cells=True)["estimate"]
+    for name, truth in (("K", 150.0), ("G", 8.0)):  # within three standard errors; 3.92 of them make an interval
         error = (estimate[f"{name}_high"] - estimate[f"{name}_low"]) / 3.92
         assert abs(estimate[name] - truth) < 3 * error, name
-    figures = [o for cell in notebook.cells for o in cell.get("outputs", ()) if "image/png" in o.get("data", {})]
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    figures = [output for output in outputs if "image/png" in output.get("data", {})]
     assert len(figures) == 4

@@ -8,5 +8,6 @@ from ankleloop.plotting.style import save_figure
 from job import running
 
 with running(snakemake):
-    for stem, diagram in (("figure1", parallel_cascade_diagram()), ("figure2", closed_loop_diagram())):
-        save_figure(diagram, Path(snakemake.output[0]).with_name(stem), endings=(".png", ".pdf", ".svg"))
+    folder = Path(snakemake.output[0]).parent
+    for name, diagram in (("figure1", parallel_cascade_diagram()), ("figure2", closed_loop_diagram())):
+        save_figure(diagram, folder / name, suffixes=(".png", ".pdf", ".svg"))

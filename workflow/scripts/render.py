@@ -1,47 +1,52 @@
-"""Run a parameterised notebook and render it as one page that needs nothing from elsewhere."""
+"""Run a notebook with parameters, and render it as one HTML page that needs no other files."""
 
-from job import log, running  # first, for what it spares the imports of others
-
-# isort: split
-import html
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import nbformat
 import papermill
 from nbconvert import HTMLExporter
 
-from ankleloop.records.files import whole_file
+from ankleloop.pages.notebooks import render_notebook_page
+from ankleloop.records.files import atomic_file
+
+from job import log, running
 
 
-def check(notebook, given):
-    """Refuse a notebook whose parameters are not exactly those that it is given."""
+def check_parameters(notebook: str, parameters: Mapping) -> None:
+    """Refuse a notebook that declares other parameters than those of the rule."""
     declared = papermill.inspect_notebook(notebook)
     if not declared:
         raise ValueError(f"{notebook} has no cell tagged 'parameters'.")
-    for odd, text in ((set(given) - set(declared), "does not declare"), (set(declared) - set(given), "is not given")):
-        if odd:
-            raise ValueError(f"{notebook} {text} the parameter {sorted(odd)[0]!r}.")
+    for name in sorted(set(parameters) - set(declared)):
+        raise ValueError(f"{notebook} does not declare the parameter {name!r}.")
+    for name in sorted(set(declared) - set(parameters)):
+        raise ValueError(f"the rule has no value for the parameter {name!r} of {notebook}.")
 
 
-def page(executed, title, style):
-    """Body of the notebook without its code, in a page with its own style."""
+def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
+    """Run a notebook."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = f"{folder}/executed.ipynb"
+        papermill.execute_notebook(notebook, path, parameters, kernel_name="python3", progress_bar=False)
+        return nbformat.read(path, as_version=4)
+
+
+def export_outputs(notebook: nbformat.NotebookNode) -> str:
+    """Texts and outputs of a notebook as HTML, without its code."""
     exporter = HTMLExporter(template_name="basic", exclude_input=True, exclude_input_prompt=True)
     exporter.exclude_output_prompt = True
-    body, _ = exporter.from_notebook_node(executed)
-    return (
-        Path(style).read_text(encoding="utf-8").replace("{{ title }}", html.escape(title)).replace("{{ body }}", body)
-    )
+    return exporter.from_notebook_node(notebook)[0]
 
 
 with running(snakemake):
-    notebook, given = snakemake.input.notebook, dict(snakemake.params.parameters)
-    check(notebook, given)
-    with tempfile.TemporaryDirectory() as folder:
-        result = f"{folder}/executed.ipynb"
-        papermill.execute_notebook(notebook, result, given, kernel_name="python3", progress_bar=False)
-        executed = nbformat.read(result, as_version=4)
+    notebook, parameters = snakemake.input.notebook, dict(snakemake.params.parameters)
+    check_parameters(notebook, parameters)
+    if snakemake.output.get("figures"):  # a folder, which the notebook fills
+        Path(snakemake.output.figures).mkdir(parents=True, exist_ok=True)
+    body = export_outputs(execute(notebook, parameters))
     log.info("executed %s", notebook)
     report = next(path for path in snakemake.output if path.endswith(".html"))
-    with whole_file(report) as path:
-        path.write_text(page(executed, given["title"], snakemake.input.style), encoding="utf-8")
+    with atomic_file(report) as path:
+        path.write_text(render_notebook_page(parameters["title"], body), encoding="utf-8")

@@ -1,1 +1,1 @@
-"""Pages of HTML from templates."""
+"""HTML pages that need no other files: rendered notebooks, and one page for each recording."""

@@ -1,5 +1,9 @@
 """Block diagrams of the joint, and of the joint with its load in closed loop (Figures 1 and 2 of the paper)."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
@@ -11,52 +15,62 @@ __all__ = ["closed_loop_diagram", "parallel_cascade_diagram"]
 INK = "#222222"
 HEIGHT = 0.56  # of a block; one unit is an inch
 RADIUS = 0.13  # of a summing point
+SHADE = "#eeeeee"  # of blocks outside the joint
+
+Point = tuple[float, float]
 
 
 class _Diagram:
     """A drawing of blocks, summing points and wires on a canvas in inches."""
 
-    def __init__(self, width, height):
+    def __init__(self, width: float, height: float) -> None:
         self.figure = Figure(figsize=(width, height))
         self.axis = self.figure.add_axes((0, 0, 1, 1))
         self.axis.set(xlim=(0, width), ylim=(0, height), aspect="equal")
         self.axis.set_axis_off()
 
-    def block(self, x, y, text, width=1.0, height=HEIGHT, shade="white"):
+    def block(
+        self, x: float, y: float, text: str, *, width: float = 1.0, height: float = HEIGHT, shade: str = "white"
+    ) -> None:
+        """A block with its text, centred at x and y."""
         corner = (x - width / 2, y - height / 2)
         self.axis.add_patch(Rectangle(corner, width, height, fc=shade, ec=INK, lw=1.0, zorder=2))
         self.axis.text(x, y, text, ha="center", va="center", color=INK, zorder=3)
 
-    def sum(self, x, y, **signs):
+    def sum(self, x: float, y: float, **signs: str) -> None:
+        """A summing point; signs by side: left, right, above, below."""
         self.axis.add_patch(Circle((x, y), RADIUS, fc="white", ec=INK, lw=1.0, zorder=2))
-        places = {"left": (-0.24, 0.11), "right": (0.24, 0.11), "above": (0.11, 0.23), "below": (0.11, -0.23)}
+        offsets = {"left": (-0.24, 0.11), "right": (0.24, 0.11), "above": (0.11, 0.23), "below": (0.11, -0.23)}
         for side, sign in signs.items():
-            dx, dy = places[side]
+            dx, dy = offsets[side]
             self.text(x + dx, y + dy, sign, size=8)
 
-    def wire(self, *corners, arrow=True):
+    def wire(self, *corners: Point, arrow: bool = True) -> None:
+        """A wire through its corners, with an arrow at the last one."""
         x, y = zip(*corners, strict=True)
         self.axis.plot(x, y, color=INK, lw=1.0, solid_capstyle="butt", solid_joinstyle="miter", zorder=1)
         if arrow:
             style = {"arrowstyle": "-|>,head_width=0.16,head_length=0.32", "color": INK, "lw": 1.0}
             self.axis.annotate("", corners[-1], corners[-2], arrowprops={**style, "shrinkA": 0, "shrinkB": 0})
 
-    def branch(self, x, y):
+    def branch(self, x: float, y: float) -> None:
+        """A point at which a wire divides."""
         self.axis.plot([x], [y], "o", color=INK, ms=3.2, zorder=2)
 
-    def text(self, x, y, text, size=7.5, **where):
-        self.axis.text(x, y, text, **{"ha": "center", "va": "center", "color": INK, "fontsize": size, **where})
+    def text(self, x: float, y: float, text: str, *, size: float = 7.5, **properties: Any) -> None:
+        """A text, centred at x and y unless its properties say otherwise."""
+        self.axis.text(x, y, text, **{"ha": "center", "va": "center", "color": INK, "fontsize": size, **properties})
 
-    def rectifier(self, x, y):
-        """The static nonlinearity, drawn as its curve."""
+    def rectifier(self, x: float, y: float) -> None:
+        """A block with the curve of the static nonlinearity."""
         self.block(x, y, "", width=0.62)
         self.axis.plot([x - 0.2, x + 0.2], [y - 0.1, y - 0.1], color="#999999", lw=0.6, zorder=3)
         self.axis.plot([x, x], [y - 0.18, y + 0.2], color="#999999", lw=0.6, zorder=3)
         self.axis.plot([x - 0.2, x, x + 0.2], [y - 0.1, y - 0.1, y + 0.18], color=INK, lw=1.3, zorder=4)
 
 
-def _joint(diagram, left, upper, lower):
-    """Intrinsic path above the reflex path, from the branch at `left`; returns where their torques come out."""
+def _draw_joint(diagram: _Diagram, left: float, upper: float, lower: float) -> tuple[Point, Point]:
+    """Draw the intrinsic path above the reflex path, from the branch at `left`; returns the ends of both paths."""
     middle = (upper + lower) / 2
     diagram.branch(left, middle)
     diagram.block(left + 2.3, upper, r"$K + Bs + Is^2$", width=1.5)
@@ -76,7 +90,8 @@ def _joint(diagram, left, upper, lower):
     return (left + 3.05, upper), (left + 4.23, lower)
 
 
-def parallel_cascade_diagram():
+@matplotlib.rc_context(STYLE)
+def parallel_cascade_diagram() -> Figure:
     r"""Draw the parallel cascade of intrinsic and reflex stiffness, Figure 1 of the paper.
 
     Returns
@@ -89,24 +104,24 @@ def parallel_cascade_diagram():
     >>> parallel_cascade_diagram().get_size_inches().tolist()
     [6.6, 2.5]
     """
-    with matplotlib.rc_context(STYLE):
-        diagram = _Diagram(6.6, 2.5)
-        upper, lower, middle = 1.85, 0.85, 1.35
-        intrinsic, reflex = _joint(diagram, 0.7, upper, lower)
-        diagram.wire((0.15, middle), (0.7, middle), arrow=False)
-        diagram.text(0.3, middle + 0.16, r"$\theta$ [rad]", ha="center")
-        x = 5.4
-        diagram.sum(x, middle, above="+", below="+")
-        diagram.wire(intrinsic, (x, upper), (x, middle + RADIUS))
-        diagram.wire(reflex, (x, lower), (x, middle - RADIUS))
-        diagram.text(4.55, upper + 0.16, r"$TQ_I$ [N·m]")
-        diagram.text(x + 0.1, lower, r"$TQ_R$ [N·m]", ha="left")
-        diagram.wire((x + RADIUS, middle), (6.45, middle))
-        diagram.text(6.05, middle + 0.16, r"$TQ$ [N·m]")
+    diagram = _Diagram(6.6, 2.5)
+    upper, lower, middle = 1.85, 0.85, 1.35
+    intrinsic, reflex = _draw_joint(diagram, 0.7, upper, lower)
+    diagram.wire((0.15, middle), (0.7, middle), arrow=False)
+    diagram.text(0.3, middle + 0.16, r"$\theta$ [rad]")
+    x = 5.4
+    diagram.sum(x, middle, above="+", below="+")
+    diagram.wire(intrinsic, (x, upper), (x, middle + RADIUS))
+    diagram.wire(reflex, (x, lower), (x, middle - RADIUS))
+    diagram.text(4.55, upper + 0.16, r"$TQ_I$ [N·m]")
+    diagram.text(x + 0.1, lower, r"$TQ_R$ [N·m]", ha="left")
+    diagram.wire((x + RADIUS, middle), (6.45, middle))
+    diagram.text(6.05, middle + 0.16, r"$TQ$ [N·m]")
     return diagram.figure
 
 
-def closed_loop_diagram():
+@matplotlib.rc_context(STYLE)
+def closed_loop_diagram() -> Figure:
     r"""Draw the joint and its load in closed loop, Figure 2 of the paper.
 
     Returns
@@ -120,30 +135,28 @@ def closed_loop_diagram():
     >>> closed_loop_diagram().get_size_inches().tolist()
     [8.6, 3.6]
     """
-    with matplotlib.rc_context(STYLE):
-        diagram = _Diagram(8.6, 3.6)
-        upper, lower, middle, back = 2.9, 1.9, 2.4, 0.6
-        diagram.text(0.38, middle + 0.17, "INP [rad]")
-        diagram.wire((0.1, middle), (0.72, middle))
-        diagram.block(1.17, middle, "actuator", width=0.9, shade="#eeeeee")
-        diagram.wire((1.62, middle), (2.0, middle))
-        diagram.sum(2.13, middle, left="+", below="−")
-        diagram.wire((2.26, middle), (2.85, middle), arrow=False)
-        diagram.text(2.55, middle + 0.17, r"$\theta$ [rad]")
-        intrinsic, reflex = _joint(diagram, 2.85, upper, lower)
-        _torques(diagram, intrinsic, reflex, (upper, middle, lower))
-        diagram.branch(8.05, middle)
-        diagram.wire((8.05, middle), (8.05, back), (5.95, back))
-        diagram.block(
-            4.95, back, r"$H_{imp} = \dfrac{1}{I_L s^2 + B_L s + K_L}$", width=2.0, height=0.7, shade="#eeeeee"
-        )
-        diagram.text(4.95, back - 0.47, "impedance controller: the load")
-        diagram.wire((3.95, back), (2.13, back), (2.13, middle - RADIUS))
+    diagram = _Diagram(8.6, 3.6)
+    upper, lower, middle, feedback = 2.9, 1.9, 2.4, 0.6
+    diagram.text(0.38, middle + 0.17, "INP [rad]")
+    diagram.wire((0.1, middle), (0.72, middle))
+    diagram.block(1.17, middle, "actuator", width=0.9, shade=SHADE)
+    diagram.wire((1.62, middle), (2.0, middle))
+    diagram.sum(2.13, middle, left="+", below="−")
+    diagram.wire((2.26, middle), (2.85, middle), arrow=False)
+    diagram.text(2.55, middle + 0.17, r"$\theta$ [rad]")
+    intrinsic, reflex = _draw_joint(diagram, 2.85, upper, lower)
+    _draw_torque_sum(diagram, intrinsic, reflex, (upper, middle, lower))
+    diagram.branch(8.05, middle)
+    diagram.wire((8.05, middle), (8.05, feedback), (5.95, feedback))
+    load = r"$H_{imp} = \dfrac{1}{I_L s^2 + B_L s + K_L}$"
+    diagram.block(4.95, feedback, load, width=2.0, height=0.7, shade=SHADE)
+    diagram.text(4.95, feedback - 0.47, "impedance controller: the load")
+    diagram.wire((3.95, feedback), (2.13, feedback), (2.13, middle - RADIUS))
     return diagram.figure
 
 
-def _torques(diagram, intrinsic, reflex, heights):
-    """Sum of the torques of both paths, of voluntary torque and of noise."""
+def _draw_torque_sum(diagram: _Diagram, intrinsic: Point, reflex: Point, heights: tuple[float, float, float]) -> None:
+    """Draw the sum of the torques of both paths, of voluntary torque and of noise."""
     upper, middle, lower = heights
     x = 7.35
     diagram.sum(x, middle, above="+", below="+", left="+")

@@ -1,18 +1,38 @@
-"""Charts of many trials: curves with confidence bands, maps, traces over time, singular values."""
+"""Charts of many trials: curves with confidence bands, maps, traces over time, errors, intervals, singular values."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.patches import Rectangle
 
-from ankleloop.plotting.style import COLOURS, STYLE, add_legend
+from ankleloop.plotting.style import COLOURS, MARKERS, REFERENCE_LINE, STYLE, add_legend, panel_grid
 from ankleloop.signals.vaf import confidence_margin
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["curves_figure", "interval_figure", "map_figure", "order_figure", "ratio_figure", "traces_figure"]
 
-MARKERS = "osD^v<>pX"
 
-
-def curves_figure(table, panels, *, xlabel, columns=3, log=False, limits=None, dashed=()):
+@matplotlib.rc_context(STYLE)
+def curves_figure(
+    table: pd.DataFrame,
+    panels: Mapping[str, tuple[str, float | None]],
+    *,
+    xlabel: str,
+    columns: int = 3,
+    log: bool = False,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    dashed: Collection[str] = (),
+) -> Figure:
     """Mean over trials against a parameter, with the 95 % confidence band of the mean.
 
     Parameters
@@ -28,56 +48,65 @@ def curves_figure(table, panels, *, xlabel, columns=3, log=False, limits=None, d
     log : bool
         Logarithmic parameter.
     limits : dict of str to tuple, optional
-        Limits of the ordinate by panel: curves that leave them are cut, and the panel says so.
-    dashed : sequence of str
+        Limits of the ordinate by panel; a note in the panel gives the lowest mean of curves that go below them.
+    dashed : collection of str
         Series drawn with dashes.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    with matplotlib.rc_context(STYLE):
-        columns = min(columns, len(panels))
-        rows = -(-len(panels) // columns)
-        figure = Figure(figsize=(3.1 * columns + 0.4, 2.6 * rows + 0.8), layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
-        for axis, (panel, (label, truth)) in zip(axes, panels.items(), strict=False):
-            for number, (series, part) in enumerate(table[table["panel"] == panel].groupby("series", sort=False)):
-                _curve(axis, part, series, number, "--" if series in dashed else "-")
-            if truth is not None:
-                axis.axhline(truth, color="black", lw=0.8, ls=(0, (2, 2)), label="true value", zorder=0.5)
-            axis.set(ylabel=label, xscale="log" if log else "linear")
-            _cut(axis, (limits or {}).get(panel))
-        for axis in axes[len(panels) :]:
-            axis.set_visible(False)
-        for axis in axes[max(0, len(panels) - columns) : len(panels)]:
-            axis.set_xlabel(xlabel)
-            axis.tick_params(labelbottom=True)
-        add_legend(figure, axes)
+    figure, axes = panel_grid(len(panels), columns, (3.1, 2.6), (0.4, 0.8), sharex=True)
+    for axis, (panel, (label, truth)) in zip(axes, panels.items(), strict=True):
+        for number, (series, trials) in enumerate(table[table["panel"] == panel].groupby("series", sort=False)):
+            _draw_curve(axis, trials, str(series), number, "--" if series in dashed else "-")
+        if truth is not None:
+            axis.axhline(truth, **REFERENCE_LINE, label="true value", zorder=0.5)
+        axis.set(ylabel=label, xscale="log" if log else "linear")
+        if limits and panel in limits:
+            _limit_ordinate(axis, *limits[panel])
+    for axis in axes[-min(columns, len(axes)) :]:
+        axis.set_xlabel(xlabel)
+        axis.tick_params(labelbottom=True)
+    add_legend(figure, axes)
     return figure
 
 
-def _curve(axis, part, series, number, style):
-    summary = part.groupby("x")["value"].agg(["mean", "std", "count"])
+def _draw_curve(axis: Axes, trials: pd.DataFrame, series: str, number: int, line_style: str) -> None:
+    summary = trials.groupby("x")["value"].agg(["mean", "std", "count"])
     margin = np.nan_to_num(confidence_margin(summary["std"], summary["count"]))
-    colour = COLOURS[number % len(COLOURS)]
-    marker = MARKERS[number % len(MARKERS)]
     x, mean = summary.index.to_numpy(), summary["mean"].to_numpy()
-    axis.fill_between(x, mean - margin, mean + margin, color=colour, alpha=0.25, lw=0)
-    axis.plot(x, mean, color=colour, marker=marker, ms=3.2, lw=1.1, ls=style, label=series)
+    style = _series_style(number)
+    axis.fill_between(x, mean - margin, mean + margin, color=style["color"], alpha=0.25, lw=0)
+    axis.plot(x, mean, **style, ms=3.2, lw=1.1, ls=line_style, label=series)
 
 
-def _cut(axis, limits):
-    """Limit the ordinate, and say so where a curve leaves it."""
-    if limits is None:
-        return
-    lowest = min((np.min(line.get_ydata()) for line in axis.get_lines()), default=limits[0])
-    axis.set_ylim(*limits)
-    if lowest < limits[0]:
+def _series_style(number: int) -> dict[str, Any]:
+    """Colour and marker of a series; they repeat when there are too many."""
+    return {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number % len(MARKERS)]}
+
+
+def _limit_ordinate(axis: Axes, low: float, high: float) -> None:
+    """Limit the ordinate, and note the lowest mean where a curve goes below it."""
+    lowest = min((np.min(np.asarray(line.get_ydata())) for line in axis.get_lines()), default=low)
+    axis.set_ylim(low, high)
+    if lowest < low:
         axis.annotate(f"lowest mean: {lowest:.4g}", (0.03, 0.03), xycoords="axes fraction", fontsize=7, color="#555555")
 
 
-def map_figure(table, *, x, y, panel, value, xlabel, ylabel, title, limit):
+@matplotlib.rc_context({**STYLE, "axes.grid": False})
+def map_figure(
+    table: pd.DataFrame,
+    *,
+    x: str,
+    y: str,
+    panel: str,
+    value: str,
+    xlabel: str,
+    ylabel: str,
+    title: str,
+    limit: float,
+) -> Figure:
     """Map of a quantity over two parameters, a panel for each value of a third.
 
     Parameters
@@ -95,43 +124,39 @@ def map_figure(table, *, x, y, panel, value, xlabel, ylabel, title, limit):
     -------
     matplotlib.figure.Figure
     """
-    with matplotlib.rc_context({**STYLE, "axes.grid": False}):
-        names = list(dict.fromkeys(table[panel]))
-        columns = min(3, len(names))
-        rows = -(-len(names) // columns)
-        figure = Figure(figsize=(2.9 * columns + 0.9, 2.7 * rows + 0.3), layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False).ravel()
-        norm = matplotlib.colors.LogNorm(max(0.5, table[value].min()), max(1.0, table[value].max()))
-        for axis, name in zip(axes, names, strict=False):
-            cells = table[table[panel] == name].pivot_table(value, y, x)
-            picture = _cells(axis, cells, norm, limit)
-            axis.set(xlabel=xlabel, ylabel=ylabel, title=title.format(name))
-        for axis in axes[len(names) :]:
-            axis.set_visible(False)
-        bar = figure.colorbar(picture, ax=list(axes), label="largest deviation from the paper [points of VAF]")
-        bar.ax.yaxis.set_major_formatter("{x:g}")
-        bar.ax.yaxis.set_minor_formatter("{x:g}")
+    names = list(dict.fromkeys(table[panel]))
+    figure, axes = panel_grid(len(names), 3, (2.9, 2.7), (0.9, 0.3))
+    norm = LogNorm(max(0.5, table[value].min()), max(1.0, table[value].max()))
+    for axis, name in zip(axes, names, strict=True):
+        cells = table[table[panel] == name].pivot_table(value, y, x)
+        image = _draw_cells(axis, cells, norm, limit)
+        axis.set(xlabel=xlabel, ylabel=ylabel, title=title.format(name))
+    bar = figure.colorbar(image, ax=figure.axes, label="largest deviation from the paper [points of VAF]")
+    bar.ax.yaxis.set_major_formatter("{x:g}")
+    bar.ax.yaxis.set_minor_formatter("{x:g}")
     return figure
 
 
-def _cells(axis, cells, norm, limit):
-    picture = axis.imshow(cells, norm=norm, cmap="viridis_r", origin="lower", aspect="auto")
+def _draw_cells(axis: Axes, cells: pd.DataFrame, norm: LogNorm, limit: float) -> AxesImage:
+    image = axis.imshow(cells.to_numpy(), norm=norm, cmap="viridis_r", origin="lower", aspect="auto")
     axis.set_xticks(range(cells.shape[1]), [f"{value:g}" for value in cells.columns])
     axis.set_yticks(range(cells.shape[0]), [f"{value:g}" for value in cells.index])
     for (row, column), value in np.ndenumerate(cells.to_numpy()):
         if not np.isfinite(value):
             axis.text(column, row, "unstable", ha="center", va="center", fontsize=6)
             continue
-        dark = picture.norm(value) > 0.5
         text = f"{value:.1f}" if value < 100 else f"{value:.0f}"
-        axis.text(column, row, text, ha="center", va="center", fontsize=7, color="white" if dark else "black")
+        colour = "white" if norm(value) > 0.5 else "black"  # on a dark or a light cell
+        axis.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)
         if value <= limit:
-            corner = (column - 0.5, row - 0.5)
-            axis.add_patch(matplotlib.patches.Rectangle(corner, 1, 1, fill=False, ec="#D55E00", lw=2))
-    return picture
+            axis.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, ec="#D55E00", lw=2))
+    return image
 
 
-def traces_figure(traces, truths, settling=0.0):
+@matplotlib.rc_context(STYLE)
+def traces_figure(
+    traces: Mapping[str, Mapping[str, np.ndarray]], truths: Mapping[str, tuple[str, float]], settling: float = 0.0
+) -> Figure:
     """Estimated parameters over time, a column for each condition.
 
     Parameters
@@ -147,26 +172,26 @@ def traces_figure(traces, truths, settling=0.0):
     -------
     matplotlib.figure.Figure
     """
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(2.6 * len(traces) + 0.4, 1.45 * len(truths) + 0.6), layout="constrained")
-        axes = figure.subplots(len(truths), len(traces), sharex=True, sharey="row", squeeze=False)
-        for column, (condition, trace) in enumerate(traces.items()):
-            for axis, (name, (label, truth)) in zip(axes[:, column], truths.items(), strict=True):
-                axis.plot(trace["time"], trace[name], color=COLOURS[0], lw=1.0, label="estimate")
-                axis.axhline(truth, color="black", lw=0.8, ls=(0, (2, 2)), label="true value")
-                if column == 0:
-                    axis.set_ylabel(label)
-            axes[0, column].set_title(condition)
-            axes[-1, column].set_xlabel("time [s]")
-        for axis, (name, (_, truth)) in zip(axes[:, 0], truths.items(), strict=True):
-            seen = [trace[name][np.asarray(trace["time"]) >= settling] for trace in traces.values()]
-            low, high = min(truth, *map(np.min, seen)), max(truth, *map(np.max, seen))
-            axis.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
-        add_legend(figure, axes.ravel())
+    size = (2.6 * len(traces) + 0.4, 1.45 * len(truths) + 0.6)
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(len(truths), len(traces), sharex=True, sharey="row", squeeze=False)
+    for column, (condition, trace) in enumerate(traces.items()):
+        for axis, (name, (_, truth)) in zip(axes[:, column], truths.items(), strict=True):
+            axis.plot(trace["time"], trace[name], color=COLOURS[0], lw=1.0, label="estimate")
+            axis.axhline(truth, **REFERENCE_LINE, label="true value")
+        axes[0, column].set_title(condition)
+        axes[-1, column].set_xlabel("time [s]")
+    for axis, (name, (label, truth)) in zip(axes[:, 0], truths.items(), strict=True):
+        values = [trace[name][np.asarray(trace["time"]) >= settling] for trace in traces.values()]
+        low, high = min(truth, *map(np.min, values)), max(truth, *map(np.max, values))
+        axis.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
+        axis.set_ylabel(label)
+    add_legend(figure, axes.ravel())
     return figure
 
 
-def ratio_figure(table, *, limit, largest=50.0):
+@matplotlib.rc_context(STYLE)
+def ratio_figure(table: pd.DataFrame, *, limit: float, largest: float = 50.0) -> Figure:
     """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a marker for each method.
 
     Parameters
@@ -182,37 +207,39 @@ def ratio_figure(table, *, limit, largest=50.0):
     -------
     matplotlib.figure.Figure
     """
-    with matplotlib.rc_context(STYLE):
-        panels, names = list(dict.fromkeys(table["panel"])), list(dict.fromkeys(table["row"]))
-        columns = min(3, len(panels))
-        rows = -(-len(panels) // columns)
-        size = (3.3 * columns + 0.4, (0.32 * len(names) + 0.8) * rows + 0.9)
-        figure = Figure(figsize=size, layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-        for axis, panel in zip(axes, panels, strict=False):
-            series = table[table["panel"] == panel].groupby("series", sort=False)
-            for number, (label, part) in enumerate(series):
-                height = [names.index(name) + 0.08 * (number - 0.5 * (len(series) - 1)) for name in part["row"]]
-                look = {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number % len(MARKERS)], "ls": ""}
-                far = (part["ratio"] > largest).to_numpy()
-                axis.plot(np.where(far, np.nan, part["ratio"]), height, ms=4.2, label=label, **look)
-                axis.plot(np.where(far, largest, np.nan), height, ms=4.2, mfc="none", **look)
-            axis.axvline(1.0, color="black", lw=0.8, label="the bound")
-            axis.axvline(limit, color="black", lw=0.8, ls=(0, (2, 2)), label=f"{limit:g} times the bound")
-            axis.set(title=panel, xscale="log", xlim=(0.7, 1.15 * largest), ylim=(len(names) - 0.5, -0.5))
-            axis.set_yticks(range(len(names)), names)
-            axis.xaxis.set_major_formatter("{x:g}")
-            axis.tick_params(labelbottom=True)
-        for axis in axes[len(panels) :]:
-            axis.set_visible(False)
-        for axis in axes[max(0, len(panels) - columns) : len(panels)]:
-            axis.set_xlabel("root mean square error over the bound [1]")
-        add_legend(figure, axes[: len(panels)])
+    panels, names = list(dict.fromkeys(table["panel"])), list(dict.fromkeys(table["row"]))
+    panel_size = (3.3, 0.32 * len(names) + 0.8)
+    figure, axes = panel_grid(len(panels), 3, panel_size, (0.4, 0.9), sharex=True, sharey=True)
+    for axis, panel in zip(axes, panels, strict=True):
+        _draw_ratios(axis, table[table["panel"] == panel], names, largest)
+        axis.axvline(1.0, color="black", lw=0.8, label="the bound")
+        axis.axvline(limit, **REFERENCE_LINE, label=f"{limit:g} times the bound")
+        axis.set(title=panel, xscale="log", xlim=(0.7, 1.15 * largest), ylim=(len(names) - 0.5, -0.5))
+        axis.set_yticks(range(len(names)), names)
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.tick_params(labelbottom=True)
+    for axis in axes[-3:]:
+        axis.set_xlabel("root mean square error over the bound [1]")
+    add_legend(figure, axes)
     return figure
 
 
-def interval_figure(table, panels, *, xlabel="trial [1]"):
-    """Estimates with their intervals, one after the other, before the truth; those that miss it stand out.
+def _draw_ratios(axis: Axes, table: pd.DataFrame, names: Sequence[str], largest: float) -> None:
+    """Ratios of all methods, those of one method a little below those of the method before."""
+    series = table.groupby("series", sort=False)
+    for number, (label, rows) in enumerate(series):
+        heights = [names.index(name) + 0.08 * (number - 0.5 * (len(series) - 1)) for name in rows["row"]]
+        style = {**_series_style(number), "ls": "", "ms": 4.2}
+        too_large = (rows["ratio"] > largest).to_numpy()
+        axis.plot(np.where(too_large, np.nan, rows["ratio"]), heights, label=label, **style)
+        axis.plot(np.where(too_large, largest, np.nan), heights, mfc="none", **style)
+
+
+@matplotlib.rc_context(STYLE)
+def interval_figure(
+    table: pd.DataFrame, panels: Mapping[str, tuple[str, float]], *, xlabel: str = "trial [1]"
+) -> Figure:
+    """Estimates with their intervals, one after the other, and the truth; intervals that miss it have another colour.
 
     Parameters
     ----------
@@ -227,30 +254,32 @@ def interval_figure(table, panels, *, xlabel="trial [1]"):
     -------
     matplotlib.figure.Figure
     """
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(6.6, 1.35 * len(panels) + 0.7), layout="constrained")
-        axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
-        for axis, (panel, (label, truth)) in zip(axes, panels.items(), strict=True):
-            part = table[table["panel"] == panel].reset_index(drop=True)
-            holds = (part["low"] <= truth) & (truth <= part["high"])
-            for rows, colour, name in ((holds, COLOURS[0], "holds the truth"), (~holds, COLOURS[1], "misses it")):
-                some = part[rows]
-                spread = [some["value"] - some["low"], some["high"] - some["value"]]
-                look = {"color": colour, "ms": 2.6, "elinewidth": 0.9, "capsize": 0}
-                axis.errorbar(
-                    some.index + 1, some["value"], spread, fmt="o", label=f"95 % interval that {name}", **look
-                )
-            axis.axhline(truth, color="black", lw=0.8, ls=(0, (2, 2)), label="true value")
-            axis.set(ylabel=label)
-        axes[-1].set_xlabel(xlabel)
-        handles = {
-            text: handle for axis in axes for handle, text in zip(*axis.get_legend_handles_labels(), strict=True)
-        }
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
+    figure = Figure(figsize=(6.6, 1.35 * len(panels) + 0.7), layout="constrained")
+    axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
+    for axis, (panel, (label, truth)) in zip(axes, panels.items(), strict=True):
+        estimates = table[table["panel"] == panel].reset_index(drop=True)
+        hits = (estimates["low"] <= truth) & (truth <= estimates["high"])
+        _draw_intervals(axis, estimates[hits], COLOURS[0], "95 % interval that holds the truth")
+        _draw_intervals(axis, estimates[~hits], COLOURS[1], "95 % interval that misses it")
+        axis.axhline(truth, **REFERENCE_LINE, label="true value")
+        axis.set(ylabel=label)
+    axes[-1].set_xlabel(xlabel)
+    handles = {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
     return figure
 
 
-def order_figure(singular_values, *, order, largest=10):
+def _draw_intervals(axis: Axes, estimates: pd.DataFrame, colour: str, label: str) -> None:
+    value = estimates["value"]
+    spread = [value - estimates["low"], estimates["high"] - value]
+    style: dict[str, Any] = {"color": colour, "ms": 2.6, "elinewidth": 0.9, "capsize": 0, "label": label}
+    axis.errorbar(estimates.index + 1, value, spread, fmt="o", **style)
+
+
+@matplotlib.rc_context(STYLE)
+def order_figure(
+    singular_values: Mapping[str, Sequence[np.ndarray]], *, order: int | float, largest: int = 10
+) -> Figure:
     """Singular values that show the order, of every trial and method.
 
     Parameters
@@ -258,22 +287,21 @@ def order_figure(singular_values, *, order, largest=10):
     singular_values : dict of str to list of ndarray
         Singular values of each trial by the label of the method.
     order : int
-        Order that was used; a line is drawn behind it.
+        Order of the models; a line is drawn behind it.
     largest : int
-        Number of values shown.
+        Largest number of a singular value that is drawn.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(3.1 * len(singular_values) + 0.4, 2.8), layout="constrained")
-        axes = figure.subplots(1, len(singular_values), squeeze=False, sharey=True)[0]
-        for number, (axis, (label, trials)) in enumerate(zip(axes, singular_values.items(), strict=True)):
-            for values in trials:
-                relative = np.asarray(values)[:largest] / values[0]
-                axis.semilogy(np.arange(1, relative.size + 1), relative, ".-", color=COLOURS[number], lw=0.6, alpha=0.5)
-            axis.axvline(order + 0.5, color="black", lw=0.8, ls=(0, (2, 2)))
-            axis.set(title=label, xlabel="number [1]", xticks=range(1, largest + 1))
-        axes[0].set_ylabel("singular value over the first [1]")
+    figure = Figure(figsize=(3.1 * len(singular_values) + 0.4, 2.8), layout="constrained")
+    axes = figure.subplots(1, len(singular_values), squeeze=False, sharey=True)[0]
+    for number, (axis, (label, trials)) in enumerate(zip(axes, singular_values.items(), strict=True)):
+        for values in trials:
+            relative = np.asarray(values)[:largest] / values[0]
+            axis.semilogy(np.arange(1, relative.size + 1), relative, ".-", color=COLOURS[number], lw=0.6, alpha=0.5)
+        axis.axvline(order + 0.5, **REFERENCE_LINE)
+        axis.set(title=label, xlabel="number [1]", xticks=range(1, largest + 1))
+    axes[0].set_ylabel("singular value over the first [1]")
     return figure

@@ -1,19 +1,23 @@
-"""Figures: units on every axis, legends that can be read, files that are the same for the same data."""
+"""Style of all figures: colours, legends that can be read, files that are the same for the same data."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ankleloop.assessment.scores import evaluate
-from ankleloop.joint.estimate import TORQUES
-from ankleloop.joint.regressors import decimated
-
-__all__ = ["add_legend", "save_figure", "torque_figure"]
+__all__ = ["COLOURS", "MARKERS", "REFERENCE_LINE", "STYLE", "add_legend", "panel_grid", "save_figure"]
 
 # Okabe and Ito's colours can be told apart by colour-blind readers, and differ in print; two of Tol's for more.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222", "#882255", "#999933")
-STYLE = {
+MARKERS = "osD^v<>pX"
+# Line of a true value or of a limit.
+REFERENCE_LINE: dict[str, Any] = {"color": "black", "lw": 0.8, "ls": (0, (2, 2))}
+STYLE: Any = {
     "font.size": 8.5,
     "axes.titlesize": 8.5,
     "axes.spines.top": False,
@@ -25,55 +29,59 @@ STYLE = {
     "pdf.fonttype": 42,
     "svg.hashsalt": "ankleloop",
 }
-# What would differ between two runs is left out.
-NO_DATES = {
+# Metadata that would differ between two runs are left out.
+METADATA: dict[str, dict[str, Any]] = {
     ".png": {"Software": None},
     ".pdf": {"CreationDate": None, "Producer": None},
     ".svg": {"Date": None, "Creator": None},
 }
 
 
-def torque_figure(trial, estimates, *, start=10.0, length=5.0, title=""):
-    """Measured and estimated torques: a row for net, intrinsic and reflex torque, a column for each method.
-
-    In a simulation the intrinsic and reflex torque stand before their true ones; in a recording, where nobody knows
-    these, all three stand before the measured net torque. The VAF over the whole trial is in the title of each panel.
+def panel_grid(
+    count: int,
+    columns: int,
+    panel_size: tuple[float, float],
+    margin: tuple[float, float],
+    *,
+    sharex: bool = False,
+    sharey: bool = False,
+) -> tuple[Figure, list[Axes]]:
+    """Make a figure with panels in rows, and leave the rest of the last row empty.
 
     Parameters
     ----------
-    trial : xarray.Dataset
-        The trial.
-    estimates : dict of str to Estimate
-        Estimates of it by their label.
-    start, length : float
-        Window that is shown [s]; a trial that ends earlier is shown to its end.
-    title : str
-        Title of the figure.
+    count : int
+        Number of panels.
+    columns : int
+        Panels side by side, at most.
+    panel_size, margin : tuple of float
+        Width and height of a panel, and of what the figure adds to all of them [in].
+    sharex, sharey : bool
+        Whether the panels share their abscissae, their ordinates.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    figure : matplotlib.figure.Figure
+    axes : list of matplotlib.axes.Axes
+        Axes of the panels, without those that are empty.
+
+    Examples
+    --------
+    >>> figure, axes = panel_grid(4, 3, (3.0, 2.0), (0.5, 0.5))
+    >>> figure.get_size_inches().tolist(), len(axes)
+    ([9.5, 4.5], 4)
     """
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(3.6 * len(estimates) + 0.4, 5.6), layout="constrained")
-        axes = figure.subplots(len(TORQUES), len(estimates), sharex=True, sharey="row", squeeze=False)
-        for column, (label, estimate) in enumerate(estimates.items()):
-            scores = evaluate(trial, estimate).groupby("torque", sort=False).first()
-            for row, torque in enumerate(TORQUES):
-                axis = axes[row, column]
-                _torque_panel(axis, trial, estimate, torque, scores.loc[torque])
-                axis.get_lines()[1].set(color=COLOURS[column % len(COLOURS)], label=f"{label} (estimated)")
-                axis.set_xlim(*_window(trial, start, length))
-                if column == 0:
-                    axis.set_ylabel(f"{torque} torque [N·m]")
-            axes[0, column].set_title(f"{label}\n{axes[0, column].get_title()}")
-            axes[-1, column].set_xlabel("time [s]")
-        figure.suptitle(title)
-        add_legend(figure, axes.flat)
-    return figure
+    columns = min(columns, count)
+    rows = -(-count // columns)
+    size = (panel_size[0] * columns + margin[0], panel_size[1] * rows + margin[1])
+    figure = Figure(figsize=size, layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey).ravel())
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    return figure, axes[:count]
 
 
-def add_legend(figure, axes):
+def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
     """Put one legend for all axes below them; each label appears once.
 
     Parameters
@@ -83,29 +91,12 @@ def add_legend(figure, axes):
     axes : iterable of matplotlib.axes.Axes
         Its axes.
     """
-    lines = {line.get_label(): line for axis in axes for line in axis.get_lines() if line.get_label()[0] != "_"}
+    lines = {str(line.get_label()): line for axis in axes for line in axis.get_lines()}
+    lines = {label: line for label, line in lines.items() if label[0] != "_"}
     figure.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=min(3, len(lines)))
 
 
-def _window(trial, start, length):
-    time = trial["time"].values
-    end = min(start + length, float(time[-1]))
-    return max(float(time[0]), end - length), end
-
-
-def _torque_panel(axis, trial, estimate, torque, score):
-    time = estimate.torque["time"].values
-    true = score["against"] == "true"
-    name = f"torque_{torque}" if true else "torque"
-    target = decimated(trial, name, time, estimate.torque.attrs["identification_rate"])
-    shade = "#000000" if true else "#888888"
-    axis.plot(time, target - target.mean(), color=shade, lw=1.1, label="true (simulated)" if true else "measured")
-    estimated = estimate.torque[torque].values
-    axis.plot(time, estimated - estimated.mean(), lw=1.0, ls=(0, (4, 1.2)))
-    axis.set_title(f"{torque}: VAF {score['vaf']:.1f} % ({score['against']})")
-
-
-def save_figure(figure, stem, endings=(".png", ".pdf")):
+def save_figure(figure: Figure, stem: str | Path, suffixes: Sequence[str] = (".png", ".pdf")) -> None:
     """Write a figure, the same bytes for the same data.
 
     Parameters
@@ -113,11 +104,11 @@ def save_figure(figure, stem, endings=(".png", ".pdf")):
     figure : matplotlib.figure.Figure
         The figure.
     stem : path-like
-        Path without its ending.
-    endings : sequence of str
+        Path without its suffix.
+    suffixes : sequence of str
         Of ".png", ".pdf" and ".svg".
     """
     stem = Path(stem)
     with matplotlib.rc_context(STYLE):
-        for ending in endings:
-            figure.savefig(stem.with_name(stem.name + ending), dpi=200, metadata=NO_DATES[ending])
+        for suffix in suffixes:
+            figure.savefig(stem.with_name(stem.name + suffix), dpi=200, metadata=METADATA[suffix])

@@ -12,6 +12,7 @@ __all__ = [
     "KEYS",
     "count_trials",
     "describe_condition",
+    "format_columns",
     "format_pairs",
     "join_scores",
     "read_results",
@@ -176,3 +177,28 @@ def format_pairs(first: Iterable[float], second: Iterable[float], template: str 
     ['150.0 ± 2.2']
     """
     return [template.format(*pair) for pair in zip(first, second, strict=True)]
+
+
+def format_columns(table: pd.DataFrame, names: Iterable[str], template: str) -> pd.DataFrame:
+    """Columns of numbers as text.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The table.
+    names : iterable of str
+        Columns.
+    template : str
+        Format of a number.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table with text in these columns.
+
+    Examples
+    --------
+    >>> format_columns(pd.DataFrame({"K": [150.25]}), ["K"], "{:.1f}")["K"].tolist()
+    ['150.2']
+    """
+    return table.assign(**{name: table[name].map(template.format) for name in names})

@@ -19,7 +19,7 @@ def results():
     rows = [
         {"panel": panel, "series": series, "x": x, "value": 10.0 * x + offset + rng.standard_normal()}
         for panel in ("K", "B")
-        for series, offset in (("one", 0.0), ("two", -300.0))
+        for series, offset in (("PR-MOESP", 0.0), ("PI-MOESP", -300.0))
         for x in (1.0, 2.0, 4.0)
         for _ in range(8)
     ]
@@ -35,40 +35,40 @@ def test_curves_are_means_with_their_confidence_bands(results):
     first, second = figure.axes
     assert [axis.get_ylabel() for axis in (first, second)] == ["K [N·m/rad]", "B [N·m·s/rad]"]
     assert [axis.get_xlabel() for axis in (first, second)] == ["gain [1]", "gain [1]"]
-    assert legend(figure) == ["one", "two", "true value"]
-    at = results.query("panel == 'K' and series == 'one' and x == 2")["value"]
+    assert legend(figure) == ["PR-MOESP", "PI-MOESP", "true value"]
+    values = results.query("panel == 'K' and series == 'PR-MOESP' and x == 2")["value"]
     line = first.get_lines()[0]
-    assert line.get_ydata()[1] == pytest.approx(at.mean())
-    low, high = stats.t.interval(0.95, 7, at.mean(), at.std() / np.sqrt(8))
+    assert line.get_ydata()[1] == pytest.approx(values.mean())
+    low, high = stats.t.interval(0.95, 7, values.mean(), values.std() / np.sqrt(8))
     band = first.collections[0].get_paths()[0].vertices
     edges = band[band[:, 0] == 2.0][:, 1]
     assert (edges.min(), edges.max()) == (pytest.approx(low), pytest.approx(high))
 
 
-def test_a_curve_that_leaves_the_panel_says_so(results):
+def test_panel_notes_the_lowest_mean_below_its_limit(results):
     figure = curves_figure(results, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]", limits={"K": (-20.0, 104.0)})
     assert figure.axes[0].get_ylim() == (-20.0, 104.0)
-    lowest = results.query("panel == 'K' and series == 'two' and x == 1")["value"].mean()
+    lowest = results.query("panel == 'K' and series == 'PI-MOESP' and x == 1")["value"].mean()
     assert figure.axes[0].texts[0].get_text() == f"lowest mean: {lowest:.4g}"
-    whole = curves_figure(results, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]", limits={"K": (-900.0, 104.0)})
-    assert not whole.axes[0].texts
+    unlimited = curves_figure(results, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]", limits={"K": (-900.0, 104.0)})
+    assert not unlimited.axes[0].texts
 
 
-def test_one_trial_has_no_band_but_a_curve(results):
+def test_curve_of_single_trials_has_no_band(results):
     single = results.groupby(["panel", "series", "x"], as_index=False).first()
     figure = curves_figure(single, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]")
     assert np.all(np.isfinite(figure.axes[0].collections[0].get_paths()[0].vertices))
 
 
-def test_map_frames_the_cells_that_keep_the_limit():
+def test_map_frames_cells_within_the_limit():
     cells = [(gain, load, 3.0 * abs(gain - 13) + load / 100) for gain in (12.0, 13.0) for load in (100.0, 300.0)]
-    table = pd.DataFrame(cells, columns=["gain", "load", "worst"]).assign(rule="one pass")
+    table = pd.DataFrame(cells, columns=["gain", "load", "deviation"]).assign(rule="one pass")
     figure = map_figure(
         table,
         x="gain",
         y="load",
         panel="rule",
-        value="worst",
+        value="deviation",
         xlabel="gain [1]",
         ylabel="load [1]",
         title="{}",
@@ -82,7 +82,7 @@ def test_map_frames_the_cells_that_keep_the_limit():
     assert "points of VAF" in figure.axes[1].get_ylabel()
 
 
-def test_traces_and_order_have_units_and_truths():
+def test_traces_have_units_and_true_values():
     time = np.linspace(0, 5, 20)
     figure = traces_figure(
         {"open": {"time": time, "K": time}, "closed": {"time": time, "K": -time}}, {"K": ("K [N·m/rad]", 150.0)}
@@ -93,39 +93,48 @@ def test_traces_and_order_have_units_and_truths():
     assert figure.axes[0].get_lines()[1].get_ydata()[0] == 150.0
     assert legend(figure) == ["estimate", "true value"]
 
-    drawn = order_figure({"PR-MOESP": [np.array([4.0, 2.0, 1.0]), np.array([8.0, 2.0, 0.8])]}, order=2)
-    axis = drawn.axes[0]
+
+def test_traces_set_the_limits_after_settling():
+    time = np.linspace(0, 5, 501)
+    trace = {"time": time, "K": 150.0 + 1e4 * np.exp(-10 * time)}
+    figure = traces_figure({"closed": trace}, {"K": ("K [N·m/rad]", 150.0)}, settling=4.0)
+    assert max(figure.axes[0].get_ylim()) < 200.0
+
+
+def test_singular_values_are_relative_to_the_first():
+    figure = order_figure({"PR-MOESP": [np.array([4.0, 2.0, 1.0]), np.array([8.0, 2.0, 0.8])]}, order=2)
+    axis = figure.axes[0]
     assert axis.get_yscale() == "log"
     np.testing.assert_allclose(axis.get_lines()[0].get_ydata(), [1.0, 0.5, 0.25])
     np.testing.assert_allclose(axis.get_lines()[-1].get_xdata(), 2.5)
 
 
-def test_ratios_beyond_the_edge_are_open_and_at_the_edge():
+def test_ratios_beyond_the_largest_are_drawn_open_at_it():
     table = pd.DataFrame(
         {
             "panel": ["soft"] * 4,
             "row": ["K", "K", "G", "G"],
-            "series": ["one", "two", "one", "two"],
+            "series": ["riv", "PR-MOESP", "riv", "PR-MOESP"],
             "ratio": [1.1, 400.0, 1.3, 3.0],
         }
     )
     figure = ratio_figure(table, limit=1.5, largest=20.0)
     axis = figure.axes[0]
-    assert legend(figure) == ["one", "two", "the bound", "1.5 times the bound"]
+    assert legend(figure) == ["riv", "PR-MOESP", "the bound", "1.5 times the bound"]
     assert [label.get_text() for label in axis.get_yticklabels()] == ["K", "G"]
-    shown = [line for line in axis.get_lines() if line.get_marker() not in (None, "None", "")]
-    filled, open_ = shown[2], shown[3]
-    np.testing.assert_allclose(filled.get_xdata(), [np.nan, 3.0])
-    np.testing.assert_allclose(open_.get_xdata(), [20.0, np.nan])
-    assert open_.get_markerfacecolor() == "none"
+    markers = [line for line in axis.get_lines() if line.get_marker() not in (None, "None", "")]
+    inside, beyond = markers[2], markers[3]
+    np.testing.assert_allclose(inside.get_xdata(), [np.nan, 3.0])
+    np.testing.assert_allclose(beyond.get_xdata(), [20.0, np.nan])
+    assert beyond.get_markerfacecolor() == "none"
     assert "bound" in axis.get_xlabel()
 
 
-def test_intervals_that_miss_the_truth_stand_out():
+def test_intervals_that_miss_the_truth_have_another_colour():
     table = pd.DataFrame({"panel": "K", "value": [150.0, 160.0], "low": [145.0, 155.0], "high": [155.0, 165.0]})
     figure = interval_figure(table, {"K": ("K [N·m/rad]", 150.0)})
     assert legend(figure) == ["true value", "95 % interval that holds the truth", "95 % interval that misses it"]
-    holding, missing = figure.axes[0].containers
-    assert holding.lines[0].get_xydata().tolist() == [[1.0, 150.0]]
-    assert missing.lines[0].get_xydata().tolist() == [[2.0, 160.0]]
-    assert holding.lines[0].get_color() != missing.lines[0].get_color()
+    hits, misses = figure.axes[0].containers
+    assert hits.lines[0].get_xydata().tolist() == [[1.0, 150.0]]
+    assert misses.lines[0].get_xydata().tolist() == [[2.0, 160.0]]
+    assert hits.lines[0].get_color() != misses.lines[0].get_color()

@@ -1,47 +1,34 @@
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
-import ankleloop
-from ankleloop.plotting.style import save_figure, torque_figure
-
-
-@pytest.fixture(scope="module")
-def identified():
-    trial = ankleloop.simulate(seed=1, duration=12.0)
-    return trial, {
-        "PR-MOESP": ankleloop.identify(trial),
-        "one pass": ankleloop.identify(trial, "parallel-cascade", max_passes=1),
-    }
+from ankleloop.plotting.style import add_legend, panel_grid, save_figure
 
 
-def test_every_panel_says_what_it_shows(identified):
-    trial, estimates = identified
-    figure = torque_figure(trial, estimates, start=3.0, length=4.0, title="a title")
-    axes = np.array(figure.axes).reshape(3, 2)
-    assert [axis.get_ylabel() for axis in axes[:, 0]] == [f"{t} torque [N·m]" for t in ("net", "intrinsic", "reflex")]
-    assert {axis.get_xlabel() for axis in axes[-1]} == {"time [s]"}
-    assert {axis.get_xlim() for axis in axes.flat} == {(3.0, 7.0)}
-    assert axes[0, 0].get_title().startswith("PR-MOESP\nnet: VAF ")
-    legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == ["measured", "PR-MOESP (estimated)", "one pass (estimated)", "true (simulated)"]
-    scores = ankleloop.evaluate(trial, estimates["PR-MOESP"]).set_index(["torque", "against"])["vaf"]
-    assert axes[2, 0].get_title() == f"reflex: VAF {scores['reflex', 'true']:.1f} % (true)"
+@pytest.mark.parametrize(("count", "size"), [(2, (6.5, 2.5)), (3, (9.5, 2.5)), (4, (9.5, 4.5))])
+def test_grid_has_a_panel_for_each_and_hides_the_rest(count, size):
+    figure, axes = panel_grid(count, 3, (3.0, 2.0), (0.5, 0.5))
+    assert figure.get_size_inches().tolist() == list(size)
+    assert axes == [axis for axis in figure.axes if axis.get_visible()]
+    assert len(axes) == count
 
 
-def test_a_recording_stands_before_its_measured_torque(identified):
-    trial, estimates = identified
-    recording = trial[["position", "torque", "reference"]]
-    figure = torque_figure(recording, estimates, start=100.0, length=4.0)
-    titles = [axis.get_title() for axis in figure.axes]
-    assert all(title.endswith("(measured)") for title in titles)
-    end = float(trial["time"][-1])
-    assert figure.axes[0].get_xlim() == (end - 4.0, end)  # a window beyond the record is moved into it
+def test_legend_has_each_label_once():
+    figure = Figure()
+    axes = figure.subplots(1, 2)
+    for axis in axes:
+        axis.plot([0, 1], [0, 1], label="estimate")
+        axis.plot([0, 1], [1, 0])  # without a label
+    add_legend(figure, axes)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["estimate"]
 
 
-def test_the_same_data_give_the_same_bytes(identified, tmp_path):
+@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
+def test_equal_figures_give_equal_bytes(tmp_path, suffix):
     for name in ("first", "second"):
-        save_figure(torque_figure(*identified), tmp_path / name)
-    for end in (".png", ".pdf"):
-        first, second = ((tmp_path / f"{name}{end}").read_bytes() for name in ("first", "second"))
-        assert first == second
-        assert len(first) > 10_000
+        figure = Figure()
+        figure.subplots().plot(np.arange(5.0))
+        save_figure(figure, tmp_path / name, suffixes=[suffix])
+    first, second = ((tmp_path / f"{name}{suffix}").read_bytes() for name in ("first", "second"))
+    assert first == second
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"first{suffix}", f"second{suffix}"]

@@ -1,5 +1,7 @@
 """The ledger: every verdict comes from a comparison, and follows the results."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,9 +10,7 @@ from ankleloop.replication.claim_checks import CLAIM_CHECKS
 from ankleloop.replication.evidence import Mean, StudyResults
 from ankleloop.replication.ledger import VERDICTS, format_ledger, verify
 
-from fingerprint import ROOT
-
-PUBLISHED = ROOT / "data" / "published"
+PUBLISHED = Path(__file__).parents[3] / "data" / "published"
 CLAIMS = pd.read_csv(PUBLISHED / "claims.csv")
 TABLES = {name: pd.read_csv(PUBLISHED / f"{name}.csv") for name in ("table1", "table2")}
 MEASUREMENTS = {

@@ -1,0 +1,58 @@
+"""Figures inside pages."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["EmbeddedFigure", "embed_figure"]
+
+LARGEST_WIDTH = 960  # px
+PIXELS_PER_INCH = 100  # of the page, at which letters of figures can be read
+DOTS_PER_INCH = 150  # of the picture
+
+
+@dataclass(frozen=True)
+class EmbeddedFigure:
+    """A picture that is part of a page.
+
+    Parameters
+    ----------
+    source : str
+        The picture as a data URI.
+    width : int
+        Width in the page [px].
+    """
+
+    source: str
+    width: int
+
+
+def embed_figure(figure: Figure) -> EmbeddedFigure:
+    """Convert a figure to a picture inside a page.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+
+    Returns
+    -------
+    EmbeddedFigure
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> picture = embed_figure(Figure(figsize=(4.0, 3.0)))
+    >>> picture.width, picture.source[:22]
+    (400, 'data:image/png;base64,')
+    """
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    width = min(LARGEST_WIDTH, round(PIXELS_PER_INCH * figure.get_size_inches()[0]))
+    return EmbeddedFigure(f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}", width)

@@ -1,0 +1,120 @@
+"""Pages of recordings: checks, methods side by side, figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from ankleloop.pages.figures import EmbeddedFigure, embed_figure
+from ankleloop.pages.rendering import render_template
+from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
+from ankleloop.plotting.torques import torque_figure
+from ankleloop.quantities import QUANTITIES
+from ankleloop.recordings.recommendation import format_with_interval, select_valid_methods
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from ankleloop.recordings.analysis import Analysis
+    from ankleloop.recordings.recommendation import Recommendation
+
+__all__ = ["embed_recording_figures", "render_recording_page"]
+
+SCORES = ("vaf_unseen", "vaf_net", "vaf_intrinsic", "vaf_reflex")
+PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "threshold", "delay")
+# Rows of the table of methods: columns of `Analysis.table` with their headings.
+ROWS = {name: QUANTITIES[name].label for name in (*SCORES, *PARAMETERS)} | {"selected": "selected"}
+
+
+def embed_recording_figures(
+    trial: xr.Dataset | None, analysis: Analysis, *, start: float = 10.0, length: float = 5.0
+) -> dict[str, EmbeddedFigure]:
+    """Draw the figures of the page of a recording.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset or None
+        First trial of the recording; None if it was refused. True torques of a simulation are left out.
+    analysis : Analysis
+        Analysis of the recording.
+    start, length : float
+        Window of the figure of torques [s].
+
+    Returns
+    -------
+    dict of str to EmbeddedFigure
+        `spectra` if the recording could be read; `torques`, `models` and `residuals` if a method was fitted.
+    """
+    figures = {}
+    if analysis.check.spectra:
+        figures["spectra"] = spectra_figure(analysis.check.spectra)
+    if trial is not None and analysis.estimates:
+        recording = trial.drop_vars([name for name in trial.data_vars if str(name).startswith("torque_")])
+        figures["torques"] = torque_figure(recording, analysis.estimates, start=start, length=length)
+        figures["models"] = model_figure(analysis.estimates)
+        figures["residuals"] = residual_figure(analysis.residuals)
+    return {name: embed_figure(figure) for name, figure in figures.items()}
+
+
+def render_recording_page(
+    name: str,
+    mapping: Mapping[str, Any],
+    analysis: Analysis,
+    recommendation: Recommendation,
+    figures: Mapping[str, EmbeddedFigure],
+) -> str:
+    """Page of a recording: recommendation, checks, methods side by side, figures, tests of the residuals.
+
+    Parameters
+    ----------
+    name : str
+        Name of the recording.
+    mapping : dict
+        `subject`, `condition` and `trial`, each may be empty, and `parts`, the mapping of each file with its `file`.
+    analysis : Analysis
+        Analysis of the recording.
+    recommendation : Recommendation
+        The method to take.
+    figures : dict of str to EmbeddedFigure
+        From `embed_recording_figures`.
+
+    Returns
+    -------
+    str
+        HTML; all texts are escaped.
+    """
+    valid = select_valid_methods(analysis.table)
+    return render_template(
+        "recording.html.j2",
+        title=name,
+        description=_describe(mapping),
+        check=analysis.check,
+        recommendation=recommendation,
+        figures=figures,
+        labels=list(analysis.estimates),
+        quantities=_compare_methods(valid),
+        warnings=_list_warnings(analysis.table),
+        residuals=analysis.residuals,
+    )
+
+
+def _describe(mapping: Mapping[str, Any]) -> list[str]:
+    """Who was recorded, how, and the files."""
+    names = [name for name in ("subject", "condition", "trial") if mapping[name] not in (None, "")]
+    return [*(f"{name} {mapping[name]}" for name in names), *(f"file {part['file']}" for part in mapping["parts"])]
+
+
+def _compare_methods(valid: pd.DataFrame) -> list[tuple[str, list[str]]]:
+    """Headings and cells of all quantities that some method has, a cell for each method."""
+    rows = [row for _, row in valid.iterrows()]
+    quantities = [(heading, [format_with_interval(row, name) for row in rows]) for name, heading in ROWS.items()]
+    return [(heading, cells) for heading, cells in quantities if set(cells) - {"–", ""}]
+
+
+def _list_warnings(table: pd.DataFrame) -> list[tuple[str, str]]:
+    """Labels of methods with their warnings, or the reason why they were not fitted."""
+    if "warnings" not in table:
+        return []
+    rows = table[table["warnings"].fillna("") != ""]
+    return list(zip(rows["label"], rows["warnings"], strict=True))

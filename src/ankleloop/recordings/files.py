@@ -1,0 +1,146 @@
+"""Recordings from their files to tables and exports; a file that cannot be used gives a refused analysis."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from ankleloop.errors import DataError
+from ankleloop.joint.estimate import Estimate
+from ankleloop.recordings.analysis import Analysis, analyse
+from ankleloop.recordings.checks import Check, Finding
+from ankleloop.recordings.export import export_estimate
+from ankleloop.records.drift import remove_drift
+from ankleloop.records.readers import read_trial
+from ankleloop.records.reading_options import ReadingOptions
+from ankleloop.records.trial import segment
+
+__all__ = ["analyse_files", "export_estimates", "load_recording", "tabulate_analysis"]
+
+SUFFIXES = (".nc", ".mat", ".csv")
+GROUPS = ("subject", "condition", "trial")
+
+log = logging.getLogger(__name__)
+
+
+def load_recording(path: str | os.PathLike[str], mapping: Mapping[str, Any]) -> xr.Dataset:
+    """Read a recording, take the part of it that is to be analysed, and remove the drift.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    mapping : dict
+        Options of `ankleloop.read_trial` by name; `start` and `stop` [s] of the part, None for the ends of the
+        recording; `drift`, the degree of `ankleloop.records.drift.remove_drift`, None for no removal. Other keys are
+        ignored.
+
+    Returns
+    -------
+    xarray.Dataset
+        The trial.
+
+    Raises
+    ------
+    DataError
+        If there is no such file, or it holds no valid trial.
+
+    Examples
+    --------
+    >>> load_recording("nowhere.csv", {})
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: there is no file nowhere.csv in the folder of the recordings.
+    """
+    if not Path(path).exists():
+        raise DataError(f"there is no file {Path(path).name} in the folder of the recordings.")
+    trial = read_trial(path, **{name: mapping[name] for name in ReadingOptions.model_fields if name in mapping})
+    start, stop = mapping.get("start"), mapping.get("stop")
+    if start is not None or stop is not None:
+        trial = segment(trial, start or 0.0, float(trial["time"][-1]) + 1.0 if stop is None else stop)
+    return remove_drift(trial, mapping["drift"]) if mapping.get("drift") else trial
+
+
+def analyse_files(
+    paths: Sequence[str | os.PathLike[str]],
+    mappings: Sequence[Mapping[str, Any]],
+    methods: Mapping[str, Mapping[str, Any]],
+) -> tuple[list[xr.Dataset], Analysis]:
+    """Load the files of a recording, and analyse it.
+
+    Parameters
+    ----------
+    paths : sequence of path-like
+        Files of the recording: one, or one for each trial that is merged.
+    mappings : sequence of dict
+        Mapping of each file, for `load_recording`.
+    methods : dict of str to dict
+        Methods by label, for `ankleloop.recordings.analysis.analyse`.
+
+    Returns
+    -------
+    trials : list of xarray.Dataset
+        Trials of the recording; none if they cannot be used.
+    analysis : Analysis
+        Its analysis; if the trials cannot be used, one that is refused with the reason.
+    """
+    try:
+        trials = [load_recording(path, mapping) for path, mapping in zip(paths, mappings, strict=True)]
+        return trials, analyse(trials, methods)
+    except DataError as error:
+        log.info("refused: %s", error)
+        check = Check([Finding("file", "refused", str(error))], "undecided", {})
+        return [], Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": str(error)}]))
+
+
+def tabulate_analysis(
+    name: str, mapping: Mapping[str, Any], analysis: Analysis, keys: Mapping[str, str]
+) -> pd.DataFrame:
+    """Rows of an analysis for a table of many recordings.
+
+    Parameters
+    ----------
+    name : str
+        Name of the recording.
+    mapping : dict
+        `subject`, `condition` and `trial` of the recording.
+    analysis : Analysis
+        Its analysis.
+    keys : dict of str to str
+        Key of each method by its label.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `recording`, `subject`, `condition`, `trial`, the columns of `Analysis.table`, and `key`, that of the method.
+    """
+    labels = analysis.table.get("label", pd.Series(index=analysis.table.index, dtype=object))
+    groups = {"recording": name, **{group: mapping[group] for group in GROUPS}}
+    table = analysis.table.assign(**groups, key=labels.map(keys))
+    return table[[*groups, *[column for column in table if column not in groups]]]
+
+
+def export_estimates(estimates: Mapping[str, Sequence[Estimate]], folder: str | os.PathLike[str]) -> None:
+    """Write estimates as NetCDF, MATLAB and CSV files.
+
+    Parameters
+    ----------
+    estimates : dict of str to sequence of Estimate
+        Estimates by the key of their method, one for each trial; `Analysis.records` by key instead of label.
+    folder : path-like
+        Folder of the files; it is made if there is anything to write. The names of the files are the keys, with the
+        number of the trial where there are several.
+    """
+    folder = Path(folder)
+    for key, trials in estimates.items():
+        folder.mkdir(parents=True, exist_ok=True)
+        stems = [key] if len(trials) == 1 else [f"{key}-{number}" for number in range(1, len(trials) + 1)]
+        for stem, estimate in zip(stems, trials, strict=True):
+            for suffix in SUFFIXES:
+                export_estimate(estimate, folder / f"{stem}{suffix}")

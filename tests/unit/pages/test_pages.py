@@ -1,0 +1,173 @@
+"""Pages hold all results of a recording, need no other files, and escape every text."""
+
+import re
+from html.parser import HTMLParser
+
+import pandas as pd
+import pytest
+from jinja2 import UndefinedError
+from matplotlib.figure import Figure
+
+import ankleloop
+from ankleloop.pages.figures import EmbeddedFigure, embed_figure
+from ankleloop.pages.notebooks import render_notebook_page
+from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
+from ankleloop.pages.rendering import render_template
+from ankleloop.pages.tables import render_paragraphs, render_table
+from ankleloop.quantities import QUANTITIES
+from ankleloop.recordings.analysis import Analysis, analyse
+from ankleloop.recordings.checks import Check, Finding
+from ankleloop.recordings.recommendation import recommend
+
+HOSTILE = "<script>alert('x')</script> & \"co\""
+VOID = {"meta", "img", "br"}
+
+
+class Reader(HTMLParser):
+    """Elements and texts of a page; refuses elements that are not closed."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.elements, self.attributes, self.texts, self.open = [], [], [], []
+        self.feed(html)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append(tag)
+        self.attributes += [(tag, *attribute) for attribute in attributes]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] not in ("style", "title") and data.strip():
+            self.texts.append(" ".join(data.split()))
+
+
+def check_page(html):
+    """A page that is whole, and fetches and runs nothing."""
+    page = Reader(html)
+    assert html.startswith("<!DOCTYPE html>")
+    assert "script" not in page.elements
+    assert not [name for _, name, _ in page.attributes if name.startswith("on")]
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", html)
+    return page
+
+
+def mapping(**values):
+    groups = {"subject": "S1", "condition": "rest", "trial": 1, "parts": [{"file": "first.csv"}]}
+    return {**groups, **values}
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """A trial and its analysis: one method that is valid, one that is not."""
+    trial = ankleloop.simulate(seed=1, duration=20.0)
+    methods = {f"riv {HOSTILE}": {"method": "riv"}, f"PI-MOESP {HOSTILE}": {"method": "pi-moesp"}}
+    return trial, analyse(trial, methods)
+
+
+def refused_analysis(text):
+    table = pd.DataFrame([{"verdict": "refused", "reasons": text}])
+    return Analysis(Check([Finding("file", "refused", text)], "undecided", {}), {}, {}, table)
+
+
+def placeholder_figures():
+    names = ("spectra", "torques", "models", "residuals")
+    return dict.fromkeys(names, EmbeddedFigure("data:image/png;base64,", 400))
+
+
+def test_notebook_page_escapes_its_title_and_keeps_its_body():
+    html = render_notebook_page(HOSTILE, "<h1>Results</h1>")
+    page = check_page(html)
+    assert page.texts == ["Results"]
+    assert "&lt;script&gt;" in html
+    assert html.endswith("</html>\n")
+
+
+def test_templates_refuse_missing_values():
+    with pytest.raises(UndefinedError, match="title"):
+        render_template("notebook.html.j2", body="")
+
+
+def test_tables_escape_names_cells_and_links():
+    table = pd.DataFrame({"recording": ["A1", HOSTILE], HOSTILE: [HOSTILE, 1.5]})
+    page = Reader(render_table(table, {"A1": 'pages/A1"x.html', HOSTILE: "pages/other.html"}))
+    assert page.elements.count("a") == 2
+    assert "script" not in page.elements
+    assert ("a", "href", "pages/A1%22x.html") in page.attributes
+    assert page.texts == ["recording", HOSTILE, "A1", HOSTILE, HOSTILE, "1.5"]
+
+
+def test_links_are_of_the_first_column_only():
+    page = Reader(render_table(pd.DataFrame({"recording": ["A1"], "reason": ["A1"]}), {"A1": "A1.html"}))
+    assert page.elements.count("a") == 1
+
+
+def test_paragraphs_escape_terms_and_texts():
+    page = Reader(render_paragraphs([(HOSTILE, HOSTILE), ("A2", "refused")]))
+    assert page.elements == ["p", "b", "p", "b"]
+    assert page.texts == [f"{HOSTILE}:", HOSTILE, "A2:", "refused"]
+
+
+def test_figures_are_inside_the_page_and_at_most_as_wide_as_it():
+    figures = [embed_figure(Figure(figsize=(width, 2.0))) for width in (4.0, 20.0)]
+    assert [figure.width for figure in figures] == [400, 960]
+    assert all(figure.source.startswith("data:image/png;base64,") for figure in figures)
+    assert embed_figure(Figure(figsize=(4.0, 2.0))) == figures[0]
+
+
+def test_recording_page_has_checks_methods_figures_and_tests(recording):
+    trial, analysis = recording
+    figures = embed_recording_figures(trial, analysis, start=3.0, length=4.0)
+    assert list(figures) == ["spectra", "torques", "models", "residuals"]
+    recommendation = recommend(analysis)
+    html = render_recording_page("A1", mapping(), analysis, recommendation, figures)
+    page = check_page(html)
+    assert "subject S1, condition rest, trial 1, file first.csv" in page.texts
+    assert recommendation.text in page.texts
+    for finding in analysis.check.findings:
+        assert {finding.name, finding.verdict, finding.text} <= set(page.texts)
+    row = page.texts[page.texts.index(QUANTITIES["K"].label) + 1]
+    low, high = analysis.table.loc[0, ["K_low", "K_high"]]
+    assert row == f"{analysis.table.loc[0, 'K']:.4g} ({low:.4g} … {high:.4g})"
+    assert QUANTITIES["threshold"].label not in page.texts  # that no method here has
+    assert [name for _, name, _ in page.attributes].count("src") == 4
+    assert any("white in the pass band" in text for text in page.texts)
+
+
+def test_recording_page_has_the_reason_why_a_method_is_not_valid(recording):
+    _, analysis = recording
+    page = check_page(render_recording_page("A1", mapping(), analysis, recommend(analysis), placeholder_figures()))
+    reason = page.texts[page.texts.index(f"PI-MOESP {HOSTILE}:") + 1]
+    assert reason == "not valid in a loop that is closed"
+
+
+def test_recording_page_escapes_every_text(recording):
+    _, analysis = recording
+    hostile = mapping(subject=HOSTILE, condition=HOSTILE, trial=HOSTILE, parts=[{"file": HOSTILE}])
+    for result in (analysis, refused_analysis(HOSTILE)):
+        html = render_recording_page(HOSTILE, hostile, result, recommend(result), placeholder_figures())
+        page = check_page(html)
+        assert f"subject {HOSTILE}, condition {HOSTILE}, trial {HOSTILE}, file {HOSTILE}" in page.texts
+        assert "<script" not in html
+
+
+def test_page_of_a_refused_recording_has_its_reason_and_no_figures():
+    analysis = refused_analysis("bad.csv: torque is not finite")
+    figures = embed_recording_figures(None, analysis)
+    page = check_page(render_recording_page("A3", mapping(subject=""), analysis, recommend(analysis), figures))
+    assert page.texts[:4] == ["A3", "condition rest, trial 1, file first.csv", "refused.", recommend(analysis).text]
+    assert "bad.csv: torque is not finite" in page.texts
+    assert "img" not in page.elements
+    assert "Methods" not in page.texts
+
+
+def test_merged_trials_have_all_their_files():
+    parts = [{"file": "first.csv"}, {"file": "second.csv"}]
+    analysis = refused_analysis("too short")
+    page = check_page(render_recording_page("M1", mapping(parts=parts), analysis, recommend(analysis), {}))
+    assert "subject S1, condition rest, trial 1, file first.csv, file second.csv" in page.texts

@@ -1,0 +1,84 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ankleloop.plotting.recordings import group_figure, model_figure, residual_figure, spectra_figure
+from ankleloop.quantities import QUANTITIES
+
+
+def estimate(**diagnostics):
+    """Parameters of a joint, with the diagnostics of a method."""
+    stiffness = {"K": 150.0, "B": 0.8, "I": 0.015}
+    reflex = {"G": 10.0, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
+    return SimpleNamespace(stiffness=stiffness, reflex=reflex, diagnostics=diagnostics)
+
+
+def legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_reference_has_a_coherence_of_its_own():
+    frequency = np.geomspace(0.1, 40.0, 50)
+    spectra = {"frequency": frequency, "position": frequency**-2, "torque": frequency**-1, "coherence": 0 * frequency}
+    assert legend(spectra_figure(spectra)) == ["position and torque"]
+    figure = spectra_figure({**spectra, "reference_coherence": 0 * frequency + 1.0})
+    assert legend(figure) == ["position and torque", "reference and position"]
+    labels = ["position [rad²/Hz]", "torque [(N·m)²/Hz]", "squared coherence [1]"]
+    assert [axis.get_ylabel() for axis in figure.axes] == labels
+    assert {axis.get_xlabel() for axis in figure.axes} == {"frequency [Hz]"}
+
+
+def test_parametric_models_have_a_gain_and_a_phase():
+    figure = model_figure({"riv": estimate(), "PI-MOESP": estimate()})
+    phase, gain = figure.axes[:2]
+    assert phase.get_ylabel() == "intrinsic phase [°]"
+    frequency, values = gain.get_lines()[0].get_data()
+    s = 2j * np.pi * frequency
+    np.testing.assert_allclose(values, np.abs(150.0 + 0.8 * s + 0.015 * s**2))
+    assert legend(figure) == ["riv", "PI-MOESP"]
+
+
+def test_impulse_responses_take_the_place_of_the_phase():
+    lags = np.arange(-4, 5) / 100
+    responses = {"intrinsic_lags": lags, "intrinsic_response": lags**2}
+    responses |= {"reflex_lags": np.arange(60) / 100, "reflex_response": np.ones(60)}
+    figure = model_figure({"riv": estimate(), "parallel cascade": estimate(**responses)})
+    response, _, _, reflex = figure.axes[:4]
+    assert response.get_ylabel() == "intrinsic response [N·m/rad]"
+    assert len(response.get_lines()) == 1  # of the parallel cascade
+    samples = reflex.get_lines()[-1].get_ydata()
+    np.testing.assert_allclose(samples, 1.0 / 10.0 / 0.01)  # of unit gain
+    assert len(samples) == 40  # none after 0.4 s
+
+
+def test_residuals_have_a_limit_for_correlations():
+    lags = np.linspace(-0.5, 0.5, 101)
+    test = SimpleNamespace(
+        frequency=lags[51:], density=lags[51:] + 1.0, lags=lags, correlation=0 * lags, limit=0.05, related=False
+    )
+    figure = residual_figure({"riv": test})
+    levels = [line.get_ydata()[0] for line in figure.axes[1].get_lines()[1:]]
+    assert levels == [-0.05, 0.05]
+    assert legend(figure) == ["riv", "99 % of unrelated ones"]
+
+
+def test_group_has_points_and_a_line_through_the_means_of_a_subject():
+    table = pd.DataFrame(
+        {
+            "label": "riv",
+            "subject": ["S1", "S1", "S1", "S2"],
+            "condition": ["rest", "rest", "active", "active"],
+            "K": [100.0, 120.0, 200.0, np.nan],
+        }
+    )
+    figure = group_figure(table, ["K"])
+    (axis,) = figure.axes
+    assert axis.get_ylabel() == QUANTITIES["K"].label
+    points, means, *second_subject = axis.get_lines()
+    assert points.get_ydata().tolist() == [100.0, 120.0, 200.0]
+    assert means.get_ydata().tolist() == [110.0, 200.0]
+    assert means.get_xdata() == pytest.approx([-0.06, 0.94])  # beside those of the other subject
+    assert all(line.get_xdata().size == 0 for line in second_subject)  # without a value
+    assert legend(figure) == ["S1", "S2"]

@@ -1,0 +1,100 @@
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import ankleloop
+from ankleloop.recordings.files import analyse_files, export_estimates, load_recording, tabulate_analysis
+
+MAPPING = {
+    "file": "trial.csv",
+    "position": "angle",
+    "torque": "moment",
+    "position_unit": "deg",
+    "torque_sign": -1,
+    "start": None,
+    "stop": None,
+    "drift": None,
+    "subject": "S1",
+    "condition": "rest",
+    "trial": 2,
+}
+METHODS = {"PR-MOESP": {"method": "pr-moesp", "options": {"reference": "position"}}}
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return ankleloop.simulate(seed=1, duration=12.0, closed_loop=False)
+
+
+@pytest.fixture(scope="module")
+def path(simulated, tmp_path_factory):
+    """A trial in degrees, with the sign of a motor, and with drift."""
+    path = tmp_path_factory.mktemp("laboratory") / "trial.csv"
+    time = simulated["time"].values
+    columns = {"t": time, "angle": np.degrees(simulated["position"]), "moment": -simulated["torque"] - 2.0 * time}
+    pd.DataFrame({name: np.asarray(values) for name, values in columns.items()}).to_csv(path, index=False)
+    return path
+
+
+def test_recording_is_read_by_its_mapping(path, simulated):
+    trial = load_recording(path, MAPPING)
+    np.testing.assert_allclose(trial["position"], simulated["position"], atol=1e-12)
+    np.testing.assert_allclose(trial["torque"], simulated["torque"] + 2.0 * simulated["time"].values, atol=1e-9)
+
+
+@pytest.mark.parametrize(("start", "stop", "ends"), [(2.0, 5.0, (2.0, 5.0)), (None, 5.0, (0.0, 5.0))])
+def test_recording_is_cut_to_its_part(path, start, stop, ends):
+    time = load_recording(path, {**MAPPING, "start": start, "stop": stop})["time"].values
+    assert (time[0], time[-1]) == pytest.approx(ends, abs=2e-3)
+
+
+def test_recording_without_a_stop_goes_to_its_end(path, simulated):
+    time = load_recording(path, {**MAPPING, "start": 2.0})["time"].values
+    assert (time[0], time[-1]) == pytest.approx((2.0, float(simulated["time"][-1])), abs=1e-9)
+
+
+def test_drift_is_removed(path, simulated):
+    torque = load_recording(path, {**MAPPING, "drift": 1})["torque"].values
+    slope, _ = np.polyfit(simulated["time"], torque, 1)
+    assert abs(slope) < 1e-9
+
+
+def test_analysis_has_a_table_and_exports(path, tmp_path):
+    trials, analysis = analyse_files([path], [MAPPING], METHODS)
+    assert len(trials) == 1
+    table = tabulate_analysis("A1", MAPPING, analysis, {"PR-MOESP": "pr-moesp-position"})
+    assert list(table.columns[:4]) == ["recording", "subject", "condition", "trial"]
+    assert table.iloc[0, :4].tolist() == ["A1", "S1", "rest", 2]
+    assert table["key"].tolist() == ["pr-moesp-position"]
+    export_estimates({"pr-moesp-position": analysis.records["PR-MOESP"]}, tmp_path / "A1")
+    names = sorted(file.name for file in (tmp_path / "A1").iterdir())
+    assert names == [f"pr-moesp-position{suffix}" for suffix in (".csv", ".mat", ".nc")]
+    with xr.open_dataset(tmp_path / "A1" / "pr-moesp-position.nc", engine="h5netcdf") as data:
+        assert float(data["K"]) == analysis.estimates["PR-MOESP"].stiffness["K"]
+
+
+def test_estimates_of_merged_trials_are_numbered(path, tmp_path):
+    _, analysis = analyse_files([path, path], [MAPPING, MAPPING], METHODS)
+    export_estimates({"pr-moesp": analysis.records["PR-MOESP"]}, tmp_path / "M1")
+    assert {file.stem for file in (tmp_path / "M1").iterdir()} == {"pr-moesp-1", "pr-moesp-2"}
+
+
+def test_unusable_file_is_refused_with_its_reason(path, tmp_path):
+    table = pd.read_csv(path)
+    table.loc[777, "moment"] = np.nan
+    table.to_csv(tmp_path / "gap.csv", index=False)
+    for name, reason in (("gap.csv", "777"), ("nowhere.csv", "there is no file nowhere.csv in the folder")):
+        trials, analysis = analyse_files([tmp_path / name], [MAPPING], METHODS)
+        assert trials == []
+        assert analysis.check.verdict == "refused"
+        assert analysis.estimates == {}
+        row = tabulate_analysis("A2", MAPPING, analysis, {"PR-MOESP": "pr-moesp"}).iloc[0]
+        assert (row["recording"], row["verdict"]) == ("A2", "refused")
+        assert reason in row["reasons"]
+        assert pd.isna(row["key"])
+
+
+def test_nothing_is_exported_of_a_refused_recording(tmp_path):
+    export_estimates({}, tmp_path / "A2")
+    assert not (tmp_path / "A2").exists()
