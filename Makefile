@@ -83,7 +83,7 @@ $(PACKAGES): environment.lock
 	  echo "$$("$(PYTHON)" --version) has no venv module. Install it (Debian and Ubuntu: apt install python3-venv)."; exit 1; }
 	@echo "Setting up the environment in $(VENV): two to four minutes, once."
 	"$(PYTHON)" -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --compile --require-hashes -r environment.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --compile --no-deps --require-hashes -r environment.lock
 	@touch $@
 
 $(READY): $(PACKAGES) pyproject.toml

@@ -100,7 +100,6 @@ def test_settings_are_the_arguments_of_simulate():
             "import ankleloop; ankleloop.simulate, ankleloop.identify, ankleloop.evaluate",
             ("scipy.signal", "scipy.stats", "matplotlib", "control", "h5py"),
         ),
-        ("import ankleloop.methods.options", ("numpy", "xarray", "numba", "scipy")),
     ],
 )
 def test_a_job_loads_only_what_it_needs(statement, unwanted):

@@ -1,4 +1,4 @@
-"""What an identification method is to its callers."""
+"""What an identification method is to its callers, and the options that several methods share."""
 
 from __future__ import annotations
 
@@ -11,11 +11,26 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.options import Options
+from ankleloop.options import Options, option
 
-__all__ = ["Method", "Trial"]
+__all__ = ["Method", "Trial", "degree_option", "delay_option", "rate_option"]
 
 Trial = xr.Dataset | PreparedTrial
+
+
+def delay_option(description: str = "reflex delay", *, estimated: bool = False) -> Any:
+    """Declare the reflex delay; a method that estimates it takes None."""
+    return option(0.04, description + ("; null estimates it" if estimated else ""), unit="s", ge=0, le=1)
+
+
+def rate_option() -> Any:
+    """Declare the identification rate."""
+    return option(100.0, "rate of the identification; the sampling rate has to be a multiple of it", unit="Hz", gt=0)
+
+
+def degree_option() -> Any:
+    """Declare the number of basis functions."""
+    return option(5, "number of basis functions (the rectifier has one)", ge=1, le=30)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -18,8 +19,8 @@ from ankleloop.joint.estimate import Estimate, torque_dataset
 from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, separate_model
 from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
-from ankleloop.methods.method import Method, Trial
-from ankleloop.methods.options import MoespModelOptions, MoespOptions
+from ankleloop.methods.method import Method, Trial, degree_option, delay_option, rate_option
+from ankleloop.options import Options, option
 from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.moesp import moesp
@@ -49,6 +50,55 @@ MEMBERS = {
     "po-moesp": ("past-input-output", "ordinary"),
     "moesp": ("none", "ordinary"),
 }
+
+
+class MoespModelOptions(Options):
+    """Options of the model of the MOESP family, for records of any length."""
+
+    order: int | None = option(
+        2, "order of the reflex dynamics; null takes the largest drop of the singular values", ge=1, le=20
+    )
+    block_rows: int = option(15, "block rows of the Hankel matrices", unit="samples", ge=3, le=200)
+    delay: float = delay_option()
+    basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
+        None, "basis of the static nonlinearity; null for the method's own (chebyshev)"
+    )
+    degree: int = degree_option()
+    identification_rate: float = rate_option()
+    projection: Literal["ordinary", "correlation"] | None = option(
+        None, "form of the projection; null for the method's own (correlation for eiv-moesp, else ordinary)"
+    )
+    instrument_rows: int | None = option(
+        None,
+        "block rows of the instruments; null for block_rows, or what the correlation form needs",
+        unit="samples",
+        ge=1,
+        le=1000,
+    )
+    instrument_leads: int = option(
+        0, "block rows by which the reference of pr-moesp reaches into the future as well", unit="samples", ge=0, le=200
+    )
+    # A delayed velocity among the basis functions repeats rows of the velocity up to the accuracy of the decimation,
+    # which is the default: smaller directions are errors of the filters.
+    rank_tolerance: float = option(
+        1e-5, "singular values of the projection below this fraction of the largest count as zero", ge=0, lt=1
+    )
+
+
+class MoespOptions(MoespModelOptions):
+    """Options of the MOESP family."""
+
+    input_matrices: Literal["least-squares", "instruments"] = option(
+        "least-squares",
+        "how B and D are estimated; least squares is biased by torque that is fed back, instruments are rebuilt from "
+        "the position that the reference predicts",
+    )
+    reference: str = option("reference", 'variable that serves as reference; "position" for open-loop records')
+    free_b: bool = option(
+        False,
+        "let position, velocity and acceleration drive the state as well; K, B, I are then those of the second-order "
+        "model that explains the intrinsic torque best",
+    )
 
 
 def identify_moesp(trial: PreparedTrial, options: MoespOptions, *, member: str = "pr-moesp") -> Estimate:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -15,14 +16,39 @@ from ankleloop.joint.estimate import Estimate, torque_dataset
 from ankleloop.joint.hammerstein import DriveSpectra, separate_response
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import Method, Trial
-from ankleloop.methods.options import ParallelCascadeOptions
+from ankleloop.methods.method import Method, Trial, delay_option, rate_option
+from ankleloop.options import Options, option
 from ankleloop.subspace.hankel_gram import HankelGram
 
 __all__ = ["METHODS", "ParallelCascadeOptions", "identify_parallel_cascade"]
 
 PASS_CEILING = 10_000  # beyond any loop that converges at all
 SQUARED = 1e-10  # least ratio of eigenvalues for which inner products show all directions
+
+
+class ParallelCascadeOptions(Options):
+    """Options of the parallel cascade."""
+
+    delay: float = delay_option()
+    basis: Literal["rectifier"] | None = option(
+        None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
+    )
+    identification_rate: float = rate_option()
+    max_passes: int | None = option(None, "most passes; 1 is the method as published, null runs to convergence", ge=1)
+    tolerance: float = option(
+        0.001, "converged when a pass adds less than this to the net VAF", unit="points of VAF", ge=0
+    )
+    intrinsic_lags: float = option(
+        0.04, "half length of the two-sided intrinsic impulse response", unit="s", ge=0, le=1
+    )
+    reflex_lags: float = option(0.5, "length of the reflex impulse response", unit="s", gt=0, le=5)
+    rank: Literal["full", "mdl"] = option(
+        "full",
+        "rank of the pseudo-inverse, full or of minimum description length (Westwick and Kearney 1997)",
+    )
+    rank_tolerance: float = option(
+        1e-6, "singular values of the lagged inputs below this fraction of the largest count as zero", ge=0, lt=1
+    )
 
 
 @dataclass(frozen=True)

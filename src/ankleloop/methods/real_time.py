@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from scipy import linalg
 
@@ -9,13 +11,28 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate, torque_dataset
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import INTRINSIC_NAMES
-from ankleloop.methods.method import Method
-from ankleloop.methods.options import RealTimeOptions
+from ankleloop.methods.method import Method, delay_option, rate_option
+from ankleloop.options import Options, option
 
 __all__ = ["METHODS", "RealTimeOptions", "identify_real_time"]
 
 UPDATE_RATE = 10.0  # Hz at which parameters are solved for and traced
 RIDGE = 1e-9  # of the mean information: it only keeps directions solvable that nothing has excited
+
+
+class RealTimeOptions(Options):
+    """Options of the real-time algorithm."""
+
+    delay: float = delay_option()
+    basis: Literal["rectifier"] | None = option(
+        None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
+    )
+    identification_rate: float = rate_option()
+    memory: float = option(10.0, "time constant of forgetting", unit="s", gt=0)
+    settling: float | None = option(
+        None, "time until the parameters count, where means of the traces start; null for the memory", unit="s", ge=0
+    )
+    reflex_lags: float = option(0.4, "length of the reflex impulse response", unit="s", gt=0, le=5)
 
 
 def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estimate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -12,9 +13,9 @@ from ankleloop.joint.estimate import Estimate, torque_dataset
 from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import Method, Trial
-from ankleloop.methods.options import RivOptions
+from ankleloop.methods.method import Method, Trial, degree_option, delay_option, rate_option
 from ankleloop.methods.riv_equations import MOTION, RivEquations, RivParameters, RivSolution
+from ankleloop.options import Options, option
 from ankleloop.signals.decimation import decimate
 from ankleloop.signals.vaf import TWO_SIDED
 from ankleloop.subspace.input_matrices import simulate_response
@@ -23,6 +24,33 @@ from ankleloop.subspace.matrices import Matrices
 __all__ = ["METHODS", "RivOptions", "identify_riv"]
 
 NOMINAL_DELAY = 0.04  # s
+
+
+class RivOptions(Options):
+    """Options of refined instrumental variables."""
+
+    order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
+    delay: float | None = delay_option(estimated=True)
+    basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
+        None, "static nonlinearity; null for the method's own (rectifier)"
+    )
+    degree: int = degree_option()
+    identification_rate: float = rate_option()
+    reference: str = option(
+        "reference",
+        'variable of the trial that the load cannot reach: the command of the servo, or "position" in open loop',
+    )
+    weighting: Literal["noise", "flat"] = option(
+        "noise",
+        "weights of frequencies: the inverse of the noise spectrum, which is efficient where the model holds; or flat, "
+        "which fits the torque where it is large and suits a model that is a simplification",
+    )
+    max_iterations: int = option(30, "most iterations", ge=1)
+    tolerance: float = option(
+        0.01,
+        "the iteration ends when no parameter moves by more than this fraction of its standard error",
+        gt=0,
+    )
 
 
 def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:

@@ -2,69 +2,94 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError, new_trial, simulate
-from ankleloop.joint import regressors
-from ankleloop.joint.once import made_once
-from ankleloop.joint.regressors import build_regressors, decimated, share_channels
-from ankleloop.records.trial_files import load_blocks, load_trials, save_trials
+from ankleloop.joint import prepared
+from ankleloop.joint.prepared import prepare, prepare_trials
+from ankleloop.records.trial_files import load_chunks, load_trial_of, load_trials, save_trials
 from ankleloop.signals.decimation import decimate
 
 
-def trials(count=3, samples=50, **more):
+def make_trials(count=3, samples=50, **attributes):
     rng = np.random.default_rng(0)
     return [
-        new_trial(*(0.01 * rng.standard_normal((2, samples))), 100.0, subject="S1", number=k, **more)
+        new_trial(*(0.01 * rng.standard_normal((2, samples))), 100.0, subject="S1", number=k, **attributes)
         for k in range(count)
     ]
 
 
 def test_round_trip_is_bit_exact(tmp_path):
-    batch = [*trials(), trials(1)[0].assign_attrs(note="only here")]
-    save_trials(batch, tmp_path / "batch.nc")
-    loaded = list(load_trials(tmp_path / "batch.nc"))
+    trials = [*make_trials(), make_trials(1)[0].assign_attrs(note="only here")]
+    save_trials(trials, tmp_path / "trials.nc")
+    loaded = list(load_trials(tmp_path / "trials.nc"))
     assert len(loaded) == 4
-    for before, after in zip(batch, loaded, strict=True):
+    for before, after in zip(trials, loaded, strict=True):
         assert after.attrs == before.attrs
         assert {type(value) for value in after.attrs.values()} <= {int, float, str}
+        assert set(after.variables) == set(before.variables)
         for name in before.variables:
             np.testing.assert_array_equal(after[name], before[name])
             assert after[name].attrs == before[name].attrs
 
 
-def test_simulated_trials_keep_their_truths_and_parameters(tmp_path):
+def test_simulated_trials_keep_their_truths_and_settings(tmp_path):
     seeds = [np.random.SeedSequence([1, k]) for k in range(2)]
-    batch = [simulate(seed=seed, duration=5.0, reflex_gain=7.0) for seed in seeds]
-    save_trials(batch, tmp_path / "batch.nc")
-    for before, after in zip(batch, load_trials(tmp_path / "batch.nc"), strict=True):
+    trials = [simulate(seed=seed, duration=5.0, reflex_gain=7.0) for seed in seeds]
+    save_trials(trials, tmp_path / "trials.nc")
+    for before, after in zip(trials, load_trials(tmp_path / "trials.nc"), strict=True):
         assert after.attrs["reflex_gain"] == 7.0
         assert after.attrs["seed"] == before.attrs["seed"]
         np.testing.assert_array_equal(after["torque_reflex"], before["torque_reflex"])
 
 
-def test_what_does_not_belong_together(tmp_path):
+def test_trials_that_cannot_share_a_file(tmp_path):
     with pytest.raises(DataError, match="no trials"):
-        save_trials([], tmp_path / "batch.nc")
-    with pytest.raises(DataError, match="trial 1 differs from trial 0"):
-        save_trials([*trials(1), *trials(1, samples=60)], tmp_path / "batch.nc")
+        save_trials([], tmp_path / "trials.nc")
+    with pytest.raises(DataError, match="trial 1 of only differs from the first trial"):
+        save_trials([*make_trials(1), *make_trials(1, samples=60)], tmp_path / "trials.nc")
     with pytest.raises(DataError, match="no folder"):
-        save_trials(trials(1), tmp_path / "nowhere" / "batch.nc")
+        save_trials(make_trials(1), tmp_path / "nowhere" / "trials.nc")
+    with pytest.raises(ValueError, match=r"zip\(\) argument"):
+        save_trials(make_trials(2), tmp_path / "trials.nc", index=[("a", 0)])
     assert list(tmp_path.iterdir()) == []
 
 
+def test_trials_of_several_points_in_one_file(tmp_path):
+    trials, index = make_trials(4), [("a", 0), ("a", 1), ("b", 0), ("b", 1)]
+    save_trials(trials, tmp_path / "trials.nc", index=index)
+    (chunk,) = load_chunks(tmp_path / "trials.nc")
+    assert list(zip(chunk.points, chunk.numbers, strict=True)) == index
+    for trial, (point, number) in zip(trials, index, strict=True):
+        loaded = load_trial_of([tmp_path / "trials.nc"], point, number)
+        np.testing.assert_array_equal(loaded["torque"], trial["torque"])
+        assert loaded.attrs == trial.attrs
+
+
+def test_a_point_whose_trials_are_in_several_files(tmp_path):
+    trials = make_trials(5)
+    save_trials(trials[:3], tmp_path / "0.nc", index=[("a", k) for k in range(3)])
+    save_trials(trials[3:], tmp_path / "1.nc", index=[("a", k) for k in (3, 4)])
+    paths = [tmp_path / "0.nc", tmp_path / "1.nc"]
+    for number, trial in enumerate(trials):
+        np.testing.assert_array_equal(load_trial_of(paths, "a", number)["torque"], trial["torque"])
+    for point, number in (("a", 5), ("b", 0)):
+        with pytest.raises(DataError, match=f"no trial file has trial {number} of the point '{point}'"):
+            load_trial_of(paths, point, number)
+
+
 def test_single_precision_halves_the_file_and_rounds_far_below_a_converter(tmp_path):
-    batch = [simulate(seed=k, duration=10.0) for k in range(3)]
+    trials = [simulate(seed=k, duration=10.0) for k in range(3)]
     for precision in ("double", "single"):
-        save_trials(iter(batch), tmp_path / f"{precision}.nc", precision=precision)
+        save_trials(iter(trials), tmp_path / f"{precision}.nc", precision=precision)
     assert (tmp_path / "single.nc").stat().st_size < 0.6 * (tmp_path / "double.nc").stat().st_size
-    for before, after in zip(batch, load_trials(tmp_path / "single.nc"), strict=True):
+    for before, after in zip(trials, load_trials(tmp_path / "single.nc"), strict=True):
         assert after["torque"].dtype == np.float64
         for name in before.data_vars:
             error = np.abs(after[name] - before[name]).max() / np.abs(before[name]).max()
             assert error < 1e-7
     with pytest.raises(ValueError, match="unknown precision 'half'; known: double, single"):
-        save_trials(batch, tmp_path / "half.nc", precision="half")
+        save_trials(trials, tmp_path / "half.nc", precision="half")
 
 
-def test_what_is_constant_takes_a_number_for_each_trial(tmp_path):
+def test_constant_signals_take_a_number_for_each_trial(tmp_path):
     quiet = [simulate(seed=k, duration=10.0, snr_db=None, voluntary=0.0) for k in range(3)]
     loud = [simulate(seed=k, duration=10.0) for k in range(3)]
     save_trials(quiet, tmp_path / "quiet.nc")
@@ -75,32 +100,39 @@ def test_what_is_constant_takes_a_number_for_each_trial(tmp_path):
         assert after["torque_noise"].sizes == before["torque_noise"].sizes
 
 
+def test_quiet_and_loud_trials_share_a_file_in_single_precision(tmp_path):
+    trials = [simulate(seed=0, duration=10.0, snr_db=None), simulate(seed=1, duration=10.0)]
+    save_trials(trials, tmp_path / "trials.nc", precision="single")
+    save_trials(trials[1:], tmp_path / "loud.nc", precision="single")
+    assert (tmp_path / "trials.nc").stat().st_size < 2.1 * (tmp_path / "loud.nc").stat().st_size
+    assert not load_trial_of([tmp_path / "trials.nc"], "only", 0)["torque_noise"].any()
+
+
 def test_more_trials_than_are_read_at_a_time(tmp_path):
-    batch = trials(37)
-    save_trials(batch, tmp_path / "batch.nc")
-    assert [trial.attrs["number"] for trial in load_trials(tmp_path / "batch.nc")] == list(range(37))
+    save_trials(make_trials(37), tmp_path / "trials.nc")
+    assert [trial.attrs["number"] for trial in load_trials(tmp_path / "trials.nc")] == list(range(37))
+    assert [len(chunk.trials) for chunk in load_chunks(tmp_path / "trials.nc")] == [25, 12]
 
 
-def test_blocks_share_one_pass_for_each_signal(tmp_path, monkeypatch):
-    save_trials([simulate(seed=k, duration=5.0, snr_db=None, voluntary=0.0) for k in range(3)], tmp_path / "batch.nc")
-    given = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0, "reference": "reference"}
-    alone = [build_regressors(trial, **given) for trial in load_trials(tmp_path / "batch.nc")]
+def test_chunks_share_one_pass_for_each_signal(tmp_path, monkeypatch):
+    save_trials([simulate(seed=k, duration=5.0, snr_db=None, voluntary=0.0) for k in range(3)], tmp_path / "trials.nc")
+    options = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0, "reference": "reference"}
+    separate = [prepare(trial).regressors(**options) for trial in load_trials(tmp_path / "trials.nc")]
     passes = []
 
-    def counted(x, *args, **options):
+    def count_passes(x, *args, **arguments):
         passes.append(np.shape(x))
-        return decimate(x, *args, **options)
+        return decimate(x, *args, **arguments)
 
-    monkeypatch.setattr(regressors, "decimate", counted)
-    with made_once():
-        ((trials_of_block, signals),) = load_blocks(tmp_path / "batch.nc")
-        assert set(signals) == {"position", "torque", "reference", "torque_intrinsic", "torque_reflex"}
-        share_channels(trials_of_block, signals, 100.0, 0.04)
-        assert passes == [(3, 5000)] * 7  # four torques and references, and the position with two derivatives
-        for trial, before in zip(trials_of_block, alone, strict=True):
-            found = build_regressors(trial, **given)
-            truth = decimated(trial, "torque_reflex", found.time, 100.0)
-            for name in ("inputs", "torque", "reference"):
-                np.testing.assert_array_equal(getattr(found, name), getattr(before, name))
-            assert truth.shape == found.torque.shape
+    monkeypatch.setattr(prepared, "decimate", count_passes)
+    (chunk,) = load_chunks(tmp_path / "trials.nc")
+    assert set(chunk.signals) == {"position", "torque", "reference", "torque_intrinsic", "torque_reflex"}
+    trials = prepare_trials(chunk.trials, chunk.signals, [(100.0, 0.04)])
+    assert passes == [(3, 5000)] * 7  # four torques and references, and the position with two derivatives
+    for trial, before in zip(trials, separate, strict=True):
+        regressors = trial.regressors(**options)
+        truth = trial.channel_at("torque_reflex", regressors.time, 100.0)
+        for name in ("inputs", "torque", "reference"):
+            np.testing.assert_array_equal(getattr(regressors, name), getattr(before, name))
+        assert truth.shape == regressors.torque.shape
     assert len(passes) == 7 + 3  # the rectified velocity of each trial, and nothing twice

@@ -1,0 +1,109 @@
+"""The configuration: defaults from the library, and errors that name the key."""
+
+
+import pytest
+
+from ankleloop.studies.checking import ConfigError, check
+from ankleloop.studies.config import Config
+from ankleloop.studies.study import read_studies
+
+METHOD = ("studies", "table1", "methods", "a")
+
+
+@pytest.mark.parametrize("overlay", ["config.yaml", "ci.yaml", "beyond.yaml", "recordings.example.yaml"])
+def test_every_configuration_of_the_repository_is_valid(config, read_config, overlay, monkeypatch):
+    monkeypatch.setenv("ANKLELOOP_RECORDINGS", "recordings")
+
+    def lay_over(below, above):
+        merged = {**below}
+        for key, value in above.items():
+            both = isinstance(value, dict) and isinstance(below.get(key), dict)
+            merged[key] = lay_over(below[key], value) if both else value
+        return merged
+
+    read_studies(lay_over(config, read_config(overlay)))
+
+
+def test_defaults_are_filled_in(config):
+    checked, studies = read_studies(config)
+    study = studies["table1"]
+    assert study.points["reflex_gain=2.0"]["load_inertia"] == 1.1
+    assert study.points["reflex_gain=13.0"]["reflex_gain"] == 13.0
+    assert study.methods["pr-moesp"].options.block_rows == 15
+    assert study.identified_methods["parallel-cascade-one-pass"]["options"]["max_passes"] == 1
+    assert study.identified_methods["parallel-cascade"]["options"]["max_passes"] is None
+    assert checked.studies["table1"].figure.length == 5.0
+    assert "load_inertia" not in config["studies"]["table1"]["simulation"]  # the mapping that is read is not changed
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "message"),
+    [
+        (["studdies"], {}, "config: unknown key 'studdies'; known here: run, article, studies."),
+        (["studies"], {}, r"config → studies: .* at least 1 item"),
+        (["studies", "table1"], 3, "config → studies → table1: must be a mapping of keys to values, got 3."),
+        (["studies", "table 1"], {"kind": "simulation"}, r"studies → table 1: string should match pattern"),
+        (["studies", "x"], {"kind": "simulation"}, "studies → x: the key 'seed' is missing"),
+        (["studies", "x"], {"seed": 1}, "studies → x: the key 'kind' is missing"),
+        (["studies", "table1", "trails"], 3, r"config → studies → table1: unknown key 'trails'; known here: .*trials"),
+        (["studies", "table1", "trials"], 0, r"config → studies → table1 → trials \[1\]: must be at least 1, got 0\."),
+        (["studies", "table1", "seed"], "x", r"table1 → seed \[1\]: must be a whole number, got 'x'"),
+        (["studies", "table1", "title"], 3, "table1 → title: must be text, got 3"),
+        (["studies", "table1", "simulation", "stifness"], 1, "simulation: unknown key 'stifness'; known here: stiff"),
+        (["studies", "table1", "simulation", "duration"], -1, r"simulation → duration \[s\]: must be above 0, got -1"),
+        (["studies", "table1", "simulation", "duration"], 0.0015, "simulation: duration × recording_rate must be a wh"),
+        (["studies", "table1", "points", "gain"], [1], "points: 'gain' is not a setting of the simulation; known: st"),
+        (["studies", "table1", "points"], [{"gain": 1.0}], "points: 'gain' is not a setting of the simulation"),
+        (["studies", "table1", "points"], 3, "table1 → points: must be lists of values by setting, or a list of p"),
+        (["studies", "table1", "points"], {"delay": 1}, "table1 → points: each setting must have a list of values"),
+        (["studies", "table1", "points"], {"zeta": [1.0, 1.0]}, "the point zeta=1.0 is listed twice"),
+        (
+            ["studies", "table1", "points", "reflex_gain"],
+            [-2.0],
+            r"studies → table1 → points → reflex_gain=-2.0 → reflex_gain \[N·m·s/rad\]: must be at least 0, got -2.0",
+        ),
+        (METHOD, {"options": {}}, "methods → a: the key 'method' is missing"),
+        (METHOD, {"method": "pr-moes"}, "a → method: must be one of 'pr-moesp', .*; got 'pr-moes'"),
+        (METHOD, {"method": "pr-moesp", "options": {"passes": 1}}, "a → options: unknown key 'passes'"),
+        (METHOD, {"method": "pr-moesp", "options": {"order": 0}}, r"options → order \[1\]: must be at least 1, got 0"),
+        (
+            METHOD,
+            {"method": "parallel-cascade", "options": {"order": 2}},
+            "a → options: unknown key 'order'; known here: delay",
+        ),
+        (["studies", "table1", "figure", "lenght"], 1, "figure: unknown key 'lenght'; known here: methods, trial"),
+        (["studies", "table1", "kind"], "recording", "kind: must be one of 'simulation', 'recordings'; got 'record"),
+        (["studies", "table1", "precision"], "half", "precision: must be one of 'single' or 'double'; got 'half'"),
+        (["studies", "table1", "notebook"], "table3", "notebook: must be one of 'table1', .*; got 'table3'"),
+        (["studies", "figure4", "trials_per_chunk"], 10, "figure4: a chunk is some points, or part of the trials of"),
+        (["run"], ["table3"], "config: run: there is no study 'table3'; there are table1, "),
+        (["article"], ["table3"], "config: article: there is no study 'table3'; there are table1, "),
+    ],
+)
+def test_errors_name_the_key(change, keys, value, message):
+    with pytest.raises(ConfigError, match=message):
+        read_studies(change(*keys, value=value))
+
+
+def test_candidates_of_a_selection_must_be_options(change):
+    def read(**method):
+        return read_studies(change(*METHOD, value=method))[1]["table1"]
+
+    with pytest.raises(ConfigError, match=r"methods → a: select: order must be at least 1, got 0"):
+        read(method="pr-moesp", select={"order": [1, 0]})
+    with pytest.raises(ConfigError, match="a: select: method 'riv' has no option 'block_rows'; it has order"):
+        read(method="riv", select={"block_rows": [10]})
+    with pytest.raises(ConfigError, match=r"select → order: .* at least 1 item"):
+        read(method="riv", select={"order": []})
+    study = read(method="riv", select={"order": [2, 3]})
+    options = study.identified_methods["a"]["options"]
+    assert options["select"] == {"order": [2, 3]}
+    assert "order" not in options
+
+
+def test_whole_numbers_serve_as_numbers_and_nothing_else_does(change):
+    config = check(Config, change("studies", "table1", "simulation", value={"duration": 50}), "config")
+    assert config.studies["table1"].simulation.duration == 50.0
+    for value in ("50", True, [50.0]):
+        with pytest.raises(ConfigError, match=r"duration \[s\]: must be a finite number"):
+            check(Config, change("studies", "table1", "simulation", value={"duration": value}), "config")

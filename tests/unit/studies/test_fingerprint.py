@@ -1,0 +1,114 @@
+"""Fingerprints follow imports, however they are written, and package data."""
+
+from pathlib import Path
+
+import pytest
+
+from ankleloop.studies import fingerprint as module
+from ankleloop.studies.fingerprint import fingerprint
+
+ROOT = Path(__file__).parents[3]
+SCRIPTS = ("simulate", "identify", "economy", "verify", "recordings", "render")
+
+
+@pytest.fixture
+def library(tmp_path, monkeypatch):
+    """A library of a few modules, and the function that writes one of them."""
+    monkeypatch.setattr(module, "LIBRARY", tmp_path)
+
+    def write(path, text=""):
+        file = tmp_path / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+        return file
+
+    for package in ("", "a/", "b/", "c/"):
+        write(f"ankleloop/{package}__init__.py")
+    return write
+
+
+def changed_by(write, script, path, text="# changed"):
+    """Whether the fingerprint of a script changes with the content of a file."""
+    fingerprints = set()
+    for content in ("# as it was", text):
+        write(path, content)
+        module._parse.cache_clear()
+        module._content_hash.cache_clear()
+        fingerprints.add(fingerprint(script))
+    return len(fingerprints) == 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import ankleloop.a.x",
+        "import ankleloop.a.x as x, os",
+        "from ankleloop.a import x",
+        "from ankleloop.a.x import name",
+        "from ankleloop.a import (\n    y,\n    x,\n)",
+        "def function():\n    from ankleloop.a.x import name\n",
+        "if TYPE_CHECKING:\n    import ankleloop.a.x\n",
+        "MODULES = ('ankleloop.a.x',)\nimport_module(MODULES[0])",
+        "import ankleloop",
+        "from ankleloop import simulate",
+        "import ankleloop.b.through",
+        "from ankleloop.b.relative import name",
+    ],
+)
+def test_every_form_of_import(library, text):
+    library("ankleloop/b/through.py", "from ankleloop.b import further")
+    library("ankleloop/b/further.py", "import ankleloop.a.x")
+    library("ankleloop/b/relative.py", "from ..a import x")
+    library("ankleloop/a/x.py")
+    script = library("script.py", text)
+    assert changed_by(library, script, "ankleloop/a/x.py")
+
+
+def test_other_modules_do_not_count(library):
+    library("ankleloop/a/x.py", '"""As `ankleloop.c.other` does."""\n')
+    script = library("script.py", "from ankleloop.a.x import name  # not ankleloop.c.other\nimport os.path\n")
+    assert not changed_by(library, script, "ankleloop/c/other.py")
+    assert not changed_by(library, script, "ankleloop/a/beside.py")
+    assert not changed_by(library, script, "ankleloop/__init__.py")
+
+
+def test_package_data_go_with_the_modules_beside_them(library):
+    library("ankleloop/a/x.py", "from importlib.resources import files")
+    library("ankleloop/a/templates/page.html.j2", "<html>")
+    library("ankleloop/b/y.py")
+    script, other = library("script.py", "import ankleloop.a.x"), library("other.py", "import ankleloop.b.y")
+    assert changed_by(library, script, "ankleloop/a/templates/page.html.j2", "<body>")
+    assert changed_by(library, script, "ankleloop/a/templates/deep/new.css", "p {}")
+    assert not changed_by(library, other, "ankleloop/a/templates/page.html.j2", "<body>")
+    assert not changed_by(library, script, "ankleloop/a/__pycache__/x.cpython-311.pyc", "code")
+
+
+def test_notebooks_and_several_scripts(library):
+    library("ankleloop/a/x.py")
+    library("ankleloop/b/y.py")
+    notebook = library(
+        "study.ipynb",
+        '{"cells": [{"cell_type": "markdown", "source": ["import ankleloop.b.y"]}, '
+        '{"cell_type": "code", "source": ["import os\\n", "import ankleloop.a.x"]}]}',
+    )
+    script = library("script.py", "import ankleloop.b.y")
+    assert changed_by(library, notebook, "ankleloop/a/x.py")
+    assert not changed_by(library, notebook, "ankleloop/b/y.py")
+    assert fingerprint(notebook, script) not in (fingerprint(notebook), fingerprint(script))
+
+
+def test_scripts_of_the_workflow_reach_what_they_use():
+    def reached(script):
+        paths, remaining = set(), set(module._references(ROOT / "workflow" / "scripts" / f"{script}.py"))
+        while remaining:
+            paths.add(path := remaining.pop())
+            remaining |= set(module._references(path)) - paths
+        return {path.relative_to(module.LIBRARY / "ankleloop").as_posix() for path in paths}
+
+    by_script = {script: reached(script) for script in SCRIPTS}
+    assert {script for script in SCRIPTS if "methods/parallel_cascade.py" in by_script[script]} >= {"identify"}
+    assert "methods/riv.py" in by_script["identify"]  # which the registry imports by its name
+    assert "methods/riv.py" not in by_script["simulate"]
+    assert "studies/config.py" not in by_script["simulate"] | by_script["identify"]
+    assert "plotting/diagrams.py" not in by_script["identify"] | by_script["verify"]
+    assert "pages/rendering.py" in by_script["render"] & by_script["recordings"]

@@ -1,0 +1,216 @@
+"""Points, chunks and seeds of studies of simulations; recordings of a laboratory, in the file or in a table."""
+
+from pathlib import Path
+
+import pytest
+
+from ankleloop.studies.checking import ConfigError
+from ankleloop.studies.config import NOTEBOOKS
+from ankleloop.studies.results import article_studies, figure_names, run_studies
+from ankleloop.studies.seeds import trial_entropy
+from ankleloop.studies.study import read_studies
+
+
+@pytest.fixture
+def table1(change):
+    """The study `table1` with some of its keys changed."""
+
+    def read(**settings):
+        config = change("studies", "table1", "points", value=settings.pop("points", {"reflex_gain": [13.0, 2.0]}))
+        config["studies"]["table1"] |= settings
+        return read_studies(config)[1]["table1"]
+
+    return read
+
+
+def test_points_are_all_combinations(table1):
+    study = table1(points={"reflex_gain": [2.0, 13.0], "voluntary": [0.0, 0.3, 1.0]})
+    assert len(study.points) == 6
+    assert study.combinations["reflex_gain=13.0,voluntary=0.3"] == {"reflex_gain": 13.0, "voluntary": 0.3}
+    assert study.varied == ["reflex_gain", "voluntary"]
+    assert list(table1(points={}).points) == ["only"]
+
+
+def test_points_may_be_a_list(table1):
+    study = table1(points=[{"load_stiffness": 50.0, "load_inertia": 0.2}, {"load_stiffness": 500.0}])
+    assert list(study.points) == ["load_inertia=0.2,load_stiffness=50.0", "load_stiffness=500.0"]
+    assert study.points["load_stiffness=500.0"]["load_inertia"] == 1.1
+    assert study.varied == ["load_stiffness", "load_inertia"]
+
+
+def test_the_order_of_settings_does_not_matter(table1):
+    points = ({"load_stiffness": [50.0], "load_inertia": [0.2]}, {"load_inertia": [0.2], "load_stiffness": [50.0]})
+    names = [list(table1(points=combinations).points) for combinations in points]
+    assert names[0] == names[1]
+
+
+GAINS = {"reflex_gain": [1.0, 2.0, 3.0, 4.0, 5.0]}
+
+
+def chunk_points(study):
+    return [[part.point.removeprefix("reflex_gain=") for part in chunk] for chunk in study.chunks]
+
+
+def test_a_chunk_is_some_points(table1):
+    assert chunk_points(table1(points=GAINS)) == [["1.0"], ["2.0"], ["3.0"], ["4.0"], ["5.0"]]
+    assert chunk_points(table1(points=GAINS, points_per_chunk=2)) == [["1.0", "2.0"], ["3.0", "4.0"], ["5.0"]]
+    more = {"reflex_gain": [*GAINS["reflex_gain"], 6.0]}
+    assert chunk_points(table1(points=more, points_per_chunk=2))[:2] == [["1.0", "2.0"], ["3.0", "4.0"]]
+    for chunk in table1(points=GAINS, points_per_chunk=2, trials=7).chunks:
+        assert all((part.first, part.stop) == (0, 7) for part in chunk)
+
+
+def test_a_chunk_is_part_of_the_trials_of_a_point(table1):
+    study = table1(points={"reflex_gain": [1.0, 2.0]}, trials=7, trials_per_chunk=3)
+    ranges = [[(part.first, part.stop) for part in chunk] for chunk in study.chunks]
+    assert ranges == [[(0, 3)], [(3, 6)], [(6, 7)]] * 2
+    assert chunk_points(study) == [["1.0"]] * 3 + [["2.0"]] * 3
+
+
+def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
+    points = [{"duration": duration, "recording_rate": rate} for duration in (10.0, 20.0) for rate in (1000.0, 500.0)]
+    study = table1(points=[*points, {"duration": 20.0, "recording_rate": 500.0, "zeta": 0.5}], points_per_chunk=10)
+    assert [len(chunk) for chunk in study.chunks] == [1, 1, 1, 2]
+    assert study.simulated_time(3) == 2 * 20 * 20.0
+
+
+def test_many_points_take_no_time(table1):
+    study = table1(points={"reflex_gain": [0.01 * k for k in range(4000)]})
+    assert len(study.chunks) == len(study.points) == 4000
+    assert study.simulated_points(3999)["reflex_gain=39.99"]["settings"]["reflex_gain"] == 39.99
+
+
+def test_seeds_differ_by_study_point_and_trial():
+    keys = [(study, point, k) for study in ("a", "b") for point in ("only", "zeta=1.0") for k in range(20)]
+    assert len({tuple(trial_entropy(2008, *key)) for key in keys}) == len(keys)
+
+
+def test_the_article_is_made_where_all_its_studies_are(config, change):
+    assert [study.name for study in article_studies(*read_studies(config))] == config["article"]
+    part = read_studies(change("run", value=["table1"]))
+    assert [study.name for study in run_studies(*part)] == ["table1"]
+    assert article_studies(*part) == []
+    everything = read_studies(change("run", value=None))
+    assert [study.name for study in run_studies(*everything)] == list(config["studies"])
+
+
+def test_figures_of_a_study(table1):
+    assert figure_names(table1()) == NOTEBOOKS["table1"] == ("figure3", "order")
+    assert figure_names(table1(notebook=None)) == ()
+
+
+# --- recordings
+
+
+def recorded(config):
+    return read_studies(config)[1]["recordings"]
+
+
+def test_recordings_need_their_folder(example, monkeypatch):
+    study = recorded(example)
+    monkeypatch.delenv("ANKLELOOP_RECORDINGS", raising=False)
+    with pytest.raises(ConfigError, match=r"study recordings.*ANKLELOOP_RECORDINGS.*not set.*export"):
+        study.paths("z_pf")
+    monkeypatch.setenv("ANKLELOOP_RECORDINGS", "/somewhere")
+    assert study.paths("z_pf") == ["/somewhere/ankle_pf.mat"]
+    assert study.points["z_pf"]["torque_sign"] == -1
+    assert study.points["z_pf"]["position"] == "position"
+    assert study.points["z_df"]["trial"] == "1"
+    assert study.analysed_methods["pi-moesp"]["select"] == {"degree": [6, 8, 12]}
+    assert "degree" not in study.analysed_methods["pi-moesp"]["options"]
+
+
+@pytest.fixture
+def tabulate(example, tmp_path):
+    """The example with a table instead of its files."""
+
+    def write(text, **settings):
+        study = example["studies"]["recordings"]
+        for key in ("files", "defaults"):
+            study.pop(key, None)
+        (tmp_path / "list.csv").write_text(text, encoding="utf-8")
+        study |= {"table": str(tmp_path / "list.csv"), "folder": str(tmp_path), **settings}
+        return example
+
+    return write
+
+
+def test_a_table_lists_recordings(tabulate):
+    text = (
+        "file,subject,condition,trial,torque_sign,start,stop,drift\na.mat,S1,rest,1,-1,2,30.5,2\nb.csv,S1,rest,2,,,,\n"
+    )
+    study = recorded(tabulate(text))
+    assert list(study.points) == ["S1-rest-1", "S1-rest-2"]
+    first, second = study.points.values()
+    assert (first["torque_sign"], first["start"], first["stop"], first["drift"]) == (-1, 2, 30.5, 2)
+    assert (second["torque_sign"], second["start"], second["drift"], second["position"]) == (1, None, 0, "position")
+    assert [len(chunk) for chunk in study.chunks] == [2]
+    assert study.existing_paths(0) == []
+
+
+def test_cells_are_numbers_or_text_as_their_column_is(tabulate):
+    text = "name,file,subject,condition,trial,reference,torque_sign,sampling_rate\nx,a.mat,012,NA,1.0,12,-1.0,1e3\n"
+    point = recorded(tabulate(text)).points["x"]
+    assert [point[key] for key in ("subject", "condition", "trial", "reference")] == ["012", "NA", "1.0", "12"]
+    assert (point["torque_sign"], point["sampling_rate"]) == (-1, 1000.0)
+
+
+def test_rows_override_the_defaults(tabulate):
+    text = "name,file,torque_sign\na,a.mat,\nb,b.mat,1\n"
+    config = tabulate(text, defaults={"torque_sign": -1, "position": "angle"})
+    config["studies"]["recordings"]["files"] = {"c": {"file": "c.mat", "position": "phi"}}
+    points = recorded(config).points
+    assert {name: (point["torque_sign"], point["position"]) for name, point in points.items()} == {
+        "a": (-1, "angle"),
+        "b": (1, "angle"),
+        "c": (-1, "phi"),
+    }
+    with pytest.raises(ConfigError, match="unknown key 'colour'; known here: position"):
+        recorded(tabulate(text, defaults={"colour": 1}))
+
+
+def test_rows_with_a_common_name_are_merged(tabulate):
+    text = "batch,name,file,drift\nB1,,a.mat,1\n,other,c.mat,\nB1,,b.mat,2\n"
+    study = recorded(tabulate(text))
+    assert list(study.points) == ["B1", "other"]
+    assert [Path(path).name for path in study.paths("B1")] == ["a.mat", "b.mat"]
+    mappings = study.mappings(0)
+    assert [part["drift"] for part in mappings["B1"]["parts"]] == [1, 2]
+    assert mappings["B1"]["paths"] == study.paths("B1")
+    assert len(mappings["other"]["parts"]) == 1
+
+
+def test_chunks_of_recordings(tabulate):
+    rows = "".join(f"r{k},{k}.mat\n" for k in range(5))
+    chunks = recorded(tabulate(f"name,file\n{rows}", recordings_per_chunk=2)).chunks
+    assert chunks == [["r0", "r1"], ["r2", "r3"], ["r4"]]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("file,torque_sign\na.mat,2\n", r"line 2 → torque_sign.* must be one of 1 or -1; got 2"),
+        ("file,torque_sign\na.mat,down\n", r"line 2 → torque_sign.* must be one of 1 or -1; got 'down'"),
+        ("file,start\na.mat,late\n", r"line 2 → start \[s\]: must be a finite number, got 'late'"),
+        ("file,color\na.mat,red\n", "line 2: unknown key 'color'; known here: .*name, batch"),
+        ("name,file\nx,a.mat\nx,b.mat\n", "line 3: the name 'x' is taken"),
+        ("name,file\nx,a.mat\n\nx,b.mat\n", "line 4: the name 'x' is taken"),
+        ("name,file\na/b,a.mat\n", "line 2: the name 'a/b' does not match"),
+        ("name,file\n", "has no rows"),
+        ("name,subject\nx,S1\n", "line 2: the key 'file' is missing"),
+    ],
+)
+def test_tables_with_mistakes(tabulate, text, message):
+    with pytest.raises(ConfigError, match=message):
+        recorded(tabulate(text))
+
+
+def test_a_study_of_recordings_needs_some(tabulate, tmp_path):
+    with pytest.raises(ConfigError, match="there is no table"):
+        recorded(tabulate("file\na.mat\n", table=str(tmp_path / "other.csv")))
+    with pytest.raises(ConfigError, match="name its recordings under files, or a table"):
+        recorded(tabulate("file\na.mat\n", table=None))
+    config = tabulate("name,file\nx,a.mat\n")
+    config["studies"]["recordings"]["files"] = {"x": {"file": "b.mat"}}
+    with pytest.raises(ConfigError, match="the recording 'x' is under files and in the table"):
+        recorded(config)
