@@ -10,11 +10,15 @@ BLOCK = re.compile(r"(<!-- rulegraph -->\n).*?(<!-- /rulegraph -->)", re.DOTALL)
 
 
 def draw_graph():
-    """Rule graph of the default configuration in the mermaid language, without styles."""
+    """Rule graph of the default configuration in the mermaid language: a line for each rule that needs others."""
     command = ["snakemake", "--rulegraph", "mermaid-js", "--forceall"]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    lines = run.stdout[run.stdout.index("flowchart") :].splitlines()
-    return "\n".join(line.rstrip() for line in lines if line.strip() and not line.strip().startswith("style "))
+    names = dict(re.findall(r"^\s*(id\d+)\[(\w+)\]", run.stdout, re.MULTILINE))
+    inputs = {}
+    for source, target in re.findall(r"(id\d+) --> (id\d+)", run.stdout):
+        inputs.setdefault(names[target], []).append(names[source])
+    edges = [f"    {' & '.join(sources)} --> {target}" for target, sources in inputs.items()]
+    return "\n".join(["flowchart TB", *edges])
 
 
 def insert_graph(page, graph):

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[1]
 PARTS = ("Snakefile", "workflow", "config", "notebooks", "data", "src", "profiles")
-sys.path.insert(0, str(ROOT / "workflow"))
 
 
 def pytest_addoption(parser):
@@ -20,39 +19,50 @@ def pytest_addoption(parser):
 
 
 @pytest.fixture(scope="session")
-def house(tmp_path_factory):
-    """A copy of the repository, as a user has it."""
-    folder = tmp_path_factory.mktemp("house")
-    for part in PARTS:
-        copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copy
-        extra = {"ignore": shutil.ignore_patterns("__pycache__")} if (ROOT / part).is_dir() else {}
-        copy(ROOT / part, folder / part, **extra)
-    return folder
+def copy_repository(tmp_path_factory):
+    """Copy the repository, as a user has it."""
+
+    def copy():
+        folder = tmp_path_factory.mktemp("repository")
+        for part in PARTS:
+            if (ROOT / part).is_dir():
+                shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+            else:
+                shutil.copy(ROOT / part, folder / part)
+        return folder
+
+    return copy
+
+
+@pytest.fixture(scope="session")
+def repository(copy_repository):
+    """A copy of the repository that the tests of the whole workflow share."""
+    return copy_repository()
 
 
 @pytest.fixture(scope="session")
 def snakemake():
-    """Run snakemake in a copy, and return what it says."""
+    """Run snakemake in a folder, with the library of a copy of the repository, and return its output."""
 
-    def run(folder, *arguments, check=True, **environment):
+    def run(repository, *arguments, folder=None, check=True, **environment):
         program = Path(sys.executable).with_name("snakemake")
-        inherited = {k: v for k, v in os.environ.items() if k != "ANKLELOOP_RECORDINGS"}
+        inherited = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
         path = f"{program.parent}{os.pathsep}{os.environ['PATH']}"
-        ran = subprocess.run(
+        process = subprocess.run(
             [str(program), "--cores", "2", *arguments],
-            cwd=folder,
-            env={**inherited, "PYTHONPATH": str(folder / "src"), "PATH": path, **environment},
+            cwd=folder or repository,
+            env={**inherited, "PYTHONPATH": str(repository / "src"), "PATH": path, **environment},
             capture_output=True,
             text=True,
         )
-        assert not check or ran.returncode == 0, ran.stdout + ran.stderr
-        return ran.stdout + ran.stderr
+        assert not check or process.returncode == 0, process.stdout + process.stderr
+        return process.stdout + process.stderr
 
     return run
 
 
 @pytest.fixture(scope="session")
-def made(house, snakemake):
+def reproduction(repository, snakemake):
     """The whole paper, reduced by config/ci.yaml."""
-    snakemake(house, "--configfile", "config/ci.yaml")
-    return house
+    snakemake(repository, "--configfile", "config/ci.yaml")
+    return repository

@@ -10,30 +10,36 @@ import pytest
 import yaml
 
 import ankleloop
-
-from studies import complete, studies, trial_seeds
+from ankleloop.studies.seeds import trial_entropy
 
 pytestmark = pytest.mark.workflow
 
 
+CI = ("--configfile", "config/ci.yaml")
+
+
 @pytest.fixture(scope="module")
-def planned(snakemake):
-    """Number of jobs by rule that a dry run plans."""
+def plan(snakemake):
+    """Number of jobs that a dry run plans, by rule and study."""
 
     def plan(folder, *arguments):
         text = snakemake(folder, "--dry-run", *arguments)
-        if "Nothing to be done" in text:
-            return {}
-        stats = text.split("Job stats:")[-1].split("total")[0]
-        jobs = re.findall(r"^(\w+) +(\d+)$", stats, re.MULTILINE)
-        named = [re.sub(r"^(simulate|identify)_(\w+)_\d+$", r"\1_\2", rule) for rule, _ in jobs if rule != "all"]
-        return dict(Counter(named))
+        blocks = re.split(r"^(?:local)?rule (\w+):$", text.split("Job stats:")[-2], flags=re.MULTILINE)
+        jobs = []
+        for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
+            study = re.search(r"wildcards:.*\bstudy=([\w-]+)", block)
+            jobs.append(f"{rule} {study[1]}" if study else rule)
+        return Counter(job for job in jobs if job != "everything")
 
-    return plan
+    return lambda folder, *arguments: dict(plan(folder, *arguments))
 
 
-# What is made of all studies comes after any change in one of them.
-SUMMING_UP = {"verify": 1, "article": 1}
+# Summaries of all studies, which follow any change in one of them.
+SUMMARIES = {"verify": 1, "article": 1}
+
+
+def report_jobs(study, figures):
+    return {f"report {study}": 1, f"figure {study}": figures}
 
 
 def page(path):
@@ -47,8 +53,8 @@ def page(path):
     return text
 
 
-def test_table_and_figure_of_the_paper(made):
-    table = pd.read_csv(made / "results/tables/table1.csv")
+def test_table_and_figure_of_the_paper(reproduction):
+    table = pd.read_csv(reproduction / "results/tables/table1.csv")
     assert list(table.columns) == ["gain", "method", "torque", "against", "paper", "mean", "sd", "n"]
     methods = ["pr-moesp", "eiv-moesp", "parallel-cascade-one-pass", "parallel-cascade"]
     assert list(table["method"].unique()) == methods
@@ -61,19 +67,18 @@ def test_table_and_figure_of_the_paper(made):
     assert value.loc[("pr-moesp", "intrinsic", "true"), "mean"] > 97
     assert value.loc[("parallel-cascade", "intrinsic", "true"), "mean"] > 97
     assert 40 < value.loc[("parallel-cascade-one-pass", "intrinsic", "true"), "mean"] < 75
-    markdown = (made / "results/tables/table1.md").read_text(encoding="utf-8")
+    markdown = (reproduction / "results/tables/table1.md").read_text(encoding="utf-8")
     assert "PR-MOESP" in markdown
     assert "N·m/rad" in markdown
     for end in ("png", "pdf"):
-        assert (made / f"results/figures/table1-figure3.{end}").stat().st_size > 10_000
-    assert "PR-MOESP" in page(made / "results/reports/table1.html")
+        assert (reproduction / f"results/figures/table1-figure3.{end}").stat().st_size > 10_000
+    assert "PR-MOESP" in page(reproduction / "results/reports/table1.html")
 
 
-def test_scores_are_means_of_trials(made):
-    table = (
-        pd.read_csv(made / "results/tables/table1.csv").query("gain == 13").set_index(["method", "torque", "against"])
-    )
-    scores = pd.read_csv(made / "results/scores/table1/reflex_gain=13.0.csv")
+def test_scores_are_means_of_trials(reproduction):
+    table = pd.read_csv(reproduction / "results/tables/table1.csv").query("gain == 13")
+    table = table.set_index(["method", "torque", "against"])
+    scores = pd.read_csv(reproduction / "results/scores/table1/0.csv")
     assert list(scores.columns) == [
         "study",
         "point",
@@ -92,115 +97,125 @@ def test_scores_are_means_of_trials(made):
         assert row["sd"] == pytest.approx(rows["vaf"].std(), abs=1e-9)
 
 
-def test_a_trial_of_the_workflow_can_be_made_alone(made):
+def test_a_trial_of_the_workflow_can_be_simulated_alone(reproduction):
     """The seed is keyed by study, point and trial, so the library gives the same scores without the workflow."""
-    config = yaml.safe_load((made / "config/config.yaml").read_text(encoding="utf-8"))
-    study = studies(complete(config))["table1"]
-    seed = np.random.SeedSequence(trial_seeds(study, "reflex_gain=13.0")[1])
+    seed = np.random.SeedSequence(trial_entropy(2008, "table1", "reflex_gain=13.0", 1))
     trial = ankleloop.simulate(seed=seed, reflex_gain=13.0, duration=20.0)
-    scores = pd.read_csv(made / "results/scores/table1/reflex_gain=13.0.csv")
-    scores = scores.query("trial == 1 and method == 'pr-moesp'")
+    scores = pd.read_csv(reproduction / "results/scores/table1/0.csv")
+    scores = scores.query("point == 'reflex_gain=13.0' and trial == 1 and method == 'pr-moesp'")
     np.testing.assert_allclose(ankleloop.evaluate(trial, ankleloop.identify(trial))["vaf"], scores["vaf"], atol=1e-6)
 
 
-def test_nothing_is_left_to_do_and_nothing_half_written(made, planned):
-    assert planned(made, "--configfile", "config/ci.yaml") == {}
-    assert not list((made / "results").rglob("*.part"))
-    assert not list((made / "results").rglob(".*"))
+def test_nothing_is_left_to_do_and_nothing_half_written(reproduction, plan, snakemake):
+    assert "Nothing to be done" in snakemake(reproduction, "--dry-run", *CI)
+    assert not list((reproduction / "results").rglob("*.part"))
+    hidden = [path.name for path in (reproduction / "results").rglob(".*")]
+    assert set(hidden) <= {".snakemake_timestamp"}
 
 
-def overlay(folder, **table1):
-    """The reduced configuration with settings of Table 1 changed."""
+def overlay(folder, study="table1", **settings):
+    """The reduced configuration with settings of a study changed."""
     path = folder / "config" / "overlay.yaml"
-    reduced = yaml.safe_load((folder / "config/ci.yaml").read_text(encoding="utf-8"))
-    reduced["studies"]["table1"] |= table1
-    path.write_text(yaml.safe_dump(reduced, sort_keys=False), encoding="utf-8")
+    config = yaml.safe_load((folder / "config/ci.yaml").read_text(encoding="utf-8"))
+    config["studies"][study] |= settings
+    path.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
     return "--configfile", "config/overlay.yaml"
 
 
-def test_a_changed_option_identifies_again_and_does_not_simulate_again(made, planned):
+def test_a_changed_option_identifies_again_and_does_not_simulate_again(reproduction, plan):
     methods = {"pr-moesp": {"options": {"block_rows": 20}}}
-    jobs = planned(made, *overlay(made, methods=methods))
-    assert jobs == {"identify_table1": 2, "notebook_table1": 1} | SUMMING_UP
+    jobs = plan(reproduction, *overlay(reproduction, methods=methods))
+    assert jobs == {"identify table1": 2} | report_jobs("table1", 2) | SUMMARIES
 
 
-def test_a_new_point_leaves_the_others_alone(made, planned):
-    jobs = planned(made, *overlay(made, points={"reflex_gain": [13.0, 2.0, 5.0]}))
-    assert jobs == {"simulate_table1": 1, "identify_table1": 1, "notebook_table1": 1} | SUMMING_UP
+def test_a_new_point_at_the_end_leaves_the_others_alone(reproduction, plan):
+    jobs = plan(reproduction, *overlay(reproduction, points={"reflex_gain": [13.0, 2.0, 5.0]}))
+    assert jobs == {"simulate table1": 1, "identify table1": 1} | report_jobs("table1", 2) | SUMMARIES
 
 
-def test_one_parameter_reruns_exactly_what_depends_on_it(made, planned):
+def test_a_changed_value_reruns_its_chunk_alone(reproduction, plan):
+    jobs = plan(reproduction, *overlay(reproduction, points={"reflex_gain": [13.0, 5.0]}))
+    assert jobs == {"simulate table1": 1, "identify table1": 1} | report_jobs("table1", 2) | SUMMARIES
+
+
+def test_one_setting_reruns_exactly_what_depends_on_it(reproduction, plan):
     """The voluntary torque of Table 2: its trials, estimates, scores and page; the ledger; the article."""
-    path = made / "config" / "overlay.yaml"
-    reduced = yaml.safe_load((made / "config/ci.yaml").read_text(encoding="utf-8"))
-    reduced["studies"]["table2"]["simulation"] = {"duration": 20.0, "voluntary": 0.4}
-    path.write_text(yaml.safe_dump(reduced, sort_keys=False), encoding="utf-8")
-    jobs = planned(made, "--configfile", "config/overlay.yaml")
-    assert jobs == {"simulate_table2": 1, "identify_table2": 1, "notebook_table2": 1} | SUMMING_UP
+    jobs = plan(reproduction, *overlay(reproduction, "table2", simulation={"duration": 20.0, "voluntary": 0.4}))
+    assert jobs == {"simulate table2": 1, "identify table2": 1} | report_jobs("table2", 1) | SUMMARIES
 
 
-def test_a_changed_library_reruns_what_uses_it(made, planned):
-    touched = made / "src/ankleloop/methods/moesp.py"
-    text = touched.read_text(encoding="utf-8")
-    try:
-        touched.write_text(f"{text}\n# changed\n", encoding="utf-8")
-        jobs = planned(made, "--configfile", "config/ci.yaml")
-    finally:
-        touched.write_text(text, encoding="utf-8")
-    studies_made = yaml.safe_load((made / "config/ci.yaml").read_text(encoding="utf-8"))["studies"]
-    assert {rule for rule in jobs if rule.startswith("identify")} == {
-        f"identify_{name.replace('-', '_')}" for name in studies_made
-    }
-    assert not [rule for rule in jobs if rule.startswith("simulate")]
+@pytest.fixture
+def touch(reproduction):
+    """Change a module of the library until the end of the test."""
+    texts = {}
+
+    def change(module):
+        path = reproduction / "src/ankleloop" / module
+        texts[path] = path.read_text(encoding="utf-8")
+        path.write_text(f"{texts[path]}\n# changed\n", encoding="utf-8")
+
+    yield change
+    for path, text in texts.items():
+        path.write_text(text, encoding="utf-8")
+
+
+def test_a_changed_library_reruns_what_uses_it(reproduction, plan, touch):
+    touch("methods/moesp.py")
+    jobs = plan(reproduction, *CI)
+    studies = yaml.safe_load((reproduction / "config/ci.yaml").read_text(encoding="utf-8"))["studies"]
+    assert {job for job in jobs if job.startswith("identify")} == {f"identify {name}" for name in studies}
+    assert not [job for job in jobs if job.startswith("simulate")]
     assert "diagrams" not in jobs
 
 
-def test_a_changed_picture_reruns_what_draws_it(made, planned):
-    touched = made / "src/ankleloop/diagrams.py"
-    text = touched.read_text(encoding="utf-8")
-    try:
-        touched.write_text(f"{text}\n# changed\n", encoding="utf-8")
-        assert planned(made, "--configfile", "config/ci.yaml") == {"diagrams": 1, "article": 1}
-    finally:
-        touched.write_text(text, encoding="utf-8")
+def test_a_changed_diagram_reruns_what_draws_it(reproduction, plan, touch):
+    touch("plotting/diagrams.py")
+    assert plan(reproduction, *CI) == {"diagrams": 1, "article": 1}
 
 
-def test_the_whole_paper_is_there(made):
+def test_a_changed_template_reruns_the_pages(reproduction, plan, touch):
+    touch("pages/templates/notebook.html.j2")
+    jobs = plan(reproduction, *CI)
+    assert {job.split()[0] for job in jobs} == {"report", "figure", "article"}
+
+
+def test_the_whole_paper_is_there(reproduction):
     """Figures 1 to 5 and Tables 1 and 2, the ledger and the article."""
     figures = ["figure1", "figure2", "table1-figure3", "figure4-figure4", "table2-figure5", "passes-passes"]
     for name in [*figures, "voluntary-stiffness", "load-vaf", "real-time-traces"]:
         for end in ("png", "pdf"):
-            assert (made / f"results/figures/{name}.{end}").stat().st_size > 4_000
-    ledger = pd.read_csv(made / "results/verification.csv")
-    claims = pd.read_csv(made / "data/published/claims.csv")
+            assert (reproduction / f"results/figures/{name}.{end}").stat().st_size > 4_000
+    ledger = pd.read_csv(reproduction / "results/verification.csv")
+    claims = pd.read_csv(reproduction / "data/published/claims.csv")
     assert set(claims["id"]) <= set(ledger["id"])
     assert len(ledger) == len(claims) + 18
     assert ledger["reason"].notna().all()
-    markdown = (made / "results/verification.md").read_text(encoding="utf-8")
+    markdown = (reproduction / "results/verification.md").read_text(encoding="utf-8")
     assert all(name in markdown for name in ledger["id"])
-    article = page(made / "results/article.html")
-    for said in ("Figure 1.", "Figure 2.", "Table 1.", "Figure 3.", "Figure 4.", "simulated stand-in", "Figure 5"):
-        assert said in article
-    table = pd.read_csv(made / "results/tables/table2.csv")
+    article = page(reproduction / "results/article.html")
+    for text in ("Figure 1.", "Figure 2.", "Table 1.", "Figure 3.", "Figure 4.", "simulated stand-in", "Figure 5"):
+        assert text in article
+    table = pd.read_csv(reproduction / "results/tables/table2.csv")
     assert {"vaf_net", "paper_net"} <= set(table)
     for study in ("table2", "figure4", "passes", "voluntary", "load", "projection", "real-time"):
-        page(made / f"results/reports/{study}.html")
-    assert "stand-in" in page(made / "results/reports/table2.html")
+        page(reproduction / f"results/reports/{study}.html")
+    assert "stand-in" in page(reproduction / "results/reports/table2.html")
 
 
-def test_a_wrong_key_stops_before_any_job(made, snakemake):
-    text = snakemake(made, *overlay(made, trails=3), check=False)
-    assert "config → studies → table1" in text
-    assert "'trails' was unexpected" in text
+def test_a_wrong_key_stops_before_any_job(reproduction, snakemake):
+    text = snakemake(reproduction, *overlay(reproduction, trails=3), check=False)
+    assert "config → studies → table1: unknown key 'trails'; known here: " in text
+    assert "rule simulate" not in text
 
 
-def test_an_unstable_point_is_named_and_leaves_nothing(made, snakemake):
-    simulation = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0, "duration": 20.0}
-    arguments = overlay(made, simulation=simulation, points={"reflex_gain": [29.0]})
-    text = snakemake(made, "results/trials/table1/reflex_gain=29.0.nc", *arguments, check=False)
+def test_an_unstable_point_is_named_and_leaves_nothing(reproduction, snakemake):
+    settings = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0, "duration": 20.0}
+    points = {"reflex_gain": [13.0, 2.0, 29.0]}
+    arguments = overlay(reproduction, simulation=settings, points=points)
+    text = snakemake(reproduction, "results/trials/table1/2.nc", *arguments, check=False)
     assert "the closed loop is unstable" in text
     assert "load_inertia=0.1" in text
-    assert not [path for path in (made / "results").rglob("*") if "reflex_gain=29.0" in path.name]
+    assert not (reproduction / "results/trials/table1/2.nc").exists()
 
 
 @pytest.fixture(scope="module")
@@ -228,11 +243,11 @@ def recordings(folder, files):
     return "--configfile", "config/laboratory.yaml"
 
 
-def test_recordings_of_a_laboratory(house, laboratory, snakemake):
+def test_recordings_of_a_laboratory(repository, laboratory, snakemake):
     """A good one, one with a gap and one that is not there: the last two are refused, the first one finishes."""
     files = {"A1": ("good.csv.gz", "rest"), "A2": ("bad.csv", "rest"), "A3": ("nowhere.csv", "active")}
-    text = snakemake(house, *recordings(house, files), ANKLELOOP_RECORDINGS=str(laboratory))
-    table = pd.read_csv(house / "results/tables/recordings.csv")
+    text = snakemake(repository, *recordings(repository, files), ANKLELOOP_RECORDINGS=str(laboratory))
+    table = pd.read_csv(repository / "results/tables/recordings.csv")
     good = table[table["recording"] == "A1"].set_index("method")
     assert list(good.index) == ["riv", "pi-moesp", "pr-moesp-position", "parallel-cascade"]
     assert (good["K"] / 150.0 - 1).abs().max() < 0.2
@@ -245,19 +260,19 @@ def test_recordings_of_a_laboratory(house, laboratory, snakemake):
     assert "777" in refused["A2"]  # the sample
     assert "there is no file nowhere.csv" in refused["A3"]
     assert "A2 refused" in text
-    summary = page(house / "results/reports/recordings.html")
+    summary = page(repository / "results/reports/recordings.html")
     assert "position as reference" in summary
     assert "nowhere.csv" in summary
-    assert "cannot be decided" in page(house / "results/reports/recordings/A1.html")
-    assert "nowhere.csv" in (house / "results/reports/recordings/A3.html").read_text(encoding="utf-8")
-    assert (house / "results/figures/recordings-group.png").stat().st_size > 10_000
-    exported = sorted(path.name for path in (house / "results/estimates/recordings/A1").glob("[a-z]*"))
+    assert "cannot be decided" in page(repository / "results/reports/recordings/A1.html")
+    assert "nowhere.csv" in (repository / "results/reports/recordings/A3.html").read_text(encoding="utf-8")
+    assert (repository / "results/figures/recordings-group.png").stat().st_size > 10_000
+    exported = sorted(path.name for path in (repository / "results/estimates/recordings/A1").glob("[a-z]*"))
     assert exported[:3] == ["parallel-cascade.csv", "parallel-cascade.mat", "parallel-cascade.nc"]
     assert len(exported) == 12
 
 
-def test_recordings_need_their_folder(house, laboratory, snakemake):
-    unset = snakemake(house, *recordings(house, {"A1": ("good.csv.gz", "rest")}), check=False)
+def test_recordings_need_their_folder(repository, laboratory, snakemake):
+    unset = snakemake(repository, *recordings(repository, {"A1": ("good.csv.gz", "rest")}), check=False)
     assert "ANKLELOOP_RECORDINGS" in unset
     assert "not set" in unset
 
@@ -266,10 +281,10 @@ def test_recordings_need_their_folder(house, laboratory, snakemake):
     "ANKLELOOP_RECORDINGS" not in os.environ,
     reason="set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this",
 )
-def test_real_recordings(house, snakemake):
+def test_real_recordings(repository, snakemake):
     folder = os.environ["ANKLELOOP_RECORDINGS"]
-    snakemake(house, "--configfile", "config/recordings.example.yaml", ANKLELOOP_RECORDINGS=folder)
-    table = pd.read_csv(house / "results/tables/recordings.csv").set_index(["recording", "method"])
+    snakemake(repository, "--configfile", "config/recordings.example.yaml", ANKLELOOP_RECORDINGS=folder)
+    table = pd.read_csv(repository / "results/tables/recordings.csv").set_index(["recording", "method"])
     assert (table[["K", "B", "I"]] > 0).all(axis=None)
     for recording, net in (("z_df", 93.4), ("z_pf", 87.7), ("z_df3", 93.4)):
         assert table.loc[(recording, "pi-moesp"), "vaf_net"] > net - 1
@@ -277,4 +292,4 @@ def test_real_recordings(house, snakemake):
         unseen = table.loc[recording]["vaf_unseen"]
         assert unseen.drop("parallel-cascade").max() > unseen["parallel-cascade"] - 0.5
         assert set(table.loc[recording]["loop"]) == {"undecided"}
-    page(house / "results/reports/recordings.html")
+    page(repository / "results/reports/recordings.html")

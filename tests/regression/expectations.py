@@ -1,4 +1,4 @@
-"""What the reduced configuration gives, and how much of a difference matters.
+"""Results of the reduced configuration, and how much of a difference matters.
 
 Seeds are fixed, so the same code gives the same numbers but for rounding. A difference matters from a quarter of the
 standard error of the mean on: other seeds would do four times as much. The spread over trials is measured, and kept
@@ -13,11 +13,11 @@ LEAST = 1e-4  # of the number itself: rounding in other builds of linear algebra
 KEY = ["point", "method", "quantity"]
 
 
-def summary(results, study):
+def summarise_results(results, study):
     """Mean, spread and number of trials of every VAF, and of K, B, I and G, of a study."""
-    scores = _gathered(results / "scores" / study)
+    scores = _read_chunks(results / "scores" / study)
     vaf = scores.assign(quantity="VAF " + scores["torque"] + " (" + scores["against"] + ")", value=scores["vaf"])
-    details = _gathered(results / "parameters" / study)
+    details = _read_chunks(results / "parameters" / study)
     names = [name for name in ("K", "B", "I", "G") if name in details]
     values = details.melt(["point", "method", "trial"], names, "quantity", "value").dropna(subset="value")
     everything = pd.concat([vaf[[*KEY, "value"]], values[[*KEY, "value"]]])
@@ -26,16 +26,18 @@ def summary(results, study):
     return table.assign(tolerance=np.maximum(SHARE * standard_error, LEAST * table["mean"].abs()))
 
 
-def _gathered(folder):
-    return pd.concat([pd.read_csv(path) for path in sorted(folder.glob("*.csv"))])
+def _read_chunks(folder):
+    return pd.concat([pd.read_csv(path) for path in sorted(folder.glob("*.csv"), key=lambda path: int(path.stem))])
 
 
-def differences(expected, found):
-    """Rows that are missing, new, or further off than the tolerance of what is expected."""
-    both = expected.merge(found, on=KEY, how="outer", suffixes=("", "_found"), indicator=True)
-    change = both["mean_found"] - both["mean"]
-    changed = both[(both["_merge"] != "both") | (change.abs() > both["tolerance"])]
-    shown = changed[[*KEY]].copy()
-    shown["expected"], shown["found"] = changed["mean"], changed["mean_found"]
-    shown["difference"], shown["tolerance"] = change[changed.index], changed["tolerance"]
-    return shown
+def list_differences(expected, results):
+    """Rows that are missing, new, or further from the expected mean than its tolerance."""
+    merged = expected.merge(results, on=KEY, how="outer", suffixes=("", "_result"), indicator=True)
+    difference = merged["mean_result"] - merged["mean"]
+    changed = merged[(merged["_merge"] != "both") | (difference.abs() > merged["tolerance"])]
+    return changed[KEY].assign(
+        expected=changed["mean"],
+        result=changed["mean_result"],
+        difference=difference[changed.index],
+        tolerance=changed["tolerance"],
+    )

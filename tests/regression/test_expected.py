@@ -1,27 +1,26 @@
-"""Results of the reduced configuration against those that were last agreed on."""
+"""Results of the reduced configuration against those that are expected."""
 
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
-from expectations import KEY, LEAST, SHARE, differences, summary
-
-from fingerprint import ROOT
+from expectations import KEY, LEAST, SHARE, list_differences, summarise_results
 
 EXPECTED = Path(__file__).parent / "expected"
-STUDIES = list(yaml.safe_load((ROOT / "config" / "ci.yaml").read_text(encoding="utf-8"))["studies"])
+CI = Path(__file__).parents[2] / "config" / "ci.yaml"
+STUDIES = list(yaml.safe_load(CI.read_text(encoding="utf-8"))["studies"])
 
 
 @pytest.mark.workflow
 @pytest.mark.parametrize("study", STUDIES)
-def test_results_are_those_expected(made, study, request):
-    found = summary(made / "results", study)
+def test_results_are_those_expected(reproduction, study, request):
+    results = summarise_results(reproduction / "results", study)
     path = EXPECTED / f"{study}.csv"
     if request.config.getoption("--update-expected"):
-        found.to_csv(path, index=False, float_format="%.7g", lineterminator="\n")
+        results.to_csv(path, index=False, float_format="%.7g", lineterminator="\n")
         return
-    changed = differences(pd.read_csv(path), found)
+    changed = list_differences(pd.read_csv(path), results)
     assert changed.empty, (
         f"{len(changed)} results of the study {study} have changed by more than {SHARE:g} of their standard error "
         f"(or {LEAST:g} of themselves):\n\n{changed.to_string(index=False, float_format='%.5g')}\n\n"
@@ -34,15 +33,15 @@ def table(**means):
     return pd.DataFrame(rows, columns=[*KEY, "mean", "sd", "n", "tolerance"])
 
 
-def test_a_changed_a_missing_and_a_new_result_are_told():
-    expected, found = table(K=150.0, B=0.8, I=0.015), table(K=150.04, B=0.9, G=5.0)
-    changed = differences(expected, found).set_index("quantity")
+def test_changed_missing_and_new_results_are_listed():
+    expected, results = table(K=150.0, B=0.8, I=0.015), table(K=150.04, B=0.9, G=5.0)
+    changed = list_differences(expected, results).set_index("quantity")
     assert set(changed.index) == {"B", "I", "G"}
     assert changed.loc["B", "difference"] == pytest.approx(0.1)
-    assert differences(expected, expected).empty
+    assert list_differences(expected, expected).empty
 
 
-def test_every_study_is_guarded_and_every_tolerance_comes_from_a_spread():
+def test_every_study_has_expected_results_and_every_tolerance_comes_from_a_spread():
     assert {path.stem for path in EXPECTED.glob("*.csv")} == set(STUDIES)
     for path in EXPECTED.glob("*.csv"):
         rows = pd.read_csv(path)

@@ -1,12 +1,12 @@
 # What is made of several studies: the diagrams, the economy of the methods, the ledger and the article.
-ARTICLE_STUDIES = article_studies(CONFIG)
-PUBLISHED = sorted(str(path) for path in Path("data/published").glob("*.csv"))
-
-
 rule diagrams:
     output:
         report(
-            DIAGRAMS,
+            expand(
+                "results/figures/{figure}.{suffix}",
+                figure=DIAGRAMS,
+                suffix=["png", "pdf", "svg"],
+            ),
             category="Figures 1 and 2",
             caption="../report/diagrams.rst",
         ),
@@ -15,102 +15,89 @@ rule diagrams:
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
-    resources:
-        mem_mb=1000,
     params:
-        library=fingerprint("workflow/scripts/diagrams.py"),
-    message:
-        "Drawing Figures 1 and 2"
+        library=library("workflow/scripts/diagrams.py"),
     script:
         "../scripts/diagrams.py"
 
 
-if ARTICLE_STUDIES:
+rule economy:
+    input:
+        trials=[f"results/trials/{study.name}/0.nc" for study in ARTICLE[:1]],
+    output:
+        table="results/tables/economy.csv",
+    log:
+        "logs/economy.log",
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    params:
+        library=library("workflow/scripts/economy.py"),
+    script:
+        "../scripts/economy.py"
 
-    rule economy:
-        input:
-            trials=f"results/trials/{ARTICLE_STUDIES[0].name}/{next(iter(ARTICLE_STUDIES[0].points))}.nc",
-        output:
-            table=ARTICLE["economy"],
-        log:
-            "logs/economy.log",
-        conda:
-            "../envs/ankleloop.yaml"
-        threads: 1
-        resources:
-            mem_mb=1000,
-        params:
-            library=fingerprint("workflow/scripts/economy.py"),
-        message:
-            "Timing PR-MOESP and EIV-MOESP side by side"
-        script:
-            "../scripts/economy.py"
 
-    rule verify:
-        input:
-            published=PUBLISHED,
-            economy=ARTICLE["economy"],
-            scores=[path for study in ARTICLE_STUDIES for path in scores(study)],
-            parameters=[
-                path
-                for study in ARTICLE_STUDIES
-                for path in scores(study, "parameters")
-            ],
-        output:
-            ledger=report(
-                ARTICLE["verification"],
-                category="Verification",
-                caption="../report/verification.rst",
-            ),
-            page=ARTICLE["page"],
-        log:
-            "logs/verify.log",
-        conda:
-            "../envs/ankleloop.yaml"
-        threads: 1
-        resources:
-            mem_mb=1000,
-        params:
-            studies={
-                study.name: {
-                    "kind": study.kind,
-                    "points": study.points,
-                    "labels": study.labels,
-                }
-                for study in ARTICLE_STUDIES
-            },
-            library=fingerprint("workflow/scripts/verify.py"),
-        message:
-            "Judging every number and claim of the paper"
-        script:
-            "../scripts/verify.py"
+rule verify:
+    input:
+        published=PUBLISHED,
+        economy="results/tables/economy.csv",
+        scores=chunk_files_of_article("scores"),
+        parameters=chunk_files_of_article("parameters"),
+    output:
+        ledger=report(
+            "results/verification.csv",
+            category="Verification",
+            caption="../report/verification.rst",
+        ),
+        page="results/verification.md",
+    log:
+        "logs/verify.log",
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    params:
+        studies={
+            study.name: {
+                "kind": study.kind,
+                "points": study.points,
+                "labels": study.labels,
+            }
+            for study in ARTICLE
+        },
+        library=library("workflow/scripts/verify.py"),
+    script:
+        "../scripts/verify.py"
 
-    rule article:
-        input:
-            [path for study in ARTICLE_STUDIES for path in reports(study)],
-            [path for study in ARTICLE_STUDIES for path in scores(study)],
-            DIAGRAMS,
-            ARTICLE["economy"],
-            ARTICLE["verification"],
-            notebook="notebooks/article.ipynb",
-            style="workflow/report/page.html",
-        output:
-            report(
-                ARTICLE["report"],
-                category="Article",
-                caption="../report/article.rst",
-            ),
-        log:
-            "logs/article.log",
-        conda:
-            "../envs/ankleloop.yaml"
-        threads: 1
-        resources:
-            mem_mb=1000,
-        params:
-            parameters=article_parameters(CONFIG),
-            library=fingerprint("notebooks/article.ipynb"),
-        message:
-            "Rendering the article"
-        script:
-            "../scripts/render.py"
+
+rule article:
+    input:
+        scores=chunk_files_of_article("scores"),
+        parameters=chunk_files_of_article("parameters"),
+        reports=[f"results/reports/{study.name}.html" for study in ARTICLE],
+        figures=[path for study in ARTICLE for path in figure_files(study)],
+        diagrams=[f"results/figures/{name}.png" for name in DIAGRAMS],
+        economy="results/tables/economy.csv",
+        verification="results/verification.csv",
+        notebook=ROOT / "notebooks/article.ipynb",
+    output:
+        page=report(
+            "results/article.html",
+            category="Article",
+            caption="../report/article.rst",
+        ),
+    log:
+        "logs/article.log",
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    params:
+        parameters=lambda wildcards, input: article_parameters(
+            ARTICLE,
+            {study.name: article_files(study) for study in ARTICLE},
+            verification=input.verification,
+            economy=input.economy,
+            diagrams=list(input.diagrams),
+        ),
+        library=library("workflow/scripts/render.py", "notebooks/article.ipynb"),
+    script:
+        "../scripts/render.py"

@@ -1,49 +1,45 @@
 # Recordings of a laboratory, from the file to a page each. A job takes several, because starting one costs as much as a
-# recording does. A bad recording is refused with its reason; the others go on.
-for _study in STUDIES.values():
-    for _number, _points in enumerate(batches(_study)):
+# recording does. An unusable recording is refused with its reason; the others go on.
+rule recordings:
+    input:
+        files=lambda wildcards: study_of(wildcards).existing_paths(chunk_of(wildcards)),
+    output:
+        table="results/parameters/{study}/{chunk}.csv",
+        folder=directory("results/recordings/{study}/{chunk}"),
+    log:
+        "logs/recordings/{study}/{chunk}.log",
+    benchmark:
+        "logs/recordings/{study}/{chunk}.tsv"
+    wildcard_constraints:
+        study=RECORDED,
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    params:
+        points=lambda wildcards: study_of(wildcards).mappings(chunk_of(wildcards)),
+        methods=lambda wildcards: study_of(wildcards).analysed_methods,
+        figure=lambda wildcards: study_of(wildcards).settings.figure.model_dump(),
+        library=library("workflow/scripts/recordings.py"),
+    script:
+        "../scripts/recordings.py"
 
-        rule:
-            name:
-                f"recordings_{_study.name.replace('-', '_')}_{_number}"
-            input:
-                [existing(path) for point in _points for path in _study.sources(point)],
-                style="workflow/report/page.html",
-            output:
-                pages=[page(_study, point) for point in _points],
-                tables=[
-                    f"results/parameters/{_study.name}/{point}.csv"
-                    for point in _points
-                ],
-                estimates=[
-                    directory(f"results/estimates/{_study.name}/{point}")
-                    for point in _points
-                ],
-            log:
-                f"logs/recordings/{_study.name}/{_number}.log",
-            benchmark:
-                f"logs/recordings/{_study.name}/{_number}.tsv"
-            conda:
-                "../envs/ankleloop.yaml"
-            threads: 1
-            resources:
-                mem_mb=1000,
-            params:
-                points={
-                    point: {
-                        **_study.points[point],
-                        "paths": _study.sources(point),
-                        "parts": _study.parts(point),
-                    }
-                    for point in _points
-                },
-                methods={
-                    name: without_selected(method)
-                    for name, method in _study.methods.items()
-                },
-                figure=_study.settings["figure"],
-                library=fingerprint("workflow/scripts/recordings.py"),
-            message:
-                f"{_study.name}, {len(_study.points)} recordings: {', '.join(_points)}"
-            script:
-                "../scripts/recordings.py"
+
+# Pages and exported estimates of all recordings of a study, under the names that a reader opens.
+rule publish:
+    input:
+        folders=collect("results/recordings/{{study}}/{chunk}", chunk=chunks),
+    output:
+        pages=directory("results/reports/{study}"),
+        estimates=directory("results/estimates/{study}"),
+    log:
+        "logs/publish/{study}.log",
+    wildcard_constraints:
+        study=RECORDED,
+    localrule: True
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    shell:
+        "(mkdir -p {output}"
+        " && find {input.folders} -mindepth 1 -maxdepth 1 -type f -name '*.html' -exec cp {{}} {output.pages} ';'"
+        " && find {input.folders} -mindepth 1 -maxdepth 1 -type d -exec cp -r {{}} {output.estimates} ';') > {log} 2>&1"

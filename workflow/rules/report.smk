@@ -1,33 +1,65 @@
 # One notebook for each study: its tables, its figures and a page that needs nothing else.
-for _study in STUDIES.values():
-    if _study.notebook is None:
-        continue
+rule report:
+    input:
+        trials=collect("results/trials/{{study}}/{chunk}.nc", chunk=simulated_chunks),
+        estimates=estimates_of,
+        scores=collect("results/scores/{{study}}/{chunk}.csv", chunk=simulated_chunks),
+        parameters=collect("results/parameters/{{study}}/{chunk}.csv", chunk=chunks),
+        notebook=lambda wildcards: ROOT / notebook_of(wildcards),
+        published=PUBLISHED,
+    output:
+        page=report(
+            "results/reports/{study}.html",
+            category=title_of,
+            caption="../report/study.rst",
+        ),
+        table=report(
+            "results/tables/{study}.csv",
+            category=title_of,
+            caption="../report/study.rst",
+        ),
+        markdown="results/tables/{study}.md",
+        figures=directory("results/rendered/{study}"),
+    log:
+        "logs/report/{study}.log",
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    params:
+        notebook=lambda wildcards: study_of(wildcards).settings.notebook,
+        parameters=lambda wildcards, input, output: report_parameters(
+            study_of(wildcards),
+            input,
+            published=str(ROOT / "data" / "published"),
+            table_stem=os.path.splitext(output.table)[0],
+            figure_stem=f"{output.figures}/{wildcards.study}",
+        ),
+        library=lambda wildcards: library(
+            "workflow/scripts/render.py", notebook_of(wildcards)
+        ),
+    script:
+        "../scripts/render.py"
 
-    rule:
-        name:
-            f"notebook_{_study.name.replace('-', '_')}"
-        input:
-            notebook_inputs(_study),
-            notebook=f"notebooks/{_study.notebook}.ipynb",
-            published=Path("data/published").glob("*.csv"),
-            style="workflow/report/page.html",
-        output:
-            report(
-                reports(_study),
-                category=_study.settings["title"],
-                caption=f"../report/{_study.notebook}.rst",
-            ),
-        log:
-            f"logs/notebook/{_study.name}.log",
-        conda:
-            "../envs/ankleloop.yaml"
-        threads: 1
-        resources:
-            mem_mb=2000,
-        params:
-            parameters=notebook_parameters(_study),
-            library=fingerprint(f"notebooks/{_study.notebook}.ipynb"),
-        message:
-            f"Rendering the notebook of {_study.name}"
-        script:
-            "../scripts/render.py"
+
+# A figure of a notebook, under the name that a reader opens.
+rule figure:
+    input:
+        folder="results/rendered/{study}",
+    output:
+        png=report(
+            "results/figures/{study}-{figure}.png",
+            category=title_of,
+            caption="../report/study.rst",
+        ),
+        pdf="results/figures/{study}-{figure}.pdf",
+    log:
+        "logs/figure/{study}-{figure}.log",
+    localrule: True
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    params:
+        notebook=lambda wildcards: study_of(wildcards).settings.notebook,
+        stem=lambda wildcards, input: f"{input.folder}/{wildcards.study}-{wildcards.figure}",
+    shell:
+        "(cp {params.stem}.png {output.png} && cp {params.stem}.pdf {output.pdf}) > {log} 2>&1"

@@ -1,30 +1,25 @@
-# Simulated trials. A job takes as many points as its study says (`together`): starting one costs as much as some fifty
-# trials do.
-for _study in simulated(STUDIES):
-    for _number, _points in enumerate(_study.jobs):
-
-        rule:
-            name:
-                rule_name("simulate", _study, _number)
-            output:
-                trials=[trials(_study, point) for point in _points],
-            log:
-                f"logs/simulate/{_study.name}/{_number}.log",
-            benchmark:
-                f"logs/simulate/{_study.name}/{_number}.tsv"
-            # Before any identification, and long jobs first, so that no core waits for one at the end.
-            priority: 1000 + len(_points)
-            conda:
-                "../envs/ankleloop.yaml"
-            threads: 1
-            resources:
-                mem_mb=2000,
-            params:
-                points={point: _study.points[point] for point in _points},
-                seeds={point: trial_seeds(_study, point) for point in _points},
-                precision=_study.settings["precision"],
-                library=fingerprint("workflow/scripts/simulate.py"),
-            message:
-                f"Simulating {_study.name} at {'; '.join(_points)}"
-            script:
-                "../scripts/simulate.py"
+# Simulated trials. A chunk is some points of a study, or part of the trials of one point: starting a job costs as much
+# as some fifty trials do.
+rule simulate:
+    output:
+        trials="results/trials/{study}/{chunk}.nc",
+    log:
+        "logs/simulate/{study}/{chunk}.log",
+    benchmark:
+        "logs/simulate/{study}/{chunk}.tsv"
+    wildcard_constraints:
+        study=SIMULATED,
+    # Before any identification, and long jobs first, so that no core waits for one at the end.
+    priority: simulation_priority
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    params:
+        seed=lambda wildcards: study_of(wildcards).settings.seed,
+        points=lambda wildcards: study_of(wildcards).simulated_points(
+            chunk_of(wildcards)
+        ),
+        precision=lambda wildcards: study_of(wildcards).settings.precision,
+        library=library("workflow/scripts/simulate.py"),
+    script:
+        "../scripts/simulate.py"

@@ -1,4 +1,4 @@
-"""What every script shares: a log file, progress in it, and errors in plain words."""
+"""The log file of a job, and errors in plain words."""
 
 import logging
 import sys
@@ -7,13 +7,11 @@ import traceback
 from contextlib import contextmanager
 
 log = logging.getLogger("ankleloop")
-# Where this package is, jsonschema compiles a grammar of IRIs for two seconds; what jobs read has none.
-sys.modules.setdefault("rfc3987_syntax", None)
 
 
 @contextmanager
 def running(snakemake):
-    """Send the log to the job's log file; on an error say it on the terminal in one line, too."""
+    """Send the log to the log file of the job; on an error print one line on the terminal, too."""
     logging.basicConfig(
         filename=str(snakemake.log), filemode="w", format="%(asctime)s %(message)s", level=logging.INFO, force=True
     )
@@ -21,14 +19,13 @@ def running(snakemake):
         yield
     except Exception as error:
         log.error("%s", traceback.format_exc())
-        what = ", ".join(f"{name} {value}" for name, value in snakemake.wildcards.items())
-        sys.exit(f"{type(error).__name__} in {what}: {error}\nThe whole story is in {snakemake.log}.")
+        chunk = ", ".join(f"{name} {value}" for name, value in snakemake.wildcards.items()) or snakemake.rule
+        sys.exit(f"{type(error).__name__} in {chunk}: {error}\nThe log has all details: {snakemake.log}.")
 
 
-def progress(items, done, total=None):
-    """Hand on items, and log how far the job has come; a generator does not know how many there are in total."""
-    total = f" of {len(items) if total is None else total}" if total is not None or hasattr(items, "__len__") else ""
+def progress(items, action):
+    """Yield items, and log how many have been processed."""
     start = time.perf_counter()
     for number, item in enumerate(items, start=1):
         yield item
-        log.info("%s trial %d%s after %.1f s", done, number, total, time.perf_counter() - start)
+        log.info("%s %d of %d after %.1f s", action, number, len(items), time.perf_counter() - start)

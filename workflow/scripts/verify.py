@@ -1,29 +1,33 @@
-"""Judge every number and claim of the paper."""
+"""Check every number and claim of the paper."""
 
 from pathlib import Path
 
 import pandas as pd
 
-from ankleloop.records.files import whole_file
-from ankleloop.replication.ledger import StudyResults, as_markdown, verify
+from ankleloop.records.files import atomic_file
+from ankleloop.replication.evidence import StudyResults
+from ankleloop.replication.ledger import format_ledger, verify
 
 from job import running
 
+
+def read_chunks(paths, study):
+    """One table of all chunks of a study."""
+    return pd.concat([pd.read_csv(path) for path in paths if Path(path).parent.name == study])
+
+
 with running(snakemake):
-    files = {"scores": snakemake.input.scores, "parameters": snakemake.input.parameters}
-
-    def gathered(table, study):
-        paths = [path for path in files[table] if Path(path).parent.name == study]
-        return pd.concat([pd.read_csv(path) for path in paths])
-
     studies = {
-        name: StudyResults(scores=gathered("scores", name), parameters=gathered("parameters", name), **given)
-        for name, given in snakemake.params.studies.items()
+        name: StudyResults(
+            scores=read_chunks(snakemake.input.scores, name),
+            parameters=read_chunks(snakemake.input.parameters, name),
+            **description,
+        )
+        for name, description in snakemake.params.studies.items()
     }
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}
-    claims = published.pop("claims")
-    ledger = verify(claims, published, studies, pd.read_csv(snakemake.input.economy))
-    with whole_file(snakemake.output.ledger) as path:
+    ledger = verify(published.pop("claims"), published, studies, pd.read_csv(snakemake.input.economy))
+    with atomic_file(snakemake.output.ledger) as path:
         ledger.to_csv(path, index=False)
-    with whole_file(snakemake.output.page) as path:
-        path.write_text(as_markdown(ledger), encoding="utf-8")
+    with atomic_file(snakemake.output.page) as path:
+        path.write_text(format_ledger(ledger), encoding="utf-8")

@@ -1,6 +1,5 @@
 """The configuration: defaults from the library, and errors that name the key."""
 
-
 import pytest
 
 from ankleloop.studies.checking import ConfigError, check
