@@ -17,7 +17,7 @@ def draw_graph():
     inputs = {}
     for source, target in re.findall(r"(id\d+) --> (id\d+)", run.stdout):
         inputs.setdefault(names[target], []).append(names[source])
-    edges = [f"    {' & '.join(sources)} --> {target}" for target, sources in inputs.items()]
+    edges = [f"    {' & '.join(sorted(sources))} --> {target}" for target, sources in sorted(inputs.items())]
     return "\n".join(["flowchart TB", *edges])
 
 
