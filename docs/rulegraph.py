@@ -7,15 +7,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 BLOCK = re.compile(r"(<!-- rulegraph -->\n).*?(<!-- /rulegraph -->)", re.DOTALL)
+COMMAND = ("snakemake", "--rulegraph", "mermaid-js", "--forceall")
 
 
-def draw_graph():
-    """Rule graph of the default configuration in the mermaid language: a line for each rule that needs others."""
-    command = ["snakemake", "--rulegraph", "mermaid-js", "--forceall"]
-    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    names = dict(re.findall(r"^\s*(id\d+)\[(\w+)\]", run.stdout, re.MULTILINE))
+def format_graph(output):
+    """The output of Snakemake in the mermaid language, shortened to a line for each rule that needs others."""
+    names = dict(re.findall(r"^\s*(id\d+)\[(\w+)\]", output, re.MULTILINE))
     inputs = {}
-    for source, target in re.findall(r"(id\d+) --> (id\d+)", run.stdout):
+    for source, target in re.findall(r"(id\d+) --> (id\d+)", output):
         inputs.setdefault(names[target], []).append(names[source])
     edges = [f"    {' & '.join(sorted(sources))} --> {target}" for target, sources in sorted(inputs.items())]
     return "\n".join(["flowchart TB", *edges])
@@ -27,4 +26,6 @@ def insert_graph(page, graph):
 
 
 if __name__ == "__main__":
-    PAGE.write_text(insert_graph(PAGE.read_text(encoding="utf-8"), draw_graph()), encoding="utf-8")
+    run = subprocess.run(COMMAND, cwd=ROOT, capture_output=True, text=True, check=True)
+    page = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(insert_graph(page, format_graph(run.stdout)), encoding="utf-8")

@@ -1,12 +1,16 @@
 """The workflow as Snakemake's manual describes: options of the command line, other folders, use as a module."""
 
 import re
+import runpy
+from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
 
 pytestmark = pytest.mark.workflow
+
+ROOT = Path(__file__).parents[2]
 
 TINY = {
     "run": ["tiny"],
@@ -57,6 +61,13 @@ def test_a_dozen_named_rules(clean, snakemake):
     assert len(boxes) == len(set(boxes)) <= 12
     assert set(boxes) <= RULES
     assert {"simulate", "identify", "report", "figure", "verify", "article"} <= set(boxes)
+
+
+def test_the_picture_of_the_architecture_is_current(clean, snakemake):
+    drawing = runpy.run_path(str(ROOT / "docs" / "rulegraph.py"))
+    page = drawing["PAGE"].read_text(encoding="utf-8")
+    graph = drawing["format_graph"](snakemake(clean, *drawing["COMMAND"][1:]))
+    assert drawing["insert_graph"](page, graph) == page  # if not: make rulegraph
 
 
 def test_until_a_rule(clean, snakemake):
