@@ -6,15 +6,17 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import count, repeat
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.records.files import parse_precision, write_netcdf
+from ankleloop.records.files import atomic_file, parse_precision
 from ankleloop.records.validation import validate
+
+if TYPE_CHECKING:
+    import h5netcdf
 
 __all__ = ["TrialChunk", "load_chunks", "load_trial_of", "load_trials", "save_trials"]
 
@@ -51,7 +53,7 @@ def save_trials(
     trials: Iterable[xr.Dataset],
     path: Path,
     precision: str = "double",
-    index: Iterable[tuple[str, int]] | None = None,
+    index: Sequence[tuple[str, int]] | None = None,
 ) -> None:
     """Write trials of equal length and sampling rate to one NetCDF file, which appears when it is complete.
 
@@ -66,7 +68,7 @@ def save_trials(
     precision : {"double", "single"}
         Floating-point numbers on disk. Single takes half the space and rounds to 6e-8 of a value, where a 16-bit
         converter rounds to 1.5e-5 of its range; trials are double again once loaded.
-    index : iterable of (str, int), optional
+    index : sequence of (str, int), optional
         Point of a study and number of each trial; by default all trials are of one point, "only".
 
     Raises
@@ -86,54 +88,78 @@ def save_trials(
     ...     [trial.attrs["seed"] for trial in load_trials(f"{folder}/trials.nc")]
     [0, 1]
     """
+    import h5netcdf  # here, with h5py: few users of this module write files
+
     kind = parse_precision(precision)
-    template: xr.Dataset | None = None
-    samples: dict[str, list[np.ndarray]] = {}
-    attributes: list[dict[str, Any]] = []
-    keys: list[tuple[str, int]] = []
-    for trial, key in zip(trials, zip(repeat("only"), count()) if index is None else index, strict=index is not None):
-        template = trial if template is None else template
-        _check_alike(key, trial, template)
-        keys.append(key)
-        attributes.append(trial.attrs)
-        for name, variable in trial.data_vars.items():
-            values = variable.values
-            values = values[:1].astype(float) if np.ptp(values) == 0 else values.astype(kind)
-            samples.setdefault(str(name), []).append(values)
-    if template is None:
-        raise DataError(f"{path}: there are no trials to save.")
-    shared = {name: value for name, value in template.attrs.items() if all(a.get(name) == value for a in attributes)}
+    if index is None:
+        trials = list(trials)
+        index = [("only", number) for number in range(len(trials))]
+    with atomic_file(path) as partial, h5netcdf.File(partial, "w") as file:
+        attributes: list[dict[str, Any]] = []
+        for row, (trial, key) in enumerate(zip(trials, index, strict=True)):
+            if not attributes:
+                writer = _ChannelWriter(file, trial, len(index), kind)
+            writer.write(row, trial, key)
+            attributes.append(trial.attrs)
+        if not attributes:
+            raise DataError(f"{path}: there are no trials to save.")
+        writer.finish()
+        _write_index(file, index, attributes)
+
+
+class _ChannelWriter:
+    """Writes the channels of one trial after the other, so that no more than one trial is in memory.
+
+    A channel is a number for each trial until a trial has other samples than its first one.
+    """
+
+    def __init__(self, file: h5netcdf.File, template: xr.Dataset, count: int, kind: type[np.floating]) -> None:
+        self._file, self._template, self._kind = file, template, kind
+        self._constants = {str(name): np.empty(count) for name in template.data_vars}
+        file.dimensions = {"trial": count, "time": template.sizes["time"]}
+        self._create("time", ("time",), np.float64)[:] = template["time"].values
+
+    def write(self, row: int, trial: xr.Dataset, key: tuple[str, int]) -> None:
+        """Write a trial, which must have the length, variables and sampling rate of the first one."""
+        template = self._template
+        same = trial.sizes == template.sizes and set(trial.data_vars) == set(template.data_vars)
+        if not same or trial.attrs["sampling_rate"] != template.attrs["sampling_rate"]:
+            raise DataError(
+                f"trial {key[1]} of {key[0]} differs from the first trial in length, variables or sampling rate: "
+                "save it in a file of its own."
+            )
+        for name in map(str, trial.data_vars):
+            values = trial.variables[name].values
+            if name in self._constants:
+                if np.ptp(values) == 0:
+                    self._constants[name][row] = values[0]
+                    continue
+                variable = self._create(name, ("trial", "time"), self._kind)
+                for earlier, value in enumerate(self._constants.pop(name)[:row]):
+                    variable[earlier] = np.full(values.size, value, self._kind)
+            self._file.variables[name][row] = values.astype(self._kind)
+
+    def finish(self) -> None:
+        """Write the channels that are constant in every trial."""
+        for name, values in self._constants.items():
+            self._create(name, ("trial",), np.float64)[:] = values
+
+    def _create(self, name: str, dimensions: tuple[str, ...], kind: type[np.floating]) -> h5netcdf.Variable:
+        variable = self._file.create_variable(name, dimensions, kind)
+        variable.attrs.update(self._template[name].attrs)
+        return variable
+
+
+def _write_index(file: h5netcdf.File, index: Sequence[tuple[str, int]], attributes: list[dict[str, Any]]) -> None:
+    """Write point, number and attributes of every trial; attributes that all trials share are those of the file."""
+    import h5py
+
+    shared = {name: value for name, value in attributes[0].items() if all(a.get(name) == value for a in attributes)}
     different = [json.dumps({name: a[name] for name in a if name not in shared}) for a in attributes]
-    data = xr.Dataset(
-        {
-            "point": ("trial", [point for point, _ in keys]),
-            "number": ("trial", np.array([number for _, number in keys])),
-            ATTRIBUTES: ("trial", different),
-        },
-        coords={"time": template["time"].variable},
-        attrs=shared,
-    )
-    for name in list(samples):  # each list is freed once it is stacked
-        data[name] = _stack(samples.pop(name), kind, template[name].attrs, template.sizes["time"])
-    write_netcdf(data, path, {str(name): {"_FillValue": None} for name in data.variables if name not in INDEX})
-
-
-def _check_alike(key: tuple[str, int], trial: xr.Dataset, template: xr.Dataset) -> None:
-    same = trial.sizes == template.sizes and set(trial.data_vars) == set(template.data_vars)
-    if not same or trial.attrs["sampling_rate"] != template.attrs["sampling_rate"]:
-        raise DataError(
-            f"trial {key[1]} of {key[0]} differs from the first trial in length, variables or sampling rate: "
-            "save it in a file of its own."
-        )
-
-
-def _stack(
-    values: Sequence[np.ndarray], kind: type[np.floating], attributes: Mapping[str, Any], samples: int
-) -> tuple[str | tuple[str, ...], np.ndarray, Mapping[str, Any]]:
-    """Samples of all trials; one number for each where every trial is constant."""
-    if all(array.size == 1 for array in values):
-        return "trial", np.concatenate(values), attributes
-    return ("trial", "time"), np.stack([np.broadcast_to(a, samples) for a in values], dtype=kind), attributes
+    file.attrs.update(shared)
+    file.create_variable("number", ("trial",), np.int64)[:] = [number for _, number in index]
+    for name, texts in (("point", [point for point, _ in index]), (ATTRIBUTES, different)):
+        file.create_variable(name, ("trial",), h5py.string_dtype())[:] = np.array(texts, dtype=object)
 
 
 def load_trials(path: Path) -> Iterator[xr.Dataset]:

@@ -306,13 +306,24 @@ class Config(Options):
         description="studies by name; the name appears in the paths of the results", min_length=1
     )
 
+    @property
+    def run_names(self) -> list[str]:
+        """Names of the studies to make."""
+        return list(self.studies) if self.run is None else self.run
+
+    @property
+    def article_names(self) -> list[str]:
+        """Names of the studies of the article; none where one of them is not made."""
+        return self.article if set(self.article) <= set(self.run_names) else []
+
     @model_validator(mode="after")
     def _check_names(self) -> Self:
         for key, names in (("run", self.run or ()), ("article", self.article)):
             for name in names:
                 if name not in self.studies:
                     raise ValueError(f"{key}: there is no study {name!r}; there are {', '.join(self.studies)}")
-        for name in self.article:
-            if not isinstance(self.studies[name], SimulationStudy):
-                raise ValueError(f"article: the study {name!r} is not simulated")
+        for name in self.article_names:
+            study = self.studies[name]
+            if not isinstance(study, SimulationStudy) or study.notebook is None:
+                raise ValueError(f"article: the study {name!r} is not simulated, or has no notebook")
         return self

@@ -26,14 +26,12 @@ def figure_names(study: Study) -> tuple[str, ...]:
 
 def run_studies(config: Config, studies: Mapping[str, Study]) -> list[Study]:
     """The studies that are to be made."""
-    return [studies[name] for name in (studies if config.run is None else config.run)]
+    return [studies[name] for name in config.run_names]
 
 
 def article_studies(config: Config, studies: Mapping[str, Study]) -> list[SimulatedStudy]:
-    """Studies that the ledger and the article are made of; none where one of them is not run."""
-    run = {study.name for study in run_studies(config, studies)}
-    chosen = [studies[name] for name in config.article] if set(config.article) <= run else []
-    return [study for study in chosen if isinstance(study, SimulatedStudy)]
+    """Studies that the ledger and the article are made of; none where one of them is not made."""
+    return [study for name in config.article_names if isinstance(study := studies[name], SimulatedStudy)]
 
 
 def report_parameters(

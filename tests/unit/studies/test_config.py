@@ -77,6 +77,7 @@ def test_defaults_are_filled_in(config):
         (["studies", "figure4", "trials_per_chunk"], 10, "figure4: a chunk is some points, or part of the trials of"),
         (["run"], ["table3"], "config: run: there is no study 'table3'; there are table1, "),
         (["article"], ["table3"], "config: article: there is no study 'table3'; there are table1, "),
+        (["studies", "table1", "notebook"], None, "config: article: the study 'table1' is not simulated, or has no no"),
     ],
 )
 def test_errors_name_the_key(change, keys, value, message):

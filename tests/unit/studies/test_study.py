@@ -18,6 +18,7 @@ def table1(change):
     def read(**settings):
         config = change("studies", "table1", "points", value=settings.pop("points", {"reflex_gain": [13.0, 2.0]}))
         config["studies"]["table1"] |= settings
+        config["run"] = ["table1"]
         return read_studies(config)[1]["table1"]
 
     return read
