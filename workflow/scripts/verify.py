@@ -7,13 +7,14 @@ import pandas as pd
 from ankleloop.records.files import atomic_file
 from ankleloop.replication.evidence import StudyResults
 from ankleloop.replication.ledger import format_ledger, verify
+from ankleloop.replication.results import read_results
 
 from job import running
 
 
 def read_chunks(paths, study):
     """One table of all chunks of a study."""
-    return pd.concat([pd.read_csv(path) for path in paths if Path(path).parent.name == study])
+    return read_results(path for path in paths if Path(path).parent.name == study)
 
 
 with running(snakemake):

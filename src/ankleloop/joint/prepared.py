@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -278,7 +277,7 @@ def prepare_trials(
 
 def _share(prepared: Sequence[PreparedTrial], key: Hashable, values: Sequence[Any] | np.ndarray) -> None:
     for trial, value in zip(prepared, values, strict=True):
-        trial.memoise(key, partial(lambda stored: stored, value))
+        trial._values[key] = value
 
 
 def fit_shared_basis(trials: Sequence[PreparedTrial], delay: float, kind: str, degree: int) -> Basis:
