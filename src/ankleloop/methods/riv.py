@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
-import numpy as np
-import xarray as xr
-
-from ankleloop.joint.basis import Basis
-from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
-from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import Method, Trial, degree_option, delay_option, rate_option
-from ankleloop.methods.riv_equations import MOTION, RivEquations, RivParameters, RivSolution
+from ankleloop.joint.model_inputs import ModelInputs
+from ankleloop.joint.models import PhysicalModel
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.methods.method import Method, degree_option, delay_option, rate_option
+from ankleloop.methods.riv_covariance import RivCovariance, choose_covariance
+from ankleloop.methods.riv_equations import MOTION, RivEquations
+from ankleloop.methods.riv_intervals import estimate_errors, estimate_intervals, parameter_values
+from ankleloop.methods.riv_search import RivSolution, solve
+from ankleloop.methods.riv_start import best_of_grid
 from ankleloop.options import Options, option
-from ankleloop.signals.decimation import decimate
-from ankleloop.signals.vaf import TWO_SIDED
-from ankleloop.subspace.input_matrices import simulate_response
-from ankleloop.subspace.matrices import Matrices
 
 __all__ = ["METHODS", "RivOptions", "identify_riv"]
 
@@ -45,7 +41,12 @@ class RivOptions(Options):
         "weights of frequencies: the inverse of the noise spectrum, which is efficient where the model holds; or flat, "
         "which fits the torque where it is large and suits a model that is a simplification",
     )
-    max_iterations: int = option(30, "most iterations", ge=1)
+    intervals: Literal["asymptotic", "robust"] | None = option(
+        None,
+        "asymptotic, for a model that describes all but noise; robust, for one that leaves out something that depends "
+        "on the movement; null: robust where the residual depends on the movement",
+    )
+    max_iterations: int = option(50, "most iterations", ge=1)
     tolerance: float = option(
         0.01,
         "the iteration ends when no parameter moves by more than this fraction of its standard error",
@@ -68,10 +69,14 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
 
     .. math:: \sum_f \Re\, \bar\psi(f)\, \hat\Phi_v(f)^{-1} \left[TQ(f) - \hat{TQ}(f; \hat\theta)\right] = 0.
 
-    Weighting by the noise spectrum corresponds to prewhitening in time. Spectrum, derivatives and parameters are
-    renewed in turn (Young 2011; Gilson, Garnier, Young and Van den Hof 2011), the linear parameters in closed form.
-    The start is the best of a grid of dynamics for the predicted position, a fit to the torque that the reference
-    explains.
+    Weighting by the noise spectrum corresponds to prewhitening in time. Spectrum and derivatives are
+    those of the parameters (Young 2011; Gilson, Garnier, Young and Van den Hof 2011). The search for the solution
+    never ends worse than its start (`ankleloop.methods.riv_search.solve`), which is the best of a grid of dynamics for
+    the predicted position, a fit to the torque that the reference explains.
+
+    Intervals are for the parameters that the same model would have on an infinitely long record. Where the residual
+    depends on the movement, the model is incomplete and asymptotic intervals do not hold: they are then robust
+    (`ankleloop.methods.riv_covariance.robust_covariance`). There are none if the search has not converged.
 
     Parameters
     ----------
@@ -85,9 +90,12 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     Estimate
         With 95 % intervals of K, B, I, G, ωn, ζ, of the third pole, of the threshold where the basis can have one, and
         of the delay where it is estimated. `diagnostics`:
-        iterations, converged, criterion_start, criterion, instrument_strength (smallest canonical correlation of
-        instruments and regressors), explained (share of the position that the reference explains), standard_errors,
-        noise_frequency [Hz] and noise_spectrum [(N·m)²/Hz].
+        iterations, converged, criterion_start, criterion (size of the equations' left side at start and end, in units
+        of its standard deviation, squared), instrument_strength (smallest canonical correlation of instruments and
+        regressors), explained (share of the position that the reference explains), intervals (asymptotic, robust or
+        None), movement_p (probability of a residual that depends as much on the movement, if the model were complete),
+        interval_segment (length of the segments that robust intervals count [s]), standard_errors, noise_frequency
+        [Hz] and noise_spectrum [(N·m)²/Hz].
 
     Raises
     ------
@@ -119,138 +127,77 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     equations = RivEquations(
         trial, regressors, options.order, estimate_delay=options.delay is None, weighting=options.weighting
     )
-    start = equations.start()
-    solution = equations.solve(start, options.max_iterations, options.tolerance)
-    return _estimate(trial, equations, start, solution)
+    solution = solve(equations, best_of_grid(equations), options.max_iterations, options.tolerance)
+    return _estimate(trial, solution, options)
 
 
-def _estimate(trial: PreparedTrial, equations: RivEquations, start: RivParameters, solution: RivSolution) -> Estimate:
-    """Torques, physical parameters and their intervals."""
-    regressors = equations.regressors
-    parameters, warnings = _accept(equations, start, solution)
+def _estimate(trial: PreparedTrial, solution: RivSolution, options: RivOptions) -> Estimate:
+    """Torques, physical parameters, and their intervals where the search has converged."""
+    point, equations = solution.point, solution.point.equations
+    parameters, regressors = point.parameters, equations.regressors
     nonlinearity = StaticNonlinearity(regressors.basis, parameters.linear[MOTION:])
     path = ReflexPath(nonlinearity, parameters.dynamics)
-    values, errors, intervals = _physical_parameters(equations, parameters, path, solution.covariance)
+    values = parameter_values(equations, parameters, path)
+    covariance = choose_covariance(point, solution.free, options.intervals) if solution.converged else None
+    errors = {} if covariance is None else estimate_errors(point, path, covariance, solution.free)
+    inputs = ModelInputs.of(regressors, values["delay"])
+    model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
     return Estimate(
         method="riv",
-        torque=_simulate_torques(trial, regressors, parameters),
-        matrices=_matrices(parameters, regressors),
+        torque=model.predict(trial) if equations.estimate_delay else model.simulate(trial, regressors),
+        matrices=model.matrices,
         stiffness={name: values[name] for name in "KBI"},
         reflex={name: values[name] for name in values if name not in "KBI"},
-        intervals=intervals,
+        intervals={} if covariance is None else estimate_intervals(values, errors, covariance.quantile),
         diagnostics={
             "order": equations.order,
-            "iterations": solution.iterations,
+            "iterations": len(solution.path) - 1,
             "converged": solution.converged,
-            "criterion_start": solution.criteria[0],
-            "criterion": solution.criteria[1],
-            "instrument_strength": solution.strength,
+            "criterion_start": solution.path[0].merit(solution.free),
+            "criterion": point.merit(solution.free),
+            "instrument_strength": point.strength,
             "explained": equations.explained,
             "reference": regressors.reference_name,
+            **_describe_intervals(covariance),
             "standard_errors": errors,
             "nonlinearity": nonlinearity.curve(),
             "noise_frequency": equations.band.frequency,
-            "noise_spectrum": solution.noise / equations.band.density,
-            "warnings": warnings,
+            "noise_spectrum": point.noise / equations.band.density,
+            "warnings": _warnings(solution),
         },
-        predictor=_Predictor(parameters, regressors.basis, regressors.delay, regressors.rate),
+        predictor=model,
     )
 
 
-def _accept(equations: RivEquations, start: RivParameters, solution: RivSolution) -> tuple[RivParameters, list[str]]:
-    """Parameters to report, the start where the iteration ended worse, and the warnings that go with them."""
-    parameters, warnings = solution.parameters, []
-    if not solution.converged:
-        warnings.append(
-            f"not converged after {solution.iterations} iterations: see the standard errors of its parameters."
-        )
-    if solution.criteria[1] > solution.criteria[0]:
-        parameters = start
-        warnings.append("the iteration ended worse than its start, which is what is returned: do not trust it.")
-    if equations.delay_out_of_range(parameters):
-        warnings.append(
-            "the delay has left what a reflex can have (15 to 150 ms): give it, or take fewer basis functions."
-        )
-    if equations.pole_out_of_band(parameters):
+def _describe_intervals(covariance: RivCovariance | None) -> dict[str, Any]:
+    """Kind of the intervals and the test that chose it, as diagnostics."""
+    if covariance is None:
+        return {"intervals": None}
+    segment = {} if covariance.segment is None else {"interval_segment": covariance.segment}
+    return {"intervals": covariance.kind, "movement_p": covariance.movement_p, **segment}
+
+
+def _warnings(solution: RivSolution) -> list[str]:
+    """What the search did not reach, and what the record does not show."""
+    warnings, equations = [], solution.point.equations
+    if solution.left_band or "pole" in solution.held:
         fewer = "take order=2" if equations.order == 3 else "its gain or the record is too small for two"
         warnings.append(
             f"a pole of the reflex has left the band, so the record does not show {equations.order}: {fewer}."
         )
-    return parameters, warnings
-
-
-def _simulate_torques(trial: PreparedTrial, regressors: Regressors, parameters: RivParameters) -> xr.Dataset:
-    """Torques of a trial; the dynamics act at the recording rate."""
-    intrinsic = regressors.joint_inputs.centred[0] @ parameters.linear[:MOTION]
-    velocity = trial.velocity(regressors.delay + parameters.shift)
-    drive = parameters.linear[MOTION:] @ regressors.basis(velocity)
-    A, B, C, D = parameters.dynamics.matrices(trial.rate)
-    recorded = simulate_response(A, B, C, D, drive[:, None])[:, 0]
-    reflex = decimate(recorded, *regressors.grid)
-    reflex -= reflex.mean()
-    return torque_dataset(regressors.time, regressors.rate, net=intrinsic + reflex, intrinsic=intrinsic, reflex=reflex)
-
-
-@dataclass(frozen=True)
-class _Predictor:
-    """Torques of another trial by the same parameters."""
-
-    parameters: RivParameters
-    basis: Basis
-    delay: float
-    rate: float
-
-    def __call__(self, trial: Trial) -> xr.Dataset:
-        prepared = prepare(trial)
-        regressors = prepared.regressors(delay=self.delay, basis=self.basis, identification_rate=self.rate)
-        return _simulate_torques(prepared, regressors, self.parameters)
-
-
-def _physical_parameters(
-    equations: RivEquations, parameters: RivParameters, path: ReflexPath, covariance: np.ndarray
-) -> tuple[dict[str, float], dict[str, float], dict[str, tuple[float, float]]]:
-    """Physical parameters, their standard errors and 95 % intervals."""
-    deviations = np.sqrt(np.diag(covariance))
-    linear = slice(MOTION, parameters.linear.size)
-    values = dict(zip("KBI", map(float, parameters.linear[:MOTION]), strict=True))
-    errors = dict(zip("KBI", map(float, deviations[:MOTION]), strict=True))
-    values |= {"delay": float(equations.regressors.delay + parameters.shift)} | path.parameters
-    errors |= _rectifier_errors(path.nonlinearity, covariance[linear, linear])
-    relative_errors = dict(zip(parameters.dynamics.values, deviations[linear.stop :], strict=False))
-    errors |= {name: float(values[name] * relative) for name, relative in relative_errors.items()}
-    if equations.estimate_delay:
-        errors["delay"] = float(deviations[-1])
-    margins = {name: TWO_SIDED * error for name, error in errors.items()}
-    intervals = {name: (values[name] - margin, values[name] + margin) for name, margin in margins.items()}
-    for name, relative in relative_errors.items():  # their logarithms are normally distributed
-        ratio = float(np.exp(min(TWO_SIDED * relative, 50.0)))
-        intervals[name] = (values[name] / ratio, values[name] * ratio)
-    return values, errors, intervals
-
-
-def _rectifier_errors(nonlinearity: StaticNonlinearity, covariance: np.ndarray) -> dict[str, float]:
-    """Standard errors of gain and threshold, by differences with respect to the coefficients."""
-    if nonlinearity.basis.kind == "rectifier":
-        return {"G": float(np.sqrt(covariance[0, 0]))}
-    values = np.array(nonlinearity.fit_rectifier()[:2])
-    steps = 0.1 * np.sqrt(np.diag(covariance))
-    slopes = []
-    for k, step in enumerate(steps):
-        coefficients = nonlinearity.coefficients + step * np.eye(steps.size)[k]
-        shifted = replace(nonlinearity, coefficients=coefficients).fit_rectifier()[:2]
-        slopes.append((np.array(shifted) - values) / step)
-    slope = np.array(slopes)
-    errors = np.sqrt(np.diag(slope.T @ covariance @ slope))
-    return dict(zip(("G", "threshold"), map(float, errors), strict=True))
-
-
-def _matrices(parameters: RivParameters, regressors: Regressors) -> Matrices:
-    """The model at the identification rate, for inputs that are linear between samples."""
-    A, B, C, D = parameters.dynamics.matrices(regressors.rate)
-    direct, gains = parameters.linear[:MOTION], parameters.linear[MOTION:]
-    B = np.hstack([np.zeros((len(A), MOTION)), B * gains])
-    D = np.concatenate([direct, D.item() * gains])[None, :]
-    return Matrices(A, B, C, D, 1.0 / regressors.rate, (regressors.names, ("torque",)))
+    if "delay" in solution.held:
+        warnings.append(
+            "the record does not show the delay, which has reached a limit of what a reflex can have and is "
+            f"{1000 * solution.delay:g} ms here: give it, or take fewer basis functions. There are no intervals."
+        )
+    elif not solution.converged:
+        names = dict.fromkeys("G" if name.startswith("c") else name for name in solution.flat)
+        cause = "" if solution.left_band else f" The record hardly shows a common change of {', '.join(names)}."
+        warnings.append(
+            f"not converged after {len(solution.path) - 1} iterations: the parameters are those of the best one, "
+            f"without intervals.{cause}"
+        )
+    return warnings
 
 
 METHODS = (Method("riv", RivOptions, identify_riv),)

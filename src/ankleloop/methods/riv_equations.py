@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
@@ -15,17 +17,17 @@ from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
 
-__all__ = ["MOTION", "RivEquations", "RivParameters", "RivSolution"]
+__all__ = ["MOTION", "NOISE_RESOLUTION", "RivEquations", "RivParameters", "RivPoint", "solve_scaled"]
 
 LOWEST = 0.05  # Hz: drifts and means lie below
 NOISE_RESOLUTION = 0.4  # Hz
-DELAYS = np.arange(0.02, 0.121, 0.01)  # s: candidates for the start of an unknown delay
 DELAY_LIMITS = (0.015, 0.15)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity
-LARGEST_STEP = 0.4  # of a natural frequency or damping in one iteration
-LARGEST_DELAY_STEP = 0.01  # s
 WEAKEST = 0.05  # share of the position that the reference predicts
-FASTEST_POLE = 20.0  # of the highest frequency: a pole beyond [rad/s] leaves no trace in the band
+FASTEST_POLE = 20.0  # of the highest frequency: a pole beyond [rad/s] acts like a delay of a millisecond
+NO_POLE = 100.0  # of that limit: a third pole that is held there is none
+WELL_CONDITIONED = 1e-9  # reciprocal condition number
 SINGULAR = 1e-12  # of the largest singular value of scaled equations
+DIFFERENCE = 1e-4  # of a logarithm, for second derivatives
 MOTION = len(INTRINSIC_NAMES)
 
 
@@ -53,35 +55,106 @@ class RivParameters:
         return RivParameters(self.linear + linear, self.dynamics.scale(dynamics), self.shift + shift.sum())
 
 
-@dataclass(frozen=True)
-class RivSolution:
-    """End of the iteration.
+@dataclass(frozen=True, eq=False)
+class RivPoint:
+    """The equations at some parameters; weights and instruments are those of these parameters.
 
     Parameters
     ----------
+    equations : RivEquations
+        The equations.
     parameters : RivParameters
         The parameters.
-    covariance : ndarray, shape (unknowns, unknowns)
-        Covariance of the entries of a step of the parameters.
-    iterations : int
-        Number of iterations.
-    converged : bool
-        Whether the last step was within the tolerance.
-    criteria : tuple of float
-        Size of the equations' left side at the start and at the end, in units of its standard deviation, squared.
-    strength : float
-        Smallest canonical correlation of instruments and regressors.
+    instruments, regressors : ndarray of complex, shape (unknowns, frequencies)
+        Derivatives of the torque with respect to the parameters, by the predicted and by the measured inputs.
+    residual : ndarray of complex, shape (frequencies,)
+        Measured torque less that of the model.
     noise : ndarray, shape (frequencies,)
         Smoothed periodogram of the residual.
     """
 
+    equations: RivEquations
     parameters: RivParameters
-    covariance: np.ndarray
-    iterations: int
-    converged: bool
-    criteria: tuple[float, float]
-    strength: float
+    instruments: np.ndarray
+    regressors: np.ndarray
+    residual: np.ndarray
     noise: np.ndarray
+
+    @cached_property
+    def level(self) -> np.ndarray:
+        """Noise that the weights are the inverse of, shape (frequencies,)."""
+        return self.noise if self.equations.weighting == "noise" else np.full(self.noise.size, self.noise.mean())
+
+    @cached_property
+    def weighted(self) -> np.ndarray:
+        """Weighted conjugate instruments, shape (unknowns, frequencies)."""
+        return self.instruments.conj() / self.level
+
+    @cached_property
+    def side(self) -> np.ndarray:
+        """Left side of the equations, zero at their solution, shape (unknowns,)."""
+        return np.real(self.weighted @ self.residual)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Minus the slope of the left side for fixed weights and instruments, shape (unknowns, unknowns)."""
+        return np.real(self.weighted @ self.regressors.T)
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Products of the instruments, shape (unknowns, unknowns)."""
+        return np.real(self.weighted @ self.instruments.T)
+
+    @cached_property
+    def scatter(self) -> np.ndarray:
+        """Covariance of the left side where noise of this spectrum is all that is left; each frequency counts twice."""
+        products = np.real((self.weighted * self.noise) @ self.weighted.conj().T)
+        return 0.5 * self.equations.band.correlation * products
+
+    def merit(self, free: np.ndarray) -> float:
+        """Size of the left side of some unknowns over its standard deviation, squared: a χ² at the true parameters."""
+        side = self.side[free]
+        return float(side @ solve_scaled(self.scatter[np.ix_(free, free)], side))
+
+    @cached_property
+    def misfit(self) -> float:
+        """Twice the negative log-likelihood of the torque less what the predicted inputs explain, but for a constant.
+
+        With weights from the noise its spectrum is unknown (Whittle 1953), else it is white. In open loop its slope is
+        the left side of the equations, but for the smoothing of weights.
+        """
+        e, remainder = self.equations, self.residual
+        if e.predicted is not e.measured:
+            linear = self.parameters.linear
+            remainder = e.torque - linear @ self.instruments[: linear.size]
+        if e.weighting == "noise":
+            logarithms = np.log(e.smooth_power(remainder))
+        else:
+            logarithms = np.full(remainder.size, np.log(np.mean(np.abs(remainder) ** 2)))
+        return float(2.0 / e.band.correlation * np.sum(logarithms))
+
+    @cached_property
+    def slope(self) -> np.ndarray:
+        """Minus the slope of the left side, weights and instruments being renewed, shape (unknowns, unknowns)."""
+        slope = self.normal - self.equations.second_derivatives(self)
+        if self.equations.weighting == "noise":
+            slope = slope - 2.0 * np.real(self.weighted * self.residual) / self.level @ self.noise_slopes.T
+        return slope
+
+    @cached_property
+    def noise_slopes(self) -> np.ndarray:
+        """Minus half of the slope of the noise with respect to each parameter, shape (unknowns, frequencies)."""
+        products = np.real(self.residual.conj() * self.regressors)
+        return np.array([self.equations.smooth(row) for row in products])
+
+    @cached_property
+    def strength(self) -> float:
+        """Smallest canonical correlation of instruments and regressors."""
+        if self.instruments is self.regressors:
+            return 1.0
+        root = np.sqrt(self.level)
+        z, x = (np.linalg.qr(_real_rows(part / root))[0] for part in (self.instruments, self.regressors))
+        return float(np.linalg.svd(z.T @ x, compute_uv=False)[-1])
 
 
 class RivEquations:
@@ -110,7 +183,9 @@ class RivEquations:
         self.torque = self.band.transform(regressors.torque)
         self.measured = self.band.transform(regressors.inputs.T)
         self.explained = self._check_reference()
-        self.predicted = self.band.transform(trial.predict_inputs(regressors).T)
+        predicted = trial.predict_inputs(regressors)
+        open_loop = predicted is regressors.inputs
+        self.predicted = self.measured if open_loop else self.band.transform(predicted.T)
 
     def _check_reference(self) -> float:
         """Share of the position that the reference explains; a reference that does not move the joint is refused."""
@@ -126,134 +201,104 @@ class RivEquations:
             )
         return share
 
-    def _terms(self, spectra: np.ndarray, parameters: RivParameters) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of the torque with respect to the linear parameters, and to dynamics and delay."""
-        response, derivatives = parameters.dynamics.response(self.band.s)
-        drive = np.exp(-self.band.s * parameters.shift) * spectra[MOTION:]
-        combined = parameters.linear[MOTION:] @ drive
-        nonlinear = [derivative * combined for derivative in derivatives]
-        if self.estimate_delay:
-            nonlinear.append(-self.band.s * response * combined)
-        return np.vstack([spectra[:MOTION], response * drive]), np.array(nonlinear)
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of every unknown."""
+        terms = tuple(f"c{k}" for k in range(1, len(self.measured) - MOTION + 1))
+        poles = ("omega_n", "zeta", "pole")[: self.order]
+        return ("K", "B", "I", *terms, *poles, *(("delay",) if self.estimate_delay else ()))
 
-    def _residual(self, spectra: np.ndarray, parameters: RivParameters) -> np.ndarray:
-        return self.torque - parameters.linear @ self._terms(spectra, parameters)[0]
+    def smooth(self, power: np.ndarray) -> np.ndarray:
+        """Smooth over frequencies, as the noise spectrum is."""
+        return self.band.smooth(power, NOISE_RESOLUTION)
 
-    def _noise(self, residual: np.ndarray) -> np.ndarray:
-        power = self.band.smooth(np.abs(residual) ** 2, NOISE_RESOLUTION)
+    def smooth_power(self, spectrum: np.ndarray) -> np.ndarray:
+        """Smoothed periodogram, shape (frequencies,)."""
+        power = self.smooth(np.abs(spectrum) ** 2)
         return np.maximum(power, 1e-12 * power.max())
 
-    def start(self) -> RivParameters:
-        """Best of a grid of dynamics for the predicted position: a fit to the torque that the reference explains."""
-        shifts = DELAYS - self.regressors.delay if self.estimate_delay else np.zeros(1)
-        grid = [(dynamics, shift) for dynamics in ReflexDynamics.grid(self.order) for shift in shifts]
-        filters = np.array([dynamics.response(self.band.s)[0] for dynamics, _ in grid[:: len(shifts)]])
-        delays = np.exp(-np.outer(shifts, self.band.s))
-        filters = (filters[:, None] * delays).reshape(len(grid), -1)
-        best = self._fit_grid(grid, filters, np.ones(self.band.s.size))
-        if self.weighting == "flat":
-            return best
-        return self._fit_grid(grid, filters, self._noise(self._residual(self.predicted, best)))
+    def evaluate(self, parameters: RivParameters) -> RivPoint:
+        """Left side of the equations and all that belongs to it.
 
-    def _fit_grid(
-        self, grid: list[tuple[ReflexDynamics, float]], filters: np.ndarray, noise: np.ndarray
-    ) -> RivParameters:
-        """Best of a grid of dynamics and shifts; the linear parameters are fitted for all of the grid in one pass."""
-        motion, drive = np.split(self.predicted, [MOTION])
-        k = len(drive)
-        weighted = motion.conj() / noise
-        normal = np.empty((len(grid), MOTION + k, MOTION + k))
-        normal[:, :MOTION, :MOTION] = np.real(weighted @ motion.T)
-        cross = np.real(filters @ (weighted[:, None] * drive).reshape(MOTION * k, -1).T).reshape(-1, MOTION, k)
-        normal[:, :MOTION, MOTION:], normal[:, MOTION:, :MOTION] = cross, np.swapaxes(cross, 1, 2)
-        products = np.real(drive.conj()[:, None] * drive / noise).reshape(k * k, -1)
-        normal[:, MOTION:, MOTION:] = (np.abs(filters) ** 2 @ products.T).reshape(-1, k, k)
-        right = np.empty((len(grid), MOTION + k))
-        right[:, :MOTION] = np.real(weighted @ self.torque)
-        right[:, MOTION:] = np.real(filters @ (drive * self.torque.conj() / noise).T)
-        scale = 1.0 / np.sqrt(np.einsum("gii->gi", normal))
-        scaled = normal * scale[:, :, None] * scale[:, None] + 1e-12 * np.eye(MOTION + k)
-        linear = scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
-        best = int(np.argmax(np.sum(right * linear, axis=1)))  # explained energy
-        return RivParameters(linear[best], *grid[best])
+        Parameters
+        ----------
+        parameters : RivParameters
+            The parameters.
 
-    def solve(self, start: RivParameters, max_iterations: int, tolerance: float) -> RivSolution:
-        """Iterate noise spectrum, derivatives and parameters from a start."""
-        parameters = start
-        for iteration in range(1, max_iterations + 1):
-            noise = self._noise(self._residual(self.measured, parameters))
-            level = noise if self.weighting == "noise" else np.full(noise.size, noise.mean())
-            parameters = self._fit_linear(parameters, level)
-            instruments, jacobian = (np.vstack(self._terms(x, parameters)) for x in (self.predicted, self.measured))
-            weighted = instruments.conj() / level
-            normal = np.real(weighted @ jacobian.T)
-            step = _solve(normal, np.real(weighted @ self._residual(self.measured, parameters)))
-            scatter = np.real((weighted * noise) @ weighted.conj().T)
-            covariance = self._covariance(normal, scatter)
-            share = self._step_share(step)
-            parameters = parameters.add(share * step)
-            if self.pole_out_of_band(parameters) or self.delay_out_of_range(parameters):
-                converged = False
-                break
-            converged = share == 1.0 and bool(np.all(np.abs(step) <= tolerance * np.sqrt(np.diag(covariance))))
-            if converged and iteration > 1:
-                break
-        criteria = self._criterion(weighted, scatter, start), self._criterion(weighted, scatter, parameters)
-        strength = _strength(instruments, jacobian, level)
-        return RivSolution(parameters, covariance, iteration, converged, criteria, strength, noise)
+        Returns
+        -------
+        RivPoint
+        """
+        regressors = self._derivatives(self.measured, parameters)
+        open_loop = self.predicted is self.measured
+        instruments = regressors if open_loop else self._derivatives(self.predicted, parameters)
+        residual = self.torque - parameters.linear @ regressors[: parameters.linear.size]
+        return RivPoint(self, parameters, instruments, regressors, residual, self.smooth_power(residual))
+
+    def _derivatives(self, spectra: np.ndarray, parameters: RivParameters) -> np.ndarray:
+        """Derivatives of the torque with respect to the parameters, by some inputs."""
+        response, derivatives = self._responses(parameters)
+        drive = spectra[MOTION:]
+        nonlinear = derivatives * (parameters.linear[MOTION:] @ drive)
+        return np.vstack([spectra[:MOTION], response * drive, nonlinear])
+
+    def _responses(self, parameters: RivParameters) -> tuple[np.ndarray, np.ndarray]:
+        """Response of the reflex with its shift of the delay, and its derivatives with respect to its parameters."""
+        response, derivatives = parameters.dynamics.response(self.band.s)
+        rows = np.array([*derivatives, -self.band.s * response] if self.estimate_delay else derivatives)
+        if parameters.shift:
+            delay = np.exp(-self.band.s * parameters.shift)
+            response, rows = delay * response, delay * rows
+        return response, rows
+
+    def second_derivatives(self, point: RivPoint) -> np.ndarray:
+        """Products of the residual with the derivatives of the instruments, shape (unknowns, unknowns)."""
+        p, target = point.parameters, point.residual / point.level
+        k, m = p.linear.size, len(point.side) - p.linear.size
+        products = np.zeros((k + m, k + m))
+        drive = self.predicted[MOTION:]
+        mixed = np.real((drive.conj() * target) @ self._responses(p)[1].conj().T)
+        products[MOTION:k, k:], products[k:, MOTION:k] = mixed, mixed.T
+        combined = np.conj(p.linear[MOTION:] @ drive) * target
+        for j, step in enumerate(DIFFERENCE * np.eye(k + m)[k:]):
+            ahead, behind = (self._responses(p.add(sign * step))[1] for sign in (1.0, -1.0))
+            products[k:, k + j] = np.real((ahead - behind).conj() @ combined) / (2.0 * DIFFERENCE)
+        return products
+
+    @property
+    def pole_limit(self) -> float:
+        """Magnitude from which on a pole cannot be told from a delay [rad/s]."""
+        return FASTEST_POLE * self.band.highest
 
     def pole_out_of_band(self, parameters: RivParameters) -> bool:
-        """Whether a pole is so fast that it leaves no trace."""
-        values = parameters.dynamics.values
-        return max(values["omega_n"], values.get("pole", 0.0)) > FASTEST_POLE * self.band.highest
+        """Whether a pole of the second-order part is so fast that it cannot be told from a delay."""
+        omega_n, zeta = parameters.dynamics.omega_n, parameters.dynamics.zeta
+        return bool(omega_n * (zeta + np.sqrt(max(zeta**2 - 1.0, 0.0))) > self.pole_limit)
 
-    def delay_out_of_range(self, parameters: RivParameters) -> bool:
-        """Whether an estimated delay is outside the range of stretch reflexes."""
-        shortest, longest = DELAY_LIMITS
-        return self.estimate_delay and not shortest <= self.regressors.delay + parameters.shift <= longest
-
-    def _fit_linear(self, parameters: RivParameters, noise: np.ndarray) -> RivParameters:
-        """Linear parameters in closed form, for fixed dynamics."""
-        instruments, terms = (self._terms(x, parameters)[0] for x in (self.predicted, self.measured))
-        weighted = instruments.conj() / noise
-        linear = _solve(np.real(weighted @ terms.T), np.real(weighted @ self.torque))
-        return RivParameters(linear, parameters.dynamics, parameters.shift)
-
-    def _step_share(self, step: np.ndarray) -> float:
-        """Share of a step that stays within what one iteration may change."""
-        largest = np.array([LARGEST_STEP] * self.order + [LARGEST_DELAY_STEP] * self.estimate_delay)
-        return min(1.0, float(np.min(largest / np.maximum(np.abs(step[-largest.size :]), 1e-30))))
-
-    def _covariance(self, normal: np.ndarray, scatter: np.ndarray) -> np.ndarray:
-        """Asymptotic covariance of the parameters; each frequency counts twice, as a complex number does.
-
-        Weights from the noise are an estimate themselves. To first order in the variance a of a smoothed periodogram
-        over its square the equations scatter by 1 + 3a more than with the true spectrum, where this formula says 1 + a.
-        """
-        inverse = _solve(normal, np.eye(len(normal)))
-        weights = 1.0 + 2.0 * self.band.smoothing_variance(NOISE_RESOLUTION) if self.weighting == "noise" else 1.0
-        return 0.5 * self.band.correlation * weights * inverse @ scatter @ inverse.T
-
-    def _criterion(self, weighted: np.ndarray, scatter: np.ndarray, parameters: RivParameters) -> float:
-        """Size of the instrumental equations' left side, in units of its standard deviation."""
-        side = np.real(weighted @ self._residual(self.measured, parameters))
-        return float(side @ _solve(scatter, side))
+    def hold_at_limits(self, parameters: RivParameters) -> tuple[RivParameters, set[str]]:
+        """Parameters without a third pole or a delay beyond their limits, and the names of those that were."""
+        names = set()
+        if (parameters.dynamics.pole or 0.0) >= self.pole_limit:
+            parameters = replace(parameters, dynamics=replace(parameters.dynamics, pole=NO_POLE * self.pole_limit))
+            names.add("pole")
+        shortest, longest = (limit - self.regressors.delay for limit in DELAY_LIMITS)
+        if self.estimate_delay and not shortest < parameters.shift < longest:
+            parameters = replace(parameters, shift=min(max(parameters.shift, shortest), longest))
+            names.add("delay")
+        return parameters, names
 
 
-def _solve(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+def solve_scaled(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve normal equations whose unknowns differ in unit; directions without information get zero."""
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), np.finfo(float).tiny))
-    scaled = normal * np.outer(scale, scale)
+    scaled = normal * (scale[:, None] * scale)
     right = (right.T * scale).T
+    factor, pivots, failure = lapack.dgetrf(scaled)
+    if failure == 0 and lapack.dgecon(factor, np.abs(scaled).sum(axis=0).max())[0] > WELL_CONDITIONED:
+        return (lapack.dgetrs(factor, pivots, right)[0].T * scale).T
     return (linalg.lstsq(scaled, right, cond=SINGULAR)[0].T * scale).T
 
 
 def _real_rows(terms: np.ndarray) -> np.ndarray:
     """Complex rows as real columns, real parts above imaginary parts."""
     return np.hstack([terms.real, terms.imag]).T
-
-
-def _strength(instruments: np.ndarray, jacobian: np.ndarray, noise: np.ndarray) -> float:
-    """Smallest canonical correlation of instruments and regressors."""
-    z, x = (np.linalg.qr(_real_rows(part / np.sqrt(noise)))[0] for part in (instruments, jacobian))
-    return float(np.linalg.svd(z.T @ x, compute_uv=False)[-1])

@@ -23,6 +23,7 @@ __all__ = [
     "decimation_margin",
     "differentiate",
     "differentiation_margin",
+    "filter_kernels",
     "lowpass",
 ]
 
@@ -335,3 +336,44 @@ def differentiate(x: ArrayLike, rate: float, delay: float = 0.0) -> np.ndarray:
     # velocity[k] belongs to sample k + half; a delay of `whole` samples moves it to k + half + whole.
     index = np.clip(np.arange(x.size) - half - whole, 0, velocity.size - 1)
     return velocity[index]
+
+
+def filter_kernels(rate: float, identification_rate: float, delay: float) -> dict[str, np.ndarray]:
+    """Kernels of `decimate` and `differentiate` as plain sums, for programs that do without them.
+
+    Each signal at a recorded sample n is the sum of kernel · x(n - lag) over the lags.
+
+    Parameters
+    ----------
+    rate, identification_rate : float
+        Rates of the record and of the identification [Hz].
+    delay : float
+        Delay of the velocity [s].
+
+    Returns
+    -------
+    dict of str to ndarray
+        `decimation_kernel`, shape (3, taps): a row for the low-pass [1], its derivative [1/s] and its second one
+        [1/s²]; `velocity_kernel` [1/s], which delays; `decimation_lag` and `velocity_lag`, in recorded samples.
+
+    Examples
+    --------
+    >>> kernels = filter_kernels(1000.0, 100.0, 0.04)
+    >>> x, n = np.arange(2000.0) / 1000.0, 1000
+    >>> round(float(kernels["velocity_kernel"] @ x[n - kernels["velocity_lag"]]), 4)
+    1.0
+    """
+    factor = decimation_factor(rate, identification_rate)
+    half = decimation_margin(factor)
+    rows = [_decimation_taps(factor, derivative) for derivative in range(3)]
+    kernels = [
+        np.pad(taps, half - length) * identification_rate**derivative for derivative, (taps, length) in enumerate(rows)
+    ]
+    whole = round(delay * rate)
+    taps, length = _velocity_taps(rate, round(delay * rate - whole, 9))
+    return {
+        "decimation_kernel": np.array(kernels),
+        "decimation_lag": np.arange(-half, half + 1),
+        "velocity_kernel": taps,
+        "velocity_lag": np.arange(-length, length + 1) + whole,
+    }

@@ -7,6 +7,8 @@ from scipy import linalg
 
 __all__ = ["companion", "discretise_foh", "lowpass_denominator", "step_matrices"]
 
+LARGEST = 1e12  # entry of a matrix whose exponential needs no balancing
+
 
 def lowpass_denominator(frequency: float, damping: float, pole: float | None = None) -> np.ndarray:
     r"""Denominator of a second-order low-pass, with or without a further real pole.
@@ -87,9 +89,17 @@ def step_matrices(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray
     M = np.zeros((n + 2 * m, n + 2 * m))
     M[:n, :n], M[:n, n : n + m] = A * step, B * step
     M[n : n + m, n + m :] = np.eye(m)
-    E = linalg.expm(M)
+    E = _exponential(M)
     F, constant, slope = E[:n, :n], E[:n, n : n + m], E[:n, n + m :]
     return F, constant - slope, slope
+
+
+def _exponential(M: np.ndarray) -> np.ndarray:
+    """Matrix exponential; the states of a fast filter differ by many powers of ten, and are scaled alike for it."""
+    if np.abs(M).max() < LARGEST:
+        return linalg.expm(M)
+    balanced, (scale, _) = linalg.matrix_balance(M, permute=False, separate=True)
+    return linalg.expm(balanced) * scale[:, None] / scale
 
 
 def discretise_foh(

@@ -118,7 +118,7 @@ def _antialias_filter(cutoff: float, rate: float, hold: str) -> DiscreteFilter:
 
 
 def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", "foh"]) -> np.ndarray:
-    """Pass external signals through the anti-aliasing filter of the recorder, exactly.
+    """Pass external signals through the anti-aliasing filter of the recorder, exactly; unchanged if it has none.
 
     Parameters
     ----------
@@ -133,6 +133,8 @@ def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", 
     -------
     ndarray, shape of `x`
     """
+    if settings.antialias_cutoff is None:
+        return x
     system = _antialias_filter(settings.antialias_cutoff, settings.recording_rate, hold)
     return run_filter(*system, np.ascontiguousarray(np.atleast_2d(x))).reshape(x.shape)
 

@@ -5,11 +5,16 @@ least one recorded sample old. So the loop is a linear system with known inputs 
 noise (constant), voluntary torque (linear over the sample) and rectified delayed velocity (linear over each
 integration step). The matrix exponential integrates it exactly, anti-aliasing filter included; only the linear
 interpolation of the rectified velocity is approximate, with an error of the order of (ω / integration rate)² / 12.
+
+A stiffness that drifts is constant over each recorded sample. The matrices of a sample are analytic functions of it,
+and a sample is short, so a parabola through three values gives them to rounding.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -27,7 +32,7 @@ COMMAND, NOISE, VOLUNTARY, DRIVE = range(4)
 
 @dataclass(frozen=True)
 class Loop:
-    """The loop over one recorded sample: x⁺ = P x + G w, velocities = VP x + VG w, recorded = C x.
+    """The loop over one recorded sample: x⁺ = P x + G w, velocities = VP x + VG w, recorded = C x + D w.
 
     w holds command, noise, voluntary torque at the start and at the end of the sample, and the rectified velocity at
     the start and after each integration step.
@@ -38,8 +43,11 @@ class Loop:
         State after the sample.
     VP, VG : ndarray, shape (steps, n), (steps, 5 + steps)
         Velocity after each integration step.
-    C : ndarray, shape (3, n)
-        Recorded position, intrinsic and reflex torque.
+    C, D : ndarray, shape (3, n), (3, 5 + steps)
+        Recorded position, intrinsic and reflex torque; D is zero behind an anti-aliasing filter.
+    changes : ndarray, shape (2, columns, rows), or (0, columns, rows)
+        Changes of the entries of `columns` in proportion to x and to x², where x is the change of the stiffness as a
+        share of half of its drift over the record; none without drift.
     """
 
     P: np.ndarray
@@ -47,25 +55,33 @@ class Loop:
     VP: np.ndarray
     VG: np.ndarray
     C: np.ndarray
+    D: np.ndarray
+    changes: np.ndarray | None = None
 
     @property
     def columns(self) -> np.ndarray:
         """Columns of the matrix that takes (x, w) to (x⁺, velocities, recorded), padded with zeros for the kernel."""
-        C = np.hstack([self.C, np.zeros((len(self.C), self.G.shape[1]))])
-        matrix = np.vstack([np.hstack([self.P, self.G]), np.hstack([self.VP, self.VG]), C])
+        pairs = (self.P, self.G), (self.VP, self.VG), (self.C, self.D)
+        matrix = np.vstack([np.hstack(pair) for pair in pairs])
         return np.ascontiguousarray(np.pad(matrix, ((0, -matrix.shape[0] % WIDTH), (0, -matrix.shape[1] % 4))).T)
 
 
-def _continuous_model(settings: SimulationSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """State-space matrices A and B of the linear part, row of the velocity, rows of the recorded signals."""
+class _ContinuousModel(NamedTuple):
+    """The linear part of the loop: its matrices A and B, its velocity, and what is recorded of it, C x + D u."""
+
+    A: np.ndarray
+    B: np.ndarray
+    velocity: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+
+def _continuous_model(settings: SimulationSettings) -> _ContinuousModel:
     As, bs, _ = companion(lowpass_denominator(2 * np.pi * settings.actuator_frequency, settings.actuator_damping))
     Aq, bq, _ = companion(lowpass_denominator(settings.omega_n, settings.zeta, settings.pole))
-    Af, bf, _ = companion(antialias_denominator(settings.antialias_cutoff))
-    # States: servo, displacement of the load and its rate, reflex torque, filtered position and reflex torque.
+    # States: servo, displacement of the load and its rate, reflex torque.
     servo, reflex = slice(0, 2), slice(4, 4 + len(Aq))
-    filtered_position = slice(reflex.stop, reflex.stop + len(Af))
-    filtered_reflex = slice(filtered_position.stop, filtered_position.stop + len(Af))
-    n = filtered_reflex.stop
+    n = reflex.stop
     A, B = np.zeros((n, n)), np.zeros((n, 4))
 
     A[servo, servo], B[servo, COMMAND] = As, bs[:, 0]
@@ -83,16 +99,50 @@ def _continuous_model(settings: SimulationSettings) -> tuple[np.ndarray, np.ndar
         A[2, 3] = 1
         A[3] = row / (settings.load_inertia + settings.inertia)
         B[3] = inputs / (settings.load_inertia + settings.inertia)
-    for states, signal in ((filtered_position, position), (filtered_reflex, reflex_torque)):
-        A[states, states] = Af
-        A[states] += bf * signal
+    if settings.antialias_cutoff is not None and settings.stiffness_drift == 0:
+        denominator = antialias_denominator(settings.antialias_cutoff)
+        return _add_filters(A, B, velocity, (position, reflex_torque), denominator, settings)
+    intrinsic = settings.stiffness * position + settings.viscosity * velocity + settings.inertia * (A[1] - A[3])
+    D = np.zeros((3, 4))
+    D[1] = settings.inertia * (B[1] - B[3])  # command and noise act on the acceleration at once
+    model = _ContinuousModel(A, B, velocity, np.vstack([position, intrinsic, reflex_torque]), D)
+    return model if settings.antialias_cutoff is None else _filter_outputs(model, settings.antialias_cutoff)
 
+
+def _filter_outputs(model: _ContinuousModel, cutoff: float) -> _ContinuousModel:
+    """The model with an anti-aliasing filter behind each output: it does not commute with a stiffness that drifts."""
+    Af, bf, _ = companion(antialias_denominator(cutoff))
+    outputs, order, n = len(model.C), len(Af), len(model.A)
+    A = np.pad(model.A, (0, outputs * order))
+    A[n:, :n], A[n:, n:] = np.kron(model.C, bf), np.kron(np.eye(outputs), Af)
+    B = np.vstack([model.B, np.kron(model.D, bf)])
+    C = np.zeros((outputs, len(A)))
+    C[np.arange(outputs), n + order * np.arange(outputs)] = 1
+    return _ContinuousModel(A, B, np.pad(model.velocity, (0, outputs * order)), C, np.zeros_like(model.D))
+
+
+def _add_filters(
+    A: np.ndarray,
+    B: np.ndarray,
+    velocity: np.ndarray,
+    signals: Sequence[np.ndarray],
+    denominator: np.ndarray,
+    settings: SimulationSettings,
+) -> _ContinuousModel:
+    """The model with an anti-aliasing filter behind each of two signals, position and reflex torque."""
+    Af, bf, _ = companion(denominator)
+    n, order = len(A), len(Af)
+    motion, reflex = slice(n, n + order), slice(n + order, n + 2 * order)
+    A, B = np.pad(A, (0, 2 * order)), np.pad(B, ((0, 2 * order), (0, 0)))
+    for states, signal in zip((motion, reflex), signals, strict=True):
+        A[states, states] = Af
+        A[states, :n] += bf * signal
     # The filter commutes with differentiation: its states give the filtered P, Ṗ and P̈, hence the intrinsic torque.
-    outputs = np.zeros((3, n))
-    outputs[0, filtered_position.start] = 1
-    outputs[1, filtered_position][:3] = settings.stiffness, settings.viscosity, settings.inertia
-    outputs[2, filtered_reflex.start] = 1
-    return A, B, velocity, outputs
+    C = np.zeros((3, len(A)))
+    C[0, motion.start] = 1
+    C[1, motion][:3] = settings.stiffness, settings.viscosity, settings.inertia
+    C[2, reflex.start] = 1
+    return _ContinuousModel(A, B, np.pad(velocity, (0, 2 * order)), C, np.zeros((3, B.shape[1])))
 
 
 def build_loop(settings: SimulationSettings) -> Loop:
@@ -107,8 +157,21 @@ def build_loop(settings: SimulationSettings) -> Loop:
     -------
     Loop
     """
+    middle = _discretise(settings)
+    if settings.stiffness_drift == 0:
+        return middle
+    low, high = (
+        _discretise(settings.model_copy(update={"stiffness": settings.stiffness * (1 + change)})).columns
+        for change in (-0.5 * settings.stiffness_drift, 0.5 * settings.stiffness_drift)
+    )
+    changes = np.array([0.5 * (high - low), 0.5 * (high + low) - middle.columns])
+    return replace(middle, changes=changes)
+
+
+def _discretise(settings: SimulationSettings) -> Loop:
+    """The loop over one recorded sample, for the stiffness of the settings."""
     steps = round(settings.integration_rate / settings.recording_rate)
-    A, B, velocity, outputs = _continuous_model(settings)
+    A, B, velocity, C, direct = _continuous_model(settings)
     F, G0, G1 = step_matrices(A, B, 1.0 / settings.integration_rate)
     n = A.shape[0]
     P, G = np.eye(n), np.zeros((n, 4 + steps + 1))
@@ -123,7 +186,9 @@ def build_loop(settings: SimulationSettings) -> Loop:
         G[:, 4 + j] += G0[:, DRIVE]
         G[:, 5 + j] += G1[:, DRIVE]
         VP[j], VG[j] = velocity @ P, velocity @ G
-    return Loop(P, G, VP, VG, outputs)
+    D = np.zeros((len(C), G.shape[1]))
+    D[:, [0, 1, 2, 4]] = direct  # at the start of the sample
+    return Loop(P, G, VP, VG, C, D)
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.
@@ -138,16 +203,21 @@ def _multiply(columns, z, out):
 
 
 @njit(cache=True, fastmath={"contract"})
-def _run(columns, n, steps, outputs, command, noise, voluntary, whole, fraction, limit):
+def _run(columns, changes, drift, sizes, external, delay, threshold, limit):
     """One matrix product for each recorded sample: next state, velocities within the sample, recorded signals.
 
-    The product adds four columns of the matrix at a time, so that all its sums stay in registers.
+    The product adds four columns of the matrix at a time, so that all its sums stay in registers. `sizes` are those of
+    state, steps and outputs; `external` command, noise and voluntary torque; `delay` whole steps and the rest of one.
     """
+    n, steps, outputs = sizes
+    command, noise, voluntary = external
+    whole, fraction = delay
     trials, frames = command.shape
     record = np.empty((outputs, trials, frames))
     # Drive of the reflex at each integration step; zero before the run begins.
     drive = np.empty(whole + frames * steps + 1)
     z, out = np.empty(columns.shape[0]), np.empty(columns.shape[1])
+    matrix = columns.copy()
     for trial in range(trials):
         z[:], drive[: whole + 1], velocity = 0.0, 0.0, 0.0
         for k in range(frames):
@@ -155,7 +225,9 @@ def _run(columns, n, steps, outputs, command, noise, voluntary, whole, fraction,
             z[n + 3] = voluntary[trial, min(k + 1, frames - 1)]
             for j in range(steps + 1):
                 z[n + 4 + j] = drive[k * steps + j]
-            _multiply(columns, z, out)
+            if changes.shape[0] > 0:
+                matrix[:] = columns + drift[k] * (changes[0] + drift[k] * changes[1])
+            _multiply(matrix, z, out)
             for i in range(outputs):
                 record[i, trial, k] = out[n + steps + i]
             if not abs(record[0, trial, k]) <= limit:
@@ -164,7 +236,7 @@ def _run(columns, n, steps, outputs, command, noise, voluntary, whole, fraction,
                 z[i] = out[i]
             for j in range(steps):
                 step, previous, velocity = whole + k * steps + j + 1, velocity, out[n + j]
-                drive[step] = max(0.0, (1.0 - fraction) * velocity + fraction * previous)
+                drive[step] = max(0.0, (1.0 - fraction) * velocity + fraction * previous - threshold)
     return record, -1
 
 
@@ -185,7 +257,7 @@ def run_loop(
     Returns
     -------
     record : ndarray, shape (3, N) or (3, trials, N)
-        Position [rad], intrinsic torque [N·m] and reflex torque [N·m] behind the anti-aliasing filter.
+        Position [rad], intrinsic torque [N·m] and reflex torque [N·m] as the recorder samples them.
     divergence : int
         Sample at which the position of a trial passes its limit, or -1.
     """
@@ -193,9 +265,12 @@ def run_loop(
     whole = int(np.floor(steps_of_delay + 1e-9))
     fraction = max(0.0, steps_of_delay - whole)
     shape = np.shape(command)
-    command, noise, voluntary = (
-        np.ascontiguousarray(np.atleast_2d(signal), dtype=float) for signal in (command, noise, voluntary)
-    )
+    external = tuple(np.ascontiguousarray(np.atleast_2d(signal), dtype=float) for signal in (command, noise, voluntary))
     sizes = loop.P.shape[0], loop.VP.shape[0], loop.C.shape[0]
-    record, divergence = _run(loop.columns, *sizes, command, noise, voluntary, whole, fraction, settings.position_limit)
+    columns = loop.columns
+    changes = np.empty((0, *columns.shape)) if loop.changes is None else loop.changes
+    time = (np.arange(external[0].shape[1]) + 0.5) / settings.recording_rate - settings.settling
+    drift = np.clip(2.0 * time / settings.duration - 1.0, -1.0, 1.0)
+    limits = settings.reflex_threshold, settings.position_limit
+    record, divergence = _run(columns, changes, drift, sizes, external, (whole, fraction), *limits)
     return record.reshape(len(record), *shape), divergence

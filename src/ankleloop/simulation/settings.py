@@ -33,15 +33,24 @@ class SimulationSettings(Options):
 
     # Intrinsic stiffness: TQ_I = K·P + B·Ṗ + I·P̈.
     stiffness: float = option(150.0, "intrinsic elastic stiffness K", unit="N·m/rad", ge=0)
+    stiffness_drift: float = option(
+        0.0,
+        "relative change of K over the record, in a straight line; `stiffness` is its value in the middle",
+        ge=-2,
+        le=2,
+    )
     viscosity: float = option(0.8, "intrinsic viscosity B", unit="N·m·s/rad", ge=0)
     inertia: float = option(0.015, "intrinsic inertia I", unit="kg·m²", ge=0)
 
     # Reflex stiffness: delayed velocity, half-wave rectified, through a low-pass of order 2 or 3.
     reflex_gain: float = option(
         13.0,
-        "reflex gain G; assumed: Eq. 17 as printed is 2, which cannot give Table 1",
+        "reflex gain G; assumed: the gain of Table 1 is not published, and Eq. 17 as printed says 2",
         unit="N·m·s/rad",
         ge=0,
+    )
+    reflex_threshold: float = option(
+        0.0, "velocity below which the reflex does not respond; the rectifier begins there", unit="rad/s", ge=0
     )
     omega_n: float = option(40.0, "natural frequency of the reflex low-pass", unit="rad/s", gt=0)
     zeta: float = option(1.0, "damping ratio of the reflex low-pass", gt=0)
@@ -87,8 +96,12 @@ class SimulationSettings(Options):
 
     # Anti-aliasing filter and sampler of every channel.
     recording_rate: float = option(1000.0, "sampling rate of the record", unit="Hz", gt=0)
-    antialias_cutoff: float = option(
-        200.0, "-3 dB frequency of the fourth-order Bessel anti-aliasing filter; assumed", unit="Hz", gt=0
+    antialias_cutoff: float | None = option(
+        200.0,
+        "-3 dB frequency of the fourth-order Bessel anti-aliasing filter; assumed; null: no filter, every channel is "
+        "sampled as it is",
+        unit="Hz",
+        gt=0,
     )
 
     # Run.

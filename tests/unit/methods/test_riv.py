@@ -133,5 +133,7 @@ def test_missing_convergence_is_a_warning():
     estimate = identify(simulate(seed=1, duration=20.0), "riv", max_iterations=1, tolerance=1e-9)
     assert not estimate.diagnostics["converged"]
     assert "not converged after 1 iterations" in estimate.diagnostics["warnings"][0]
+    assert (estimate.intervals, estimate.diagnostics["standard_errors"]) == ({}, {})
+    assert estimate.diagnostics["intervals"] is None
     with pytest.raises(ValueError, match=r"^max_iterations must be at least 1, got 0\.$"):
         identify(simulate(seed=1, duration=20.0), "riv", max_iterations=0)

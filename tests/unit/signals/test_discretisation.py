@@ -49,3 +49,16 @@ def test_first_order_hold_against_scipy(pole):
 def test_first_order_hold_keeps_the_gain_at_rest():
     A, B, C, D = discretise_foh(np.array([[-2.0]]), np.array([[2.0]]), np.eye(1), 0.1)
     assert (C @ np.linalg.solve(np.eye(1) - A, B) + D).item() == pytest.approx(1.0)  # gain at rest
+
+
+@pytest.mark.parametrize("cutoff", [100.0, 1e3, 5e3, 1.2e4, 1e5])
+def test_fast_filters_are_as_accurate_as_slow_ones(cutoff):
+    """A step in multiples of the filter's own time has the same effect, whatever the units of the states are."""
+    denominator = np.array([1.0, 4.0, 9.0, 10.0, 4.0])
+    powers = cutoff ** np.arange(5)
+    slow, fast = (
+        step_matrices(*companion(denominator * factor)[:2], 1e-4 * s) for factor, s in ((1.0, cutoff), (powers, 1.0))
+    )
+    units = cutoff ** np.arange(4)
+    np.testing.assert_allclose(fast[0] * units / units[:, None], slow[0], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(fast[1] / units[:, None], slow[1], rtol=0, atol=1e-6)

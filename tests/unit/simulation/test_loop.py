@@ -1,11 +1,14 @@
 """The simulated loop against an adaptive solver and against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import signal as sps
 from scipy.integrate import solve_ivp
 
 from ankleloop import simulate
+from ankleloop.joint.prepared import prepare
 from ankleloop.simulation.filters import antialias
 from ankleloop.simulation.loop import build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
@@ -48,12 +51,16 @@ class AdaptiveSolution:
         state = self.segments[min(int(time / SEGMENT), len(self.segments) - 1)](time)
         return state[1] - state[3]
 
-    def motion(self, state, command, disturbance):
+    def stiffness(self, t):
+        p = self.settings
+        return p.stiffness * (1.0 + p.stiffness_drift * (t / p.duration - 0.5))
+
+    def motion(self, t, state, command, disturbance):
         p = self.settings
         servo = (2 * np.pi * p.actuator_frequency) ** 2 * (command - state[0])
         servo -= 2 * p.actuator_damping * 2 * np.pi * p.actuator_frequency * state[1]
         position, velocity = state[0] - state[2], state[1] - state[3]
-        passive = p.stiffness * position + p.viscosity * velocity
+        passive = self.stiffness(t) * position + p.viscosity * velocity
         load = 0.0
         if p.closed_loop:
             # I_L·l̈ + B_L·l̇ + K_L·l = K·P + B·Ṗ + I·(servo − l̈) + reflex + disturbance
@@ -68,9 +75,9 @@ class AdaptiveSolution:
         filters = state[4 + self.order :].reshape(3, 4)
         state = state[: 4 + self.order].tolist()  # plain numbers are faster one by one
         disturbance = noise[sample] + float(np.interp(t, self.time, voluntary))
-        servo, load, position, intrinsic = self.motion(state, float(command[sample]), disturbance)
+        servo, load, position, intrinsic = self.motion(t, state, float(command[sample]), disturbance)
         out[:4] = state[1], servo, state[3], load
-        drive = p.reflex_gain * max(0.0, self.delayed_velocity(t))
+        drive = p.reflex_gain * max(0.0, self.delayed_velocity(t) - p.reflex_threshold)
         w, z = p.omega_n, p.zeta
         if self.order == 2:
             out[4:6] = state[5], w**2 * (drive - state[4]) - 2 * z * w * state[5]
@@ -110,8 +117,21 @@ class AdaptiveSolution:
         ({"reflex_gain": 13.0}, 1.5),
         ({"reflex_gain": 2.0, "zeta": 0.7, "omega_n": 25.0, "load_inertia": 0.1, "load_viscosity": 10.0}, 0.5),
         ({"reflex_gain": 20.0, "delay": 0.03125}, 0.0),
+        ({"reflex_gain": 20.0, "reflex_threshold": 0.3}, 0.5),
+        ({"stiffness_drift": 0.2, "duration": 2.0, "settling": 0.0}, 0.5),
+        ({"stiffness_drift": -1.5, "duration": 2.0, "settling": 0.0, "closed_loop": False}, 0.0),
     ],
-    ids=["second order", "third order", "open loop", "noise fed back", "other load and reflex", "half a step of delay"],
+    ids=[
+        "second order",
+        "third order",
+        "open loop",
+        "noise fed back",
+        "other load and reflex",
+        "half a step of delay",
+        "threshold",
+        "drift",
+        "drift in open loop",
+    ],
 )
 def test_loop_against_an_adaptive_solver(parameters, noise):
     external = external_signals(2.0, noise=noise, ramp=0.5 if noise else 0.0)
@@ -212,3 +232,33 @@ def test_external_signals_pass_the_same_recorder():
                 expected.append(float(c[0] @ state))
             state = F @ state + g[:, 0] * value
         np.testing.assert_allclose(antialias(x, settings, hold)[: len(expected)], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(("antialias_cutoff", "accuracy"), [(200.0, 0.005), (None, 0.01)])
+def test_a_drift_of_the_stiffness_within_the_record(antialias_cutoff, accuracy):
+    """Each second has the stiffness of its middle; without the filter the acceleration aliases."""
+    settings = {"reflex_gain": 0.0, "snr_db": None, "voluntary": 0.0, "duration": 8.0, "settling": 1.0, "seed": 3}
+    trial = prepare(simulate(stiffness_drift=0.2, antialias_cutoff=antialias_cutoff, **settings))
+    regressors = trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0)
+    torque = trial.channel_at("torque_intrinsic", regressors.time, 100.0)
+    for start in (1.0, 3.5, 6.0):
+        rows = (regressors.time >= start) & (regressors.time < start + 1.0)
+        estimate = np.linalg.lstsq(regressors.inputs[rows, :3], torque[rows], rcond=None)[0][0]
+        assert estimate == pytest.approx(150.0 * (1.0 + 0.2 * ((start + 0.5) / 8.0 - 0.5)), rel=accuracy)
+
+
+def test_a_drift_of_zero_changes_no_bit():
+    settings = SimulationSettings()
+    external = external_signals(1.0, noise=1.0)
+    loop = build_loop(settings)
+    record, _ = run_loop(loop, settings, *external)
+    columns = loop.columns
+    drifting = replace(loop, changes=np.zeros((2, *columns.shape)))
+    np.testing.assert_array_equal(run_loop(drifting, settings, *external)[0], record)
+
+
+def test_a_threshold_lowers_the_reflex():
+    trials = [simulate(seed=2, duration=5.0, reflex_threshold=threshold) for threshold in (0.0, 0.2, 50.0)]
+    sizes = [float(trial["torque_reflex"].std()) for trial in trials]
+    assert sizes[0] > 1.1 * sizes[1] > 0.0
+    assert sizes[2] == 0.0

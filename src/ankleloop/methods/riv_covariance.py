@@ -1,0 +1,211 @@
+"""Covariance of the parameters of `riv`: asymptotic, or robust where the model is incomplete."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import special
+from scipy.fft import dct
+
+from ankleloop.methods.riv_equations import MOTION, NOISE_RESOLUTION, RivPoint, solve_scaled
+from ankleloop.signals.spectra import Band
+from ankleloop.signals.vaf import TWO_SIDED
+
+__all__ = ["SEGMENT", "RivCovariance", "asymptotic_covariance", "choose_covariance", "movement_p", "robust_covariance"]
+
+SEGMENT = 1.0  # s: over this the products of residual and instruments may be correlated
+SLOWEST = 2  # cosines that a drift within the record would fill
+FEWEST = 8  # cosines of a short record
+LAGS = 0.5  # s
+WHITENING = 1.0  # Hz
+LEVEL = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class RivCovariance:
+    """Covariance of the free unknowns, and how it was computed.
+
+    Parameters
+    ----------
+    kind : {"asymptotic", "robust"}
+        Which of the two it is.
+    matrix : ndarray, shape (free, free)
+        The covariance.
+    quantile : float
+        Half of a 95 % interval over its standard error.
+    segment : float or None
+        Length of the segments of the record that count as independent [s], of a robust one.
+    movement_p : float
+        See `movement_p`.
+    """
+
+    kind: Literal["asymptotic", "robust"]
+    matrix: np.ndarray
+    quantile: float
+    segment: float | None
+    movement_p: float
+
+
+def choose_covariance(
+    point: RivPoint, free: np.ndarray, kind: Literal["asymptotic", "robust"] | None = None
+) -> RivCovariance:
+    """Covariance of a kind; by default the robust one if the residual depends on the movement.
+
+    Parameters
+    ----------
+    point : RivPoint
+        The equations at their solution.
+    free : ndarray of int
+        Unknowns that are estimated.
+    kind : {"asymptotic", "robust"}, optional
+        Which one.
+
+    Returns
+    -------
+    RivCovariance
+    """
+    p = movement_p(point)
+    if kind == "asymptotic" or (kind is None and p >= LEVEL):
+        return RivCovariance("asymptotic", asymptotic_covariance(point, free), TWO_SIDED, None, p)
+    matrix, freedom = robust_covariance(point, free)
+    segment = point.equations.band.samples / point.equations.band.rate / freedom
+    return RivCovariance("robust", matrix, float(special.stdtrit(freedom, 0.975)), segment, p)
+
+
+def movement_p(point: RivPoint) -> float:
+    """Probability of correlations of residual and movement at least as large, if the model were complete.
+
+    The movement is what the instruments are made of: the predicted position, and the predicted drive of the reflex. In
+    closed loop it does not depend on the noise, so that only a model that lacks something correlates the two.
+    All are whitened. Lags within half a second are 1/(2b) apart in a band of width b; there the correlations of white
+    signals are independent. The smaller one of the two probabilities counts, twice.
+
+    Parameters
+    ----------
+    point : RivPoint
+        The equations at their solution.
+
+    Returns
+    -------
+    float
+    """
+    e, band = point.equations, point.equations.band
+    drive = point.parameters.linear[MOTION:] @ e.predicted[MOTION:]
+    residual = point.residual / np.sqrt(point.noise)
+    first, count = _first_bin(band), band.frequency.size
+    size = 2 * (first + count)
+    reach = int(LAGS * size * band.rate / band.samples)
+    probabilities = []
+    for signal in (e.predicted[0], drive):
+        cross = np.zeros(first + count + 1, dtype=complex)
+        cross[first:-1] = residual * signal.conj() / np.sqrt(band.smooth(np.abs(signal) ** 2, WHITENING))
+        products = 0.5 * size * np.fft.irfft(cross, size)[np.arange(-reach, reach + 1)]
+        energy = np.sum(products**2) / (0.5 * count * band.correlation)
+        probabilities.append(special.chdtrc(products.size, energy))
+    return float(min(1.0, 2.0 * min(probabilities)))
+
+
+def asymptotic_covariance(point: RivPoint, free: np.ndarray) -> np.ndarray:
+    """Covariance of the parameters where the model is complete.
+
+    Weights from the noise are an estimate themselves. To first order in the variance a of a smoothed periodogram over
+    its square the equations scatter by 1 + 3a more than with the true spectrum, where this formula says 1 + a.
+
+    Parameters
+    ----------
+    point : RivPoint
+        The equations at their solution.
+    free : ndarray of int
+        Unknowns that are estimated.
+
+    Returns
+    -------
+    ndarray, shape (free, free)
+    """
+    select, e = np.ix_(free, free), point.equations
+    inverse = solve_scaled(point.normal[select], np.eye(free.size))
+    factor = 1.0 + 2.0 * e.band.smoothing_variance(NOISE_RESOLUTION) if e.weighting == "noise" else 1.0
+    return factor * inverse @ point.scatter[select] @ inverse.T
+
+
+def robust_covariance(point: RivPoint, free: np.ndarray) -> tuple[np.ndarray, int]:
+    r"""Covariance of the parameters about those of an infinitely long record, whatever the residual is.
+
+    The solution scatters as :math:`H^{-1} \sum_t s(t)`, H being the slope of the equations with that of weights and
+    instruments, and s(t) the contribution of a time to their left side, see `time_scores`. A residual that depends on
+    the movement correlates these contributions over time. Their spectrum at low frequencies is the variance of their
+    sum: the mean of the squares of their first cosine transforms is it, from as many as there are segments of one
+    second in the record (Müller 2007; Lazarus, Lewis, Stock and Watson 2018). The estimate has as many degrees of
+    freedom. The first two cosines are left out: they hold what drifts over the record, which the same record, repeated,
+    would do again.
+
+    Parameters
+    ----------
+    point : RivPoint
+        The equations at their solution.
+    free : ndarray of int
+        Unknowns that are estimated.
+
+    Returns
+    -------
+    covariance : ndarray, shape (free, free)
+    freedom : int
+        Degrees of freedom.
+
+    References
+    ----------
+    U. K. Müller, "A theory of robust long-run variance estimation", Journal of Econometrics 141(2), 1331-1352, 2007.
+    E. Lazarus, D. J. Lewis, J. H. Stock, M. W. Watson, "HAR inference: recommendations for practice", Journal of
+    Business & Economic Statistics 36(4), 541-559, 2018.
+    """
+    band = point.equations.band
+    scores = time_scores(point)[free]
+    inverse = solve_scaled(point.slope[np.ix_(free, free)], np.eye(free.size))
+    freedom = max(round(band.samples / band.rate / SEGMENT) - SLOWEST, FEWEST)
+    cosines = dct(scores, norm="ortho", axis=1)[:, 1 + SLOWEST : 1 + SLOWEST + freedom]
+    influence = inverse @ cosines
+    independent = 2.0 * point.noise.size / band.correlation
+    factor = band.samples / freedom * independent / (independent - free.size)
+    if point.equations.weighting == "noise":  # the weights follow the residual whose scatter is computed here
+        factor *= 1.0 + band.smoothing_variance(NOISE_RESOLUTION)
+    return factor * influence @ influence.T, freedom
+
+
+def time_scores(point: RivPoint) -> np.ndarray:
+    """Contributions of each time to the left side of the equations, shape (unknowns, samples).
+
+    A sum over frequencies of two spectra is a sum over time of their signals: the weighted residual, and instruments
+    with the same weights. Where the weights are an estimate from the residual, and residual and instruments are
+    correlated at single frequencies though not on the whole, the squares of the residual contribute as well.
+
+    Parameters
+    ----------
+    point : RivPoint
+        The equations.
+
+    Returns
+    -------
+    ndarray
+    """
+    e, band = point.equations, point.equations.band
+    root = np.sqrt(point.level)
+    scores = _signals(band, point.instruments / root) * _signals(band, point.residual / root)
+    if e.weighting == "noise":
+        products = np.real(point.weighted * point.residual) / point.level
+        filters = np.array([e.smooth(row) for row in products])
+        scores -= _signals(band, filters * point.residual) * _signals(band, point.residual)
+    return 0.5 * band.samples * scores
+
+
+def _first_bin(band: Band) -> int:
+    return round(band.frequency[0] * band.samples / band.rate)
+
+
+def _signals(band: Band, spectra: np.ndarray) -> np.ndarray:
+    """Signals whose transforms are given within the band and zero elsewhere, shape (..., samples)."""
+    transform = np.zeros((*spectra.shape[:-1], band.samples // 2 + 1), dtype=complex)
+    first = _first_bin(band)
+    transform[..., first : first + band.frequency.size] = spectra
+    return np.fft.irfft(transform, band.samples, axis=-1)

@@ -1,0 +1,268 @@
+"""Search for the solution of the equations of refined instrumental variables, by steps that never go back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ankleloop.methods.riv_covariance import asymptotic_covariance
+from ankleloop.methods.riv_equations import RivEquations, RivParameters, RivPoint, solve_scaled
+
+__all__ = ["RivSolution", "solve"]
+
+LARGEST_STEP = 0.4  # of a natural frequency or damping in one iteration
+LARGEST_DELAY_STEP = 0.01  # s
+GAIN = 1e-3  # least relative gain of the merit, and least gain of the misfit
+REFINED = 10  # iterations without second derivatives
+SOLVED = 10.0  # tolerances: largest left side of a solution, over its standard deviation
+DAMPING, MOST_DAMPING = 0.02, 1e6  # in units of the information of the instruments
+FLAT = 1e-9  # slope in a direction that the record does not show, in the same units
+CONTRIBUTION = 0.3  # of the largest part of a direction: parameters below it are not named
+
+
+@dataclass(frozen=True, eq=False)
+class RivSolution:
+    """Result of the search.
+
+    Parameters
+    ----------
+    path : tuple of RivPoint
+        The start, and the point after each iteration.
+    merits : tuple of float
+        Merit of each point of the path.
+    first : int
+        Index of the first point of the filter: the last change of what is held, or where the search began again.
+    best : int
+        Index of the result: the last point where the search converged, else the one with the smallest merit.
+    converged : bool
+        Whether the last step was within the tolerance, and no delay is held at its limit.
+    free : ndarray of int
+        Unknowns that were not held at a limit.
+    held : frozenset of str
+        Names of those that were.
+    flat : tuple of str
+        Where the search did not converge, the unknowns a common change of which the record shows least.
+    """
+
+    path: tuple[RivPoint, ...]
+    merits: tuple[float, ...]
+    first: int
+    best: int
+    converged: bool
+    free: np.ndarray
+    held: frozenset[str]
+    flat: tuple[str, ...]
+
+    @property
+    def point(self) -> RivPoint:
+        """The equations at the result."""
+        return self.path[self.best]
+
+    @property
+    def left_band(self) -> bool:
+        """Whether the search ended because a pole has become too fast to be seen."""
+        return self.point.equations.pole_out_of_band(self.path[-1].parameters)
+
+    @property
+    def delay(self) -> float:
+        """Delay of the result [s]."""
+        return float(self.point.equations.regressors.delay + self.point.parameters.shift)
+
+
+def solve(equations: RivEquations, start: RivParameters, max_iterations: int, tolerance: float) -> RivSolution:
+    r"""Solve the equations from a start.
+
+    Weights and instruments belong to the parameters, so the left side g(θ) is a function of the parameters alone, and
+    its size is a merit, q(θ) = gᵀ S⁻¹ g with its covariance S.
+
+    The first iterations are those of refined instrumental variables: a step solves the equations with the weights and
+    instruments of the point where it begins, and has to lower the size of their left side. Where the model holds they
+    converge fast. Where they have not converged, the search begins again at the
+    best of their points: in open loop g is the slope of a criterion,
+    the misfit (the sum of squares, or the likelihood of a residual of unknown spectrum), and a step is accepted if no
+    earlier point has both a smaller merit and a smaller misfit (a filter, Fletcher and Leyffer 2002). So the search
+    neither returns to where it was nor ends worse than it began, and it can leave a saddle point of the misfit, where
+    the merit alone would hold it. Steps are those of Newton where the slope of g, with that of weights and instruments,
+    is positive; elsewhere they are damped, along the directions of its symmetric part. A third pole or a delay that
+    reaches its limit is held there. Of a search that does not converge, the point with the smallest merit is returned.
+
+    Parameters
+    ----------
+    equations : RivEquations
+        The equations.
+    start : RivParameters
+        Start of the search.
+    max_iterations : int
+        Most iterations.
+    tolerance : float
+        The search ends when no parameter moves by more than this fraction of its standard error.
+
+    Returns
+    -------
+    RivSolution
+
+    References
+    ----------
+    R. Fletcher, S. Leyffer, "Nonlinear programming without a penalty function", Mathematical Programming 91, 239-269,
+    2002.
+    """
+    search = _Search(equations, tolerance)
+    search.accept(equations.evaluate(start))
+    while len(search.path) <= min(max_iterations, REFINED) and not search.finished and search.refine():
+        pass
+    if not search.finished and len(search.path) <= max_iterations:
+        search.restart()
+    while len(search.path) <= max_iterations and not search.finished and search.advance():
+        if equations.pole_out_of_band(search.point.parameters):
+            break
+    return search.solution()
+
+
+@dataclass
+class _Search:
+    """State of the search; the filter holds the points since the last change of what is held."""
+
+    equations: RivEquations
+    tolerance: float
+    path: list[RivPoint] = field(default_factory=list)
+    merits: list[float] = field(default_factory=list)
+    held: set[str] = field(default_factory=set)
+    first: int = 0
+    damping: float = 0.0
+    finished: bool = False
+
+    @property
+    def point(self) -> RivPoint:
+        """End of the path."""
+        return self.path[-1]
+
+    @property
+    def free(self) -> np.ndarray:
+        """Unknowns that are not held."""
+        return np.flatnonzero([name not in self.held for name in self.equations.names])
+
+    def solution(self) -> RivSolution:
+        """The path as it is."""
+        converged = self.finished and "delay" not in self.held
+        best, flat = len(self.path) - 1, tuple[str, ...]()
+        if not self.finished:
+            best, flat = int(np.argmin([point.merit(self.free) for point in self.path])), self._flattest()
+        path, merits = tuple(self.path), tuple(self.merits)
+        return RivSolution(path, merits, self.first, best, converged, self.free, frozenset(self.held), flat)
+
+    def accept(self, point: RivPoint) -> None:
+        """Add a point to the path."""
+        self.path.append(point)
+        self.merits.append(point.merit(self.free))
+
+    def restart(self) -> None:
+        """Begin again at the point with the smallest merit."""
+        self.first = len(self.path)
+        self.accept(self.path[int(np.argmin(self.merits))])
+
+    def refine(self) -> bool:
+        """Solve the equations for the present weights and instruments; false if this does not lower their left side."""
+        point = self.point
+        step = self._full_step(point.normal)
+        if self._within_tolerance(step):
+            return self._at_minimum() and self._finish(step)
+        candidate = self.equations.evaluate(point.parameters.add(step / max(1.0, self._length(step))))
+        side = np.real(point.weighted @ candidate.residual)
+        lowered = side @ solve_scaled(point.scatter, side) < self.merits[-1]
+        limits = self.equations.hold_at_limits(candidate.parameters)[1]
+        if not lowered or limits or self.equations.pole_out_of_band(candidate.parameters):
+            return False
+        self.accept(candidate)
+        return True
+
+    def advance(self) -> bool:
+        """Take a step that no earlier point makes useless, damped as much as it needs; false if there is none."""
+        directions, curvatures = self._directions()
+        side = directions.T @ self.point.side[self.free]
+        while self.damping < MOST_DAMPING:
+            if self.damping == 0.0 and curvatures[0] > FLAT:
+                step = self._full_step(self.point.slope)
+                if self._within_tolerance(step):
+                    return self._finish(step)
+            else:
+                step = self._embed(directions @ (side / (np.maximum(np.abs(curvatures), DAMPING) + self.damping)))
+            if self._try(step):
+                self.damping = 0.1 * self.damping if self.damping > DAMPING else 0.0
+                return True
+            self.damping = max(3.0 * self.damping, DAMPING)
+        return False
+
+    def _at_minimum(self) -> bool:
+        """Whether the misfit is smallest where the equations are solved; in closed loop they are not its slope."""
+        equations = self.equations
+        return equations.predicted is not equations.measured or bool(self._directions()[1][0] > FLAT)
+
+    def _try(self, step: np.ndarray) -> bool:
+        """Accept the point after a step if it improves on all earlier ones; hold what reaches a limit."""
+        if self._length(step) > 1.0:
+            return False
+        parameters, held = self.equations.hold_at_limits(self.point.parameters.add(step))
+        candidate = self.equations.evaluate(parameters)
+        if not held <= self.held:
+            self.held |= held
+            self.first = len(self.path)
+        elif not self._improves(candidate):
+            return False
+        self.accept(candidate)
+        return True
+
+    def _improves(self, candidate: RivPoint) -> bool:
+        """Whether no earlier point has both a smaller left side and a smaller misfit."""
+        merit, earlier = candidate.merit(self.free), slice(self.first, None)
+        return all(
+            merit < (1.0 - GAIN) * smallest or candidate.misfit < point.misfit - GAIN
+            for point, smallest in zip(self.path[earlier], self.merits[earlier], strict=True)
+        )
+
+    def _finish(self, step: np.ndarray) -> bool:
+        """Take the last step, which is within the tolerance, unless it is lost in rounding."""
+        candidate = self.equations.evaluate(self.point.parameters.add(step))
+        self.accept(candidate if candidate.merit(self.free) <= self.merits[-1] else self.point)
+        self.finished = True
+        return True
+
+    def _embed(self, free_step: np.ndarray) -> np.ndarray:
+        step = np.zeros(len(self.equations.names))
+        step[self.free] = free_step
+        return step
+
+    def _full_step(self, slope: np.ndarray) -> np.ndarray:
+        free = self.free
+        return self._embed(solve_scaled(slope[np.ix_(free, free)], self.point.side[free]))
+
+    def _within_tolerance(self, step: np.ndarray) -> bool:
+        """Whether a step solves the equations, and by less than the tolerance."""
+        if self.merits[-1] > self.free.size * (SOLVED * self.tolerance) ** 2:  # singular equations can have short steps
+            return False
+        errors = np.sqrt(np.diag(asymptotic_covariance(self.point, self.free)))
+        return bool(np.all(np.abs(step[self.free]) <= self.tolerance * errors))
+
+    def _length(self, step: np.ndarray) -> float:
+        """Length of a step, in units of what one iteration may change of dynamics and delay."""
+        largest = np.array([LARGEST_STEP] * self.equations.order + [LARGEST_DELAY_STEP] * self.equations.estimate_delay)
+        return float(np.max(np.abs(step[-largest.size :]) / largest))
+
+    def _directions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directions that are independent for slope and information, in units of the latter, and slopes along them."""
+        select = np.ix_(self.free, self.free)
+        information = self.point.information[select]
+        scale = 1.0 / np.sqrt(np.diag(information))
+        values, vectors = np.linalg.eigh(scale[:, None] * information * scale)
+        white = scale[:, None] * vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1]))
+        slope = self.point.slope[select]
+        curvatures, rotation = np.linalg.eigh(0.5 * white.T @ (slope + slope.T) @ white)
+        return white @ rotation, curvatures
+
+    def _flattest(self) -> tuple[str, ...]:
+        """Unknowns that take part in the direction in which the equations change least."""
+        directions, curvatures = self._directions()
+        scale = np.sqrt(np.diag(self.point.information)[self.free])
+        parts = np.abs(directions[:, np.argmin(np.abs(curvatures))]) * scale
+        names = np.array(self.equations.names)[self.free]
+        return tuple(names[parts > CONTRIBUTION * parts.max()].tolist())

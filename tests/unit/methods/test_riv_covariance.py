@@ -1,0 +1,108 @@
+"""Intervals of `riv` where the model is incomplete."""
+
+import numpy as np
+import pytest
+
+from ankleloop import identify, simulate
+from ankleloop.assessment.bootstrap import block_bootstrap
+from ankleloop.assessment.scores import parameter_row
+from ankleloop.joint.prepared import prepare
+from ankleloop.methods.riv_covariance import (
+    asymptotic_covariance,
+    choose_covariance,
+    movement_p,
+    robust_covariance,
+    time_scores,
+)
+from ankleloop.methods.riv_equations import RivEquations
+from ankleloop.methods.riv_search import solve
+from ankleloop.methods.riv_start import best_of_grid
+
+NAMES = ("K", "B", "I", "G", "omega_n", "zeta")
+INCOMPLETE = {"reflex_threshold": 0.6, "snr_db": 30.0, "voluntary": 0.01, "duration": 20.0}
+
+
+def solve_trial(trial, weighting="noise"):
+    trial = prepare(trial)
+    regressors = trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
+    equations = RivEquations(trial, regressors, 2, estimate_delay=False, weighting=weighting)
+    return solve(equations, best_of_grid(equations), 50, 0.01)
+
+
+def newey_west(scores, lags):
+    """Variance of the sum of scores with the Bartlett kernel (Newey and West 1987), lag by lag."""
+    total = scores @ scores.T
+    for lag in range(1, lags):
+        product = scores[:, lag:] @ scores[:, :-lag].T
+        total += (1.0 - lag / lags) * (product + product.T)
+    return total
+
+
+def test_scores_sum_to_the_left_side():
+    """At the start, where it is not zero; flat weights do not depend on the residual."""
+    point = solve_trial(simulate(seed=1, duration=20.0), "flat").path[0]
+    np.testing.assert_allclose(time_scores(point).sum(axis=1), point.side, rtol=1e-9)
+
+
+def test_the_variance_of_the_sum_against_another_estimator():
+    """The slope of the equations is the same in both, so that what is compared is the variance of the left side."""
+    solution = solve_trial(simulate(seed=1, **INCOMPLETE | {"duration": 100.0}), "flat")
+    covariance, freedom = robust_covariance(solution.point, solution.free)
+    assert freedom > 90
+    inverse = np.linalg.inv(solution.point.slope)
+    expected = inverse @ newey_west(time_scores(solution.point), 100) @ inverse.T
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), np.sqrt(np.diag(expected)), rtol=0.25)
+
+
+def test_both_kinds_agree_where_the_model_is_complete():
+    trials = [simulate(seed=seed, duration=30.0) for seed in range(12)]
+    ratios = []
+    for solution in map(solve_trial, trials):
+        robust, _ = robust_covariance(solution.point, solution.free)
+        ratios.append(np.diag(robust) / np.diag(asymptotic_covariance(solution.point, solution.free)))
+    np.testing.assert_allclose(np.sqrt(np.mean(ratios, axis=0)), 1.0, atol=0.12)
+
+
+def test_the_bootstrap_agrees_where_the_model_is_complete():
+    trial = simulate(seed=3, duration=30.0)
+    robust = identify(trial, "riv", intervals="robust").diagnostics["standard_errors"]
+    bootstrap = block_bootstrap(trial, "riv", repetitions=60).standard_errors()
+    for name in NAMES:
+        assert 0.65 < robust[name] / bootstrap[name] < 1.5, name
+    assert 0.75 < np.exp(np.mean([np.log(robust[name] / bootstrap[name]) for name in NAMES])) < 1.25
+
+
+def test_robust_errors_are_the_scatter_of_incomplete_models():
+    """With little noise the scatter is that of the misfit, which the movement makes."""
+    estimates = [identify(simulate(seed=seed, **INCOMPLETE), "riv") for seed in range(40)]
+    assert {estimate.diagnostics["intervals"] for estimate in estimates} == {"robust"}
+    values = np.array([[(e.stiffness | e.reflex)[name] for name in NAMES] for e in estimates])
+    errors = np.array([[e.diagnostics["standard_errors"][name] for name in NAMES] for e in estimates])
+    ratios = np.sqrt(np.mean(errors**2, axis=0)) / np.std(values, axis=0, ddof=1)
+    assert np.all((ratios > 0.7) & (ratios < 1.4)), dict(zip(NAMES, ratios, strict=True))
+
+
+def test_the_movement_decides():
+    complete, incomplete = (solve_trial(simulate(seed=2, **settings)) for settings in ({}, INCOMPLETE))
+    assert movement_p(complete.point) > 0.01 > movement_p(incomplete.point)
+    assert choose_covariance(complete.point, complete.free).kind == "asymptotic"
+    chosen = choose_covariance(incomplete.point, incomplete.free)
+    assert (chosen.kind, chosen.quantile > 1.96) == ("robust", True)
+    assert chosen.segment == pytest.approx(1.0, rel=0.2)
+
+
+def test_false_alarms():
+    """The test may see a movement in one complete model of a hundred."""
+    alarms = sum(movement_p(solve_trial(simulate(seed=seed, duration=15.0)).point) < 0.05 for seed in range(40))
+    assert alarms <= 7
+
+
+@pytest.mark.parametrize("kind", ["asymptotic", "robust"])
+def test_the_kind_is_an_option(kind):
+    trial = simulate(seed=1, duration=20.0)
+    estimate = identify(trial, "riv", intervals=kind)
+    assert estimate.diagnostics["intervals"] == kind
+    assert parameter_row(trial, estimate)["intervals"] == kind
+    assert ("interval_segment" in estimate.diagnostics) == (kind == "robust")
+    with pytest.raises(ValueError, match=r"^intervals must be one of"):
+        identify(trial, "riv", intervals="exact")

@@ -1,0 +1,177 @@
+"""The search of `riv`: it ends no worse than it began, converges on hard records, and says what a record lacks."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from ankleloop import identify, new_trial, read_trial, simulate
+from ankleloop.joint.prepared import prepare
+from ankleloop.methods.riv_equations import RivEquations
+from ankleloop.methods.riv_search import GAIN, REFINED, solve
+from ankleloop.methods.riv_start import best_of_grid
+
+
+def make_equations(trial, *, order=2, weighting="noise", estimate_delay=False, basis="rectifier", degree=1, reference):
+    trial = prepare(trial)
+    regressors = trial.regressors(
+        delay=0.04, basis=basis, degree=degree, identification_rate=100.0, reference=reference
+    )
+    return RivEquations(trial, regressors, order, estimate_delay=estimate_delay, weighting=weighting)
+
+
+def delay_and_smooth(x, delay, time_constant):
+    """First-order response, behind a delay in samples."""
+    pole = np.exp(-1e-3 / time_constant)
+    return signal.lfilter([1 - pole], [1, -pole], np.concatenate([np.zeros(delay), x[: x.size - delay]]))
+
+
+def make_incomplete_record(path):
+    """A record in open loop with a second path that no model here has."""
+    trial = simulate(
+        seed=4, closed_loop=False, duration=20.0, reflex_gain=8.0, omega_n=9.0, zeta=0.5, snr_db=25.0, voluntary=0.02
+    )
+    position = trial["position"].values
+    velocity = np.gradient(position, 1e-3)
+    torque = {
+        "viscoelastic": 20.0 * delay_and_smooth(velocity, 0, 0.05),
+        "other direction": -15.0 * delay_and_smooth(np.maximum(-velocity, 0.0), 60, 0.1),
+        "both directions": 15.0 * delay_and_smooth(np.abs(velocity), 90, 0.25),
+    }[path]
+    return new_trial(position, trial["torque"].values + torque, 1000.0)
+
+
+@pytest.fixture(scope="module")
+def recording():
+    folder = os.environ.get("ANKLELOOP_RECORDINGS")
+    if not folder:
+        pytest.skip("ANKLELOOP_RECORDINGS is not set: it names the folder of the recordings.")
+    return read_trial(Path(folder) / "ankle_df3.h5", torque_sign=-1)
+
+
+@pytest.mark.parametrize("weighting", ["noise", "flat"])
+def test_the_left_side_is_the_slope_of_the_misfit_in_open_loop(weighting):
+    """By differences; weights from the noise are smoothed in one and not in the other, so they agree but for that."""
+    equations = make_equations(simulate(seed=1, closed_loop=False), weighting=weighting, reference="position")
+    point = equations.evaluate(best_of_grid(equations))
+    steps = 1e-3 * np.diag(1.0 / np.sqrt(np.diag(point.information)))
+    slope = np.array(
+        [
+            equations.evaluate(point.parameters.add(step)).misfit
+            - equations.evaluate(point.parameters.add(-step)).misfit
+            for step in steps
+        ]
+    ) / (2 * np.diag(steps))
+    expected = -4.0 / equations.band.correlation * point.side
+    relative = np.sqrt(np.diag(point.information))
+    tolerance = 0.15 if weighting == "noise" else 1e-3
+    assert np.linalg.norm((slope - expected) / relative) < tolerance * np.linalg.norm(expected / relative)
+
+
+@pytest.mark.parametrize("weighting", ["noise", "flat"])
+@pytest.mark.parametrize("reference", ["reference", "position"])
+def test_the_full_slope_by_differences(weighting, reference):
+    trial = simulate(seed=2, duration=20.0)
+    options = {"order": 3, "basis": "spline", "degree": 6, "estimate_delay": True}
+    equations = make_equations(trial, weighting=weighting, reference=reference, **options)
+    point = equations.evaluate(best_of_grid(equations))
+    steps = 1e-4 * np.diag(1.0 / np.sqrt(np.diag(point.information)))
+    level = 1.0 if weighting == "noise" else point.level.mean()
+    columns = []
+    for step in steps:
+        ahead, behind = (equations.evaluate(point.parameters.add(sign * step)) for sign in (1.0, -1.0))
+        # The level of flat weights is immaterial: it is held, as the slope does.
+        factors = [1.0 if weighting == "noise" else p.level.mean() / level for p in (ahead, behind)]
+        columns.append((ahead.side * factors[0] - behind.side * factors[1]) / (2 * step.sum()))
+    scale = np.sqrt(np.diag(point.information))
+    difference = (np.array(columns).T + point.slope) / np.outer(scale, scale)
+    assert np.max(np.abs(difference)) < 2e-3 * np.max(np.abs(point.slope / np.outer(scale, scale)))
+
+
+def check_path(solution):
+    """No point has both a larger left side and a larger misfit than an earlier one of the filter."""
+    free = solution.free
+    assert solution.point.merit(free) <= solution.path[0].merit(free)
+    if solution.first == 0:  # by the first iterations alone
+        assert len(solution.path) <= REFINED + 2
+        assert solution.converged
+        return
+    for k in range(solution.first, len(solution.path)):
+        for j in range(solution.first, k):
+            new, old = solution.path[k], solution.path[j]
+            better = new.merit(free) <= (1 - GAIN) * old.merit(free) or new.misfit <= old.misfit - GAIN
+            assert better or (k == len(solution.path) - 1 and solution.converged), (j, k)
+
+
+@pytest.mark.parametrize(
+    ("path", "options"),
+    [
+        ("viscoelastic", {"basis": "rectifier", "weighting": "noise"}),
+        ("other direction", {"basis": "rectifier", "weighting": "flat"}),
+        ("both directions", {"basis": "spline", "degree": 8, "weighting": "noise"}),
+    ],
+)
+def test_a_hard_record_converges(path, options):
+    """The iteration without second derivatives does not converge on these records."""
+    record = make_incomplete_record(path)
+    equations = make_equations(record, reference="position", **options)
+    solution = solve(equations, best_of_grid(equations), 50, 0.01)
+    assert solution.converged
+    assert len(solution.path) > REFINED
+    check_path(solution)
+    estimate = identify(record, "riv", reference="position", **options)
+    assert estimate.diagnostics["criterion"] < 0.01 < estimate.diagnostics["criterion_start"]
+    assert estimate.diagnostics["intervals"] == "robust"
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("weighting", ["noise", "flat"])
+@pytest.mark.parametrize("basis", [("rectifier", 1), ("spline", 8)])
+def test_a_recording_converges_or_lacks_something(recording, order, weighting, basis):
+    part = recording.isel(time=slice(0, 30_000))
+    options = {"order": order, "weighting": weighting, "basis": basis[0], "degree": basis[1], "reference": "position"}
+    equations = make_equations(part, **options)
+    check_path(solve(equations, best_of_grid(equations), 50, 0.01))
+    estimate = identify(part, "riv", **options)
+    diagnostics = estimate.diagnostics
+    assert diagnostics["criterion"] <= diagnostics["criterion_start"]
+    if order == 2 and (basis[0] == "rectifier" or weighting == "flat"):
+        assert diagnostics["converged"]
+        assert diagnostics["warnings"] == []
+    else:
+        text = " ".join(diagnostics["warnings"])
+        assert diagnostics["converged"] or "does not show 3" in text or "hardly shows a common change of" in text
+    assert bool(estimate.intervals) == diagnostics["converged"]
+
+
+def test_a_start_that_is_the_solution_stays_there():
+    equations = make_equations(simulate(seed=1, duration=20.0), reference="reference")
+    end = solve(equations, best_of_grid(equations), 50, 0.01).point
+    again = solve(equations, end.parameters, 50, 0.01)
+    assert again.converged
+    assert len(again.path) == 2
+    np.testing.assert_allclose(again.point.parameters.linear, end.parameters.linear, rtol=1e-3)
+
+
+def test_a_delay_that_the_record_does_not_show_is_held():
+    """The torque responds at once, which no reflex does: the delay goes to its lower limit."""
+    trial = simulate(seed=1, closed_loop=False, delay=0.004, omega_n=60.0, duration=30.0)
+    estimate = identify(trial, "riv", delay=None, reference="position")
+    assert estimate.reflex["delay"] == pytest.approx(0.015)
+    assert not estimate.diagnostics["converged"]
+    assert estimate.intervals == {}
+    assert "has reached a limit of what a reflex can have and is 15 ms" in " ".join(estimate.diagnostics["warnings"])
+
+
+def test_a_third_pole_that_is_held_has_no_interval():
+    """The other parameters are then those of second order."""
+    trial = simulate(seed=2)
+    third, second = (identify(trial, "riv", order=order) for order in (3, 2))
+    assert third.diagnostics["converged"]
+    assert "pole" not in third.intervals
+    assert any("take order=2" in warning for warning in third.diagnostics["warnings"])
+    for name, error in second.diagnostics["standard_errors"].items():
+        values = [estimate.stiffness | estimate.reflex for estimate in (third, second)]
+        assert abs(values[0][name] - values[1][name]) < 0.05 * error, name
