@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
+from ankleloop.joint.models import Model
+from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.torques import TORQUES, torque_dataset
 from ankleloop.quantities import QUANTITIES
 from ankleloop.subspace.matrices import Matrices
 
 if TYPE_CHECKING:
     from control import StateSpace
 
-    from ankleloop.joint.prepared import PreparedTrial
-
 __all__ = ["TORQUES", "Estimate", "torque_dataset"]
-
-TORQUES = ("net", "intrinsic", "reflex")
-STIFFNESS_UNITS = {"K": "N·m/rad", "B": "N·m·s/rad", "I": "kg·m²"}
 
 
 @dataclass(frozen=True)
@@ -37,7 +33,9 @@ class Estimate:
         `net`, `intrinsic` and `reflex` torque over time [N·m], as deviations from their means.
     matrices : ankleloop.subspace.matrices.Matrices or None
         Model in physical units from position, velocity, acceleration and the basis functions to the torque; None for
-        non-parametric methods. `model` is the same as a `control.StateSpace`.
+        methods without one. `model` is the same as a `control.StateSpace`. The basis functions are those of the
+        velocity delayed by ``reflex["delay"]``: the delay is part of the inputs, not of A, B, C, D, and is also in
+        `matrices.input_delays`.
     stiffness : dict
         "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²].
     reflex : dict
@@ -46,9 +44,9 @@ class Estimate:
         95 % intervals (low, high) by the same names, where the method gives them.
     diagnostics : dict
         Details of the identification: singular values, order, poles, ranks, passes, warnings.
-    predictor : callable or None
-        Computes the torques of another trial, a data set like `torque`; None where the method has no fixed model, and
-        for estimates read from a file.
+    predictor : ankleloop.joint.models.Model or None
+        The model as data: all that `predict` needs, among it the basis, the delay and the rate of its inputs. None
+        where the method has no fixed model.
     """
 
     method: str
@@ -58,36 +56,46 @@ class Estimate:
     reflex: dict[str, float]
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     diagnostics: dict[str, Any] = field(default_factory=dict)
-    predictor: Callable[[Any], xr.Dataset] | None = field(default=None, repr=False)
+    predictor: Model | None = field(default=None, repr=False)
 
     @cached_property
     def model(self) -> StateSpace | None:
-        """The model as a `control.StateSpace`; None for non-parametric methods."""
+        """The matrices as a `control.StateSpace` with the names of its inputs; None for methods without them.
+
+        Its reflex inputs are basis functions of the velocity delayed by ``reflex["delay"]``, made at the recording
+        rate; its state belongs to the identification rate.
+        """
         return None if self.matrices is None else self.matrices.state_space()
 
     def predict(self, trial: xr.Dataset | PreparedTrial) -> Estimate:
         """The estimate with the torques that its model gives on another trial, from a state of rest.
 
+        Delay, basis and identification rate are those of the model, means those of the trial.
+
         Parameters
         ----------
         trial : xarray.Dataset or PreparedTrial
-            A trial that the fit need not have seen; `evaluate` scores the result on it.
+            A trial that the fit need not have seen, recorded at any multiple of the identification rate; `evaluate`
+            scores the result on it.
 
         Returns
         -------
         Estimate
+            With a further warning in `diagnostics` where the velocity leaves the range to which a polynomial or spline
+            basis was fitted.
 
         Raises
         ------
         DataError
-            If the trial is unusable, or the estimate has no model to predict with.
+            If the trial is unusable, or the method has no model to predict with.
         """
         if self.predictor is None:
-            raise DataError(
-                f"the estimate by {self.method} has no model to predict with: the method has none, or the estimate was "
-                "read from a file. Identify again."
-            )
-        return replace(self, torque=self.predictor(trial))
+            raise DataError(f"{self.method} has no fixed model to predict with: identify by another method.")
+        prepared = prepare(trial)
+        diagnostics, warnings = self.diagnostics, self.predictor.inputs.check_range(prepared)
+        if warnings:
+            diagnostics = {**diagnostics, "warnings": [*diagnostics.get("warnings", ()), *warnings]}
+        return replace(self, torque=self.predictor.predict(prepared), diagnostics=diagnostics)
 
     def __repr__(self) -> str:
         values = ", ".join(
@@ -101,27 +109,3 @@ class Estimate:
     def _interval(self, name: str) -> str:
         """The 95 % interval of a parameter as text, empty where there is none."""
         return " ({:.4g} … {:.4g})".format(*self.intervals[name]) if name in self.intervals else ""
-
-
-def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.Dataset:
-    """Torques over time, with units and names.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Time [s].
-    rate : float
-        Identification rate [Hz].
-    **torques : ndarray, shape (N,)
-        `net`, `intrinsic`, `reflex` [N·m].
-
-    Returns
-    -------
-    xarray.Dataset
-    """
-    variables = {
-        name: ("time", values, {"units": "N·m", "long_name": f"estimated {name} torque"})
-        for name, values in torques.items()
-    }
-    coordinate = ("time", time, {"units": "s", "long_name": "time"})
-    return xr.Dataset(variables, coords={"time": coordinate}, attrs={"identification_rate": float(rate)})

@@ -11,7 +11,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
 from ankleloop.joint.reference_response import predict_from_reference
-from ankleloop.joint.regressors import Grid, JointInputs, Regressors, decimation_grid
+from ankleloop.joint.regressors import Grid, InputStep, JointInputs, Regressors, decimation_grid
 from ankleloop.records.validation import validate
 from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
 
@@ -116,19 +116,28 @@ class PreparedTrial:
         """Position, velocity and acceleration, decimated: three arrays of shape (N,)."""
         return self.memoise(("motion", grid), lambda: _motion(self.samples("position"), grid, self.rate))
 
-    def inputs(self, delay: float, basis: str | Basis, degree: int, identification_rate: float) -> JointInputs:
+    def inputs(
+        self,
+        delay: float,
+        basis: str | Basis,
+        degree: int,
+        identification_rate: float,
+        omitted_step: InputStep | None = None,
+    ) -> JointInputs:
         """Inputs of the joint's model; a basis that is fitted already is taken as it is."""
         grid = self.grid(identification_rate, delay)
         terms = 1 if basis == "rectifier" else degree
 
         def compute() -> JointInputs:
             fitted = basis if isinstance(basis, Basis) else fit_basis(self.velocity(delay), basis, terms)
-            values = _stack_inputs(self.motion(grid), self.velocity(delay), fitted, grid)
-            return JointInputs(values, fitted, delay, float(identification_rate))
+            differences = omitted_step == "kernel-derivatives"
+            motion = _difference(self.samples("position"), grid, self.rate) if differences else self.motion(grid)
+            values = _stack_inputs(motion, self.velocity(delay), fitted, grid, omitted_step)
+            return JointInputs(values, fitted, delay, float(identification_rate), omitted_step)
 
         if isinstance(basis, Basis):
             return compute()
-        return self.memoise(("inputs", delay, basis, terms, grid), compute)
+        return self.memoise(("inputs", delay, basis, terms, grid, omitted_step), compute)
 
     def regressors(
         self,
@@ -138,6 +147,7 @@ class PreparedTrial:
         degree: int = 1,
         identification_rate: float,
         reference: str | None = None,
+        omitted_step: InputStep | None = None,
     ) -> Regressors:
         """Differentiate, delay, expand and decimate the trial.
 
@@ -156,6 +166,8 @@ class PreparedTrial:
             Rate of the identification [Hz].
         reference : str, optional
             Variable that serves as reference.
+        omitted_step : {"kernel-derivatives", "early-nonlinearity"}, optional
+            A step to leave out, to see what it is good for.
 
         Returns
         -------
@@ -179,7 +191,7 @@ class PreparedTrial:
         grid = self.grid(identification_rate, delay)
         return Regressors(
             time=self.samples("time")[grid.first : grid.first + grid.factor * grid.samples : grid.factor],
-            joint_inputs=self.inputs(delay, basis, degree, identification_rate),
+            joint_inputs=self.inputs(delay, basis, degree, identification_rate, omitted_step),
             torque=self.channel("torque", grid),
             reference=None if reference is None else self.channel(reference, grid),
             reference_name=reference,
@@ -213,8 +225,9 @@ class PreparedTrial:
         def compute() -> np.ndarray:
             position = predict_from_reference(regressors.inputs[:, 0], self.samples(name), regressors.grid, self.rate)
             velocity = differentiate(position, self.rate, inputs.delay)
-            motion = _motion(position, regressors.grid, self.rate)
-            return _stack_inputs(motion, velocity, inputs.basis, regressors.grid)
+            derive = _difference if inputs.omitted_step == "kernel-derivatives" else _motion
+            motion = derive(position, regressors.grid, self.rate)
+            return _stack_inputs(motion, velocity, inputs.basis, regressors.grid, inputs.omitted_step)
 
         return self.memoise(("predicted inputs", name, inputs), compute)
 
@@ -311,5 +324,17 @@ def _motion(position: np.ndarray, grid: Grid, rate: float) -> list[np.ndarray]:
     return [decimate(position, *grid, rate=rate, derivative=order) for order in range(3)]
 
 
-def _stack_inputs(motion: Sequence[np.ndarray], velocity: np.ndarray, basis: Basis, grid: Grid) -> np.ndarray:
-    return np.column_stack([*motion, *decimate(basis(velocity), *grid)])
+def _difference(position: np.ndarray, grid: Grid, rate: float) -> list[np.ndarray]:
+    """Position, decimated; velocity and acceleration as its central differences and as those of the velocity."""
+    # The kernel of the position is shorter than those of its derivatives: it reaches two samples further.
+    extended = decimate(position, grid.factor, grid.first - 2 * grid.factor, grid.samples + 4)
+    interval = grid.factor / rate
+    velocity = (extended[2:] - extended[:-2]) / (2 * interval)
+    return [extended[2:-2], velocity[1:-1], (velocity[2:] - velocity[:-2]) / (2 * interval)]
+
+
+def _stack_inputs(
+    motion: Sequence[np.ndarray], velocity: np.ndarray, basis: Basis, grid: Grid, omitted_step: InputStep | None
+) -> np.ndarray:
+    late = omitted_step == "early-nonlinearity"
+    return np.column_stack([*motion, *(basis(decimate(velocity, *grid)) if late else decimate(basis(velocity), *grid))])

@@ -9,7 +9,7 @@ from ankleloop.errors import DataError
 from ankleloop.signals.decimation import PASSBAND, convolve, decimate, lowpass
 from ankleloop.signals.spectra import smooth
 
-__all__ = ["explained_share", "fit_finite_response", "predict_from_reference", "remove_response"]
+__all__ = ["explained_share", "fit_finite_response", "predict_from_reference"]
 
 LEADS, LAGS = 0.15, 0.80  # s: zero-phase decimation needs leads, a lightly damped load long lags
 RIDGE = 1e-3  # of the power of the source: it settles what lies beyond the pass band
@@ -106,24 +106,6 @@ def predict_from_reference(y: np.ndarray, reference: np.ndarray, grid: tuple[int
     recorded_taps = np.zeros(factor * (taps.size - 1) + 1)
     recorded_taps[::factor] = taps
     return _respond(lowpass(reference, factor), recorded_taps, factor * round(LEADS * rate / factor))
-
-
-def remove_response(y: np.ndarray, x: np.ndarray, rate: float) -> np.ndarray:
-    """Residual of a signal beside its response to leads and lags of another.
-
-    Parameters
-    ----------
-    y, x : ndarray, shape (N,)
-        The signal, and the signal that it may respond to, decimated alike.
-    rate : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    ndarray, shape (M,)
-        Without the ends that the response touches.
-    """
-    return _residual(y, x, fit_finite_response(y, x, rate), rate)
 
 
 def _residual(y: np.ndarray, x: np.ndarray, taps: np.ndarray, rate: float) -> np.ndarray:

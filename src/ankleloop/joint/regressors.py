@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -14,10 +14,21 @@ from ankleloop.joint.hammerstein import DriveSpectra
 from ankleloop.signals.decimation import decimation_factor, decimation_margin, differentiation_margin
 from ankleloop.subspace.records import remove_means
 
-__all__ = ["INTRINSIC_NAMES", "Grid", "JointInputs", "Regressors", "decimation_grid", "recording_margins"]
+__all__ = [
+    "INTRINSIC_NAMES",
+    "Grid",
+    "InputStep",
+    "JointInputs",
+    "Regressors",
+    "decimation_grid",
+    "recording_margins",
+]
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
 INTRINSIC_UNITS = ("rad", "rad/s", "rad/s²")
+# Steps of the processing that can be left out: derivatives of the decimation kernel instead of differences of the
+# decimated position, and basis functions before decimation instead of after it.
+InputStep = Literal["kernel-derivatives", "early-nonlinearity"]
 
 
 class Grid(NamedTuple):
@@ -100,12 +111,15 @@ class JointInputs:
         Reflex delay [s].
     rate : float
         Identification rate [Hz].
+    omitted_step : {"kernel-derivatives", "early-nonlinearity"} or None
+        Step of the processing that was left out.
     """
 
     values: np.ndarray
     basis: Basis
     delay: float
     rate: float
+    omitted_step: InputStep | None = None
 
     @cached_property
     def centred(self) -> list[np.ndarray]:

@@ -4,8 +4,9 @@ import os
 import numpy as np
 import pytest
 import xarray as xr
+from value_comparison import assert_same_values
 
-from ankleloop import DataError, identify, simulate
+from ankleloop import METHODS, DataError, identify, simulate
 from ankleloop.joint.estimate import TORQUES, Estimate, torque_dataset
 from ankleloop.joint.estimate_files import EstimateCollection, load_estimates, load_estimates_of, save_estimates
 from ankleloop.records import files
@@ -30,8 +31,8 @@ def assert_same_torque(loaded, saved):
     assert loaded.torque.attrs["identification_rate"] == saved.torque.attrs["identification_rate"]
 
 
-def save(estimates, path):
-    save_estimates({"pr-moesp": EstimateCollection(estimates)}, path)
+def save(estimates, path, precision="double"):
+    save_estimates({"pr-moesp": EstimateCollection(estimates, precision)}, path)
 
 
 def load(path):
@@ -53,6 +54,24 @@ def test_round_trip_of_several_trials(tmp_path):
         assert_same_torque(after, before)
 
 
+def test_estimates_whose_records_begin_at_different_samples(tmp_path):
+    estimates = [make_estimate(seed, samples=60 - abs(shift)) for seed, shift in enumerate((0, 2, -1))]
+    for estimate, first in zip(estimates, (0, 2, 0), strict=True):
+        estimate.torque["time"] = 0.35 + np.arange(first, first + estimate.torque.sizes["time"]) / 100.0
+        estimate.torque["time"].attrs = {"units": "s", "long_name": "time"}
+    save(estimates, tmp_path / "0.nc")
+    for loaded, saved in zip(load(tmp_path / "0.nc"), estimates, strict=True):
+        assert_same_torque(loaded, saved)
+
+
+def test_trials_with_an_estimated_delay(tmp_path):
+    estimates = [identify(simulate(seed=1, duration=20.0, delay=delay), "riv", delay=None) for delay in (0.03, 0.07)]
+    assert len({estimate.torque.sizes["time"] for estimate in estimates}) == 2
+    save(estimates, tmp_path / "0.nc")
+    for loaded, saved in zip(load(tmp_path / "0.nc"), estimates, strict=True):
+        assert_same_torque(loaded, saved)
+
+
 def test_special_values_keep_their_bits(tmp_path):
     estimate = make_estimate()
     special = [-0.0, 5e-324, 1.7976931348623157e308, np.nan, np.inf, -np.inf, 0.1 + 0.2]
@@ -62,58 +81,21 @@ def test_special_values_keep_their_bits(tmp_path):
     assert_same_torque(loaded, estimate)
 
 
-def test_diagnostics_become_json(tmp_path):
-    diagnostics = {
-        "poles": np.array([0.7 + 0.1j, 0.7 - 0.1j]),
-        "real_poles": np.array([0.5, 0.25]),
-        "singular_values": np.array([3.0, 0.1 + 0.2, 1e-300]),
-        "pole": np.complex128(1 - 2j),
-        "matrix": np.arange(4).reshape(2, 2),
-        "complex_matrix": np.array([[1j]]),
-        "rank": np.int64(7),
-        "stable": np.bool_(True),
-        "condition": np.float32(0.5),
-        "passes": 3,
-        "none": None,
-        "warnings": ["σ is 2 × too large", 'a "quoted" one'],
-        "nested": {"history": (1.0, 2.0)},
-    }
-    save([make_estimate(diagnostics=diagnostics)], tmp_path / "estimates.nc")
-    (loaded,) = load(tmp_path / "estimates.nc")
-    assert loaded.diagnostics == {
-        "poles": [[0.7, 0.1], [0.7, -0.1]],
-        "real_poles": [0.5, 0.25],
-        "singular_values": [3.0, 0.1 + 0.2, 1e-300],
-        "pole": [1.0, -2.0],
-        "matrix": [[0, 1], [2, 3]],
-        "complex_matrix": [[[0.0, 1.0]]],
-        "rank": 7,
-        "stable": True,
-        "condition": 0.5,
-        "passes": 3,
-        "none": None,
-        "warnings": ["σ is 2 × too large", 'a "quoted" one'],
-        "nested": {"history": [1.0, 2.0]},
-    }
-
-
-def test_a_real_estimate_survives(tmp_path):
+@pytest.mark.parametrize("method", METHODS)
+def test_loaded_estimates_predict(tmp_path, method):
     trials = [simulate(seed=seed, duration=15.0) for seed in (1, 2)]
-    for method in ("pi-moesp", "parallel-cascade"):
-        estimates = [identify(trial, method, basis="rectifier") for trial in trials]
-        save(estimates, tmp_path / "estimates.nc")
-        for loaded, saved in zip(load(tmp_path / "estimates.nc"), estimates, strict=True):
-            assert_same_torque(loaded, saved)
-            assert (loaded.method, loaded.stiffness, loaded.reflex) == (method, saved.stiffness, saved.reflex)
-            assert set(loaded.diagnostics) == set(saved.diagnostics)
-            assert loaded.diagnostics["warnings"] == saved.diagnostics["warnings"]
-            if method == "pi-moesp":
-                poles = np.atleast_1d(saved.diagnostics["poles"]).astype(complex)
-                loaded_poles = [complex(*np.atleast_1d(pole)) for pole in loaded.diagnostics["poles"]]
-                np.testing.assert_array_equal(loaded_poles, poles)
-                np.testing.assert_array_equal(
-                    loaded.diagnostics["singular_values"], saved.diagnostics["singular_values"]
-                )
+    options = {"memory": 2.0} if method == "real-time" else {}
+    estimates = [identify(trial, method, **options) for trial in trials]
+    save(estimates, tmp_path / "estimates.nc", "single")
+    for loaded, saved in zip(load(tmp_path / "estimates.nc"), estimates, strict=True):
+        assert (loaded.method, loaded.stiffness, loaded.reflex) == (method, saved.stiffness, saved.reflex)
+        assert loaded.intervals == saved.intervals
+        assert_same_values(loaded.diagnostics, saved.diagnostics)
+        if method == "real-time":
+            assert loaded.predictor is None
+            continue
+        assert loaded.predict(trials[0]).torque.identical(saved.predict(trials[0]).torque)
+        assert (loaded.matrices is None) == (saved.matrices is None)
 
 
 def test_reflex_parameters_that_one_trial_lacks(tmp_path):
@@ -139,6 +121,34 @@ def test_the_file_is_plain_netcdf_with_units(tmp_path):
         assert data["parameter"].values.tolist() == ["K", "B", "I"]
         assert json.loads(data["diagnostics"].values[0]) == {"order": 2}
         assert data.attrs["method"] == "pr-moesp"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda path: path.unlink(), r"estimates.nc: there is no such file"),
+        (lambda path: path.write_bytes(path.read_bytes()[:3000]), r"estimates.nc: no readable estimate file"),
+        (lambda path: path.write_text("torques"), r"estimates.nc: no readable estimate file with the group 'pr-moesp'"),
+        (
+            lambda path: xr.Dataset({"net": 1.0}).to_netcdf(path, group="pr-moesp", engine="h5netcdf"),
+            r"estimates.nc: there is no variable 'diagnostics': identify again, or load another file",
+        ),
+    ],
+    ids=["missing", "truncated", "text", "foreign"],
+)
+def test_files_that_cannot_be_read_are_named(tmp_path, change, message):
+    save([make_estimate()], tmp_path / "estimates.nc")
+    change(tmp_path / "estimates.nc")
+    with pytest.raises(DataError, match=message):
+        load(tmp_path / "estimates.nc")
+    with pytest.raises(DataError, match=message):
+        load_estimates_of([tmp_path / "estimates.nc"], "only", "pr-moesp")
+
+
+def test_another_group_is_refused(tmp_path):
+    save([make_estimate()], tmp_path / "estimates.nc")
+    with pytest.raises(DataError, match=r"estimates.nc: no readable estimate file with the group 'riv'"):
+        load_estimates(tmp_path / "estimates.nc", "riv")
 
 
 def collect(index, precision="double"):

@@ -9,7 +9,6 @@ from ankleloop.joint.reference_response import (
     explained_share,
     fit_finite_response,
     predict_from_reference,
-    remove_response,
 )
 
 
@@ -35,13 +34,3 @@ def test_the_prediction_keeps_the_delay_of_the_signal():
     share = explained_share(delayed[500:38_500:10], source[500:38_500:10], 100.0)
     assert share > 0.95
     assert explained_share(rng.standard_normal(3800), source[500:38_500:10], 100.0) < 0.05
-
-
-def test_the_residual_is_the_noise():
-    rng = np.random.default_rng(6)
-    x = sps.sosfiltfilt(sps.butter(4, 10.0, fs=100.0, output="sos"), rng.standard_normal(8000))
-    noise = 0.1 * np.std(x) * sps.lfilter([1.0], [1.0, -0.5], rng.standard_normal(8000))
-    residual = remove_response(np.roll(x, 5) + noise, x, 100.0)
-    taps = 15 + 80 + 1
-    assert residual.size == 8000 - 2 * taps
-    assert np.std(residual - (noise - noise.mean())[taps:-taps]) < 0.15 * np.std(noise)

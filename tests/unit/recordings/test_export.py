@@ -6,7 +6,7 @@ import pytest
 import scipy.io
 import xarray as xr
 
-from ankleloop import DataError, identify, simulate
+from ankleloop import DataError, identify, load_estimate, simulate
 from ankleloop.recordings.export import export_estimate
 
 
@@ -24,34 +24,43 @@ def test_matlab(estimate, tmp_path):
     export_estimate(estimate, tmp_path / "e.mat")
     exported = scipy.io.loadmat(tmp_path / "e.mat", simplify_cells=True)["estimate"]
     assert exported["method"] == estimate.method
-    assert (exported["K"], exported["B_viscosity"], exported["I"]) == tuple(estimate.stiffness[name] for name in "KBI")
-    assert exported["G"] == estimate.reflex["G"]
-    for name in ("net", "intrinsic", "reflex"):
+    assert exported["stiffness"] == estimate.stiffness
+    assert exported["reflex"] == estimate.reflex
+    for name in ("time", "net", "intrinsic", "reflex"):
         np.testing.assert_array_equal(exported["torque"][name], estimate.torque[name])
-    np.testing.assert_array_equal(exported["time"], estimate.torque["time"])
-    for name, (low, high) in estimate.intervals.items():
-        name = {"B": "B_viscosity"}.get(name, name)
-        assert (exported[f"{name}_low"], exported[f"{name}_high"]) == (low, high)
+    for name, ends in estimate.intervals.items():
+        np.testing.assert_array_equal(exported["intervals"][name], ends)
     if estimate.matrices is None:
-        assert exported["model"].size == 0
+        np.testing.assert_array_equal(
+            exported["model"]["intrinsic_response"], estimate.diagnostics["intrinsic_response"]
+        )
+        np.testing.assert_array_equal(exported["model"]["reflex_lag"], estimate.diagnostics["reflex_lags"])
     else:
         for name in "ABCD":
             shape = getattr(estimate.matrices, name).shape
             np.testing.assert_array_equal(np.reshape(exported["model"][name], shape), getattr(estimate.matrices, name))
-        assert list(exported["model"]["inputs"])[:3] == ["position", "velocity", "acceleration"]
-        assert exported["model"]["dt"] == 0.01
+        assert list(exported["model"]["input"])[:3] == ["position", "velocity", "acceleration"]
+    assert exported["model"]["identification_rate"] == 100.0
 
 
 def test_netcdf(estimate, tmp_path):
     export_estimate(estimate, tmp_path / "e.nc")
-    with xr.open_dataset(tmp_path / "e.nc") as exported:
+    with xr.open_datatree(tmp_path / "e.nc") as exported:
         assert exported.attrs["method"] == estimate.method
-        assert float(exported["K"]) == estimate.stiffness["K"]
-        np.testing.assert_array_equal(exported["reflex"], estimate.torque["reflex"])
-        assert exported["net"].attrs["units"] == "N·m"
+        assert float(exported["stiffness/K"]) == estimate.stiffness["K"]
+        assert exported["stiffness/K"].attrs["units"] == "N·m/rad"
+        np.testing.assert_array_equal(exported["torque/reflex"], estimate.torque["reflex"])
+        assert exported["torque/net"].attrs["units"] == "N·m"
         if estimate.matrices is not None:
-            np.testing.assert_array_equal(exported["D"].sel(input="position"), estimate.stiffness["K"])
-            np.testing.assert_array_equal(exported["A"], estimate.matrices.A)
+            np.testing.assert_array_equal(exported["model/D"].sel(input="position"), estimate.stiffness["K"])
+            np.testing.assert_array_equal(exported["model/A"], estimate.matrices.A)
+
+
+def test_exports_are_the_files_of_save_estimate(estimate, trial, tmp_path):
+    for suffix in (".nc", ".mat"):
+        export_estimate(estimate, tmp_path / f"e{suffix}")
+        loaded = load_estimate(tmp_path / f"e{suffix}")
+        assert loaded.predict(trial).torque.identical(estimate.predict(trial).torque)
 
 
 def test_csv_and_other_suffixes(estimate, tmp_path):

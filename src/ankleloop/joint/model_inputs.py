@@ -1,0 +1,185 @@
+"""How the inputs of a model are made of a trial: what a model needs beside its matrices or parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, cast, get_args
+
+import numpy as np
+import xarray as xr
+
+from ankleloop.errors import DataError
+from ankleloop.joint.basis import BASES, Basis
+from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors
+from ankleloop.records.group_files import Fields
+from ankleloop.signals.decimation import filter_kernels
+from ankleloop.subspace.matrices import Matrices
+
+__all__ = ["ModelInputs"]
+
+BEYOND = 1.01  # of the range of a basis: less is the ripple of its filters
+
+
+@dataclass(frozen=True, eq=False)
+class ModelInputs:
+    """Inputs of a model: position, velocity, acceleration, and basis functions of the delayed velocity.
+
+    Parameters
+    ----------
+    basis : Basis
+        Basis functions, with the scale or the knots of the record that was fitted.
+    delay : float
+        Reflex delay [s], by which the velocity is delayed before it enters the basis functions.
+    identification_rate : float
+        Rate of the inputs [Hz].
+    recording_rate : float
+        Rate of the record that was fitted [Hz]; another trial may have another one.
+    omitted_step : {"kernel-derivatives", "early-nonlinearity"} or None
+        Step of the processing that was left out.
+    """
+
+    basis: Basis
+    delay: float
+    identification_rate: float
+    recording_rate: float
+    omitted_step: InputStep | None = None
+
+    @classmethod
+    def of(cls, regressors: Regressors, delay: float | None = None) -> ModelInputs:
+        """Those of regressors.
+
+        Parameters
+        ----------
+        regressors : Regressors
+            Regressors of the record that was fitted.
+        delay : float, optional
+            An estimate of the delay that replaces theirs [s].
+
+        Returns
+        -------
+        ModelInputs
+        """
+        return cls(
+            replace(regressors.basis, quantiles=np.empty(0)),  # they only serve pictures
+            regressors.delay if delay is None else float(delay),
+            regressors.rate,
+            regressors.grid.factor * regressors.rate,
+            regressors.joint_inputs.omitted_step,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of every input."""
+        return (*INTRINSIC_NAMES, *self.basis.names)
+
+    @property
+    def delays(self) -> tuple[float, ...]:
+        """Time by which every input is behind the signal of its name [s]."""
+        return (0.0,) * len(INTRINSIC_NAMES) + (self.delay,) * len(self.basis.names)
+
+    def label(self, matrices: Matrices) -> Matrices:
+        """Matrices with the names and delays of these inputs, and with their numbers in the order of C.
+
+        The order in memory decides the last bits of a product: so a model from a file gives those of the first one.
+
+        Parameters
+        ----------
+        matrices : Matrices
+            A, B, C, D from these inputs to the torque.
+
+        Returns
+        -------
+        Matrices
+        """
+        A, B, C, D = (np.ascontiguousarray(part) for part in (matrices.A, matrices.B, matrices.C, matrices.D))
+        return Matrices(A, B, C, D, matrices.dt, (self.names, ("torque",)), self.delays)
+
+    def regressors(self, trial: xr.Dataset | PreparedTrial) -> Regressors:
+        """Inputs of another trial, with the basis, the delay and the rate of this model.
+
+        Parameters
+        ----------
+        trial : xarray.Dataset or PreparedTrial
+            The trial.
+
+        Returns
+        -------
+        Regressors
+        """
+        return prepare(trial).regressors(
+            delay=self.delay,
+            basis=self.basis,
+            identification_rate=self.identification_rate,
+            omitted_step=self.omitted_step,
+        )
+
+    def check_range(self, trial: xr.Dataset | PreparedTrial) -> list[str]:
+        """Warning about velocities for which the basis functions were not fitted.
+
+        Parameters
+        ----------
+        trial : xarray.Dataset or PreparedTrial
+            Another trial than the one that was fitted.
+
+        Returns
+        -------
+        list of str
+            Empty where there are none: a rectifier has no limits.
+        """
+        if self.basis.kind == "rectifier":
+            return []
+        knots, scale = self.basis.knots, self.basis.scale
+        low, high = (float(knots[0]), float(knots[-1])) if self.basis.kind == "spline" else (-scale, scale)
+        velocity = prepare(trial).velocity(self.delay)
+        margin = (BEYOND - 1.0) * (high - low)
+        outside = (velocity < low - margin) | (velocity > high + margin)
+        if not outside.any():
+            return []
+        return [
+            f"the velocity of this trial goes from {velocity.min():.3g} to {velocity.max():.3g} rad/s, and the "
+            f"{self.basis.kind} basis was fitted from {low:.3g} to {high:.3g} rad/s: for {100 * outside.mean():.2g} % "
+            "of the samples the reflex torque is an extrapolation."
+        ]
+
+    def fields(self) -> dict[str, Any]:
+        """Values by name, as files hold them."""
+        return {
+            "basis": self.basis.kind,
+            "degree": self.basis.degree,
+            "basis_scale": self.basis.scale,
+            "basis_knots": self.basis.knots,
+            "delay": self.delay,
+            "identification_rate": self.identification_rate,
+            "recording_rate": self.recording_rate,
+            "omitted_step": self.omitted_step or "none",
+        }
+
+    @classmethod
+    def from_fields(cls, fields: Fields) -> ModelInputs:
+        """The inputs whose values a file holds.
+
+        Raises
+        ------
+        DataError
+            If a value is missing or impossible.
+        """
+        kind, step = fields.text("basis"), fields.text("omitted_step")
+        for name, value, known in (("basis", kind, BASES), ("omitted_step", step, ("none", *get_args(InputStep)))):
+            if value not in known:
+                raise DataError(f"{fields.source}: unknown {name} {value!r}; known: {', '.join(known)}.")
+        basis = Basis(kind, int(fields.number("degree")), fields.number("basis_scale"), fields.array("basis_knots"))
+        return cls(
+            basis,
+            fields.number("delay"),
+            fields.number("identification_rate"),
+            fields.number("recording_rate"),
+            None if step == "none" else cast(InputStep, step),
+        )
+
+    def kernels(self) -> Mapping[str, np.ndarray]:
+        """Kernels of `filter_kernels` that make the inputs of a record; none where a step is left out."""
+        if self.omitted_step is not None:
+            return {}
+        return filter_kernels(self.recording_rate, self.identification_rate, self.delay)

@@ -1,0 +1,146 @@
+"""Diagnostics as text that keeps their types: JSON in which arrays and complex numbers are marked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+__all__ = ["dump_values", "extract_arrays", "load_values"]
+
+ARRAY, COMPLEX = "$array", "$complex"  # keys that mark them
+
+
+def dump_values(values: Any) -> str:
+    """Values as JSON; tuples become lists.
+
+    Parameters
+    ----------
+    values : object
+        Dictionaries, lists, texts, numbers, None, numbers and arrays of numpy, in one another.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    TypeError
+        For anything else.
+
+    Examples
+    --------
+    >>> text = dump_values({"poles": np.array([0.5, 0.25]), "pole": 1j, "rank": np.int64(2), "stop": None})
+    >>> print(text)
+    {"poles": {"$array": [0.5, 0.25]}, "pole": {"$complex": [0.0, 1.0]}, "rank": 2, "stop": null}
+    >>> load_values(text)["poles"], load_values(text)["pole"]
+    (array([0.5 , 0.25]), 1j)
+    """
+    return json.dumps(values, default=_mark)
+
+
+def load_values(text: str, arrays: Mapping[str, Any] | None = None) -> Any:
+    """Values that `dump_values` wrote.
+
+    Parameters
+    ----------
+    text : str
+        The JSON.
+    arrays : mapping of str to ndarray, optional
+        Arrays that `extract_arrays` has taken out; their shape and type are those that the text states.
+
+    Returns
+    -------
+    object
+
+    Raises
+    ------
+    KeyError
+        If an array is missing.
+    ValueError
+        If the text is no JSON, or an array does not have its size.
+    """
+    return json.loads(text, object_hook=lambda values: _restore(values, arrays or {}))
+
+
+def extract_arrays(values: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
+    """Values in which each array is replaced by its name, its shape and its type.
+
+    Parameters
+    ----------
+    values : object
+        As of `dump_values`.
+    name : str
+        Name of the values; keys and positions are appended to it.
+    arrays : dict of str to ndarray
+        The arrays are added here. Names consist of letters, digits and underscores.
+
+    Returns
+    -------
+    object
+        The values without arrays.
+
+    Examples
+    --------
+    >>> arrays = {}
+    >>> extract_arrays({"curve": {"torque": np.zeros(2)}, "order": 2}, "", arrays)
+    {'curve': {'torque': {'$array': 'curve_torque', 'dtype': 'float64', 'shape': [2]}}, 'order': 2}
+    >>> arrays
+    {'curve_torque': array([0., 0.])}
+    """
+    if isinstance(values, np.ndarray):
+        _check(values)
+        key = "".join(character if character.isalnum() and character.isascii() else "_" for character in name)[:50]
+        while key in arrays or not key:
+            key += "_"
+        arrays[key] = values
+        return {ARRAY: key, "dtype": str(values.dtype), "shape": list(values.shape)}
+    prefix = f"{name}_" if name else ""
+    if isinstance(values, dict):
+        return {key: extract_arrays(value, f"{prefix}{key}", arrays) for key, value in values.items()}
+    if isinstance(values, list | tuple):
+        return [extract_arrays(value, f"{prefix}{number}", arrays) for number, value in enumerate(values)]
+    return values
+
+
+def _check(array: np.ndarray) -> None:
+    if array.dtype.kind not in "biufc":
+        raise TypeError(f"an array of type {array.dtype} cannot be kept in diagnostics")
+
+
+def _mark(value: Any) -> Any:
+    """What takes the place of a value that JSON does not have."""
+    if isinstance(value, np.ndarray):
+        _check(value)
+        flat = value.ravel()
+        marks: dict[str, Any] = {ARRAY: (flat.astype(complex).view(float) if flat.dtype.kind == "c" else flat).tolist()}
+        if flat.dtype != float:
+            marks["dtype"] = str(flat.dtype)
+        if value.ndim != 1:
+            marks["shape"] = list(value.shape)
+        return marks
+    if isinstance(value, np.generic):
+        return value.item() if value.dtype.kind != "c" else _mark(complex(value))
+    if isinstance(value, complex):
+        return {COMPLEX: [value.real, value.imag]}
+    raise TypeError(f"{type(value).__name__} cannot be kept in diagnostics")
+
+
+def _restore(values: dict[str, Any], arrays: Mapping[str, Any]) -> Any:
+    if COMPLEX in values:
+        return complex(*values[COMPLEX])
+    if ARRAY not in values:
+        return values
+    numbers, dtype = values[ARRAY], np.dtype(values.get("dtype", "float64"))
+    if isinstance(numbers, str):
+        array = np.array(arrays[numbers])
+        if dtype.kind == "c" and array.dtype.kind != "c":  # pairs of real and imaginary parts
+            array = array[..., 0] + 1j * array[..., 1]
+        array = array.astype(dtype)
+    elif dtype.kind == "c":
+        array = np.array(numbers, dtype=float).view(complex).astype(dtype)
+    else:
+        array = np.array(numbers, dtype=dtype)
+    return array.reshape(values.get("shape", -1))

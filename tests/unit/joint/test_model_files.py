@@ -1,0 +1,313 @@
+"""Files of one estimate: everything of it comes back, and whatever is not such a file is refused."""
+
+import os
+
+import h5netcdf
+import numpy as np
+import pytest
+import scipy.io
+import xarray as xr
+from value_comparison import assert_same_values
+
+from ankleloop import (
+    METHODS,
+    DataError,
+    LongRecord,
+    identify,
+    identify_file,
+    load_estimate,
+    save_estimate,
+    save_trial,
+    simulate,
+)
+from ankleloop.joint.basis import BASES
+from ankleloop.joint.model_files import VERSION
+from ankleloop.records import files
+
+CASES = {method: (method, {}) for method in METHODS}
+CASES |= {f"{method} {basis}": (method, {"basis": basis}) for method in ("pr-moesp", "riv") for basis in BASES}
+CASES |= {
+    "riv delay": ("riv", {"delay": None}),
+    "riv order 3": ("riv", {"order": 3}),
+    "riv all": ("riv", {"delay": None, "order": 3, "basis": "spline", "identification_rate": 50.0}),
+    "moesp order 3": ("pi-moesp", {"order": 3, "delay": 0.0375}),
+    "moesp free": ("pr-moesp", {"free_b": True, "input_matrices": "instruments", "order": None}),
+    "moesp omitted step": ("pr-moesp", {"omitted_step": "early-nonlinearity"}),
+    "cascade": ("parallel-cascade", {"max_passes": 1, "intrinsic_lags": 0.0, "rank": "mdl"}),
+    "selection": ("pr-moesp", {"select": {"basis": ["rectifier"], "order": [1, 2]}}),
+}
+CONTAINERS = (".nc", ".mat")
+
+
+@pytest.fixture(scope="module")
+def trial():
+    return simulate(seed=1, duration=20.0)
+
+
+@pytest.fixture(scope="module")
+def other():
+    """A trial of another length, rate, mean and amplitude."""
+    other = simulate(seed=2, duration=16.0).isel(time=slice(0, None, 2)).assign_attrs(sampling_rate=500.0)
+    return other.assign(position=0.7 * other["position"] + 0.3)
+
+
+@pytest.fixture(scope="module", params=CASES)
+def estimate(request, trial):
+    method, options = CASES[request.param]
+    return identify(trial, method, **options)
+
+
+def assert_same_estimate(loaded, saved):
+    assert loaded.method == saved.method
+    assert loaded.torque.identical(saved.torque)
+    for name in ("stiffness", "reflex", "intervals"):
+        assert getattr(loaded, name) == getattr(saved, name)
+        assert list(getattr(loaded, name)) == list(getattr(saved, name))
+    assert_same_values(loaded.diagnostics, saved.diagnostics)
+    assert repr(loaded) == repr(saved)
+    assert (loaded.predictor is None) == (saved.predictor is None)
+    assert (loaded.matrices is None) == (saved.matrices is None)
+    if saved.matrices is not None:
+        for name in "ABCD":
+            np.testing.assert_array_equal(getattr(loaded.matrices, name), getattr(saved.matrices, name))
+            np.testing.assert_array_equal(getattr(loaded.model, name), getattr(saved.model, name))
+        assert loaded.matrices.dt == saved.matrices.dt
+        assert loaded.matrices.names == saved.matrices.names
+        assert loaded.matrices.input_delays == saved.matrices.input_delays
+        assert loaded.model.input_labels == saved.model.input_labels
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_everything_of_an_estimate_comes_back(estimate, container, other, tmp_path):
+    save_estimate(estimate, tmp_path / f"e{container}")
+    loaded = load_estimate(str(tmp_path / f"e{container}"))
+    assert_same_estimate(loaded, estimate)
+    if estimate.predictor is None:
+        assert estimate.method == "real-time"
+        with pytest.raises(DataError, match="real-time has no fixed model to predict with"):
+            loaded.predict(other)
+        return
+    prediction = loaded.predict(other).torque
+    assert prediction.identical(estimate.predict(other).torque)
+    assert np.ptp(prediction["reflex"].values) > 0
+    assert prediction["time"][-1] < 16.0
+    # Saved once more, the file is the same.
+    save_estimate(loaded, tmp_path / f"again{container}")
+    again = load_estimate(tmp_path / f"again{container}")
+    assert_same_estimate(again, estimate)
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_merged_trials(trial, other, container, tmp_path):
+    second = simulate(seed=3, duration=15.0)
+    for number, estimate in enumerate(identify([trial, second], "pr-moesp", basis="spline")):
+        path = tmp_path / f"{number}{container}"
+        save_estimate(estimate, path)
+        loaded = load_estimate(path)
+        assert_same_estimate(loaded, estimate)
+        np.testing.assert_array_equal(loaded.predictor.initial_state, estimate.predictor.initial_state)
+        assert loaded.predict(other).torque.identical(estimate.predict(other).torque)
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_long_records(trial, other, container, tmp_path):
+    save_trial(trial, tmp_path / "trial.nc")
+    estimate = identify_file(LongRecord(tmp_path / "trial.nc"), tmp_path / "torques.nc", chunk=500)
+    save_estimate(estimate, tmp_path / f"e{container}")
+    loaded = load_estimate(tmp_path / f"e{container}")
+    assert loaded.torque.attrs == estimate.torque.attrs
+    for name in ("time", "net", "intrinsic", "reflex"):
+        np.testing.assert_array_equal(loaded.torque[name], estimate.torque[name])
+    assert_same_values(loaded.diagnostics, estimate.diagnostics)
+    assert loaded.predict(other).torque.identical(estimate.predict(other).torque)
+    # From rest the model gives the same torques, but for the first moments and hence for the mean.
+    difference = (loaded.predict(trial).torque["reflex"].values - estimate.torque["reflex"].values)[300:]
+    np.testing.assert_allclose(difference, difference.mean(), atol=1e-6)
+
+
+def test_values_that_are_not_finite_survive(trial, tmp_path):
+    estimate = identify(trial)
+    estimate.intervals["K"] = (-np.inf, np.nan)
+    estimate.torque["reflex"][:4] = [-0.0, 5e-324, np.nan, np.inf]
+    for container in CONTAINERS:
+        save_estimate(estimate, tmp_path / f"e{container}")
+        loaded = load_estimate(tmp_path / f"e{container}")
+        assert loaded.torque["reflex"].values.tobytes() == estimate.torque["reflex"].values.tobytes()
+        assert loaded.intervals["K"][0] == -np.inf
+        assert np.isnan(loaded.intervals["K"][1])
+
+
+def test_products_along_common_dimensions_are_products_of_matrices(trial, tmp_path):
+    for method in ("pr-moesp", "riv"):
+        estimate = identify(trial, method, basis="spline")
+        save_estimate(estimate, tmp_path / "e.nc")
+        with xr.open_dataset(tmp_path / "e.nc", group="model", engine="h5netcdf") as model:
+            m = estimate.matrices
+            rng = np.random.default_rng(0)
+            x = xr.DataArray(rng.standard_normal(2), dims="state")
+            u = xr.DataArray(rng.standard_normal(8), coords={"input": list(estimate.model.input_labels)}, dims="input")
+            for product, expected in (
+                (model["A"].dot(x), m.A @ x.values),
+                (model["B"].dot(u), m.B @ u.values),
+                (model["C"].dot(x), m.C @ x.values),
+                (model["D"].dot(u), m.D @ u.values),
+            ):
+                np.testing.assert_allclose(product, expected, rtol=1e-12)
+            following = (model["A"].dot(x) + model["B"].dot(u)).rename(next_state="state")
+            torque = model["C"].dot(following) + model["D"].dot(u)
+            np.testing.assert_allclose(torque, m.C @ (m.A @ x.values + m.B @ u.values) + m.D @ u.values, rtol=1e-12)
+            assert float(model["D"].sel(input="position", output="torque")) == pytest.approx(estimate.stiffness["K"])
+            assert model["input_delay"].values.tolist() == [0.0] * 3 + [0.04] * 5
+
+
+def test_the_file_says_what_it_is(trial, tmp_path):
+    estimate = identify(trial, "riv", delay=None)
+    save_estimate(estimate, tmp_path / "e.nc")
+    save_estimate(estimate, tmp_path / "e.mat")
+    with h5netcdf.File(tmp_path / "e.nc") as file:
+        assert dict(file.attrs)["format"] == "ankleloop estimate"
+        assert file.attrs["format_version"] == VERSION
+        assert file["stiffness/K"].attrs["units"] == "N·m/rad"
+        assert file["reflex/delay"][...] == estimate.reflex["delay"] == file["model/delay"][...]
+        np.testing.assert_array_equal(file["intervals/K"], estimate.intervals["K"])
+    struct = scipy.io.loadmat(tmp_path / "e.mat", simplify_cells=True)["estimate"]
+    assert (struct["format"], struct["format_version"]) == ("ankleloop estimate", VERSION)
+    assert list(struct["model"]["input"]) == [*estimate.matrices.names[0]]
+    assert struct["model"]["delay"] == estimate.reflex["delay"]
+    assert struct["torque"]["identification_rate"] == 100.0
+
+
+def rewrite(path, change):
+    """The file with its groups changed."""
+    with xr.open_datatree(path, engine="h5netcdf") as tree:
+        groups = {name.strip("/"): data.load() for name, data in tree.to_dict().items()}
+    changed = {f"/{name}": data for name, data in change(groups).items()}
+    xr.DataTree.from_dict(changed).to_netcdf(path, engine="h5netcdf")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda g: g | {"": g[""].assign_attrs(format_version=VERSION + 1)},
+            r"e.nc: version 2 of the format, .* up to 1: install the newest",
+        ),
+        (lambda g: g | {"": g[""].drop_attrs()}, r"e.nc: no estimate file, which has the format 'ankleloop estimate'"),
+        (lambda g: {k: v for k, v in g.items() if k != "stiffness"}, r"e.nc: there is no group 'stiffness'"),
+        (lambda g: g | {"model": g["model"].drop_vars("C")}, r"e.nc, group model: there is no 'C'"),
+        (lambda g: g | {"model": g["model"].drop_vars("basis_scale")}, r"group model: there is no 'basis_scale'"),
+        (
+            lambda g: g | {"model": g["model"].assign_attrs(kind="oracle")},
+            r"unknown kind of model 'oracle'; known: state-space, ",
+        ),
+        (
+            lambda g: g | {"model": g["model"].assign_attrs(basis="fourier")},
+            r"unknown basis 'fourier'; known: chebyshev",
+        ),
+        (lambda g: g | {"model": g["model"].isel(input=slice(0, 4))}, r"group model: 'B' has 8 numbers, not 2 × 8"),
+        (lambda g: g | {"model": g["model"].assign(A=np.nan * g["model"]["A"])}, r"group model: 'A' is not finite"),
+        (lambda g: g | {"torque": g["torque"].drop_vars("reflex")}, r"group torque: there is no 'reflex'"),
+        (
+            lambda g: g | {"diagnostics": g["diagnostics"].drop_vars("poles")},
+            r"group diagnostics: the diagnostics cannot be read \('poles'\)",
+        ),
+        (
+            lambda g: g | {"diagnostics": g["diagnostics"].assign(json="{")},
+            r"group diagnostics: the diagnostics cannot be read",
+        ),
+    ],
+)
+def test_damaged_files_are_refused_with_what_is_missing(trial, tmp_path, change, message):
+    save_estimate(identify(trial), tmp_path / "e.nc")
+    rewrite(tmp_path / "e.nc", change)
+    with pytest.raises(DataError, match=message):
+        load_estimate(tmp_path / "e.nc")
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_foreign_and_truncated_files_are_refused(trial, tmp_path, container):
+    path = tmp_path / f"e{container}"
+    with pytest.raises(DataError, match=f"e{container}: there is no such file"):
+        load_estimate(path)
+    save_estimate(identify(trial), path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(DataError, match=f"e{container}: not a readable {container} file"):
+        load_estimate(path)
+    path.write_text("torques")
+    with pytest.raises(DataError, match=f"e{container}: not a readable {container} file"):
+        load_estimate(path)
+    if container == ".mat":
+        path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + 500 * b" ")
+        with pytest.raises(DataError, match=r"e.mat: a MATLAB v7.3 file: save it with -v7"):
+            load_estimate(path)
+    if container == ".nc":
+        save_trial(trial, path)
+        message = "e.nc: no estimate file"
+    else:
+        scipy.io.savemat(path, {"position": np.ones(3)})
+        message = "e.mat: there is no struct 'estimate'"
+    with pytest.raises(DataError, match=message):
+        load_estimate(path)
+
+
+def test_a_matlab_file_without_a_field_or_of_a_newer_version_is_refused(trial, tmp_path):
+    path = tmp_path / "e.mat"
+    save_estimate(identify(trial), path)
+    struct = scipy.io.loadmat(path, simplify_cells=True)["estimate"]
+    for change, message in (
+        ({"format_version": VERSION + 1.0}, "e.mat: version 2 of the format"),
+        (
+            {"model": {name: value for name, value in struct["model"].items() if name != "delay"}},
+            "e.mat, group model: there is no 'delay'",
+        ),
+        ({"torque": 3.0}, "e.mat: there is no group 'torque'"),
+    ):
+        scipy.io.savemat(path, {"estimate": struct | change}, long_field_names=True)
+        with pytest.raises(DataError, match=message):
+            load_estimate(path)
+
+
+def test_a_matlab_file_that_matlab_has_written_again_is_read(trial, other, tmp_path):
+    """MATLAB keeps numbers as doubles, vectors as rows or columns, and texts as they are."""
+    estimate = identify(trial, "riv", delay=None)
+    save_estimate(estimate, tmp_path / "e.mat")
+    struct = scipy.io.loadmat(tmp_path / "e.mat", simplify_cells=True)["estimate"]
+    scipy.io.savemat(tmp_path / "again.mat", {"estimate": struct}, long_field_names=True, oned_as="row")
+    loaded = load_estimate(tmp_path / "again.mat")
+    assert loaded.predict(other).torque.identical(estimate.predict(other).torque)
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+@pytest.mark.parametrize("stage", ["writing", "renaming"])
+def test_a_failed_save_leaves_the_file_as_it_was(trial, tmp_path, monkeypatch, container, stage):
+    path = tmp_path / f"e{container}"
+    save_estimate(identify(trial), path)
+    before = path.read_bytes()
+
+    def fail(*_, **__):
+        raise OSError("disk full")
+
+    with monkeypatch.context() as patch:
+        if stage == "renaming":
+            patch.setattr(files.os, "replace", fail)
+        elif container == ".nc":
+            patch.setattr(xr.DataTree, "to_netcdf", fail)
+        else:
+            patch.setattr(scipy.io, "savemat", fail)
+        with pytest.raises(OSError, match="disk full"):
+            save_estimate(identify(trial, "riv"), path)
+    assert os.listdir(tmp_path) == [path.name]
+    assert path.read_bytes() == before
+
+
+def test_other_suffixes_folders_and_values_are_refused(trial, tmp_path):
+    estimate = identify(trial)
+    for call in (lambda path: save_estimate(estimate, path), load_estimate):
+        with pytest.raises(DataError, match=r"e.pkl: the file ends in .pkl: take .nc or .mat"):
+            call(tmp_path / "e.pkl")
+    with pytest.raises(DataError, match="there is no folder"):
+        save_estimate(estimate, tmp_path / "none" / "e.nc")
+    estimate.diagnostics["thing"] = object()
+    with pytest.raises(TypeError, match="object cannot be kept in diagnostics"):
+        save_estimate(estimate, tmp_path / "e.nc")
+    assert os.listdir(tmp_path) == []
