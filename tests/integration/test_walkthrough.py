@@ -23,12 +23,13 @@ def test_first_recording(tmp_path, container):
     )
     text = printed_text(notebook)
     assert "Set torque_sign: -1" in text  # the sign is detected, and then corrected
-    assert "The loop is closed. Valid methods: riv, pr-moesp." in text
+    assert "The loop is closed. Valid methods: riv, pr-moesp, pi-moesp, po-moesp, eiv-moesp." in text
+    assert "take riv: the loop is closed" in text
     assert "written: estimate.csv, estimate.mat, estimate.nc" in text
     estimate = scipy.io.loadmat(folder / "estimate.mat", simplify_cells=True)["estimate"]
-    for name, truth in (("K", 150.0), ("G", 8.0)):  # within three standard errors; 3.92 of them make an interval
-        error = (estimate[f"{name}_high"] - estimate[f"{name}_low"]) / 3.92
-        assert abs(estimate[name] - truth) < 3 * error, name
+    for group, name, truth in (("stiffness", "K", 150.0), ("reflex", "G", 8.0)):
+        low, high = estimate["intervals"][name]
+        assert abs(estimate[group][name] - truth) < 3 * (high - low) / 3.92, name  # within three standard errors
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     figures = [output for output in outputs if "image/png" in output.get("data", {})]
     assert len(figures) == 4

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import html
+
 from ankleloop.pages.rendering import render_template
 
 __all__ = ["render_notebook_page"]
 
 
-def render_notebook_page(title: str, body_html: str) -> str:
+def render_notebook_page(title: str, body_html: str, note: str = "") -> str:
     """Page of an executed notebook.
 
     Parameters
@@ -16,6 +18,8 @@ def render_notebook_page(title: str, body_html: str) -> str:
         Title of the page; it is escaped.
     body_html : str
         Cells as HTML, from an exporter that has escaped them.
+    note : str
+        Text above the cells; it is escaped.
 
     Returns
     -------
@@ -28,4 +32,5 @@ def render_notebook_page(title: str, body_html: str) -> str:
     >>> "<title>B &amp; I · ankleloop</title>" in page, "<h1>Results</h1>" in page
     (True, True)
     """
-    return render_template("notebook.html.j2", title=title, body=body_html)
+    notice = f"<p><strong>{html.escape(note)}</strong></p>\n" if note else ""
+    return render_template("notebook.html.j2", title=title, body=notice + body_html)

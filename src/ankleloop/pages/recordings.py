@@ -10,7 +10,11 @@ from ankleloop.pages.rendering import render_template
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
 from ankleloop.plotting.torques import torque_figure
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.recommendation import format_with_interval, select_valid_methods
+from ankleloop.recordings.recommendation import (
+    format_with_interval,
+    select_trusted_methods,
+    select_valid_methods,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,7 +28,9 @@ __all__ = ["embed_recording_figures", "render_recording_page"]
 SCORES = ("vaf_unseen", "vaf_net", "vaf_intrinsic", "vaf_reflex")
 PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "threshold", "delay")
 # Rows of the table of methods: columns of `Analysis.table` with their headings.
-ROWS = {name: QUANTITIES[name].label for name in (*SCORES, *PARAMETERS)} | {"selected": "selected"}
+ROWS = {name: QUANTITIES[name].label for name in (*SCORES, *PARAMETERS)}
+ROWS |= {"intervals": "intervals of the parameters", "selected": "selected"}
+SUSPECT = "{} (warning)"  # label of a method that is not to be trusted
 
 
 def embed_recording_figures(
@@ -51,9 +57,11 @@ def embed_recording_figures(
         figures["spectra"] = spectra_figure(analysis.check.spectra)
     if trial is not None and analysis.estimates:
         recording = trial.drop_vars([name for name in trial.data_vars if str(name).startswith("torque_")])
-        figures["torques"] = torque_figure(recording, analysis.estimates, start=start, length=length)
-        figures["models"] = model_figure(analysis.estimates)
-        figures["residuals"] = residual_figure(analysis.residuals)
+        marked = _mark_labels(analysis)
+        estimates = {marked[label]: estimate for label, estimate in analysis.estimates.items()}
+        figures["torques"] = torque_figure(recording, estimates, start=start, length=length)
+        figures["models"] = model_figure(estimates)
+        figures["residuals"] = residual_figure({marked[label]: test for label, test in analysis.residuals.items()})
     return {name: embed_figure(figure) for name, figure in figures.items()}
 
 
@@ -84,7 +92,7 @@ def render_recording_page(
     str
         HTML; all texts are escaped.
     """
-    valid = select_valid_methods(analysis.table)
+    valid, marked = select_valid_methods(analysis.table), _mark_labels(analysis)
     return render_template(
         "recording.html.j2",
         title=name,
@@ -92,10 +100,10 @@ def render_recording_page(
         check=analysis.check,
         recommendation=recommendation,
         figures=figures,
-        labels=list(analysis.estimates),
+        labels=list(marked.values()),
         quantities=_compare_methods(valid),
-        warnings=_list_warnings(analysis.table),
-        residuals=analysis.residuals,
+        remarks=_list_remarks(analysis.table),
+        residuals={marked[label]: test for label, test in analysis.residuals.items()},
     )
 
 
@@ -112,9 +120,25 @@ def _compare_methods(valid: pd.DataFrame) -> list[tuple[str, list[str]]]:
     return [(heading, cells) for heading, cells in quantities if set(cells) - {"–", ""}]
 
 
-def _list_warnings(table: pd.DataFrame) -> list[tuple[str, str]]:
-    """Labels of methods with their warnings, or the reason why they were not fitted."""
-    if "warnings" not in table:
-        return []
-    rows = table[table["warnings"].fillna("") != ""]
-    return list(zip(rows["label"], rows["warnings"], strict=True))
+def _mark_labels(analysis: Analysis) -> dict[str, str]:
+    """Labels of the methods that were fitted, with a mark on those that have a warning."""
+    trusted = set(select_trusted_methods(analysis.table).get("label", ()))
+    return {label: label if label in trusted else SUSPECT.format(label) for label in analysis.estimates}
+
+
+def _list_remarks(table: pd.DataFrame) -> list[tuple[str, str]]:
+    """Labels of methods, with the reason why they were not fitted, their warnings, or what to bear in mind."""
+    remarks = []
+    for _, row in table.iterrows():
+        texts = {name: row.get(name) for name in ("warnings", "caution", "unseen_warnings")}
+        headings = {
+            "warnings": "warning" if row.get("valid") is True else "not fitted",
+            "caution": "caution",
+            "unseen_warnings": "fit to the first half",
+        }
+        remarks += [
+            (row["label"], f"{headings[name]}: {text}")
+            for name, text in texts.items()
+            if isinstance(text, str) and text
+        ]
+    return remarks

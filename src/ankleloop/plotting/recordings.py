@@ -9,6 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.plotting.style import COLOURS, REFERENCE_LINE, STYLE, add_legend
@@ -92,7 +93,7 @@ def model_figure(estimates: Mapping[str, Estimate]) -> Figure:
         intrinsic.set(xlabel="frequency [Hz]", ylabel="intrinsic phase [°]")
     intrinsic_gain.set(xlabel="frequency [Hz]", ylabel="intrinsic gain [N·m/rad]")
     curve.set(xlabel="delayed velocity [rad/s]", ylabel="nonlinearity [N·m]")
-    reflex.set(xlabel="time after the delay [s]", ylabel="reflex response [1/s]", title="of unit gain")
+    reflex.set(xlabel="time after the movement [s]", ylabel="reflex response [1/s]", title="of unit gain")
     reflex_gain.set(xlabel="frequency [Hz]", ylabel="reflex gain over that at rest [1]")
     reflex_phase.set(xlabel="frequency [Hz]", ylabel="reflex phase without delay [°]")
     for axis in (intrinsic_gain, reflex_gain, reflex_phase):
@@ -125,17 +126,18 @@ def _draw_phase(axis: Axes, response: np.ndarray, style: Mapping[str, Any]) -> N
 
 
 def _draw_reflex(response: Axes, gain: Axes, phase: Axes, estimate: Estimate, style: Mapping[str, Any]) -> None:
-    """Low-pass of the reflex, and the impulse response of a method that is not parametric."""
+    """Low-pass of the reflex, and the impulse response of a method that is not parametric; both after the delay."""
     values = estimate.reflex
     dynamics = ReflexDynamics(values["omega_n"], values["zeta"], values.get("pole"))
     time = np.arange(0.0, LONGEST, 1e-3)
     frequencies = 2j * np.pi * np.fft.rfftfreq(4096, 1e-3)
-    response.plot(time, np.fft.irfft(dynamics.response(frequencies)[0])[: time.size] * 1e3, **style)
+    delay = values["delay"]
+    response.plot(delay + time, np.fft.irfft(dynamics.response(frequencies)[0])[: time.size] * 1e3, **style)
     if "reflex_response" in estimate.diagnostics:
         lags = np.asarray(estimate.diagnostics["reflex_lags"])
         samples = np.asarray(estimate.diagnostics["reflex_response"]) / values["G"] / (lags[1] - lags[0])
         window = lags < LONGEST
-        response.plot(lags[window], samples[window], ".", ms=2.5, color=style["color"])
+        response.plot(delay + lags[window], samples[window], ".", ms=2.5, color=style["color"])
     low_pass = dynamics.response(2j * np.pi * FREQUENCIES)[0]
     gain.loglog(FREQUENCIES, np.abs(low_pass), **style)
     _draw_phase(phase, low_pass, style)
@@ -176,10 +178,13 @@ def group_figure(
 ) -> Figure:
     """Parameters against the condition: a point for each recording, a line for the mean of each subject.
 
+    Estimates with a warning are crosses where they lie within the axes, and are left out of the means.
+
     Parameters
     ----------
     table : pandas.DataFrame
-        One row for each recording and method: `condition`, `subject`, `label`, and the parameters.
+        One row for each recording and method: `condition`, `subject`, `label`, the parameters, and where there are
+        estimates with a warning `trusted`.
     names : sequence of str
         Parameters, a row of panels each; a column for each method. Names of `ankleloop.quantities.QUANTITIES`.
     condition, subject : str
@@ -199,8 +204,9 @@ def group_figure(
             for number, person in enumerate(subjects):
                 style = _line_style(number, str(person), width=1.0)
                 offset = 0.24 * ((number + 0.5) / len(subjects) - 0.5)
-                values = rows[rows[subject] == person].set_index(condition)[name].dropna()
-                _draw_subject(axis, values.rename(index=conditions.index), offset, style)
+                values = rows[rows[subject] == person].set_index(condition)
+                values.index = values.index.map(conditions.index)
+                _draw_subject(axis, values, name, offset, style)
             axis.set_xticks(range(len(conditions)), conditions)
             axis.margins(x=0.15)
         axes[0, column].set_title(label)
@@ -212,8 +218,14 @@ def group_figure(
     return figure
 
 
-def _draw_subject(axis: Axes, values: pd.Series, offset: float, style: Mapping[str, Any]) -> None:
-    """Values of one subject by the number of their condition, and a line through their means."""
+def _draw_subject(axis: Axes, rows: pd.DataFrame, name: str, offset: float, style: Mapping[str, Any]) -> None:
+    """Values of one subject by the number of their condition, and a line through the means of those to be trusted."""
+    trusted = rows["trusted"].eq(True) if "trusted" in rows else np.ones(len(rows), dtype=bool)
+    values, suspect = rows.loc[trusted, name].dropna(), rows.loc[~trusted, name].dropna()
     axis.plot(values.index + offset, values, "o", ms=2.6, mfc="none", color=style["color"], alpha=0.8)
     means = values.groupby(level=0).mean()
     axis.plot(means.index + offset, means, "-", **style)
+    if len(suspect):  # as an artist, which does not widen the axis: such values may be anywhere
+        marks = Line2D(suspect.index + offset, suspect, marker="x", ms=4, ls="none", color="grey")
+        marks.set(label="with a warning", transform=axis.transData)
+        axis.add_artist(marks)

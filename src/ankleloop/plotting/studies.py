@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
@@ -19,7 +19,15 @@ from ankleloop.signals.vaf import confidence_margin
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["curves_figure", "interval_figure", "map_figure", "order_figure", "ratio_figure", "traces_figure"]
+__all__ = [
+    "curves_figure",
+    "estimates_figure",
+    "interval_figure",
+    "map_figure",
+    "order_figure",
+    "ratio_figure",
+    "traces_figure",
+]
 
 
 @matplotlib.rc_context(STYLE)
@@ -233,6 +241,52 @@ def _draw_ratios(axis: Axes, table: pd.DataFrame, names: Sequence[str], largest:
         too_large = (rows["ratio"] > largest).to_numpy()
         axis.plot(np.where(too_large, np.nan, rows["ratio"]), heights, label=label, **style)
         axis.plot(np.where(too_large, largest, np.nan), heights, mfc="none", **style)
+
+
+@matplotlib.rc_context(STYLE)
+def estimates_figure(
+    table: pd.DataFrame, panels: Mapping[str, tuple[str, float | None, tuple[float, float]]], *, columns: int = 3
+) -> Figure:
+    """Means with their intervals: a panel for each quantity, a row for each condition, a marker for each method.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Columns `panel`, `row`, `series`, `value` and `margin`, half of the interval.
+    panels : dict of str to (str, float or None, (float, float))
+        For each panel its label with unit, the true value, and the limits of the abscissa; values beyond them are
+        drawn there, open.
+    columns : int
+        Panels side by side.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    names = list(dict.fromkeys(table["row"]))
+    figure, axes = panel_grid(len(panels), columns, (2.6, 0.33 * len(names) + 0.6), (1.6, 0.8), sharey=True)
+    for axis, (panel, (label, truth, limits)) in zip(axes, panels.items(), strict=True):
+        rows = table[table["panel"] == panel]
+        for number, (series, heights, part) in enumerate(_list_series(rows, names)):
+            style = {**_series_style(number), "ls": "", "ms": 4.0}
+            value, shown = part["value"].to_numpy(), part["value"].clip(*limits).to_numpy()
+            axis.plot(np.where(shown == value, value, np.nan), heights, label=series, zorder=3, **style)
+            axis.plot(np.where(shown == value, np.nan, shown), heights, mfc="white", clip_on=False, zorder=3, **style)
+            axis.hlines(heights, value - part["margin"], value + part["margin"], color=style["color"], lw=1.0)
+        if truth is not None:
+            axis.axvline(truth, **REFERENCE_LINE, label="true value")
+        axis.set(xlabel=label, xlim=limits, ylim=(len(names) - 0.5, -0.5))
+        axis.set_yticks(range(len(names)), names)
+    add_legend(figure, axes)
+    return figure
+
+
+def _list_series(rows: pd.DataFrame, names: Sequence[str]) -> Iterator[tuple[str, list[float], pd.DataFrame]]:
+    """Label, heights and rows of each series, those of one series a little below those of the series before."""
+    series = rows.groupby("series", sort=False)
+    for number, (label, part) in enumerate(series):
+        offset = 0.16 * (number - 0.5 * (len(series) - 1))
+        yield str(label), [names.index(name) + offset for name in part["row"]], part
 
 
 @matplotlib.rc_context(STYLE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,14 +13,19 @@ import xarray as xr
 
 from ankleloop.assessment.residuals import ResidualTest, residual_test
 from ankleloop.assessment.scores import evaluate, parameter_row
-from ankleloop.errors import DataError
+from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.registry import find_method, identify
-from ankleloop.recordings.checks import Check, check_merged_trials, check_trial
+from ankleloop.quantities import QUANTITIES
+from ankleloop.recordings.checks import Check, check_trial
+from ankleloop.recordings.comparison import UnseenTorque, unseen_torque
+from ankleloop.recordings.validity import caution, reason_against
 from ankleloop.records.trial import segment
 
 __all__ = ["Analysis", "analyse"]
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -36,14 +42,20 @@ class Analysis:
     residuals : dict of str to ResidualTest
         By the label of the method the test of the residual of the longest trial.
     table : pandas.DataFrame
-        One row for each method: whether it is valid here, cross-validated and fitted VAF [%] with intervals, parameters
-        with intervals, tests of the residual, warnings; one row without a method if the recording was refused.
+        One row for each method: whether it is `valid` here (else the reason in `warnings`), `warnings` of its estimate,
+        whether it can be `trusted` (valid, and without a warning), a `caution` where it is valid with one,
+        cross-validated and fitted VAF [%] with intervals, parameters with the kind of their `intervals` (parameters of
+        a method with a warning have none), tests of the residual. One row without a method if the recording was
+        refused.
+    unseen : dict of str to list of UnseenTorque
+        By the label of the method what its fit to the first half leaves of the second.
     """
 
     check: Check
     records: dict[str, list[Estimate]] = field(repr=False)
     residuals: dict[str, ResidualTest] = field(repr=False)
     table: pd.DataFrame = field(repr=False)
+    unseen: dict[str, list[UnseenTorque]] = field(default_factory=dict, repr=False)
 
     @property
     def estimates(self) -> dict[str, Estimate]:
@@ -59,9 +71,10 @@ def analyse(
 ) -> Analysis:
     """Check a recording, and fit every method that is valid for it.
 
-    Each method is fitted to the first half and scored on the second; options to be selected are selected within the
-    first half. Then it is fitted to the whole with the same options. The residual is tested within the pass band, for
-    whiteness and for correlation with the position, or in closed loop with the position that the reference explains.
+    Each method is fitted to the first half and scored on the second, if the half is long enough; options to be selected
+    are selected within the first half. Then it is fitted to the whole with the same options. The residual is tested
+    within the pass band, for whiteness and for correlation with the position, or with the position that the reference
+    explains where feedback is not excluded. A method that fails has the reason in its row; the others are not affected.
 
     Parameters
     ----------
@@ -76,6 +89,13 @@ def analyse(
     -------
     Analysis
 
+    Raises
+    ------
+    DataError
+        If a trial is not valid.
+    ValueError, TypeError
+        For a method or an option that does not exist, or a value out of its range.
+
     Examples
     --------
     >>> from ankleloop.simulation.simulate import simulate
@@ -84,27 +104,79 @@ def analyse(
     [['riv', True], ['PI-MOESP', False]]
     """
     trials = [trial] if isinstance(trial, (xr.Dataset, PreparedTrial)) else list(trial)
-    merged = len(trials) > 1
-    options: dict[str, Any] = {"reference": reference, **_largest_options(methods)}
-    check = check_merged_trials(trials, **options) if merged else check_trial(trials[0], **options)
+    for specification in methods.values():
+        _check_options(specification)
+    check = check_trial(trials, reference=reference, **_largest_options(methods))
     if check.verdict == "refused":
         return Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": " ".join(check.reasons)}]))
     prepared = [prepare(part) for part in trials]
-    longest = int(np.argmax([part.samples("time").size for part in prepared]))
-    records, residuals, rows = {}, {}, []
+    results: dict[str, _Result] = {}
+    rows = []
     for label, specification in methods.items():
         row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": specification["method"]}
-        reason = _reason_against(check, specification, merged)
+        reason = _reason_against(check, specification, len(trials) > 1)
         if reason is None:
             try:
-                estimates, scores = _fit(prepared, specification)
-                test = _test_residual(prepared[longest], estimates[longest], check.loop, reference)
-                row |= {"valid": True, **scores, **_test_columns(test), **parameter_row(prepared[0], estimates[0])}
-                records[label], residuals[label] = estimates, test
+                results[label] = _analyse_method(prepared, specification, check, reference)
+                row |= {"valid": True, **results[label].row}
             except DataError as error:
                 reason = str(error)
-        rows.append(row if reason is None else row | {"valid": False, "warnings": reason})
-    return Analysis(check, records, residuals, pd.DataFrame(rows))
+            except NUMERICAL_ERRORS as error:
+                log.warning("%s failed", label, exc_info=True)
+                reason = f"it failed numerically ({type(error).__name__}: {error})"
+        rows.append(row if reason is None else row | {"valid": False, "trusted": False, "warnings": reason})
+    return Analysis(
+        check,
+        records={label: result.estimates for label, result in results.items()},
+        residuals={label: result.residual for label, result in results.items()},
+        table=pd.DataFrame(rows),
+        unseen={label: result.unseen for label, result in results.items() if result.unseen},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Result:
+    """What one method gives: estimates of the trials, test of the residual, unseen torque, row of the table."""
+
+    estimates: list[Estimate]
+    residual: ResidualTest
+    unseen: list[UnseenTorque]
+    row: dict[str, Any]
+
+
+def _analyse_method(
+    trials: list[PreparedTrial], specification: Mapping[str, Any], check: Check, reference: str
+) -> _Result:
+    """Fit a method to the halves and to the whole, score it, and test its residual."""
+    estimates, unseen, scores = _fit(trials, specification)
+    longest = int(np.argmax([part.samples("time").size for part in trials]))
+    test = _test_residual(trials[longest], estimates[longest], check.instrumental, reference)
+    row = {**scores, **_test_columns(test), **parameter_row(trials[0], estimates[0])}
+    warnings = [text for text in (row["warnings"], *_physical_warnings(estimates[0])) if text]
+    if warnings:  # the covariance belongs to a solution that was not reached, or to another model
+        withheld = {f"{name}_{end}" for name in estimates[0].intervals for end in ("low", "high")} | {"intervals"}
+        row = {name: value for name, value in row.items() if name not in withheld}
+    row |= {"warnings": " ".join(warnings), "trusted": not warnings}
+    row["caution"] = caution(specification["method"], check.loop, check.reference)
+    return _Result(estimates, test, unseen, row)
+
+
+def _physical_warnings(estimate: Estimate) -> list[str]:
+    """Parameters that no joint has: below zero, with all of their interval."""
+    return [
+        f"{name} = {value:.3g} {QUANTITIES[name].unit} is negative, which no joint has."
+        for name, value in estimate.stiffness.items()
+        if max(value, estimate.intervals.get(name, (value, value))[1]) < 0
+    ]
+
+
+def _check_options(specification: Mapping[str, Any]) -> None:
+    """Refuse options that the method does not have, before anything is fitted."""
+    method, options = find_method(specification["method"]), specification.get("options", {})
+    method.options.parse(f"method {method.name!r}", **options)
+    for name, candidates in (specification.get("select") or {}).items():
+        for value in candidates:
+            method.options.parse(f"method {method.name!r}", **{**options, name: value})
 
 
 def _largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, int]:
@@ -121,38 +193,38 @@ def _reason_against(check: Check, specification: Mapping[str, Any], merged: bool
     """Why a method is not valid for this recording; None if it is valid."""
     method, options = specification["method"], specification.get("options", {})
     if merged and not find_method(method).merges:
-        return "identifies one trial at a time: it does not merge them"
-    if method not in check.methods:
-        return f"not valid in a loop that is {check.loop}"
-    required = check.methods[method]
-    position = options.get("reference") == "position"
-    if check.loop == "undecided" and required.get("reference") == "position" and not position:
-        return "needs a reference: with reference='position' it is valid if the loop is open"
-    if "input_matrices" in required and options.get("input_matrices") != required["input_matrices"]:
-        return "least squares for B and D is biased in closed loop: input_matrices='instruments'"
-    if check.loop == "closed" and position:
-        return "the position is no reference in closed loop"
-    return None
+        return "it identifies one trial at a time, and does not merge them"
+    return reason_against(method, options, loop=check.loop, reference=check.reference, path_bias=check.path_bias)
 
 
-def _fit(trials: list[PreparedTrial], specification: Mapping[str, Any]) -> tuple[list[Estimate], dict[str, Any]]:
-    """Estimates of the whole, and VAFs of the whole and of the half that was not fitted."""
+def _fit(
+    trials: list[PreparedTrial], specification: Mapping[str, Any]
+) -> tuple[list[Estimate], list[UnseenTorque], dict[str, Any]]:
+    """Estimates of the whole, what the fit to one half leaves of the other, and the scores of both."""
     method, options, select = (
         specification["method"],
         specification.get("options", {}),
         specification.get("select") or None,
     )
     first, second = _split_halves(trials)
-    half = _identify_all(first, method, select=select, criterion=specification.get("criterion"), **options)
-    chosen = half[0].diagnostics["selection"]["chosen"] if select else {}
-    whole = _identify_all(trials, method, **options, **chosen)
-    scores: dict[str, Any] = {"selected": ", ".join(f"{name} {value}" for name, value in chosen.items())}
+    unseen: list[UnseenTorque] = []
+    scores: dict[str, Any] = {"vaf_unseen": np.nan, "selected": ""}
+    chosen: dict[str, Any] = {}
     try:
-        scores |= _score([(part, half[0].predict(part)) for part in second], {"net": "vaf_unseen"})
+        half = _identify_all(first, method, select=select, criterion=specification.get("criterion"), **options)
+        chosen = half[0].diagnostics["selection"]["chosen"] if select else {}
+        scores["selected"] = ", ".join(f"{name} {value}" for name, value in chosen.items())
+        scores["unseen_warnings"] = " ".join(half[0].diagnostics.get("warnings", ()))
+        predictions = [(part, half[0].predict(part)) for part in second]
+        scores |= _score(predictions, {"net": "vaf_unseen"})
+        unseen = [unseen_torque(*prediction) for prediction in predictions]
     except DataError as error:
-        scores |= {"vaf_unseen": np.nan, "unseen_error": str(error)}
+        if select and not chosen:  # without a choice there are no options to fit the whole with
+            raise
+        scores["unseen_warnings"] = f"there is none: {error}"
+    whole = _identify_all(trials, method, **options, **chosen)
     columns = {torque: f"vaf_{torque}" for torque in TORQUES}
-    return whole, scores | _score(zip(trials, whole, strict=True), columns)
+    return whole, unseen, scores | _score(zip(trials, whole, strict=True), columns)
 
 
 def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], list[PreparedTrial]]:
@@ -185,11 +257,11 @@ def _score(pairs: Iterable[tuple[PreparedTrial, Estimate]], columns: Mapping[str
     return scores
 
 
-def _test_residual(trial: PreparedTrial, estimate: Estimate, loop: str, reference: str) -> ResidualTest:
-    """Test the residual against the position, or in closed loop against the part that the reference explains."""
+def _test_residual(trial: PreparedTrial, estimate: Estimate, instrumental: bool, reference: str) -> ResidualTest:
+    """Test the residual against the position, or unless the loop is open against what the reference explains of it."""
     time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
     residual = trial.channel_at("torque", time, rate) - estimate.torque["net"].values
-    if loop != "closed":
+    if not instrumental:
         return residual_test(residual, trial.channel_at("position", time, rate), rate)
     regressors = trial.regressors(
         delay=estimate.reflex["delay"], basis="rectifier", identification_rate=rate, reference=reference

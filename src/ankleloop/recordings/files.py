@@ -11,17 +11,18 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from ankleloop.errors import DataError
+from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.recordings.analysis import Analysis, analyse
 from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.export import export_estimate
+from ankleloop.recordings.recommendation import recommend
 from ankleloop.records.drift import remove_drift
 from ankleloop.records.readers import read_trial
 from ankleloop.records.reading_options import ReadingOptions
 from ankleloop.records.trial import segment
 
-__all__ = ["analyse_files", "export_estimates", "load_recording", "tabulate_analysis"]
+__all__ = ["analyse_files", "export_estimates", "load_recording", "refuse_recording", "tabulate_analysis"]
 
 SUFFIXES = (".nc", ".mat", ".csv")
 GROUPS = ("subject", "condition", "trial")
@@ -93,10 +94,34 @@ def analyse_files(
     try:
         trials = [load_recording(path, mapping) for path, mapping in zip(paths, mappings, strict=True)]
         return trials, analyse(trials, methods)
-    except DataError as error:
-        log.info("refused: %s", error)
-        check = Check([Finding("file", "refused", str(error))], "undecided", {})
-        return [], Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": str(error)}]))
+    except NUMERICAL_ERRORS as error:
+        return [], refuse_recording(error)
+
+
+def refuse_recording(error: Exception) -> Analysis:
+    """Analysis of a recording that cannot be used.
+
+    Parameters
+    ----------
+    error : Exception
+        What is wrong with it: a `DataError` says it in words; other errors are those of a numerical routine.
+
+    Returns
+    -------
+    Analysis
+        One that is refused, with the reason.
+
+    Examples
+    --------
+    >>> refuse_recording(FloatingPointError("overflow")).check.reasons
+    ['the analysis failed numerically (FloatingPointError: overflow).']
+    """
+    log.warning("refused", exc_info=error)
+    reason = str(error)
+    if not isinstance(error, DataError):
+        reason = f"the analysis failed numerically ({type(error).__name__}: {error})."
+    check = Check([Finding("file", "refused", reason)], "undecided", {})
+    return Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": reason}]))
 
 
 def tabulate_analysis(
@@ -118,11 +143,18 @@ def tabulate_analysis(
     Returns
     -------
     pandas.DataFrame
-        `recording`, `subject`, `condition`, `trial`, the columns of `Analysis.table`, and `key`, that of the method.
+        `recording`, `subject`, `condition`, `trial`, the columns of `Analysis.table`, `key`, that of the method,
+        `recommended`, whether it is the method to take, and `recommendation`, the text of that.
     """
+    recommendation = recommend(analysis)
     labels = analysis.table.get("label", pd.Series(index=analysis.table.index, dtype=object))
     groups = {"recording": name, **{group: mapping[group] for group in GROUPS}}
-    table = analysis.table.assign(**groups, key=labels.map(keys))
+    table = analysis.table.assign(
+        **groups,
+        key=labels.map(keys),
+        recommended=labels.eq(recommendation.label) & labels.notna(),
+        recommendation=recommendation.text,
+    )
     return table[[*groups, *[column for column in table if column not in groups]]]
 
 

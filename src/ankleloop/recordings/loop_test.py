@@ -1,22 +1,30 @@
-"""Does the torque feed back on the position? A test for closed loop from a record with its reference."""
+"""Does the torque feed back on the position, and by how much could that bias K? A test for closed loop."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
 
-from ankleloop.joint.reference_response import remove_response
+from ankleloop.errors import DataError
+from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
+from ankleloop.recordings.path_correlation import stiffness_beside_reflex
+from ankleloop.recordings.reference_projection import ReferenceProjection, project_on_reference
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import segment_spectra
 
-__all__ = ["FeedbackTest", "feedback_test"]
+__all__ = ["LARGEST_BIAS", "FeedbackTest", "feedback_test"]
 
 SEGMENT = 2.0  # s
+FEWEST = 4  # segments: with fewer, nothing but a very strong coherence would be seen
 BAND = (0.5, 20.0)  # Hz
 APART = 3  # bins between which the values of a Hann window are independent
 LEVEL = 0.01
+LARGEST_BIAS = 2.0  # % of K: the scatter of K in a record of a minute (95 % interval of riv) hides a smaller bias
+MOTION = len(INTRINSIC_NAMES)
 
 
 @dataclass(frozen=True)
@@ -25,18 +33,21 @@ class FeedbackTest:
 
     Parameters
     ----------
-    loop : {"closed", "open"}
-        The verdict.
+    loop : {"closed", "open", "undecided"}
+        The outcome.
     p_value : float
-        Probability of such a coherence if the residuals of position and torque, beside their response to the reference,
-        were unrelated.
+        Probability of such a coherence if torque did not move the joint.
     coherence : float
-        Mean squared coherence of the two residuals.
+        Mean squared coherence of the movement that the reference does not explain with the torque that the movement
+        does not explain.
     work : float
-        Between −1 and 1: positive if the residual torque does work on the load, as it must on a passive load that
-        gives way; negative if the residual movement does work on the joint.
+        Between −1 and 1: positive if that torque does work on the load, as it must on a passive load that gives way.
     residual_share : float
         Share of the position's variance that is in its residual.
+    bias, margin : float
+        Bias of K by least squares that feedback causes, and the half width of its 98 % interval [% of K].
+    duration : float
+        Length of the segments that were tested [s].
     """
 
     loop: str
@@ -44,28 +55,75 @@ class FeedbackTest:
     coherence: float
     work: float
     residual_share: float
+    bias: float
+    margin: float
+    duration: float
+
+    @property
+    def coherent(self) -> bool:
+        """Whether the two residuals are related."""
+        return self.p_value < LEVEL
+
+    @property
+    def limit(self) -> float:
+        """Upper 99 % confidence limit of the magnitude of the bias [% of K]."""
+        return abs(self.bias) + self.margin
+
+    @property
+    def sufficient_duration(self) -> float:
+        """Length of segments for which the margin would be half of the largest bias that does not matter [s]."""
+        return self.duration * (2.0 * self.margin / LARGEST_BIAS) ** 2
 
 
-def feedback_test(position: np.ndarray, torque: np.ndarray, reference: np.ndarray, rate: float) -> FeedbackTest:
-    r"""Test whether torque that the reference does not explain moves the joint.
+def feedback_test(records: Sequence[Regressors]) -> FeedbackTest:
+    r"""Test whether torque that the reference does not explain moves the joint, and how much that matters for K.
 
-    The response to leads and lags of the reference is removed from both signals. In open loop the residual of the
-    position is not related to that of the torque, unless a servo does not follow its command: then the torque follows
-    the position, and the servo does work on the joint. Against a compliant load the position gives way, e_P = −H e_T,
-    and the torque does work on the load. The squared coherence of n segments, if there is none, has a known
-    distribution at each frequency, whatever the spectra are:
+    **Detection.** The response to leads and lags of the reference is removed from position and torque, which leaves e_P
+    and e_T. What the joint answers to e_P, by the response Q that it has to the reference, is removed from the torque
+    as well, which leaves n = e_T − Q e_P: voluntary torque and noise. A servo that does not follow its command moves
+    the joint, and n is not related to that movement. Against a compliant load the joint gives way to n, e_P = −F n, and
+    n does work on the load. The squared coherence of m segments, if there is none, has a known distribution at each
+    frequency, whatever the spectra are:
 
-    .. math:: -2 (n - 1) \ln(1 - C^2) \sim \chi^2_2 .
+    .. math:: -2 (m - 1) \ln(1 - C^2) \sim \chi^2_2 .
 
     Its sum over independent frequencies between 0.5 and 20 Hz is the statistic. The sign of the cross spectrum of
-    velocity and torque, which is power, shows which of the two moves the other.
+    velocity and n is that of the power.
+
+    **Size.** That no feedback was detected does not exclude it. What it can do is therefore bounded. Write the torque
+    as TQ = φ'θ + n with φ = [P, Ṗ, P̈] and θ = [K, B, I]. With H the load and Q the joint, the movement that the
+    reference does not explain is
+
+    .. math:: e_P = -F n + w, \qquad F = \frac{H}{1 + H Q},
+
+    and w what else moves the joint, unrelated to n. Least squares then has the bias
+
+    .. math:: \hat\theta_{LS} - \theta \to E[\varphi\varphi']^{-1} E[e_\varphi n], \qquad
+              \text{for K alone} \quad \frac{\mathrm{cov}(e_P, n)}{\mathrm{var}(P)} .
+
+    The part φ_r = Πφ that leads and lags of the reference explain is unrelated to n, so two-stage least squares,
+    (φ'Πφ)⁻¹ φ'Π TQ, does not have it. The difference of both estimates measures the bias (Hausman 1978). It is linear
+    in n, with weights a that vanish where nothing but the reference moves the joint:
+
+    .. math:: d = \sum_t a_t n_t, \qquad
+              a = [(\varphi'\varphi)^{-1} \varphi' - (\varphi'\Pi\varphi)^{-1} \varphi'\Pi]_K .
+
+    So a stiff servo can be recognised in a short record, and a weak feedback needs a long one. The variance of d comes
+    from the sums of a·n over segments, its margin from Student's distribution. The response to the reference also fits
+    a part of e_P; d and its margin are divided by the share that it leaves. Both are given in per cent of K, which is
+    that of least squares with the reflex as a finite response, less d.
+
+    Noise of the position contributes to d as well: it, too, biases least squares.
+
+    **Outcome.** Closed, if the coherence is significant (1 %) and the torque does work on the load. Otherwise open, if
+    the upper limit of the bias is below 2 %, and undecided if it is not. The limit is for K; in per cent, the same
+    feedback can bias B several times as much.
 
     Parameters
     ----------
-    position, torque, reference : ndarray, shape (N,)
-        Signals at the identification rate, decimated alike; a stretch is opposed by a positive torque.
-    rate : float
-        Identification rate [Hz].
+    records : sequence of Regressors
+        Records of one joint at one identification rate, with reference and rectified velocity (basis "rectifier"); a
+        stretch is opposed by a positive torque. Several records are tested together.
 
     Returns
     -------
@@ -74,34 +132,95 @@ def feedback_test(position: np.ndarray, torque: np.ndarray, reference: np.ndarra
     Raises
     ------
     DataError
-        If the record is too short for the response to the reference.
+        If there are too few segments.
+
+    References
+    ----------
+    J. A. Hausman, "Specification tests in econometrics", Econometrica 46(6), 1251-1271, 1978.
 
     Examples
     --------
-    >>> rng = np.random.default_rng(1)
-    >>> r, v = rng.standard_normal((2, 5000))
-    >>> moved = np.cumsum(v - v.mean()) / 100
-    >>> feedback_test(r - moved, v, r, 100.0).loop, feedback_test(r, v, r, 100.0).loop
-    ('closed', 'open')
+    >>> from ankleloop.joint.prepared import prepare
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> options = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0, "reference": "reference"}
+    >>> trials = [simulate(seed=1, duration=30.0, closed_loop=closed) for closed in (True, False)]
+    >>> [feedback_test([prepare(trial).regressors(**options)]).loop for trial in trials]
+    ['closed', 'open']
     """
-    residuals = [remove_response(signal, reference, rate) for signal in (position, torque)]
+    rate = records[0].rate
+    channels = [np.column_stack([record.inputs[:, :MOTION], record.torque]) for record in records]
+    projection = project_on_reference(records, channels)
     length = round(SEGMENT * rate)
-    spectra = [segment_spectra(residual, length, length) for residual in residuals]
+    segments = sum(len(part) // length for part in projection.signals)
+    if segments < FEWEST:
+        lost = projection.rows / rate - segments * SEGMENT
+        raise DataError(
+            f"beside the response to the reference there are {segments} segments of {SEGMENT:g} s, and the test needs "
+            f"{FEWEST}: record {(FEWEST - segments) * SEGMENT - lost:.2g} s more."
+        )
+    p_value, coherence, work = _test_coherence(projection, length, rate)
+    difference, margin = _bound_bias(projection, length)
+    scale = 100.0 / abs(stiffness_beside_reflex(records) - difference)
+    bias, margin = difference * scale, margin * scale
+    position, residual = (np.concatenate(parts)[:, 0] for parts in (projection.signals, projection.residuals))
+    closed = p_value < LEVEL and work > 0
+    return FeedbackTest(
+        loop="closed" if closed else "open" if abs(bias) + margin < LARGEST_BIAS else "undecided",
+        p_value=p_value,
+        coherence=coherence,
+        work=work,
+        residual_share=float(np.sum(residual**2) / np.sum(position**2)),
+        bias=bias,
+        margin=margin,
+        duration=segments * SEGMENT,
+    )
+
+
+def _test_coherence(projection: ReferenceProjection, length: int, rate: float) -> tuple[float, float, float]:
+    """Probability of the coherence if the residuals were unrelated, its mean, and the sign of the power."""
     frequency = np.fft.rfftfreq(length, 1.0 / rate)
     bins = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], PASSBAND * rate)))[::APART]
-    P, T = (spectrum[:, bins] for spectrum in spectra)
-    cross = np.sum(P * T.conj(), axis=0)
-    power = np.sum(np.abs(P) ** 2, axis=0) * np.sum(np.abs(T) ** 2, axis=0)
-    coherence = np.minimum(np.abs(cross) ** 2 / np.maximum(power, np.finfo(float).tiny), 1.0 - 1e-12)
-    statistic = -2.0 * (len(P) - 1) * np.sum(np.log1p(-coherence))
-    p_value = float(special.chdtrc(2 * bins.size, statistic))
+
+    def transform(parts: Sequence[np.ndarray], channel: int) -> np.ndarray:
+        long_enough = [part[:, channel] for part in parts if len(part) >= length]
+        return np.concatenate([segment_spectra(part, length, length)[:, bins] for part in long_enough])
+
+    signals, residuals = projection.signals, projection.residuals
+    P, T = (transform(residuals, channel) for channel in (0, MOTION))
+    explained_P, explained_T = (transform(signals, channel) for channel in (0, MOTION))
+    explained_P, explained_T = explained_P - P, explained_T - T
+    tiny = np.finfo(float).tiny
+    explained_power = np.maximum(np.sum(np.abs(explained_P) ** 2, axis=0), tiny)
+    joint = np.sum(explained_T * explained_P.conj(), axis=0) / explained_power
+    N = T - joint * P
+    power_P, power_N = (np.maximum(np.sum(np.abs(x) ** 2, axis=0), tiny) for x in (P, N))
+    cross = np.sum(P * N.conj(), axis=0)
+    # The response of the joint is itself an estimate, which adds to the scatter of the cross spectrum.
+    coherence = np.abs(cross) ** 2 / (power_P * power_N) / (1.0 + power_P / explained_power)
+    # The response to the reference takes its share of the independent segments.
+    statistic = -2.0 * (len(P) * projection.shrinkage - 1.0) * np.sum(np.log1p(-np.minimum(coherence, 1.0 - 1e-12)))
     # Velocity leads position by a quarter of a period; its product with the torque is power.
-    work_sign = np.real(1j * cross) / np.maximum(np.abs(cross), np.finfo(float).tiny)
+    work_sign = np.real(1j * cross) / np.maximum(np.abs(cross), tiny)
     work = float(-np.sum(coherence * work_sign) / np.sum(coherence))
-    return FeedbackTest(
-        loop="closed" if p_value < LEVEL and work > 0 else "open",
-        p_value=p_value,
-        coherence=float(coherence.mean()),
-        work=work,
-        residual_share=float(np.var(residuals[0]) / np.var(position)),
-    )
+    return float(special.chdtrc(2 * bins.size, statistic)), float(coherence.mean()), work
+
+
+def _bound_bias(projection: ReferenceProjection, length: int) -> tuple[float, float]:
+    """Least squares less two-stage least squares for K, and the half width of its 98 % interval [N·m/rad]."""
+    signals, residuals = (np.concatenate(parts) for parts in (projection.signals, projection.residuals))
+    scale = signals[:, :MOTION].std(axis=0)
+    motion, torque = signals[:, :MOTION] / scale, signals[:, MOTION]
+    explained = motion - residuals[:, :MOTION] / scale
+    weights = np.linalg.solve(motion.T @ motion, motion.T)
+    instrumental = np.linalg.solve(explained.T @ motion, explained.T)
+    influence = (weights - instrumental)[0] / scale[0]
+    terms = influence * (torque - motion @ (instrumental @ torque))
+    bounds = np.cumsum([0, *map(len, projection.signals)])
+    sums = [
+        terms[start : start + length].sum()
+        for first, last in itertools.pairwise(bounds)
+        for start in range(first, last - length + 1, length)
+    ]
+    variance = np.var(sums, ddof=1) * projection.rows / length
+    margin = special.stdtrit(len(sums) - 1, 1.0 - LEVEL) * np.sqrt(variance)
+    return float(terms.sum() / projection.shrinkage), float(margin / projection.shrinkage)

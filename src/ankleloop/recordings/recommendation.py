@@ -1,17 +1,30 @@
-"""Which method to take for a recording: the conclusion of its analysis, in one sentence."""
+"""Which method to take for a recording: the conclusion of its analysis, in sentences."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pandas as pd
 
+from ankleloop.errors import DataError
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import Analysis
+from ankleloop.recordings.comparison import VafDifference, compare_unseen
+from ankleloop.recordings.validity import VALIDITY
 
-__all__ = ["Recommendation", "format_with_interval", "recommend", "select_valid_methods"]
+__all__ = [
+    "Recommendation",
+    "format_with_interval",
+    "recommend",
+    "select_trusted_methods",
+    "select_valid_methods",
+]
 
-NO_CONCLUSION = "Nothing can be concluded from this recording."
+NO_CONCLUSION = "Nothing can be concluded from this recording"
+WIDEST = 5.0  # points of VAF: a difference that may be as large is not called equal
+PREFERENCE = list(VALIDITY)
 
 
 @dataclass(frozen=True)
@@ -27,7 +40,7 @@ class Recommendation:
     condition : str
         Condition under which the recommendation holds; empty if there is none.
     text : str
-        All of it in one sentence, with the stiffness.
+        All of it in sentences, with the stiffness.
     """
 
     label: str | None
@@ -37,10 +50,12 @@ class Recommendation:
 
 
 def recommend(analysis: Analysis) -> Recommendation:
-    """Recommend one of the methods that were fitted to a recording.
+    """Recommend one of the methods that were fitted to a recording without a warning.
 
-    In closed loop this is `riv` where it was fitted: torque that is fed back does not bias it. In open loop it is the
-    method with the largest VAF of the half that was not fitted.
+    Where feedback is there or is not excluded, and there is a reference, this is `riv`: torque that is fed back does
+    not bias it; the VAF of unseen data does not count there. In open loop it is the method with the largest VAF of the
+    half that was not fitted. Methods that no other one beats, by the 95 % interval of the paired difference of their
+    VAFs, are as good; of these the one with the fewest parameters is taken, `riv` first, which gives their intervals.
 
     Parameters
     ----------
@@ -59,22 +74,136 @@ def recommend(analysis: Analysis) -> Recommendation:
     >>> recommendation.label, recommendation.reason
     ('RIV', 'the loop is closed, and torque that is fed back does not bias it')
     """
-    valid = select_valid_methods(analysis.table)
+    valid, trusted = select_valid_methods(analysis.table), select_trusted_methods(analysis.table)
     if valid.empty:
-        return Recommendation(None, "no method was fitted", "", NO_CONCLUSION)
-    if analysis.check.loop == "closed":
-        riv = valid[valid["method"] == "riv"]
-        best = valid.iloc[0] if riv.empty else riv.iloc[0]
-        reason = "the loop is closed, and torque that is fed back does not bias it"
-    elif valid["vaf_unseen"].isna().all():
-        return Recommendation(None, "no method could be scored on the half that was not fitted", "", NO_CONCLUSION)
+        refused = analysis.check.verdict == "refused"
+        return _no_recommendation("it was refused" if refused else "no method is valid for it")
+    if trusted.empty:
+        return _no_recommendation(f"every method that was fitted has a warning ({', '.join(valid['label'])})")
+    if analysis.check.instrumental:
+        row, reason = _choose_by_reference(analysis, trusted)
     else:
-        best = valid.loc[valid["vaf_unseen"].idxmax()]
-        reason = f"it explains most of the half that was not fitted ({best['vaf_unseen']:.1f} %)"
-    condition = "If the loop was open" if analysis.check.loop == "undecided" else ""
-    stiffness = f"K = {format_with_interval(best, 'K')} {QUANTITIES['K'].unit}"
-    sentence = f"take {best['label']}: {reason}. {stiffness}."
-    return Recommendation(best["label"], reason, condition, f"{condition}: {sentence}" if condition else sentence)
+        comparable = _select_comparable(trusted)
+        if comparable.empty:
+            return _no_recommendation("no method without a warning could be scored on the half that was not fitted")
+        row, reason = _choose_by_vaf(analysis, comparable)
+    condition = "If the loop was open" if analysis.check.loop == "undecided" and not analysis.check.reference else ""
+    sentences = [
+        f"{condition}: take {row['label']}: {reason}" if condition else f"take {row['label']}: {reason}",
+        _describe_stiffness(row),
+        *_reservations(analysis, row),
+    ]
+    return Recommendation(row["label"], reason, condition, " ".join(f"{sentence}." for sentence in sentences))
+
+
+def _no_recommendation(reason: str) -> Recommendation:
+    return Recommendation(None, reason, "", f"{NO_CONCLUSION}: {reason}.")
+
+
+def _choose_by_reference(analysis: Analysis, trusted: pd.DataFrame) -> tuple[pd.Series, str]:
+    """The preferred method among those that rest on the reference, and the reason."""
+    row = _prefer(trusted)
+    loop = "the loop is closed" if analysis.check.loop == "closed" else "feedback is not excluded"
+    if row["method"] == "riv":
+        return row, f"{loop}, and torque that is fed back does not bias it"
+    riv = (
+        "riv has a warning" if "riv" in set(select_valid_methods(analysis.table)["method"]) else "there is no valid riv"
+    )
+    return row, f"{loop}, {riv}, and of the others this is the first in the order of preference"
+
+
+def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> tuple[pd.Series, str]:
+    """The method that explains most of the unseen half, or the preferred one of those that cannot be told from it."""
+    labels = list(comparable["label"])
+    differences = {pair: _compare(analysis, *pair) for pair in itertools.permutations(labels, 2)}
+    unbeaten = [
+        label
+        for label in labels
+        if not any((value := differences[other, label]) and value.low > 0 for other in labels if other != label)
+    ]
+    row = _prefer(comparable[comparable["label"].isin(unbeaten)])
+    others = {label: differences[label, row["label"]] for label in labels if label != row["label"]}
+    score = f"{row['vaf_unseen']:.1f} % of the half that was not fitted"
+    if not others:
+        return row, f"it is the only one that could be scored without a warning ({score})"
+    ties = {label: value for label, value in others.items() if value is None or not value.distinct}
+    if ties:
+        return row, _describe_ties(row, score, ties)
+    margin = min(-value.high for value in others.values() if value is not None)
+    return row, f"it explains most ({score}), by {margin:.2g} points or more (95 % confidence)"
+
+
+def _describe_ties(row: pd.Series, score: str, ties: Mapping[str, VafDifference | None]) -> str:
+    """Why a method is taken although others explain the unseen half as well, or may do so."""
+    equal, unclear = [], []
+    for label, value in ties.items():
+        if value is None or max(-value.low, value.high) > WIDEST:
+            unclear.append(label)
+        else:
+            equal.append(f"{label} ({value.low:+.2g} … {value.high:+.2g} points)")
+    if row["method"] == "riv":
+        rule = "it is the one whose parameters have intervals"
+    else:
+        rule = "it comes first from few parameters to many (riv, the MOESP family, the parallel cascade)"
+    parts = [f"of the methods that the data do not tell apart {rule}. It explains {score}"]
+    if equal:
+        text = "as good there, as far as the half can tell (95 % interval of their difference from it): "
+        parts.append(text + ", ".join(equal))
+    if unclear:
+        parts.append(f"against {', '.join(unclear)} this cannot be judged: the half is too short, or too irregular")
+    return "; ".join(parts)
+
+
+def _compare(analysis: Analysis, first: str, second: str) -> VafDifference | None:
+    """Difference of the VAFs of two methods on the unseen half; None if it cannot be judged."""
+    try:
+        return compare_unseen(analysis.unseen[first], analysis.unseen[second])
+    except (DataError, KeyError):
+        return None
+
+
+def _prefer(rows: pd.DataFrame) -> pd.Series:
+    """The method with the fewest parameters, without a caution if there is one; of equal ones the first."""
+    cautious = _texts(rows, "caution") != ""
+    return rows.loc[min(rows.index, key=lambda k: (cautious[k], PREFERENCE.index(rows.loc[k, "method"])))]
+
+
+def _describe_stiffness(row: pd.Series) -> str:
+    """K with its unit, its interval and the kind of the interval."""
+    text = f"K = {row['K']:.4g} {QUANTITIES['K'].unit}"
+    if pd.isna(row.get("K_low")):
+        return f"{text}, without an interval"
+    kind = row.get("intervals")
+    kind = f"{kind} " if isinstance(kind, str) else ""
+    return f"{text} ({kind}95 % interval {row['K_low']:.4g} … {row['K_high']:.4g})"
+
+
+def _reservations(analysis: Analysis, row: pd.Series) -> list[str]:
+    """What speaks against too much trust: caution, an incomplete model, methods that were left out."""
+    texts = []
+    if isinstance(row.get("caution"), str) and row["caution"]:
+        texts.append(f"Caution: {row['caution'].rstrip('.')}")
+    if row.get("residual_related") is True or row.get("residual_related") == 1:
+        texts.append("Its residual still depends on the movement, so its model is not complete")
+    valid, trusted = select_valid_methods(analysis.table), select_trusted_methods(analysis.table)
+    suspect = [label for label in valid["label"] if label not in set(trusted["label"])]
+    if suspect:
+        texts.append(f"Left out because of a warning: {', '.join(suspect)}")
+    comparable = trusted if analysis.check.instrumental else _select_comparable(trusted)
+    unscored = [label for label in trusted["label"] if label not in set(comparable["label"])]
+    if unscored:
+        texts.append(f"Not compared, for want of a score of the unseen half without a warning: {', '.join(unscored)}")
+    return texts
+
+
+def _select_comparable(trusted: pd.DataFrame) -> pd.DataFrame:
+    """Methods whose fit to the first half has no warning either, and a score of the second."""
+    return trusted[trusted["vaf_unseen"].notna() & (_texts(trusted, "unseen_warnings") == "")]
+
+
+def _texts(table: pd.DataFrame, column: str) -> pd.Series:
+    """A column of texts; empty where there is none."""
+    return table[column].fillna("") if column in table else pd.Series("", index=table.index)
 
 
 def select_valid_methods(table: pd.DataFrame) -> pd.DataFrame:
@@ -90,7 +219,23 @@ def select_valid_methods(table: pd.DataFrame) -> pd.DataFrame:
     pandas.DataFrame
         The rows whose method is valid for the recording.
     """
-    return table[table["valid"].astype(bool)] if "valid" in table else table.iloc[:0]
+    return table[table["valid"].eq(True)] if "valid" in table else table.iloc[:0]
+
+
+def select_trusted_methods(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the methods that were fitted without a warning.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        `Analysis.table`, or those of several recordings.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The rows whose method is valid for the recording, and whose estimate has no warning.
+    """
+    return table[table["trusted"].eq(True)] if "trusted" in table else table.iloc[:0]
 
 
 def format_with_interval(row: pd.Series, name: str) -> str:

@@ -1,6 +1,7 @@
 """Pages hold all results of a recording, need no other files, and escape every text."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pandas as pd
@@ -143,7 +144,25 @@ def test_recording_page_has_the_reason_why_a_method_is_not_valid(recording):
     _, analysis = recording
     page = check_page(render_recording_page("A1", mapping(), analysis, recommend(analysis), placeholder_figures()))
     reason = page.texts[page.texts.index(f"PI-MOESP {HOSTILE}:") + 1]
-    assert reason == "not valid in a loop that is closed"
+    assert reason.startswith("not fitted: least squares for B and D is biased in closed loop")
+
+
+def test_recording_page_marks_what_is_not_to_be_trusted(recording):
+    """A method with a warning is marked in every place, has no intervals, and is not recommended."""
+    trial, analysis = recording
+    table = analysis.table.drop(columns=[name for name in analysis.table if name.endswith(("_low", "_high"))])
+    table.loc[0, ["trusted", "warnings", "caution"]] = [False, "not converged.", "its poles are biased."]
+    suspect = replace(analysis, table=table)
+    figures = embed_recording_figures(trial, suspect, start=3.0, length=4.0)
+    page = check_page(render_recording_page("A1", mapping(), suspect, recommend(suspect), figures))
+    label = f"riv {HOSTILE}"
+    assert f"{label} (warning)" in page.texts
+    assert f"{label} (warning):" in page.texts  # of its residual
+    remarks = [page.texts[k + 1] for k, text in enumerate(page.texts) if text == f"{label}:"]
+    assert remarks == ["warning: not converged.", "caution: its poles are biased."]
+    assert page.texts[page.texts.index(QUANTITIES["K"].label) + 1] == f"{table.loc[0, 'K']:.4g}"
+    assert any("every method that was fitted has a warning" in text for text in page.texts)
+    assert figures["models"] != embed_recording_figures(trial, analysis, start=3.0, length=4.0)["models"]
 
 
 def test_recording_page_escapes_every_text(recording):

@@ -50,7 +50,21 @@ def test_impulse_responses_take_the_place_of_the_phase():
     assert len(response.get_lines()) == 1  # of the parallel cascade
     samples = reflex.get_lines()[-1].get_ydata()
     np.testing.assert_allclose(samples, 1.0 / 10.0 / 0.01)  # of unit gain
-    assert len(samples) == 40  # none after 0.4 s
+    assert len(samples) == 40  # none later than 0.4 s after the delay
+
+
+def test_reflex_responses_begin_after_the_delay_of_their_estimate():
+    """Methods with different delays are compared at the same time after the movement."""
+    slow = estimate(reflex_lags=np.arange(60) / 100, reflex_response=np.ones(60))
+    slow.reflex["delay"] = 0.07
+    figure = model_figure({"riv": slow, "PI-MOESP": estimate()})
+    reflex = figure.axes[3]
+    assert reflex.get_xlabel() == "time after the movement [s]"
+    starts = [line.get_xdata()[0] for line in reflex.get_lines()]
+    assert starts == [0.07, 0.07, 0.04]
+    peaks = [line.get_xdata()[np.argmax(line.get_ydata())] for line in (reflex.get_lines()[0], reflex.get_lines()[2])]
+    assert peaks[0] - peaks[1] == pytest.approx(0.03)
+    assert peaks[1] == pytest.approx(0.04 + 1 / 40.0, abs=2e-3)  # of a critically damped low-pass, at 1 / ωn
 
 
 def test_residuals_have_a_limit_for_correlations():
@@ -82,3 +96,21 @@ def test_group_has_points_and_a_line_through_the_means_of_a_subject():
     assert means.get_xdata() == pytest.approx([-0.06, 0.94])  # beside those of the other subject
     assert all(line.get_xdata().size == 0 for line in second_subject)  # without a value
     assert legend(figure) == ["S1", "S2"]
+
+
+def test_estimates_with_a_warning_are_crosses_and_not_in_the_mean():
+    table = pd.DataFrame(
+        {
+            "label": "riv",
+            "subject": "S1",
+            "condition": "rest",
+            "K": [100.0, 120.0, 900.0],
+            "trusted": [True, True, False],
+        }
+    )
+    figure = group_figure(table, ["K"])
+    points, means, crosses = figure.axes[0].get_lines()
+    assert points.get_ydata().tolist() == [100.0, 120.0]
+    assert means.get_ydata().tolist() == [110.0]
+    assert (crosses.get_marker(), crosses.get_ydata().tolist()) == ("x", [900.0])
+    assert legend(figure) == ["S1", "with a warning"]

@@ -5,6 +5,7 @@ from scipy import stats
 
 from ankleloop.plotting.studies import (
     curves_figure,
+    estimates_figure,
     interval_figure,
     map_figure,
     order_figure,
@@ -138,3 +139,29 @@ def test_intervals_that_miss_the_truth_have_another_colour():
     assert hits.lines[0].get_xydata().tolist() == [[1.0, 150.0]]
     assert misses.lines[0].get_xydata().tolist() == [[2.0, 160.0]]
     assert hits.lines[0].get_color() != misses.lines[0].get_color()
+
+
+def test_estimates_have_a_row_for_each_condition_and_open_symbols_beyond_the_limits():
+    table = pd.DataFrame(
+        {
+            "panel": "K",
+            "row": ["complete", "complete", "rank policy", "rank policy"],
+            "series": ["PR-MOESP", "EIV-MOESP"] * 2,
+            "value": [2.0, 3.0, 4.0, 200.0],
+            "margin": [0.5, np.nan, 1.0, 50.0],
+        }
+    )
+    figure = estimates_figure(table, {"K": ("error of K [%]", 0.0, (-10.0, 20.0))})
+    axis = figure.axes[0]
+    assert legend(figure) == ["PR-MOESP", "EIV-MOESP", "true value"]
+    assert [label.get_text() for label in axis.get_yticklabels()] == ["complete", "rank policy"]
+    markers = [line for line in axis.get_lines() if line.get_marker() not in (None, "None", "")]
+    first, _, inside, beyond = markers
+    np.testing.assert_allclose(first.get_xdata(), [2.0, 4.0])
+    np.testing.assert_allclose(inside.get_xdata(), [3.0, np.nan])
+    np.testing.assert_allclose(beyond.get_xdata(), [np.nan, 20.0])
+    assert beyond.get_markerfacecolor() == "white"
+    assert first.get_ydata() == pytest.approx([-0.08, 0.92])
+    ends = [segment[:, 0].tolist() for segment in axis.collections[0].get_segments()]
+    assert ends == [[1.5, 2.5], [3.0, 5.0]]
+    assert axis.get_xlim() == (-10.0, 20.0)

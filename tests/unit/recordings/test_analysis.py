@@ -1,12 +1,16 @@
 """Analysis of a recording: valid methods only, scored on data that were not fitted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop import evaluate, identify, segment, simulate
+from ankleloop import DataError, evaluate, identify, segment, simulate
+from ankleloop.methods import registry
 from ankleloop.plotting.recordings import group_figure, model_figure, residual_figure, spectra_figure
 from ankleloop.recordings.analysis import analyse
+from ankleloop.recordings.recommendation import recommend
 
 METHODS = {
     "riv": {"method": "riv"},
@@ -90,6 +94,93 @@ def test_short_trials_are_merged():
     assert "trial 8 of 8" in " ".join(refused.check.reasons)
 
 
+def test_merged_closed_loop_trials_rest_on_the_reference():
+    trials = [simulate(seed=seed, duration=6.0) for seed in range(6)]
+    instruments = {"basis": "rectifier", "input_matrices": "instruments"}
+    analysis = analyse(trials, {"PR": {"method": "pr-moesp", "options": instruments}, "PI": METHODS["PI"]})
+    table = analysis.table.set_index("label")
+    assert table["loop"].tolist() == ["closed", "closed"]
+    assert table["valid"].tolist() == [True, False]
+    assert "poles" in table.loc["PR", "caution"]
+    assert recommend(analysis).label == "PR"
+
+
+def patch_method(monkeypatch, name, error):
+    """Let a method fail, as linear algebra does on data that it cannot use."""
+
+    def fail(trial, options):
+        raise error
+
+    methods = dict(registry.METHODS)
+    methods[name] = replace(methods[name], identify=fail)
+    monkeypatch.setattr(registry, "METHODS", methods)
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (np.linalg.LinAlgError("SVD did not converge"), "(LinAlgError: SVD did not converge)"),
+        (ValueError("array must not contain infs"), "(ValueError: array must not contain infs)"),
+        (FloatingPointError("overflow"), "(FloatingPointError: overflow)"),
+        (DataError("too short"), "too short"),
+    ],
+)
+def test_a_method_that_fails_does_not_stop_the_others(monkeypatch, error, text):
+    patch_method(monkeypatch, "riv", error)
+    analysis = analyse(simulate(seed=1, duration=20.0, closed_loop=False), {"riv": METHODS["riv"], "PR": METHODS["PR"]})
+    table = analysis.table.set_index("label")
+    assert table["valid"].tolist() == [False, True]
+    assert text in table.loc["riv", "warnings"]
+    assert list(analysis.estimates) == ["PR"]
+    assert recommend(analysis).label == "PR"
+
+
+def test_a_wrong_option_is_an_error_before_anything_is_fitted():
+    trial = simulate(seed=1, duration=20.0)
+    with pytest.raises(ValueError, match="order"):
+        analyse(trial, {"riv": {"method": "riv", "options": {"order": 7}}})
+    with pytest.raises(ValueError, match="order"):
+        analyse(trial, {"riv": {"method": "riv", "select": {"order": [2, 7]}}})
+    with pytest.raises(TypeError, match="colour"):
+        analyse(trial, {"riv": {"method": "riv", "options": {"colour": 1}}})
+
+
+def patch_estimate(monkeypatch, name, change):
+    methods = dict(registry.METHODS)
+    identified = methods[name].identify
+    methods[name] = replace(methods[name], identify=lambda trial, options: change(identified(trial, options)))
+    monkeypatch.setattr(registry, "METHODS", methods)
+
+
+def add_warning(estimate):
+    return replace(estimate, diagnostics={**estimate.diagnostics, "warnings": ["not converged."]})
+
+
+def turn_viscosity(estimate):
+    return replace(estimate, stiffness={**estimate.stiffness, "B": -1.0}, intervals={"B": (-1.5, -0.5)})
+
+
+@pytest.mark.parametrize(
+    ("change", "warning"), [(add_warning, "not converged."), (turn_viscosity, "B = -1 N·m·s/rad is negative")]
+)
+def test_estimates_with_a_warning_are_not_trusted_and_have_no_intervals(monkeypatch, change, warning):
+    trial = simulate(seed=1, duration=20.0)
+    good = analyse(trial, {"riv": METHODS["riv"]})
+    assert good.table.loc[0, "trusted"]
+    assert good.table.loc[0, "K_low"] < good.table.loc[0, "K"]
+    assert good.table.loc[0, "intervals"] in ("asymptotic", "robust")
+    patch_estimate(monkeypatch, "riv", change)
+    analysis = analyse(trial, {"riv": METHODS["riv"]})
+    row = analysis.table.loc[0]
+    assert row["valid"]
+    assert not row["trusted"]
+    assert warning in row["warnings"]
+    assert not [name for name in row.index if name in ("K_low", "B_high", "intervals")]
+    recommendation = recommend(analysis)
+    assert recommendation.label is None
+    assert "every method that was fitted has a warning (riv)" in recommendation.text
+
+
 def test_a_refused_recording_has_only_its_reason():
     trial = simulate(seed=1, duration=30.0)
     analysis = analyse(trial.assign(torque=-trial["torque"]), METHODS)
@@ -130,3 +221,14 @@ def test_the_group_has_a_point_for_each_recording(analyses):
     np.testing.assert_allclose(np.diff(line.get_ydata()), [10.0])
     assert [label.get_text() for label in figure.axes[-1].get_xticklabels()] == ["rest", "active"]
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["S1", "S2"]
+
+
+def test_a_half_that_is_too_short_does_not_stop_the_fit_of_the_whole():
+    analysis = analyse(simulate(seed=5, duration=14.0), {"riv": METHODS["riv"]})
+    row = analysis.table.loc[0]
+    assert row["valid"]
+    assert np.isnan(row["vaf_unseen"])
+    assert row["unseen_warnings"].startswith("there is none: the record of ")
+    assert analysis.unseen == {}
+    if row["trusted"]:
+        assert recommend(analysis).label == "riv"

@@ -1,6 +1,7 @@
 """Checks of a recording: every refusal and warning has the reason that it names."""
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy import signal as sps
 
 from ankleloop import DataError, identify, new_trial, read_trial, segment, simulate
 from ankleloop.joint.prepared import prepare
-from ankleloop.recordings.checks import check_merged_trials, check_trial
+from ankleloop.recordings.checks import check_trial
 from ankleloop.records.drift import remove_drift
 
 
@@ -26,7 +27,7 @@ def test_a_good_record_is_ok(closed):
     check = check_trial(closed)
     assert check.verdict == "ok", str(check)
     assert check.loop == "closed"
-    assert list(check.methods) == ["riv", "pr-moesp"]
+    assert list(check.methods) == ["riv", "pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp"]
     assert check.reasons == []
     assert set(check.spectra) == {"frequency", "position", "torque", "coherence", "reference_coherence"}
 
@@ -51,6 +52,7 @@ def test_valid_methods_run_with_their_options(closed):
     for loop, trial in records.items():
         check = check_trial(trial)
         assert check.loop == loop
+        assert check.methods
         for method, options in check.methods.items():
             assert np.isfinite(identify(trial, method, **options).stiffness["K"]), (loop, method)
 
@@ -74,7 +76,7 @@ def test_without_a_reference_the_loop_cannot_be_decided(closed):
     check = check_trial(closed.drop_vars("reference"))
     assert check.verdict == "warning"
     assert check.loop == "undecided"
-    assert "cannot be decided" in find(check, "loop").text
+    assert "cannot be told without a usable reference" in find(check, "loop").text
     other = simulate(seed=9)["reference"].values
     swapped = check_trial(closed.assign(reference=closed["reference"].copy(data=other)))
     assert "too weak an instrument" in find(swapped, "reference").text
@@ -101,7 +103,9 @@ def test_real_recordings(file, mapping):
     assert check.verdict == "warning"
     assert check.loop == "undecided"
     assert {f.name for f in check.findings if f.verdict != "ok"} == {"reference", "loop", "methods"}
-    assert set(check.methods) == {"riv", "pr-moesp", "pi-moesp", "po-moesp", "parallel-cascade"}
+    assert set(check.methods) == {
+        *("riv", "pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp", "moesp", "parallel-cascade")
+    }
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.003, "warning"), (0.05, "refused")])
@@ -161,12 +165,60 @@ def test_a_prepared_trial_has_the_same_check(closed):
 def test_merged_trials_have_the_worst_finding_and_its_trial():
     whole = simulate(seed=1, duration=30.0, closed_loop=False)
     trials = [segment(whole, start, start + 10.0) for start in (0.0, 10.0, 20.0)]
-    check = check_merged_trials(trials)
+    check = check_trial(trials)
     assert check.loop == "open"
-    assert list(check.methods) == ["pr-moesp", "pi-moesp", "po-moesp"]
-    assert find(check, "length").text.startswith("trial 1 of 3: 10 s at 1000 Hz, without gaps, 30 s in all")
+    assert list(check.methods) == ["pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp", "moesp"]
+    assert find(check, "length").text.startswith("3 trials of 10 s, 30 s in all at 1000 Hz, without gaps")
+    assert find(check, "drift").text.startswith("all 3 trials pass; the first: ")
     trials[1] = trials[1].assign(torque=-trials[1]["torque"])
-    check = check_merged_trials(trials)
+    check = check_trial(trials)
     assert check.verdict == "refused"
     assert find(check, "sign of the torque").text.startswith("trial 2 of 3: ")
-    assert find(check, "methods").text.endswith("Of these, the MOESP family merges trials.")
+    assert find(check, "methods").text.startswith("of those that merge trials, ")
+    with pytest.raises(DataError, match="no trials"):
+        check_trial([])
+
+
+def test_merged_closed_loop_trials_are_closed_and_nothing_says_open():
+    """Each of them is too short for a test of its own."""
+    trials = [simulate(seed=seed, duration=6.0) for seed in range(6)]
+    check = check_trial(trials)
+    assert check.loop == "closed"
+    assert find(check, "loop").text.startswith("closed: ")
+    assert not re.search(r"\bopen\b", str(check))
+    assert list(check.methods) == ["pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp"]
+    identified = identify(trials, "pr-moesp", **check.methods["pr-moesp"])
+    assert len(identified) == 6
+
+
+@pytest.mark.parametrize("duration", [5.0, 6.0])
+def test_seconds_of_closed_loop_are_never_open(duration):
+    """Alone they are too short for anything; two such trials are long enough to fit, and too short for the test."""
+    trials = [simulate(seed=seed, duration=duration) for seed in (1, 2)]
+    assert (check_trial(trials[0]).verdict, check_trial(trials[0]).loop) == ("refused", "undecided")
+    check = check_trial(trials)
+    assert check.loop in ("closed", "undecided")
+    if check.loop == "undecided":
+        assert find(check, "loop").verdict == "warning"
+        assert "record" in find(check, "loop").text or "record longer" in find(check, "reference").text
+
+
+def test_a_stiff_load_is_closed_in_a_short_record():
+    for seed in range(6):
+        check = check_trial(simulate(seed=seed, duration=15.0, load=(110.0, 710.0, 25000.0)))
+        assert check.loop == "closed", str(check)
+
+
+def test_an_undecided_loop_with_a_reference_leaves_the_methods_of_closed_loop():
+    """A servo that shakes hides what feedback there may be."""
+    trial = simulate(seed=1, duration=12.0, closed_loop=False, voluntary=1.0)
+    noise = sps.sosfiltfilt(
+        sps.butter(2, 8.0, fs=1000.0, output="sos"), np.random.default_rng(1).standard_normal(trial.sizes["time"])
+    )
+    check = check_trial(trial.assign(reference=trial["reference"] + 0.003 * noise / noise.std()))
+    assert check.loop == "undecided"
+    text = find(check, "loop").text
+    assert re.search(r"may be off by as much as \d\S* % \(99 % confidence; 2 % would matter\)", text)
+    assert re.search(r"About \d\S* s, or a stronger perturbation, would decide", text)
+    assert list(check.methods) == list(check_trial(simulate(seed=1)).methods)
+    assert find(check, "methods").text.startswith("those that are valid in either loop: riv")

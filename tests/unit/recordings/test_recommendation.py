@@ -1,4 +1,4 @@
-"""The method that is recommended for a recording, its reason and its condition."""
+"""The method that is recommended for a recording, its reason and its condition; nothing is that has a warning."""
 
 import numpy as np
 import pandas as pd
@@ -6,23 +6,38 @@ import pytest
 
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.checks import Check, Finding
+from ankleloop.recordings.comparison import UnseenTorque
 from ankleloop.recordings.recommendation import (
     Recommendation,
     format_with_interval,
     recommend,
+    select_trusted_methods,
     select_valid_methods,
 )
 
-ROWS = [
-    {"label": "PR", "method": "pr-moesp", "valid": True, "vaf_unseen": 91.26, "K": 149.0},
-    {"label": "RIV", "method": "riv", "valid": True, "vaf_unseen": 90.0, "K": 151.23, "K_low": 149.5, "K_high": 153.0},
-    {"label": "PI", "method": "pi-moesp", "valid": False, "vaf_unseen": np.nan, "K": np.nan},
-]
 FED_BACK = "the loop is closed, and torque that is fed back does not bias it"
+RIV = {"label": "RIV", "method": "riv", "valid": True, "trusted": True, "vaf_unseen": 90.0, "K": 151.23}
+RIV |= {"K_low": 149.5, "K_high": 153.0, "intervals": "robust"}
+PR = {"label": "PR", "method": "pr-moesp", "valid": True, "trusted": True, "vaf_unseen": 91.26, "K": 149.0}
+CASCADE = {**PR, "label": "cascade", "method": "parallel-cascade", "vaf_unseen": 91.0}
+INVALID = {"label": "PI", "method": "pi-moesp", "valid": False, "trusted": False, "vaf_unseen": np.nan, "K": np.nan}
+ROWS = [PR, RIV, INVALID]
 
 
-def make_analysis(loop, rows):
-    return Analysis(Check([Finding("loop", "ok", "")], loop, {}), {}, {}, pd.DataFrame(rows))
+def warned(row, text="not converged"):
+    return {**row, "trusted": False, "warnings": text, "K_low": np.nan, "K_high": np.nan}
+
+
+def residual(size, seed, samples=6000):
+    """Torque of the unseen half, and a residual of a size [%] of its variance."""
+    y = np.random.default_rng(0).standard_normal(samples)
+    e = np.random.default_rng(seed).standard_normal(samples)
+    return [UnseenTorque(np.arange(samples) / 100, y, np.sqrt(size / 100) * e, 100.0)]
+
+
+def make_analysis(loop, rows, *, unseen=None, reference=True):
+    check = Check([Finding("loop", "ok", "")], loop, {}, reference=reference)
+    return Analysis(check, {}, {}, pd.DataFrame(rows), unseen or {})
 
 
 def test_closed_loop_takes_riv():
@@ -30,47 +45,130 @@ def test_closed_loop_takes_riv():
         label="RIV",
         reason=FED_BACK,
         condition="",
-        text=f"take RIV: {FED_BACK}. K = 151.2 (149.5 … 153) N·m/rad.",
+        text=f"take RIV: {FED_BACK}. K = 151.2 N·m/rad (robust 95 % interval 149.5 … 153).",
     )
 
 
-def test_closed_loop_without_riv_takes_the_first_valid_method():
-    recommendation = recommend(make_analysis("closed", [ROWS[2], ROWS[0]]))
-    assert (recommendation.label, recommendation.reason) == ("PR", FED_BACK)
+def test_a_loop_that_may_be_closed_takes_riv_without_a_condition():
+    recommendation = recommend(make_analysis("undecided", ROWS))
+    assert (recommendation.label, recommendation.condition) == ("RIV", "")
+    assert recommendation.reason.startswith("feedback is not excluded")
+
+
+@pytest.mark.parametrize("riv", [INVALID, warned(RIV)])
+def test_closed_loop_without_a_riv_to_be_trusted_takes_another_valid_method_with_its_caution(riv):
+    row = {**PR, "caution": "its poles are biased."}
+    recommendation = recommend(make_analysis("closed", [riv, row]))
+    assert recommendation.label == "PR"
+    assert ("riv has a warning" if riv["valid"] else "there is no valid riv") in recommendation.reason
+    assert "does not bias it" not in recommendation.text
+    assert "Caution: its poles are biased." in recommendation.text
+    assert ("Left out because of a warning: RIV." in recommendation.text) == riv["valid"]
+    assert "K = 149 N·m/rad, without an interval." in recommendation.text
 
 
 @pytest.mark.parametrize(
-    ("loop", "condition", "start"),
-    [("open", "", "take PR: "), ("undecided", "If the loop was open", "If the loop was open: take PR: ")],
+    ("loop", "reference", "start"),
+    [("open", True, "take PR: "), ("undecided", False, "If the loop was open: take PR: ")],
 )
-def test_open_loop_takes_the_largest_vaf_of_the_unseen_half(loop, condition, start):
-    recommendation = recommend(make_analysis(loop, ROWS))
+def test_open_loop_takes_what_explains_most_if_the_difference_is_certain(loop, reference, start):
+    unseen = {"PR": residual(5.0, 1), "RIV": residual(10.0, 2)}
+    recommendation = recommend(make_analysis(loop, ROWS, unseen=unseen, reference=reference))
     assert recommendation.label == "PR"
-    assert recommendation.reason == "it explains most of the half that was not fitted (91.3 %)"
-    assert recommendation.condition == condition
-    assert recommendation.text == f"{start}{recommendation.reason}. K = 149 N·m/rad."
+    assert recommendation.reason.startswith("it explains most (91.3 % of the half that was not fitted), by ")
+    assert float(recommendation.reason.split(" by ")[1].split()[0]) == pytest.approx(4.7, abs=0.3)
+    assert recommendation.condition == ("" if loop == "open" else "If the loop was open")
+    assert recommendation.text.startswith(start)
+
+
+def test_methods_that_cannot_be_told_apart_are_named():
+    """PR has the larger VAF, but not for certain: riv, which gives intervals; the cascade is worse for certain."""
+    unseen = {"PR": residual(9.9, 1), "RIV": residual(10.0, 2), "cascade": residual(20.0, 3)}
+    recommendation = recommend(make_analysis("open", [PR, CASCADE, RIV], unseen=unseen))
+    assert recommendation.label == "RIV"
+    assert "the one whose parameters have intervals" in recommendation.reason
+    assert (
+        "as good there, as far as the half can tell (95 % interval of their difference from it): PR ("
+        in recommendation.reason
+    )
+    assert "cascade" not in recommendation.text
+    unseen["cascade"] = residual(9.8, 3)
+    recommendation = recommend(make_analysis("open", [CASCADE, PR, warned(RIV)], unseen=unseen))
+    assert recommendation.label == "PR"
+    assert "comes first from few parameters to many" in recommendation.reason
+
+
+def test_a_wide_difference_is_not_called_equal():
+    short = {"PR": residual(40.0, 1, 1200), "RIV": residual(42.0, 2, 1200)}
+    recommendation = recommend(make_analysis("open", ROWS, unseen=short))
+    assert recommendation.label == "RIV"
+    assert "against PR this cannot be judged" in recommendation.reason
+    assert "as good" not in recommendation.text
+    too_short = {"PR": residual(10.0, 1, 500), "RIV": residual(90.0, 2, 500)}
+    assert "cannot be judged" in recommend(make_analysis("open", ROWS, unseen=too_short)).reason
 
 
 @pytest.mark.parametrize("loop", ["closed", "open", "undecided"])
-@pytest.mark.parametrize("rows", [[{"verdict": "refused", "reasons": "too short."}], [ROWS[2]]])
-def test_no_recommendation_without_a_valid_method(loop, rows):
+@pytest.mark.parametrize(
+    ("rows", "reason"),
+    [
+        ([INVALID], "no method is valid for it"),
+        ([warned(RIV), warned(PR)], "every method that was fitted has a warning (RIV, PR)"),
+    ],
+)
+def test_no_recommendation_without_a_method_to_be_trusted(loop, rows, reason):
     recommendation = recommend(make_analysis(loop, rows))
     assert recommendation.label is None
     assert recommendation.condition == ""
-    assert recommendation.text == "Nothing can be concluded from this recording."
+    assert recommendation.text.startswith("Nothing can be concluded from this recording: ")
+    assert recommendation.reason == reason
+
+
+def test_a_refused_recording_has_no_recommendation():
+    check = Check([Finding("length", "refused", "too short.")], "undecided", {})
+    table = pd.DataFrame([{"verdict": "refused", "reasons": "too short."}])
+    assert recommend(Analysis(check, {}, {}, table)).reason == "it was refused"
+
+
+def test_a_warning_keeps_the_best_score_from_being_recommended():
+    unseen = {"PR": residual(1.0, 1), "RIV": residual(10.0, 2)}
+    for row, remark in (
+        (warned(PR), "Left out because of a warning: PR."),
+        ({**PR, "unseen_warnings": "not converged"}, "Not compared, for want of a score of the unseen half"),
+        ({**PR, "vaf_unseen": np.nan}, "Not compared, for want of a score of the unseen half"),
+    ):
+        recommendation = recommend(make_analysis("open", [row, RIV], unseen=unseen))
+        assert recommendation.label == "RIV"
+        assert remark in recommendation.text
+
+
+def test_a_method_without_a_caution_comes_before_one_with_a_caution():
+    rows = [{**PR, "label": "EIV", "method": "eiv-moesp", "caution": "it assumes white noise."}, CASCADE]
+    unseen = {"EIV": residual(9.0, 1), "cascade": residual(9.1, 2)}
+    assert recommend(make_analysis("open", rows, unseen=unseen)).label == "cascade"
 
 
 def test_no_recommendation_without_a_score_of_the_unseen_half():
-    row = {**ROWS[0], "vaf_unseen": np.nan}
+    row = {**PR, "vaf_unseen": np.nan}
     recommendation = recommend(make_analysis("open", [row]))
     assert recommendation.label is None
     assert "not fitted" in recommendation.reason
     assert recommend(make_analysis("closed", [row])).label == "PR"
 
 
-def test_valid_rows_of_an_analysis():
-    assert select_valid_methods(pd.DataFrame(ROWS))["label"].tolist() == ["PR", "RIV"]
-    assert select_valid_methods(pd.DataFrame([{"verdict": "refused"}])).empty
+def test_an_incomplete_model_is_named():
+    text = recommend(make_analysis("closed", [{**RIV, "residual_related": True}])).text
+    assert "Its residual still depends on the movement" in text
+    assert "depends" not in recommend(make_analysis("closed", [{**RIV, "residual_related": False}])).text
+
+
+def test_rows_of_an_analysis():
+    table = pd.DataFrame([*ROWS, warned({**RIV, "label": "RIV 2"})])
+    assert select_valid_methods(table)["label"].tolist() == ["PR", "RIV", "RIV 2"]
+    assert select_trusted_methods(table)["label"].tolist() == ["PR", "RIV"]
+    refused = pd.DataFrame([{"verdict": "refused"}])
+    assert select_valid_methods(refused).empty
+    assert select_trusted_methods(refused).empty
 
 
 @pytest.mark.parametrize(
@@ -78,4 +176,4 @@ def test_valid_rows_of_an_analysis():
     [("K", "151.2 (149.5 … 153)"), ("vaf_unseen", "90"), ("label", "RIV"), ("B", "–"), ("zeta", "–")],
 )
 def test_values_with_intervals(name, text):
-    assert format_with_interval(pd.Series({**ROWS[1], "zeta": np.nan}), name) == text
+    assert format_with_interval(pd.Series({**RIV, "zeta": np.nan}), name) == text

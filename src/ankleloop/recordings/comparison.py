@@ -1,0 +1,141 @@
+"""Whether two methods can be told apart by the torque that neither was fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from ankleloop.assessment.scores import TRIM
+from ankleloop.errors import DataError
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.prepared import PreparedTrial
+
+__all__ = ["UnseenTorque", "VafDifference", "compare_unseen", "unseen_torque"]
+
+BLOCK = 2.0  # s: longer than the squares of torques are correlated
+FEWEST = 5  # blocks
+
+
+@dataclass(frozen=True, eq=False)
+class UnseenTorque:
+    """Torque of a trial that was not fitted, and what a model leaves of it.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Time in the trial [s].
+    measured, residual : ndarray, shape (N,)
+        Measured torque, and measured less predicted torque [N·m].
+    rate : float
+        Sampling rate [Hz].
+    """
+
+    time: np.ndarray
+    measured: np.ndarray
+    residual: np.ndarray
+    rate: float
+
+
+@dataclass(frozen=True)
+class VafDifference:
+    """Difference of two VAFs on the same unseen data.
+
+    Parameters
+    ----------
+    difference : float
+        VAF of the first method less that of the second [points].
+    low, high : float
+        Its 95 % interval.
+    """
+
+    difference: float
+    low: float
+    high: float
+
+    @property
+    def distinct(self) -> bool:
+        """Whether the interval excludes zero."""
+        return self.low > 0 or self.high < 0
+
+
+def unseen_torque(trial: PreparedTrial, prediction: Estimate) -> UnseenTorque:
+    """Torque of a trial, and what the prediction of a model leaves of it; the ends are left out as in scores.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        A trial that was not fitted.
+    prediction : Estimate
+        Result of `Estimate.predict` for it.
+
+    Returns
+    -------
+    UnseenTorque
+    """
+    time, rate = prediction.torque["time"].values, prediction.torque.attrs["identification_rate"]
+    inside = (time >= time[0] + TRIM) & (time <= time[-1] - TRIM)
+    measured = trial.channel_at("torque", time, rate)
+    residual = measured - prediction.torque["net"].values
+    return UnseenTorque(time[inside], measured[inside], residual[inside], rate)
+
+
+def compare_unseen(first: Sequence[UnseenTorque], second: Sequence[UnseenTorque]) -> VafDifference:
+    r"""Difference of the VAFs of two methods, with an interval that knows that both predict the same torque.
+
+    With residuals e₁ and e₂ of the torque y, each less its mean, the difference is
+
+    .. math:: d = 100 \, \frac{\sum e_2^2 - \sum e_1^2}{\sum y^2}, \qquad
+              \psi_t = 100 \, \frac{e_{2,t}^2 - e_{1,t}^2}{\overline{y^2}} - d \, \frac{y_t^2}{\overline{y^2}}
+
+    and the mean of ψ is asymptotically normal around zero. Its variance comes from means over blocks of two seconds,
+    its interval from Student's distribution. What is hard to predict for both methods cancels in it.
+
+    Parameters
+    ----------
+    first, second : sequence of UnseenTorque
+        Trials that were not fitted, the same for both methods.
+
+    Returns
+    -------
+    VafDifference
+
+    Raises
+    ------
+    DataError
+        If there are fewer than five blocks, or the methods have different trials or rates.
+
+    Examples
+    --------
+    >>> y, e = np.random.default_rng(1).standard_normal((2, 3000))
+    >>> parts = [[UnseenTorque(np.arange(3000) / 100, y, size * e, 100.0)] for size in (0.3, 0.4)]
+    >>> difference = compare_unseen(*parts)
+    >>> difference.low < 7 < difference.high, difference.distinct
+    (True, True)
+    """
+    if len(first) != len(second) or any(a.rate != b.rate for a, b in zip(first, second, strict=True)):
+        raise DataError("the methods were not scored on the same samples.")
+    differences, weights, blocks = [], [], []
+    for a, b in zip(first, second, strict=True):
+        _, rows_a, rows_b = np.intersect1d(np.round(a.time * a.rate), np.round(b.time * b.rate), return_indices=True)
+        count = round(rows_a.size / (BLOCK * a.rate))
+        if count:
+            signals = a.measured[rows_a], a.residual[rows_a], b.residual[rows_b]
+            y, e_a, e_b = ((x - x.mean()) ** 2 for x in signals)
+            difference = 100.0 * float(np.sum(e_b - e_a) / np.sum(y))
+            influence = (100.0 * (e_b - e_a) - difference * y) / y.mean()
+            blocks += [block.mean() for block in np.array_split(influence, count)]
+            differences.append(difference)
+            weights.append(count)
+    if len(blocks) < FEWEST:
+        raise DataError(
+            f"{len(blocks)} blocks of {BLOCK:g} s were not fitted, and {FEWEST} are needed to compare methods."
+        )
+    mean = float(np.average(differences, weights=weights))
+    # Differences of several trials scatter as well.
+    scatter = np.repeat(np.array(differences) - mean, weights) + np.array(blocks)
+    deviation = np.sqrt(np.mean(scatter**2) / (len(blocks) - 1))
+    margin = float(special.stdtrit(len(blocks) - 1, 0.975) * deviation)
+    return VafDifference(mean, mean - margin, mean + margin)

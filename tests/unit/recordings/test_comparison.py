@@ -1,0 +1,73 @@
+"""The interval of the difference of two VAFs on the same unseen torque."""
+
+import numpy as np
+import pytest
+from scipy import signal as sps
+
+from ankleloop import DataError, evaluate, identify, segment, simulate, vaf
+from ankleloop.joint.prepared import prepare
+from ankleloop.recordings.comparison import UnseenTorque, compare_unseen, unseen_torque
+
+
+def part(y, residual, start=0):
+    return UnseenTorque(np.arange(start, start + y.size) / 100, y, residual, 100.0)
+
+
+def coloured(rng, size):
+    return sps.lfilter([1.0], [1.0, -0.9], rng.standard_normal(size + 500))[500:]
+
+
+@pytest.mark.parametrize("trials", [1, 4])
+def test_intervals_hold_the_true_difference(trials):
+    """Two residuals with a common part; the true VAFs are known from the variances."""
+    rng = np.random.default_rng(1)
+    truth = 100 * ((0.09 + 0.16) - (0.09 + 0.07))  # residuals' variances over that of the torque
+    hits, widths = [], []
+    for _ in range(300):
+        pairs = []
+        for _ in range(trials):
+            y, common, a, b = (coloured(rng, 4000 // trials) for _ in range(4))
+            pairs.append((part(y, 0.3 * common + np.sqrt(0.07) * a), part(y, 0.3 * common + 0.4 * b)))
+        difference = compare_unseen([first for first, _ in pairs], [second for _, second in pairs])
+        hits.append(difference.low < truth < difference.high)
+        widths.append(difference.high - difference.low)
+    assert np.mean(hits) == pytest.approx(0.95, abs=0.035)
+    assert np.mean(widths) < 2 * truth
+
+
+def test_a_common_difficulty_cancels():
+    """The residual of both is large and irregular; their difference is small and certain."""
+    rng = np.random.default_rng(2)
+    y, hard, extra = (coloured(rng, 4000) for _ in range(3))
+    parts = [part(y, 0.5 * hard), part(y, 0.5 * hard + 0.1 * extra)]
+    difference = compare_unseen([parts[0]], [parts[1]])
+    assert difference.difference == pytest.approx(vaf(y, y - 0.5 * hard) - vaf(y, y - 0.5 * hard - 0.1 * extra))
+    assert difference.distinct == (difference.low > 0)
+    assert difference.high - difference.low < 3
+    swapped = compare_unseen([parts[1]], [parts[0]])
+    assert (swapped.low, swapped.high) == pytest.approx((-difference.high, -difference.low))
+
+
+def test_only_common_samples_count():
+    y, e = np.random.default_rng(3).standard_normal((2, 3000))
+    whole, late = part(y, 0.3 * e), part(y[200:], 0.4 * e[200:], start=200)
+    expected = compare_unseen([part(y[200:], 0.3 * e[200:], start=200)], [late])
+    assert compare_unseen([whole], [late]) == expected
+
+
+def test_too_little_is_refused():
+    y, e = np.random.default_rng(4).standard_normal((2, 700))
+    with pytest.raises(DataError, match="4 blocks of 2 s were not fitted, and 5 are needed"):
+        compare_unseen([part(y, e)], [part(y, 2 * e)])
+    with pytest.raises(DataError, match="same samples"):
+        compare_unseen([part(y, e)], [part(y, e), part(y, e)])
+
+
+def test_residual_of_a_prediction_is_that_of_the_score():
+    trial = simulate(seed=1, duration=30.0)
+    estimate = identify(segment(trial, 0.0, 15.0), "riv")
+    second = prepare(segment(trial, 15.0, 31.0))
+    prediction = estimate.predict(second)
+    unseen = unseen_torque(second, prediction)
+    expected = evaluate(second, prediction, against="measured").iloc[0]["vaf"]
+    assert vaf(unseen.measured, unseen.measured - unseen.residual) == pytest.approx(expected, abs=1e-9)
