@@ -1,9 +1,11 @@
-"""Data sets of the benchmarks: open-loop data with white inputs, and the regressors of the paper."""
+"""Data sets of the benchmarks: open-loop data with white or coloured inputs, and the regressors of the paper."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from scipy import signal
 
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import Regressors
@@ -13,12 +15,26 @@ from ankleloop.subspace import simulate_response
 
 RATE = 100.0  # Hz
 VALIDATION_SAMPLES = 5_000
+SETTLING = 500  # samples before a coloured input
+BANDS = {"coloured inputs": 0.2, "narrow-band inputs": 0.1}  # edge of the inputs, relative to half the sampling rate
 TRANSIENT = 200  # samples after a start from rest, which are not scored
+
+
+class Case(NamedTuple):
+    """A data set and the block rows with which it is identified.
+
+    `kind` is "open loop", "paper", "nearly noise-free" or one of `BANDS`; "paper" has 8 inputs.
+    """
+
+    kind: str
+    samples: int
+    block_rows: int
+    channels: int = 8
 
 
 @dataclass(frozen=True)
 class Data:
-    """Inputs, output and reference of a data set, and validation data without noise.
+    """Inputs, outputs and reference of a data set, and validation data without noise.
 
     Parameters
     ----------
@@ -30,6 +46,8 @@ class Data:
         Poles of the system, where it is linear.
     validation_u, validation_y : ndarray, shape (M, channels)
         Data without noise that no program has seen.
+    instruments : str
+        Instruments of ankleloop.
     regressors : Regressors, optional
         Regressors of a trial that u and y belong to.
     """
@@ -41,6 +59,7 @@ class Data:
     poles: np.ndarray | None
     validation_u: np.ndarray
     validation_y: np.ndarray
+    instruments: str = "past-reference"
     regressors: Regressors | None = None
 
 
@@ -68,12 +87,38 @@ def make_paper_data(samples, seed=1):
         simulate(seed=seed + 1, duration=VALIDATION_SAMPLES / RATE + 2.0, snr_db=None, voluntary=0.0)
     ).regressors(**{**options, "basis": regressors.basis})
     u, y = (signals - signals.mean(axis=0) for signals in (clean.inputs, clean.torque[:, None]))
-    return Data(regressors.inputs, regressors.torque[:, None], regressors.reference[:, None], 2, None, u, y, regressors)
+    measured = regressors.inputs, regressors.torque[:, None], regressors.reference[:, None]
+    return Data(*measured, 2, None, u, y, regressors=regressors)
 
 
-def make_data(kind, samples, inputs=8):
-    """Data set of a kind, "open loop" or "paper"."""
-    return make_open_loop_data(samples, inputs) if kind == "open loop" else make_paper_data(samples)
+@lru_cache
+def make_square_data(samples, channels, band, noise, seed=2):
+    """As many outputs as inputs of a second-order system: white inputs, or low-pass filtered ones.
+
+    The band is relative to half the sampling rate, and None for white inputs. The noise is white, of a size relative to
+    each output.
+    """
+    rng = np.random.default_rng(seed)
+    A = np.array([[0.6, 0.5], [-0.5, 0.6]])
+    B, C, D = (rng.standard_normal(shape) for shape in ((2, channels), (channels, 2), (channels, channels)))
+    signals = []
+    for length in (samples, VALIDATION_SAMPLES):
+        u = rng.standard_normal((length + SETTLING, channels))
+        u = (signal.sosfilt(signal.butter(4, band, output="sos"), u, axis=0) if band else u)[SETTLING:]
+        signals.append((u, simulate_response(A, B, C, D, u)))
+    (u, clean), validation = signals
+    y = clean + noise * clean.std(axis=0) * rng.standard_normal(clean.shape)
+    return Data(u, y, u, 2, np.linalg.eigvals(A), *validation, "past-input-output")
+
+
+def make_data(case):
+    """Data set of a case."""
+    if case.kind == "open loop":
+        return make_open_loop_data(case.samples, case.channels)
+    if case.kind == "paper":
+        return make_paper_data(case.samples)
+    band = BANDS.get(case.kind)
+    return make_square_data(case.samples, case.channels, band, noise=1e-2 if band else 1e-9)
 
 
 def cut_regressors(regressors, samples):
@@ -84,12 +129,13 @@ def cut_regressors(regressors, samples):
 
 
 def score_model(data, model):
-    """VAF on the validation data [%], and the largest error of a pole where the poles are known."""
+    """VAF on the validation data [%], of the worst output, and the largest error of a pole where they are known."""
     A, B, C, D = model
     estimated = simulate_response(A, B, C, D, data.validation_u)
     if not np.isfinite(estimated).all():
         return {"vaf": np.nan, "pole_error": np.nan}
-    scores = {"vaf": vaf(data.validation_y[TRANSIENT:, 0], estimated[TRANSIENT:, 0])}
+    pairs = zip(data.validation_y[TRANSIENT:].T, estimated[TRANSIENT:].T, strict=True)
+    scores = {"vaf": min(vaf(y, y_estimated) for y, y_estimated in pairs)}
     if data.poles is not None:
         poles = np.linalg.eigvals(A)
         scores["pole_error"] = float(max(np.abs(poles - pole).min() for pole in data.poles))

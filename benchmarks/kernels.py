@@ -1,4 +1,4 @@
-"""Lower bound of the time of an identification: the kernels that every implementation has to run, on its data."""
+"""Lower bound of the time of an identification by inner products and simulated responses: its kernels, on its data."""
 
 import numpy as np
 from scipy.linalg import blas, lapack

@@ -1,7 +1,8 @@
 """Identification with other programs side by side: time, peak memory and accuracy, on one thread.
 
-Run by `make benchmark`. Everything is timed in one process, program after program in each round, so that other load of
-the machine slows all of them alike; memory is measured in a process for each. Writes results/benchmarks/peers.csv,
+Run by `make benchmark`. Times are those of the processor, without the time that other processes take. All programs run
+in one process, one after the other in each round, so that the state of the machine is the same for all, and ratios are
+those of the same round; memory is measured in a process for each. Writes results/benchmarks/peers.csv, peers-times.csv,
 peers.md and peers.png.
 """
 
@@ -13,8 +14,10 @@ import subprocess
 import sys
 import time
 import warnings
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
 sys.path.append(str(Path(sys.prefix) / "peers"))  # behind the packages of the environment
@@ -22,52 +25,92 @@ sys.path.append(str(Path(sys.prefix) / "peers"))  # behind the packages of the e
 import numpy as np
 import pandas as pd
 import programs
-from datasets import make_data, score_model
+from datasets import Case, make_data, score_model
 from kernels import prepare_kernels
 
 RESULTS = Path(__file__).resolve().parents[1] / "results" / "benchmarks"
 MEMORY_LIMIT = 8 * 2**30  # bytes of address space of a process whose memory is measured
-SLOW = 2.0  # s: a call that takes longer is timed once
-ROUNDS = 7
+ROUNDS = 31
+BUDGET = 2.0  # s of each program in one case, in which it is run once for each round
+SWEEP_BUDGET = 0.3  # s, in the sweeps
 WARM_UP_SAMPLES = 1_000
-CASES = [(kind, samples, rows) for kind in ("open loop", "paper") for samples in (5_000, 50_000) for rows in (15, 20)]
+LEAST_VAF = -1e4  # %: a model with less of it follows nothing
+CASES = [
+    Case("open loop", 5_000, 15),
+    Case("open loop", 50_000, 15),
+    Case("paper", 5_000, 15),
+    Case("paper", 50_000, 15),
+    Case("coloured inputs", 2_048, 20, 2),
+    Case("narrow-band inputs", 2_048, 20, 2),
+    Case("nearly noise-free", 2_048, 20, 2),
+    Case("nearly noise-free", 1_000, 10, 1),
+    Case("nearly noise-free", 400, 8, 2),
+]
 SWEEPS = {
     "samples": [{"samples": n} for n in (1_000, 2_000, 5_000, 10_000, 20_000, 50_000)],
-    "inputs": [{"inputs": m} for m in (1, 2, 4, 8, 16)],
+    "inputs": [{"channels": m} for m in (1, 2, 4, 8, 16)],
     "block rows": [{"block_rows": s} for s in (10, 15, 20, 30, 40)],
 }
-CENTRE = {"samples": 5_000, "inputs": 8, "block_rows": 15}  # of the sweeps
+CENTRE = Case("open loop", 5_000, 15)  # of the sweeps
 LARGEST_SWEEP = {"nfoursid": 10_000}  # samples for which a program has enough memory
 
 
-def measure_times(calls, rounds):
-    """Median time of each call [s], with one of each in every round; and the errors of those that fail.
+@dataclass
+class Runs:
+    """Runs of one program: times of its calls [s], what the last one returned, and the error of one that failed."""
 
-    Slow calls are timed once. A quick call is run twice, and the second run is timed, so that it finds its own data in
-    the cache.
+    times: list[float] = field(default_factory=list)
+    result: Any = None
+    failure: str | None = None
+
+
+def run_rounds(calls, rounds, budget):
+    """Run the calls of all programs one after the other in each round, each as often as its budget allows.
+
+    A first round, which is not timed, warms up all but slow calls. A quick call is run twice, and the second run is
+    timed, so that it finds its own data in the cache.
     """
-    times, failures = {name: [] for name in calls}, {}
+    runs = {name: Runs() for name in calls}
     for number in range(rounds + 1):
         for name, call in calls.items():
-            if name in failures or (times[name] and times[name][0] > SLOW):
+            run = runs[name]
+            if run.failure or sum(run.times) > budget:
                 continue
             try:
-                if times[name]:
+                if run.times and run.times[0] < budget / rounds:
                     call()
-                start = time.perf_counter()
-                call()
-                seconds = time.perf_counter() - start
+                start = time.process_time()
+                run.result = call()
+                seconds = time.process_time() - start
             except Exception as error:
-                failures[name] = f"{type(error).__name__}: {error}"
+                run.failure = f"{type(error).__name__}: {error}"
                 continue
-            if number or seconds > SLOW:  # the first round compiles and warms up
-                times[name].append(seconds)
-    return {name: float(np.median(values)) if values else np.nan for name, values in times.items()}, failures
+            if number or seconds > budget:
+                run.times.append(seconds)
+    return runs
 
 
-def measure_memory(name, kind, samples, block_rows):
+def summarise_times(runs):
+    """Number of rounds, and median and quartiles of the times [ms]."""
+    times = np.array(runs.times)
+    return {
+        "rounds": times.size,
+        "ms": 1e3 * np.median(times),
+        "ms_low": 1e3 * np.quantile(times, 0.25),
+        "ms_high": 1e3 * np.quantile(times, 0.75),
+    }
+
+
+def compare_times(runs, others):
+    """Median and quartiles of the ratio of two programs, round by round."""
+    count = min(len(runs.times), len(others.times))
+    ratios = np.array(runs.times[:count]) / np.array(others.times[:count])
+    return dict(zip(("low", "median", "high"), np.quantile(ratios, [0.25, 0.5, 0.75]), strict=True))
+
+
+def measure_memory(name, case):
     """Peak memory that one identification adds [MiB], in a process of its own; or the reason of its failure."""
-    arguments = [sys.executable, __file__, "--memory", json.dumps([name, kind, samples, block_rows])]
+    arguments = [sys.executable, __file__, "--memory", json.dumps([name, case])]
     process = subprocess.run(arguments, capture_output=True, text=True, check=False)
     if process.returncode == 0:
         return json.loads(process.stdout.splitlines()[-1])
@@ -75,14 +118,19 @@ def measure_memory(name, kind, samples, block_rows):
     return "out of memory" if "MemoryError" in process.stderr or process.returncode < 0 else lines[-1][:100]
 
 
-def print_memory(name, kind, samples, block_rows):
+def print_memory(name, case):
     """Print the peak memory that one identification adds."""
-    data = make_data(kind, samples)
-    programs.PROGRAMS[name](make_data(kind, WARM_UP_SAMPLES), block_rows)  # loads packages and compiles
+    data, program = make_data(case), programs.select_programs(case)[name]
+    program(make_data(_shorten(case)), case.block_rows)  # loads packages and compiles
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
     before = _peak_memory(reset=True)
-    programs.PROGRAMS[name](data, block_rows)
+    program(data, case.block_rows)
     print(json.dumps(_peak_memory() - before))
+
+
+def _shorten(case):
+    """The case with as many samples as a warm-up needs."""
+    return case._replace(samples=min(case.samples, WARM_UP_SAMPLES))
 
 
 def _peak_memory(*, reset=False):
@@ -93,31 +141,40 @@ def _peak_memory(*, reset=False):
     return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
 
-def compare(kind, samples, block_rows, rounds):
+def compare(case, rounds):
     """Table of one data set: a row for each program."""
-    data = make_data(kind, samples)
-    memory = {name: measure_memory(name, kind, samples, block_rows) for name in programs.PROGRAMS}
-    failures = {name: reason for name, reason in memory.items() if isinstance(reason, str)}
-    usable = {name: program for name, program in programs.PROGRAMS.items() if name not in failures}
-    calls = {name: partial(program, data, block_rows) for name, program in usable.items()}
-    calls["kernels"] = prepare_kernels(data, block_rows)
-    if kind == "paper":
-        calls["ankleloop with torques"] = partial(programs.ankleloop_with_torques, data, block_rows)
-    for program in usable.values():
-        program(make_data(kind, WARM_UP_SAMPLES), block_rows)  # loads packages and compiles
-    times, errors = measure_times(calls, rounds)
-    failures |= errors
+    data, selected = make_data(case), programs.select_programs(case)
+    memory = {name: measure_memory(name, case) for name in selected}
+    calls = {
+        name: partial(program, data, case.block_rows)
+        for name, program in selected.items()
+        if not isinstance(memory[name], str)
+    }
+    for name in calls:
+        selected[name](make_data(_shorten(case)), case.block_rows)  # loads packages and compiles
+    if case.kind in ("open loop", "paper"):
+        calls["kernels"] = prepare_kernels(data, case.block_rows)
+    if case.kind == "paper":
+        calls["ankleloop with torques"] = partial(programs.ankleloop_with_torques, data, case.block_rows)
+    runs = run_rounds(calls, rounds, BUDGET)
     rows = []
-    for name in dict.fromkeys([*programs.PROGRAMS, *calls]):
-        row = {"data": kind, "samples": samples, "block_rows": block_rows, "program": name}
-        failure = failures.get(name)
-        if failure is None:
-            row |= {"ms": 1e3 * times[name], "ratio": times[name] / times["ankleloop"], "mib": memory.get(name)}
-            if name in usable:
-                row |= score_model(data, usable[name](data, block_rows))
-                failure = None if np.isfinite(row["vaf"]) else "its model diverges"
-        rows.append({**row, "failure": failure})
-    return pd.DataFrame(rows)
+    for name in dict.fromkeys([*selected, *calls]):
+        row = {**case._asdict(), "program": name, "failure": memory.get(name)}
+        if name in runs and runs[name].times:
+            row |= {"mib": memory.get(name), "failure": None, **summarise_times(runs[name])}
+            for other in ("ankleloop", "ctrlsys"):
+                if other in runs and runs[other].times:
+                    ratio = compare_times(runs[name], runs[other])
+                    row |= {f"over_{other}_{key}": value for key, value in ratio.items()}
+            if name in selected:
+                scores = score_model(data, runs[name].result)
+                row |= scores if scores["vaf"] > LEAST_VAF else {"failure": "its model diverges"}
+        elif name in runs:
+            row["failure"] = runs[name].failure
+        rows.append(row)
+    table = pd.DataFrame(rows)
+    table.loc[table["program"] == "ankleloop", "compression"] = programs.find_compression(data, case.block_rows)
+    return table
 
 
 def sweep(rounds):
@@ -125,15 +182,19 @@ def sweep(rounds):
     rows = []
     for variable, points in SWEEPS.items():
         for point in points:
-            case = CENTRE | point
-            data = make_data("open loop", case["samples"], case["inputs"])
+            case = CENTRE._replace(**point)
+            data = make_data(case)
             calls = {
-                name: partial(program, data, case["block_rows"])
+                name: partial(program, data, case.block_rows)
                 for name, program in programs.PROGRAMS.items()
-                if case["samples"] <= LARGEST_SWEEP.get(name, case["samples"])
+                if case.samples <= LARGEST_SWEEP.get(name, case.samples)
             }
-            times, _ = measure_times({**calls, "kernels": prepare_kernels(data, case["block_rows"])}, rounds)
-            rows += [{"variable": variable, **case, "program": name, "ms": 1e3 * s} for name, s in times.items()]
+            runs = run_rounds({**calls, "kernels": prepare_kernels(data, case.block_rows)}, rounds, SWEEP_BUDGET)
+            rows += [
+                {"variable": variable, **case._asdict(), "program": name, **summarise_times(run)}
+                for name, run in runs.items()
+                if run.times
+            ]
             print(f"  {variable}: {point}", file=sys.stderr)
     return pd.DataFrame(rows)
 
@@ -146,7 +207,8 @@ def main():
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     if arguments.memory:
-        print_memory(*json.loads(arguments.memory))
+        name, case = json.loads(arguments.memory)
+        print_memory(name, Case(*case))
         return
     from report import write_report
 
@@ -155,9 +217,9 @@ def main():
         print(f"Without {', '.join(missing)}: `make benchmark` installs them.", file=sys.stderr)
     tables = []
     for case in CASES:
-        print("{}, {:,} samples, {} block rows".format(*case), file=sys.stderr)
-        tables.append(compare(*case, arguments.rounds))
-    write_report(pd.concat(tables, ignore_index=True), sweep(max(3, arguments.rounds // 2)), RESULTS)
+        print(f"{case.kind}, {case.samples:,} samples, {case.block_rows} block rows", file=sys.stderr)
+        tables.append(compare(case, arguments.rounds))
+    write_report(pd.concat(tables, ignore_index=True), sweep(max(3, arguments.rounds // 3)), RESULTS)
 
 
 if __name__ == "__main__":

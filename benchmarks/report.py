@@ -8,17 +8,26 @@ import pandas as pd
 
 COLUMNS = {
     "data": "data",
-    "samples": "samples",
-    "block_rows": "block rows",
     "program": "program",
     "ms": "median [ms]",
-    "ratio": "over ankleloop",
+    "over_ankleloop_median": "over ankleloop",
+    "interval": "quartiles",
+    "rounds": "rounds",
     "mib": "peak [MiB]",
     "pole_error": "error of a pole",
     "vaf": "VAF, validation [%]",
     "failure": "failure",
 }
-FORMATS = {"ms": "{:,.2f}", "ratio": "{:,.2f}", "mib": "{:,.0f}", "vaf": "{:,.3f}", "pole_error": "{:.1e}"}
+FORMATS = {
+    "ms": "{:,.2f}",
+    "over_ankleloop_median": "{:,.2f}",
+    "rounds": "{:.0f}",
+    "mib": "{:,.0f}",
+    "vaf": "{:,.3f}",
+    "pole_error": "{:.0e}",
+}
+LEAST_ROUNDS = 4  # that have quartiles
+CASE = ["kind", "samples", "block_rows", "channels"]
 COLOURS = {
     "ankleloop": "#0b5394",
     "ctrlsys": "#b45f06",
@@ -35,23 +44,63 @@ MARKERS = {
     "nfoursid": "D",
     "kernels": "_",
 }
-AXES = {"samples": "samples", "inputs": "inputs", "block rows": "block_rows"}  # column of each label
+AXES = {"samples": "samples", "inputs": "channels", "block rows": "block_rows"}  # column of each label
+
+
+def describe_case(case):
+    """A data set in words, as the columns `CASE` have it."""
+    channels = f", {case.channels} × {case.channels}" if case.kind not in ("open loop", "paper") else ""
+    return f"{case.kind}{channels}, {case.samples:,} samples, {case.block_rows} block rows"
 
 
 def format_table(table):
-    """The table as Markdown."""
-    cells = table[[name for name in COLUMNS if name in table]].astype(object)
+    """Times, ratios and accuracy of all programs as a Markdown table."""
+    table = table.copy()
+    table["data"] = [describe_case(case) for case in table.itertuples()]
+    table["data"] = table["data"].where(~table.duplicated(CASE), "")
+    table["interval"] = [
+        f"{low:,.2f} … {high:,.2f}" if rounds >= LEAST_ROUNDS else ""
+        for low, high, rounds in zip(
+            table["over_ankleloop_low"], table["over_ankleloop_high"], table["rounds"], strict=True
+        )
+    ]
+    cells = table[list(COLUMNS)].astype(object)
     for name, text in FORMATS.items():
-        if name in cells:
-            cells[name] = [text.format(value) if pd.notna(value) else "" for value in cells[name]]
+        cells[name] = [text.format(value) if pd.notna(value) else "" for value in cells[name]]
     cells["failure"] = cells["failure"].fillna("")
-    lines = [[COLUMNS[name] for name in cells], ["---"] * cells.shape[1], *cells.astype(str).values.tolist()]
+    lines = [list(COLUMNS.values()), ["---"] * cells.shape[1], *cells.astype(str).values.tolist()]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
+def describe_ratios(table):
+    """Time of ankleloop over that of `ctrlsys` for each data set, as a Markdown list."""
+    rows = table[(table["program"] == "ankleloop") & table["over_ctrlsys_median"].notna()]
+    routes = {"gram": "by inner products", "qr": "by a triangular factor"}
+    return "\n".join(
+        f"- {describe_case(row)} ({routes[row.compression]}): **{row.over_ctrlsys_median:.2f}** "
+        f"({row.over_ctrlsys_low:.2f} … {row.over_ctrlsys_high:.2f})"
+        for row in rows.itertuples()
+    )
+
+
+def describe_torques(table):
+    """Time of PR-MOESP with its torques over that of `ctrlsys` for open-loop data of the same size, in words."""
+    texts = []
+    for (samples, rows), part in table[table["kind"].isin(["open loop", "paper"])].groupby(["samples", "block_rows"]):
+        times = part.set_index("program")["ms"]
+        open_loop = part[part["kind"] == "open loop"].set_index("program")["ms"]
+        if {"ankleloop with torques", "ctrlsys"} <= set(times.index) and "ctrlsys" in open_loop:
+            ratio = times["ankleloop with torques"] / open_loop["ctrlsys"]
+            texts.append(f"{ratio:.2f} at {samples:,} samples and {rows} block rows")
+    return (
+        "PR-MOESP with its torques from decimated signals takes this part of the time that `ctrlsys` takes for "
+        f"open-loop data of the same size: {'; '.join(texts)}."
+    )
+
+
 def plot_times(times, path):
-    """Plot the times against samples, inputs and block rows."""
-    figure, axes = plt.subplots(1, 3, figsize=(12, 4.2), sharey=True, layout="constrained")
+    """Plot the median times against samples, inputs and block rows."""
+    figure, axes = plt.subplots(1, 3, figsize=(12, 4.5), sharey=True, layout="constrained")
     for axis, (label, column) in zip(axes, AXES.items(), strict=True):
         points = times[times["variable"] == label]
         for name, rows in points.groupby("program", sort=False):
@@ -64,8 +113,8 @@ def plot_times(times, path):
         axis.set_xticks(ticks, [f"{value:,}" for value in ticks])
         axis.minorticks_off()
         axis.grid(alpha=0.3)
-    axes[0].set_ylabel("time of an identification [ms]")
-    axes[0].legend(frameon=False)
+    axes[0].set_ylabel("processor time of an identification [ms]")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(COLOURS), frameon=False)
     figure.suptitle("Open-loop data, one thread; 5,000 samples, 8 inputs, 15 block rows except where they vary")
     figure.savefig(path, dpi=150)
     plt.close(figure)
@@ -78,5 +127,4 @@ def write_report(table, times, folder):
     times.to_csv(folder / "peers-times.csv", index=False)
     (folder / "peers.md").write_text(format_table(table), encoding="utf-8")
     plot_times(times, folder / "peers.png")
-    print(format_table(table))
-    print(f"Written to {folder}")
+    print(format_table(table), describe_ratios(table), f"Written to {folder}", sep="\n")

@@ -7,10 +7,9 @@ from itertools import tee
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.hankel import block_hankel
+from ankleloop.subspace.hankel_factor import update_factor
 from ankleloop.subspace.hankel_rows import HankelRows
 from ankleloop.subspace.input_matrices import InputMatrices, OutputRegression, solve_least_squares
 from ankleloop.subspace.options import SubspaceOptions
@@ -93,38 +92,24 @@ class ChunkSource:
         return deviation
 
     def factor_rows(self, rows: HankelRows) -> np.ndarray:
-        """Triangular factor of the Hankel rows, chunk after chunk; a row of ones before them takes their means."""
-        R, tail = np.zeros((0, rows.total + 1)), np.zeros((0, sum(self.sizes)))
+        """Triangular factor of the Hankel rows, chunk after chunk."""
+        width = sum(self.sizes)
+        factor = rows.start_factor(width)
         for chunk in self:
-            x = np.concatenate([tail, chunk])
-            columns = len(x) - rows.window + 1
-            tail = x[max(columns, 0) :].copy()
-            if columns < 1:
-                continue
-            parts = [
-                block_hankel(x[:, channels], first, count, columns).T
-                for channels, first, count in rows.matrices
-                if channels.size
-            ]
-            R = _update_factor(R, np.hstack([np.ones((columns, 1)), *parts]))
-        return R[1:, 1:]
+            factor.add(chunk)
+        return factor.matrix(rows.list_indices(width))
 
     def estimate_input_matrices(self, A: np.ndarray, C: np.ndarray) -> InputMatrices:
         """Last pass: B, D and initial state by a triangular factor of their regressors, which each chunk updates."""
         m, p, _ = self.sizes
         regression = OutputRegression(A, C, m, self.dynamic)
-        R = np.zeros((0, regression.unknowns + 1))
+        R = np.zeros((regression.unknowns + 1,) * 2, order="F")
         chunks, chunks_again = tee(self)  # which are zipped, so that no more than one chunk is held
         regressors = regression.generate_regressors(x[:, :m] for x in chunks)
         for phi, x in zip(regressors, chunks_again, strict=True):
-            R = _update_factor(R, np.column_stack([phi, x[:, m : m + p].reshape(-1)]))
+            R = update_factor(R, np.column_stack([phi, x[:, m : m + p].reshape(-1)]))
         return regression.unpack(solve_least_squares(R[:-1, :-1], R[:-1, -1], self.options.regression_tolerance))
 
 
 def _stack_channels(chunk: Chunk) -> np.ndarray:
     return np.column_stack([part for part in chunk if part is not None])
-
-
-def _update_factor(R: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Triangular factor of the rows of R and of more rows."""
-    return linalg.qr(np.vstack([R, rows]), mode="r", check_finite=False)[0][: R.shape[1]]

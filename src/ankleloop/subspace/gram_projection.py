@@ -1,4 +1,4 @@
-"""The projections from inner products of Hankel rows: many times faster than factorising the Hankel matrices.
+"""The projections from inner products of Hankel rows: several times faster than a factor of the rows.
 
 Squaring costs half of the digits. So every step estimates the effect of rounding, and where that could change a rank or
 a ten-millionth of the result the answer is None: the projection then has to be made by `ankleloop.subspace.projection`.
@@ -13,6 +13,7 @@ from scipy.linalg import lapack
 
 from ankleloop.subspace.options import ProjectionForm
 from ankleloop.subspace.projection import (
+    LEAST_TOLERANCE,
     Projection,
     check_instrument_rank,
     check_instrument_rows,
@@ -24,6 +25,7 @@ __all__ = ["project_gram"]
 
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
 ACCURACY = 1e-4  # of the outputs less their fit; a bound that adds magnitudes, a hundred times the size of the errors
+LARGEST_ANGLE = 1e-5  # rad by which rounding may turn the subspace of the order; a bound, many times the error
 
 
 def project_gram(
@@ -67,18 +69,46 @@ def _project_ordinary(
     z = k - m
     if z == 0:
         return _project_outputs(residual, weights, inputs, columns, order)
-    instruments = _find_row_space(residual[:z, :z], max(rank_tolerance, 1e-12), gram[m:k, m:k])
+    instruments = _find_row_space(residual[:z, :z], max(rank_tolerance, LEAST_TOLERANCE), gram[m:k, m:k])
     if instruments is None:
         return None
     check_instrument_rank(instruments.rank, order)
     fit = instruments.compute_components(residual[:z, z:])
     coefficients = instruments.compute_coefficients(fit)
+    projection = decompose_residual(fit.T, (inputs.rank, instruments.rank), inputs.condition, columns, "ordinary")
+    squares = columns * projection.singular_values**2
+    if _bound_error(inputs, weights, coefficients) <= ACCURACY * squares[order - 1]:
+        return projection
+    if inputs.factor is None:
+        return None
+    # The coefficients themselves take more time than their bound. An eigenspace turns by the error over the gap between
+    # its eigenvalues and the others, at most (Davis and Kahan).
+    gap = squares[order - 1] - (squares[order] if order < len(squares) else 0.0)
+    error = _bound_error(inputs, inputs.compute_coefficients(components), coefficients)
+    return projection if error <= LARGEST_ANGLE * gap else None
+
+
+def _bound_error(inputs: _RowSpace, weights: np.ndarray, coefficients: np.ndarray) -> float:
+    """Effect of rounding on the inner products of the fit by the instruments.
+
+    Parameters
+    ----------
+    inputs : _RowSpace
+        Future inputs.
+    weights : ndarray, shape (m, z + k)
+        Coefficients of the inputs in their fit of instruments and outputs, or a bound of their sizes.
+    coefficients : ndarray, shape (z, k)
+        Coefficients of the instruments in their fit of the outputs, both beside the inputs.
+
+    Returns
+    -------
+    float
+    """
+    z, k = coefficients.shape
     # Sizes of the coefficients of all rows in the fit, and in the outputs less their fit by the inputs.
     fit_size = np.sqrt(np.sum((weights[:, :z] @ coefficients) ** 2) + np.sum(coefficients**2))
-    output_size = np.sqrt(np.sum(weights[:, z:] ** 2) + coefficients.shape[1])
-    error = inputs.rounding * fit_size * (fit_size + 2.0 * output_size)
-    projection = decompose_residual(fit.T, (inputs.rank, instruments.rank), inputs.condition, columns, "ordinary")
-    return projection if error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2 else None
+    output_size = np.sqrt(np.sum(weights[:, z:] ** 2) + k)
+    return float(inputs.rounding * fit_size * (fit_size + 2.0 * output_size))
 
 
 def _project_outputs(
@@ -94,15 +124,13 @@ def _project_outputs(
 
 def _project_correlation(
     gram: np.ndarray, m: int, k: int, columns: int, rank_tolerance: float, order: int
-) -> Projection:
-    """No digits are lost: this form consists of inner products in any case."""
+) -> Projection | None:
+    """No digits are lost, as this form consists of inner products in any case; only the rank of Z may stay open."""
     check_instrument_rows(k - m, m, order)
+    rank = _find_rank(gram[m:k, m:k], max(rank_tolerance, LEAST_TOLERANCE))
+    if rank is None:
+        return None
     residual, input_rank, condition = subtract_fit(gram[m:k, :m], gram[m:k, k:], rank_tolerance)
-    instruments, limit = gram[m:k, m:k], max(rank_tolerance**2, (k - m) * ROUNDING)
-    rank = k - m
-    if _factor_rows(instruments, limit * _bound_eigenvalues(instruments)) is None:
-        values = np.linalg.eigvalsh(instruments)
-        rank = int(np.sum(values > limit * values[-1]))
     return decompose_residual(residual.T, (input_rank, rank), condition, columns, "correlation")
 
 
@@ -174,16 +202,35 @@ def _find_row_space(gram: np.ndarray, rank_tolerance: float, total: np.ndarray |
     None if rounding leaves open which these are. Eigenvectors are computed only if some direction does not count; if a
     bound of the condition shows that all count, a Cholesky factor is enough and takes a twentieth of the time.
     """
-    space = _factor_rows(gram, rank_tolerance**2 * _bound_eigenvalues(gram if total is None else total))
+    bound = _bound_eigenvalues(gram if total is None else total)
+    space = _factor_rows(gram, rank_tolerance**2 * bound)
     if space is not None:
         return space
+    rounding = len(gram) * ROUNDING
+    if rank_tolerance**2 < rounding:  # then all count, or rounding leaves it open: eigenvectors would show no more
+        return _factor_rows(gram, rounding * bound, margin=10.0)
     values, vectors = np.linalg.eigh(gram)
     largest = values[-1] if total is None else float(np.linalg.eigvalsh(total)[-1])
-    limit = rank_tolerance**2 * largest
-    if np.any(np.abs(values - limit) < 10 * ROUNDING * largest):
+    rank = _count_directions(values, rank_tolerance, largest)
+    if rank is None:
         return None
-    rank = int(np.sum(values > limit))
     return _RowSpace(rank, float(values[-rank]) if rank else np.inf, float(values[-1]), None, values, vectors)
+
+
+def _find_rank(gram: np.ndarray, rank_tolerance: float) -> int | None:
+    """How many directions of rows count; None if rounding leaves it open."""
+    if _factor_rows(gram, rank_tolerance**2 * _bound_eigenvalues(gram)) is not None:
+        return len(gram)
+    values = np.linalg.eigvalsh(gram)
+    return _count_directions(values, rank_tolerance, values[-1])
+
+
+def _count_directions(values: np.ndarray, rank_tolerance: float, largest: float) -> int | None:
+    """How many eigenvalues are above the squared tolerance times the largest one; None if one is so within rounding."""
+    limit = rank_tolerance**2 * largest
+    if np.any(np.abs(values - limit) < max(10, len(values)) * ROUNDING * largest):
+        return None
+    return int(np.sum(values > limit))
 
 
 def _bound_eigenvalues(gram: np.ndarray) -> float:
@@ -191,14 +238,17 @@ def _bound_eigenvalues(gram: np.ndarray) -> float:
     return np.abs(gram).sum(axis=0).max()
 
 
-def _factor_rows(gram: np.ndarray, limit: float) -> _RowSpace | None:
-    """All directions by a Cholesky factor, if its estimated condition shows that every eigenvalue is above a limit."""
+def _factor_rows(gram: np.ndarray, limit: float, margin: float | None = None) -> _RowSpace | None:
+    """All directions by a Cholesky factor, if its estimated condition shows that every eigenvalue is above a limit.
+
+    The margin allows for the error of the estimate; by default it is the number of rows.
+    """
     factor, info = lapack.dpotrf(gram, lower=1)
     if info or np.min(np.diag(factor)) ** 2 <= limit:  # no eigenvalue is above the smallest pivot
         return None
     norm = _bound_eigenvalues(gram)
     reciprocal, _ = lapack.dpocon(factor, norm, uplo="L")
     smallest = reciprocal * norm
-    if smallest / len(gram) <= max(limit, len(gram) * ROUNDING * norm):
+    if smallest / (margin or len(gram)) <= max(limit, len(gram) * ROUNDING * norm):
         return None
     return _RowSpace(len(gram), float(smallest), float(norm), factor)

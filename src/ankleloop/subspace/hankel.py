@@ -49,6 +49,6 @@ def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarra
             f"a signal of {x.shape[0]} samples has no Hankel matrix of {rows} block rows and {columns} columns from "
             f"sample {first}: use a longer record or fewer block rows."
         )
-    # Column-major, so that its transpose goes into a QR factorisation without a copy.
+    # Column-major, so that its transpose goes into least squares without a copy.
     windows = np.lib.stride_tricks.sliding_window_view(x[first : first + rows + columns - 1], rows, axis=0)
     return windows.transpose(0, 2, 1).reshape(columns, rows * x.shape[1]).T

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,22 +10,13 @@ from numba import njit
 
 from ankleloop.errors import DataError
 
-__all__ = ["HankelGram"]
+__all__ = ["HankelGram", "HankelProducts"]
 
 CHUNK = 256  # columns: sums of sums round less than one long sum
 
 
-class HankelGram:
-    r"""Gram matrix H Hᵀ of a block-Hankel matrix, each row less its mean, accumulated over the chunks of one record.
-
-    Rows of a Hankel matrix are shifts of one signal. So the products of each pair of block rows follow from those of
-    the pair before, by the samples that enter and leave the window of n columns,
-
-    .. math:: G_{i+1,j+1} = G_{i,j} + w(i+n)\, w(j+n)^T - w(i)\, w(j)^T,
-
-    and only the products with the first block row take sums over the record (Mastronardi, Kressner, Sima, Van Dooren
-    and Van Huffel, "A fast algorithm for subspace state-space system identification via exploitation of the
-    displacement structure", J. Comput. Appl. Math. 132, 71-81, 2001).
+class HankelProducts(ABC):
+    """Products of the samples of one record with those of its first block row, and its ends, accumulated over chunks.
 
     Parameters
     ----------
@@ -33,16 +25,6 @@ class HankelGram:
     lags : sequence of int, optional
         For each channel, up to how many block rows later its products with other rows are computed: fewer take less
         time. All `block_rows` by default.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(0).standard_normal((50, 1))
-    >>> gram = HankelGram(3)
-    >>> for chunk in np.array_split(x, 4):
-    ...     gram.add(chunk)
-    >>> H = np.lib.stride_tricks.sliding_window_view(x[:, 0], 3).T
-    >>> bool(np.allclose(gram.matrix(), 48 * np.cov(H, bias=True)))
-    True
     """
 
     def __init__(self, block_rows: int, lags: Sequence[int] | np.ndarray | None = None) -> None:
@@ -51,8 +33,6 @@ class HankelGram:
         self.columns = 0
         self._head: np.ndarray | None = None
         self._tail: np.ndarray | None = None
-        self._products: np.ndarray | float = 0.0
-        self._sums: np.ndarray | float = 0.0
 
     def add(self, chunk: np.ndarray) -> None:
         """Add the next samples of the record.
@@ -70,10 +50,57 @@ class HankelGram:
         if self._head is None:
             self._head = x[: self.block_rows - 1].copy()
         lags = np.full(x.shape[1], self.block_rows) if self.lags is None else np.asarray(self.lags)
-        self._products = self._products + _sum_lagged_products(np.ascontiguousarray(x), columns, self.block_rows, lags)
-        self._sums = self._sums + np.ones(columns) @ x[:columns]
+        self._accumulate(np.ascontiguousarray(x), columns, lags)
         self._tail = x[columns:].copy()
         self.columns += columns
+
+    @abstractmethod
+    def _accumulate(self, x: np.ndarray, columns: int, lags: np.ndarray) -> None:
+        """Add some columns to the products with the first block row, and to its sums."""
+
+    def _edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Samples that leave and enter the window from one block row to the next."""
+        if self._head is None or self._tail is None:
+            raise DataError(f"the record is shorter than the {self.block_rows} samples of one Hankel column.")
+        return self._head, self._tail
+
+
+class HankelGram(HankelProducts):
+    r"""Gram matrix H Hᵀ of a block-Hankel matrix, each row less its mean, accumulated over the chunks of one record.
+
+    Rows of a Hankel matrix are shifts of one signal. So the products of each pair of block rows follow from those of
+    the pair before, by the samples that enter and leave the window of n columns,
+
+    .. math:: G_{i+1,j+1} = G_{i,j} + w(i+n)\, w(j+n)^T - w(i)\, w(j)^T,
+
+    and only the products with the first block row take sums over the record (Mastronardi, Kressner, Sima, Van Dooren
+    and Van Huffel, "A fast algorithm for subspace state-space system identification via exploitation of the
+    displacement structure", J. Comput. Appl. Math. 132, 71-81, 2001).
+
+    Parameters
+    ----------
+    block_rows, lags
+        As `HankelProducts` takes them.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(0).standard_normal((50, 1))
+    >>> gram = HankelGram(3)
+    >>> for chunk in np.array_split(x, 4):
+    ...     gram.add(chunk)
+    >>> H = np.lib.stride_tricks.sliding_window_view(x[:, 0], 3).T
+    >>> bool(np.allclose(gram.matrix(), 48 * np.cov(H, bias=True)))
+    True
+    """
+
+    def __init__(self, block_rows: int, lags: Sequence[int] | np.ndarray | None = None) -> None:
+        super().__init__(block_rows, lags)
+        self._products: np.ndarray | float = 0.0
+        self._sums: np.ndarray | float = 0.0
+
+    def _accumulate(self, x: np.ndarray, columns: int, lags: np.ndarray) -> None:
+        self._products = self._products + _sum_lagged_products(x, columns, self.block_rows, lags)
+        self._sums = self._sums + np.ones(columns) @ x[:columns]
 
     def matrix(self, rows: np.ndarray | None = None) -> np.ndarray:
         """The Gram matrix of the samples added so far.
@@ -93,9 +120,8 @@ class HankelGram:
         DataError
             If the record is shorter than a single column.
         """
-        if self._head is None or self._tail is None:
-            raise DataError(f"the record is shorter than the {self.block_rows} samples of one Hankel column.")
-        shifts = np.vstack([np.zeros(self._head.shape[1]), self._tail - self._head])
+        head, tail = self._edges()
+        shifts = np.vstack([np.zeros(head.shape[1]), tail - head])
         means = (self._sums + np.cumsum(shifts, axis=0)).ravel() / np.sqrt(self.columns)
         rows = np.arange(means.size) if rows is None else rows
         order = np.argsort(rows)
@@ -104,8 +130,9 @@ class HankelGram:
             unique, places = np.unique(rows, return_inverse=True)
             return self.matrix(unique)[np.ix_(places, places)]
         places = order.astype(np.uint64)
-        ends = self._head.ravel(), self._tail.ravel()
-        return _displace_products(self._products, *ends, means, ascending.astype(np.uint64), places)
+        return _displace_products(
+            self._products, head.ravel(), tail.ravel(), means, ascending.astype(np.uint64), places
+        )
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankleloop.errors import DataError
+from ankleloop.subspace.hankel_factor import HankelFactor
 from ankleloop.subspace.hankel_gram import HankelGram
 
 __all__ = ["HankelRows"]
@@ -62,18 +63,26 @@ class HankelRows:
 
     def start_gram(self, channels: int) -> HankelGram:
         """Start the Gram matrix of a record with this number of channels, to which its samples are then added."""
+        return HankelGram(self.window, self._list_lags(channels))
+
+    def start_factor(self, channels: int, *, subtract_means: bool = True) -> HankelFactor:
+        """Start the triangular factor of such a record."""
+        return HankelFactor(self.window, self._list_lags(channels), subtract_means=subtract_means)
+
+    def _list_lags(self, channels: int) -> np.ndarray:
+        """Block rows that each channel reaches over."""
         lags = np.full(channels, self.block_rows)
         lags[self.instruments] = self.window  # they reach into the past, all other channels into the future alone
-        return HankelGram(self.window, lags)
+        return lags
 
     def list_indices(self, channels: int) -> np.ndarray:
         """Rows of U, Z and Y in the Hankel matrix of a record with this number of channels over the window."""
-        return np.concatenate(
-            [
-                (np.arange(first, first + count)[:, None] * channels + part).ravel()
-                for part, first, count in self.matrices
-            ]
-        )
+        every = np.arange(self.window * channels).reshape(self.window, channels)
+        return np.concatenate([every[first : first + count, part].ravel() for part, first, count in self.matrices])
+
+    def count_products(self, channels: int, columns: int) -> int:
+        """Products that the inner products take, of records with this number of channels."""
+        return channels**2 * self.window * columns
 
     def count_columns(self, lengths: Sequence[int]) -> int:
         """Columns of the Hankel matrices of all records.

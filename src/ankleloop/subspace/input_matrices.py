@@ -170,9 +170,14 @@ class OutputRegression:
         Number of inputs m.
     dynamic : array_like of bool, shape (m,), optional
         Inputs that drive the state; all, by default.
+    offsets : bool
+        False takes the offset of every output to be zero: its column, too.
     """
 
-    def __init__(self, A: np.ndarray, C: np.ndarray, inputs: int, dynamic: ArrayLike | None = None) -> None:
+    def __init__(
+        self, A: np.ndarray, C: np.ndarray, inputs: int, dynamic: ArrayLike | None = None, *, offsets: bool = True
+    ) -> None:
+        self.offset = 1.0 if offsets else 0.0
         self.A, self.C, self.inputs = np.ascontiguousarray(A), np.ascontiguousarray(C), inputs
         self.dynamic = np.arange(inputs) if dynamic is None else np.flatnonzero(np.asarray(dynamic, dtype=bool))
         p, n = C.shape
@@ -210,7 +215,7 @@ class OutputRegression:
                 phi[:, i, i:d_end:p] = u
                 _propagate_rows(A, dynamic_inputs, C[i], forced[i], phi[:, i, d_end:b_end])
                 _propagate_rows(A, no_input, C[i], free[i], phi[:, i, b_end : b_end + n])
-                phi[:, i, i - p] = 1.0
+                phi[:, i, i - p] = self.offset
             free[np.abs(free) < NEGLIGIBLE] = 0.0
             yield phi.reshape(-1, self.unknowns)
 
@@ -253,6 +258,8 @@ def estimate_input_matrices(
     dynamic: ArrayLike | None = None,
     instrument_inputs: Any = None,
     rank_tolerance: float = 1e-10,
+    *,
+    offsets: bool = True,
 ) -> InputMatrices:
     r"""B, D, x0 and offset by least squares, or with instruments.
 
@@ -272,6 +279,8 @@ def estimate_input_matrices(
         Predicted noise-free inputs; None for least squares.
     rank_tolerance : float
         Directions below this fraction of the largest one are left out (columns have unit norm).
+    offsets : bool
+        False estimates no offsets: the data are deviations from an equilibrium.
 
     Returns
     -------
@@ -284,7 +293,7 @@ def estimate_input_matrices(
     """
     merged = are_merged(u)
     inputs, outputs = list_records(u, merged), list_records(y, merged)
-    regression = OutputRegression(A, C, inputs[0].shape[1], dynamic)
+    regression = OutputRegression(A, C, inputs[0].shape[1], dynamic, offsets=offsets)
     if instrument_inputs is None and len(inputs) == 1:
         solution = _solve_normal_equations(regression, inputs[0], outputs[0], rank_tolerance)
         if solution is not None:
@@ -357,7 +366,7 @@ def solve_least_squares(phi: np.ndarray, target: np.ndarray, rank_tolerance: flo
 
 def _solve(phi: np.ndarray, target: np.ndarray, scale: np.ndarray, rank_tolerance: float) -> Solution:
     theta, _, rank, values = linalg.lstsq(phi, target, cond=rank_tolerance, lapack_driver="gelsd")
-    return theta / scale, int(rank), float(values[0] / values[rank - 1])
+    return theta / scale, int(rank), float(values[0] / values[rank - 1]) if rank else np.inf
 
 
 def _column_norms(phi: np.ndarray) -> np.ndarray:

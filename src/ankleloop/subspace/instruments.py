@@ -49,9 +49,7 @@ def select_channels(instruments: Instruments, sizes: tuple[int, int, int]) -> np
     signals = INSTRUMENT_SIGNALS[instruments]
     if "reference" in signals and not sizes[2]:
         raise DataError("past-reference instruments need a reference: pass the external command of the loop.")
-    channels = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
-    parts = [part for name, part in zip(SIGNALS, channels, strict=True) if name in signals]
-    return np.concatenate([np.arange(0), *parts])
+    return np.flatnonzero(np.repeat([name in signals for name in SIGNALS], sizes))
 
 
 def fit_reference_response(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,9 @@ class Matrices:
         Sampling interval [s].
     names : tuple of two sequences of str, optional
         Names of inputs and outputs.
+    input_delays : sequence of float, optional
+        Time by which each input is behind the signal of its name [s]. It is no part of A, B, C, D: u(t) is delayed
+        already.
     """
 
     A: np.ndarray
@@ -34,6 +37,7 @@ class Matrices:
     D: np.ndarray
     dt: float = 1.0
     names: tuple[Sequence[str], Sequence[str]] | None = None
+    input_delays: Sequence[float] | None = None
 
     def select_inputs(self, inputs: np.ndarray) -> Matrices:
         """The model with some of its inputs only.
@@ -46,8 +50,17 @@ class Matrices:
         Returns
         -------
         Matrices
+            With the names and delays of these inputs.
+
+        Examples
+        --------
+        >>> unit = np.eye(2)
+        >>> Matrices(unit, unit, unit, unit, names=(("u", "v"), ("x", "y"))).select_inputs(np.array([1])).names
+        (('v',), ('x', 'y'))
         """
-        return Matrices(self.A, self.B[:, inputs], self.C, self.D[:, inputs], self.dt)
+        names = None if self.names is None else (_select(self.names[0], inputs), self.names[1])
+        delays = None if self.input_delays is None else _select(self.input_delays, inputs)
+        return Matrices(self.A, self.B[:, inputs], self.C, self.D[:, inputs], self.dt, names, delays)
 
     def frequency_response(self, z: np.ndarray) -> np.ndarray:
         """Response of the first output to each input.
@@ -90,3 +103,7 @@ class Matrices:
         inputs, outputs = self.names if self.names is not None else (None, None)
         matrices = (self.A, self.B, self.C, self.D)
         return StateSpace(*matrices, self.dt, inputs=inputs, outputs=outputs, remove_useless_states=False)
+
+
+def _select(values: Sequence[Any], inputs: np.ndarray) -> tuple[Any, ...]:
+    return tuple(np.array(values, dtype=object)[inputs].tolist())

@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
+from ankleloop.subspace.hankel_factor import combine_factors
 from ankleloop.subspace.hankel_rows import HankelRows
 from ankleloop.subspace.input_matrices import InputMatrices, estimate_input_matrices
 from ankleloop.subspace.instruments import predict_from_reference
 from ankleloop.subspace.options import MemoryOptions
-from ankleloop.subspace.projection import factor_rows
-from ankleloop.subspace.records import are_merged, list_records, merge_hankel, remove_means, scale_records
+from ankleloop.subspace.records import are_merged, list_records, remove_means, scale_records
 
 __all__ = ["MemorySource"]
+
+SMALL = 150_000  # products: a factor of so few takes no longer than their inner products
 
 
 class MemorySource:
@@ -45,14 +47,14 @@ class MemorySource:
         inputs, outputs = list_records(u, self.merged), list_records(y, self.merged)
         references = None if reference is None else list_records(reference, self.merged)
         _check_lengths(inputs, outputs, "output")
-        self.inputs, u_scale = scale_records(inputs, "input")
-        self.outputs, y_scale = scale_records(outputs, "output")
+        self.inputs, u_scale = self._scale(inputs, "input")
+        self.outputs, y_scale = self._scale(outputs, "output")
         self.scales = u_scale, y_scale
         self.open_loop, self.references = False, None
         if references is not None:
             _check_lengths(inputs, references, "reference")
             self.open_loop = options.instruments == "past-reference" and all(map(np.array_equal, references, inputs))
-            self.references = self.inputs if self.open_loop else scale_records(references, "reference")[0]
+            self.references = self.inputs if self.open_loop else self._scale(references, "reference")[0]
 
     @property
     def sizes(self) -> tuple[int, int, int]:
@@ -63,9 +65,10 @@ class MemorySource:
     def compute_gram(self, rows: HankelRows) -> tuple[np.ndarray | None, int]:
         """Inner products of the Hankel rows, None if the options exclude them; and the number of columns."""
         columns = rows.count_columns([len(record) for record in self.inputs])
-        if self.options.compression == "qr":
-            return None, columns
         records = [record for record in self._stack_channels(rows) if len(record) >= rows.window]
+        small = rows.count_products(records[0].shape[1], columns) < SMALL
+        if small or self.options.compression == "qr" or not self.options.offsets:
+            return None, columns
         grams = [rows.start_gram(record.shape[1]) for record in records]
         for gram, record in zip(grams, records, strict=True):
             gram.add(record)
@@ -73,23 +76,32 @@ class MemorySource:
         return reduce(add, (gram.matrix(indices) for gram in grams)), columns
 
     def factor_rows(self, rows: HankelRows) -> np.ndarray:
-        """Triangular factor of the Hankel rows."""
-        records = self._stack_channels(rows)
-        matrices = [
-            merge_hankel(
-                [record[:, channels] for record in records], first, count, rows.window, subtract_means=len(records) > 1
-            )
-            if channels.size
-            else np.empty((0, rows.count_columns([len(record) for record in records])))
-            for channels, first, count in rows.matrices
-        ]
-        return factor_rows(*matrices)
+        """Triangular factor of the Hankel rows, each less its mean over each record unless the options keep means."""
+        records = [record for record in self._stack_channels(rows) if len(record) >= rows.window]
+        channels = records[0].shape[1]
+        factors = [rows.start_factor(channels, subtract_means=self.options.offsets) for _ in records]
+        for factor, record in zip(factors, records, strict=True):
+            factor.add(record)
+        indices = rows.list_indices(channels)
+        return combine_factors([factor.matrix(indices) for factor in factors])
 
     def estimate_input_matrices(self, A: np.ndarray, C: np.ndarray) -> InputMatrices:
         """B, D and initial states; with instruments, from inputs that the reference predicts."""
         predicted = self._predict_inputs() if self.input_matrices == "instruments" else None
-        tolerance = self.options.regression_tolerance
-        return estimate_input_matrices(A, C, self.inputs, self.outputs, self.dynamic, predicted, tolerance)
+        return estimate_input_matrices(
+            A,
+            C,
+            self.inputs,
+            self.outputs,
+            self.dynamic,
+            predicted,
+            self.options.regression_tolerance,
+            offsets=self.options.offsets,
+        )
+
+    def _scale(self, records: list[np.ndarray], name: str) -> tuple[list[np.ndarray], np.ndarray]:
+        """Records without their means, of unit variance; and the number by which each channel was divided."""
+        return scale_records(records, name, scaling=self.options.scaling, subtract_means=self.options.offsets)
 
     def _stack_channels(self, rows: HankelRows) -> list[np.ndarray]:
         """Records of inputs and outputs side by side, and of the reference where the instruments consist of it."""
@@ -101,7 +113,8 @@ class MemorySource:
     def _predict_inputs(self) -> list[np.ndarray]:
         """Noise-free predictions of the inputs, in their scale."""
         if self.predicted_inputs is not None:
-            predicted = remove_means(list_records(self.predicted_inputs, self.merged))
+            predicted = list_records(self.predicted_inputs, self.merged)
+            predicted = remove_means(predicted) if self.options.offsets else predicted
             return [record / self.scales[0] for record in predicted]
         if not self.references:
             raise DataError("input_matrices='instruments' needs a reference: pass the external command of the loop.")

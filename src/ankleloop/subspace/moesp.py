@@ -86,7 +86,8 @@ def moesp(
 
     Instruments: ``"none"`` ordinary MOESP, ``"past-input"`` PI-MOESP, ``"past-input-output"`` PO-MOESP (EIV-MOESP with
     the correlation form), ``"past-reference"`` PR-MOESP. Verhaegen and Dewilde (1992); Chou and Verhaegen (1997);
-    Zhao and Westwick (2003). Means are removed and every channel is scaled to unit variance before the projection.
+    Zhao and Westwick (2003). Means are removed and every channel is scaled to unit variance before the projection,
+    unless the options `offsets` and `scaling` say otherwise.
 
     Several records of one system are merged: no column of a Hankel matrix reaches across their seams, each has means,
     an offset and an initial state of its own, and their lengths may differ.

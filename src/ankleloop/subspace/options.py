@@ -33,7 +33,11 @@ class SubspaceOptions(Options):
         ge=0,
     )
     rank_tolerance: float = option(
-        1e-8, "singular values of the projection below this fraction of the largest one count as zero", ge=0, lt=1
+        1e-8,
+        "singular values below this fraction of the largest one count as zero; they are those of the inputs, in the "
+        "correlation form those of the inputs times the instruments",
+        ge=0,
+        lt=1,
     )
     regression_tolerance: float = option(1e-10, "the same for the regression that gives B and D", ge=0, lt=1)
     names: tuple[Sequence[str], Sequence[str]] | None = option(
@@ -67,7 +71,17 @@ class MemoryOptions(SubspaceOptions):
     )
     compression: Literal["gram", "qr"] = option(
         "gram",
-        "how the Hankel matrices are compressed: to inner products of their rows by the displacement structure, or by "
-        'a QR factorisation; "gram" goes over to "qr" where rounding of the squares would count, and then states it in '
-        '`diagnostics["compression"]`',
+        "how the Hankel matrices are compressed by their displacement structure: to inner products of their rows, or "
+        'to the factor R of a QR factorisation; "gram" goes over to "qr" where rounding of the squares would count, or '
+        'where it takes no longer, and states it in `diagnostics["compression"]`',
+    )
+    scaling: bool = option(
+        True,
+        "divide every channel by its standard deviation; without it the rank policy and the correlation form depend on "
+        "the units of the channels",
+    )
+    offsets: bool = option(
+        True,
+        "remove means, and estimate an offset of each output; without it the data must be deviations from an "
+        "equilibrium, and are compressed by a QR factorisation",
     )

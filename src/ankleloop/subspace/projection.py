@@ -1,11 +1,19 @@
 """Projections that show the extended observability matrix, with an explicit rank policy.
 
 The rows of the input Hankel matrix may be dependent by construction (for an ankle: a delayed velocity among the
-inputs is a shifted row of the velocity). Rank is therefore decided, never assumed: a direction counts if its singular
-value is above `rank_tolerance` times the largest one, all signals having been scaled to unit variance.
+inputs is a shifted row of the velocity). Rank is therefore decided, never assumed, by one rule, all signals having been
+scaled to unit variance: a direction counts if its singular value is above `rank_tolerance` times the largest one.
 
-This module factorises the Hankel matrices, which is accurate whatever their condition. `gram_projection` gives the same
-projection faster, from inner products.
+- Inputs: the singular values are those of the matrix whose row space is removed. It is U in the ordinary form. In the
+  correlation form it is U Z', so a direction counts by its size times that of the instruments that show it.
+- Instruments: the singular values of what is left of Z, against the largest one of Z itself. In the ordinary form Z is
+  left without the inputs, in the correlation form all of it. Nothing may be left, so less than `LEAST_TOLERANCE` of the
+  largest one never counts.
+
+Both routes (this module and `gram_projection`) follow it.
+
+This module takes a triangular factor of the Hankel rows, which is accurate whatever their condition. `gram_projection`
+gives the same projection faster, from inner products.
 """
 
 from __future__ import annotations
@@ -13,20 +21,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.subspace.options import ProjectionForm
 
 __all__ = [
+    "LEAST_TOLERANCE",
     "Projection",
     "check_instrument_rank",
     "check_instrument_rows",
     "decompose_residual",
-    "factor_rows",
     "project",
     "subtract_fit",
 ]
+
+LEAST_TOLERANCE = 1e-12  # of the directions of instruments: rounding of the rows
 
 
 @dataclass(frozen=True)
@@ -53,35 +62,6 @@ class Projection:
     condition: float
 
 
-def factor_rows(U: np.ndarray, Z: np.ndarray, Y: np.ndarray) -> np.ndarray:
-    """Triangular factor of the rows of U, Z and Y, each less its mean.
-
-    Parameters
-    ----------
-    U, Z, Y : ndarray, shape (rows, columns)
-        Hankel matrices of future inputs, instruments (possibly without rows) and future outputs; rows of similar size.
-
-    Returns
-    -------
-    ndarray, shape (k, k)
-        It has the row spaces and the inner products of all k rows.
-
-    Raises
-    ------
-    DataError
-        If there are fewer columns than rows.
-    """
-    stacked = np.vstack([U, Z, Y])
-    # A constant offset is one more input whose Hankel rows are all alike: its projection is the mean of every row.
-    stacked = stacked - stacked.mean(axis=1, keepdims=True)
-    if stacked.shape[1] < stacked.shape[0]:
-        raise DataError(
-            f"the record leaves {stacked.shape[1]} columns for {stacked.shape[0]} Hankel rows (inputs, instruments, "
-            "outputs): use a longer record, fewer block_rows or fewer instrument_rows."
-        )
-    return linalg.qr(stacked.T, mode="r", check_finite=False)[0][: stacked.shape[0]]
-
-
 def project(
     R: np.ndarray, sizes: tuple[int, int], columns: int, form: ProjectionForm, rank_tolerance: float, order: int
 ) -> Projection:
@@ -97,7 +77,7 @@ def project(
     Parameters
     ----------
     R : ndarray, shape (k, k)
-        Triangular factor of the Hankel rows of future inputs U, instruments Z and future outputs Y, from `factor_rows`.
+        Triangular factor of the Hankel rows of future inputs U, instruments Z and future outputs Y.
     sizes : tuple of int
         Rows of U and of Z; Z may have none.
     columns : int
@@ -118,46 +98,65 @@ def project(
     DataError
         If there are too few instruments for the order.
     """
-    r_u, r_z, r_y = np.split(R, np.cumsum(sizes), axis=1)
     step = _project_ordinary if form == "ordinary" else _project_correlation
-    residual, ranks, condition = step(r_u, r_y, r_z, rank_tolerance, order)
+    residual, ranks, condition = step(R, sizes, rank_tolerance, order)
     return decompose_residual(residual, ranks, condition, columns, form)
 
 
 def _project_ordinary(
-    r_u: np.ndarray, r_y: np.ndarray, r_z: np.ndarray, rank_tolerance: float, order: int
+    R: np.ndarray, sizes: tuple[int, int], rank_tolerance: float, order: int
 ) -> tuple[np.ndarray, tuple[int, int], float]:
-    """The matrix to decompose, the ranks of inputs and instruments, and the condition of the inputs."""
-    inputs, condition = _column_space(r_u, rank_tolerance)
-    y_residual = r_y - inputs @ (inputs.T @ r_y)
-    if r_z.shape[1] == 0:
-        return y_residual.T, (inputs.shape[1], 0), condition
-    z_residual = r_z - inputs @ (inputs.T @ r_z)
-    left, values, _ = linalg.svd(z_residual, full_matrices=False)
+    """The matrix to decompose, the ranks of inputs and instruments, and the condition of the inputs.
+
+    R is triangular: beside the inputs there are the directions of their own rows that do not count, and the rows below.
+    """
+    m, z = sizes
+    others, input_rank, condition = _find_other_directions(R[:m, :m], rank_tolerance)
+    residual = np.vstack([others.T @ R[:m, m:], R[m:, m:]])
+    if z == 0:
+        return residual.T, (input_rank, 0), condition
+    residual = residual[: m - input_rank + z]  # of more rows, only the outputs have components
     # Relative to the instruments before the inputs were removed, because the residual may be nothing but rounding.
-    rank = int(np.sum(values > max(rank_tolerance, 1e-12) * linalg.norm(r_z, 2)))
+    instruments = R[: m + z, m : m + z]
+    tolerance = max(rank_tolerance, LEAST_TOLERANCE)
+    if input_rank == m and np.diag(residual).all():  # singular vectors take three times as long, and are not needed
+        values = np.linalg.svd(residual[:, :z], compute_uv=False)
+        if values[-1] > tolerance * np.linalg.norm(instruments):  # this norm is not less than the largest value
+            check_instrument_rank(z, order)
+            return residual[:, z:].T, (m, z), condition
+    left, values, _ = np.linalg.svd(residual[:, :z], full_matrices=False)
+    rank = _count_values(values, instruments, tolerance)
     check_instrument_rank(rank, order)
-    return (left[:, :rank].T @ y_residual).T, (inputs.shape[1], rank), condition
+    return (left[:, :rank].T @ residual[:, z:]).T, (input_rank, rank), condition
 
 
 def _project_correlation(
-    r_u: np.ndarray, r_y: np.ndarray, r_z: np.ndarray, rank_tolerance: float, order: int
+    R: np.ndarray, sizes: tuple[int, int], rank_tolerance: float, order: int
 ) -> tuple[np.ndarray, tuple[int, int], float]:
     """The matrix to decompose, the ranks of inputs and instruments, and the condition of the inputs."""
+    r_u, r_z, r_y = np.split(R, np.cumsum(sizes), axis=1)
     check_instrument_rows(r_z.shape[1], r_u.shape[1], order)
     residual, input_rank, condition = subtract_fit(r_z.T @ r_u, r_z.T @ r_y, rank_tolerance)
-    rank = int(np.linalg.matrix_rank(r_z, tol=max(rank_tolerance, 1e-12) * linalg.norm(r_z, 2)))
+    values = np.linalg.svd(r_z[: sum(sizes)], compute_uv=False)
+    rank = int(np.sum(values > max(rank_tolerance, LEAST_TOLERANCE) * values[0]))
     return residual.T, (input_rank, rank), condition
 
 
-def _column_space(matrix: np.ndarray, rank_tolerance: float) -> tuple[np.ndarray, float]:
-    """Orthonormal basis of the columns that count, and the ratio of their largest to smallest singular value."""
-    if matrix.shape[1] == 0:
-        return matrix, 1.0
-    left, values, _ = np.linalg.svd(matrix, full_matrices=False)
-    mask = values > rank_tolerance * values[0] if values[0] > 0 else np.zeros(values.size, dtype=bool)
-    condition = values[0] / values[mask][-1] if mask.any() else np.inf
-    return left[:, mask], float(condition)
+def _find_other_directions(matrix: np.ndarray, rank_tolerance: float) -> tuple[np.ndarray, int, float]:
+    """Unit directions of a square matrix that do not count, the number of those that do, and their condition."""
+    values = np.linalg.svd(matrix, compute_uv=False)
+    rank = int(np.sum(values > rank_tolerance * values[0]))
+    left = np.linalg.svd(matrix)[0] if rank < len(matrix) else matrix
+    return left[:, rank:], rank, float(values[0] / values[rank - 1]) if rank else np.inf
+
+
+def _count_values(values: np.ndarray, matrix: np.ndarray, tolerance: float) -> int:
+    """How many singular values are above the tolerance times the largest one of a matrix."""
+    norms = np.linalg.norm(matrix, axis=0)
+    counts = {int(np.sum(values > tolerance * bound)) for bound in (norms.max(), np.linalg.norm(norms))}
+    if len(counts) > 1:  # the largest one is between these bounds
+        counts = {int(np.sum(values > tolerance * np.linalg.norm(matrix, 2)))}
+    return counts.pop()
 
 
 def subtract_fit(matrix: np.ndarray, others: np.ndarray, rank_tolerance: float) -> tuple[np.ndarray, int, float]:

@@ -85,7 +85,9 @@ def remove_means(records: Sequence[np.ndarray]) -> list[np.ndarray]:
     return [_remove_means(np.ascontiguousarray(record))[0] for record in records]
 
 
-def scale_records(records: Sequence[np.ndarray], name: str) -> tuple[list[np.ndarray], np.ndarray]:
+def scale_records(
+    records: Sequence[np.ndarray], name: str, *, scaling: bool = True, subtract_means: bool = True
+) -> tuple[list[np.ndarray], np.ndarray]:
     """Remove the means of every record and scale each channel to unit variance over all records.
 
     Parameters
@@ -94,13 +96,15 @@ def scale_records(records: Sequence[np.ndarray], name: str) -> tuple[list[np.nda
         The records.
     name : str
         Signal, for the error.
+    scaling, subtract_means : bool
+        False leaves out the one or the other.
 
     Returns
     -------
     list of ndarray
         The records.
     ndarray, shape (m,)
-        Standard deviation by which each channel was divided.
+        Number by which each channel was divided, its standard deviation.
 
     Raises
     ------
@@ -113,6 +117,10 @@ def scale_records(records: Sequence[np.ndarray], name: str) -> tuple[list[np.nda
     if not np.isfinite(scale).all():
         _refuse_not_finite(records, name)
     refuse_constant(scale, np.max(np.abs(means), axis=0), name)
+    if not scaling:
+        scale = np.ones_like(scale)
+    if not subtract_means:
+        return [record / scale for record in records], scale
     for deviation in deviations:
         deviation /= scale
     return list(deviations), scale
@@ -163,9 +171,7 @@ def _refuse_not_finite(records: Sequence[np.ndarray], name: str) -> None:
             raise DataError(f"{name} {channel} is not finite at sample {t}{number}: cut or repair the record.")
 
 
-def merge_hankel(
-    records: Sequence[np.ndarray], first: int, rows: int, window: int, *, subtract_means: bool = False
-) -> np.ndarray:
+def merge_hankel(records: Sequence[np.ndarray], first: int, rows: int, window: int) -> np.ndarray:
     """Hankel matrices of all records side by side.
 
     Parameters
@@ -178,8 +184,6 @@ def merge_hankel(
         Block rows.
     window : int
         Samples of a record that make one column of all Hankel matrices that belong together.
-    subtract_means : bool
-        Whether every row loses its mean over each record: the offset of a record is one more input, constant in it.
 
     Returns
     -------
@@ -190,7 +194,5 @@ def merge_hankel(
         for record in records
         if record.shape[0] >= window
     ]
-    if subtract_means:
-        parts = [part - part.mean(axis=0) for part in parts]
-    # Column-major, so that its transpose goes into a QR factorisation without a copy.
+    # Column-major, so that its transpose goes into least squares without a copy.
     return parts[0].T if len(parts) == 1 else np.concatenate(parts).T

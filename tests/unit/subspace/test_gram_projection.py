@@ -5,11 +5,17 @@ from hypothesis import strategies as st
 
 from ankleloop import simulate
 from ankleloop.errors import DataError
+from ankleloop.joint.models import simulate_torques
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.moesp import simulate_torques
-from ankleloop.subspace import moesp
+from ankleloop.subspace import moesp, simulate_response
 from ankleloop.subspace.gram_projection import project_gram
-from ankleloop.subspace.projection import factor_rows, project
+from ankleloop.subspace.projection import project
+
+
+def factor_rows(*matrices):
+    """Triangular factor of the rows, each less its mean."""
+    rows = np.vstack(matrices)
+    return np.linalg.qr((rows - rows.mean(axis=1, keepdims=True)).T, mode="r")
 
 
 def compute_gram(*matrices):
@@ -59,6 +65,82 @@ def test_a_rank_that_depends_on_rounding_gives_none():
     projection, expected = project_twice(U, Z, Y, "ordinary", tolerance=1e-8)
     assert projection is None
     assert expected.input_rank in (4, 5)
+
+
+# --- the rank policy is that of both forms and of both routes
+
+
+def directions(rng, sizes, columns=600):
+    """Rows with these singular values, apart from a common factor."""
+    rows = np.linalg.qr(rng.standard_normal((columns, len(sizes))))[0]
+    rows -= rows.mean(axis=0)
+    mixing = np.linalg.qr(rng.standard_normal((len(sizes), len(sizes))))[0]
+    return mixing @ (np.linalg.qr(rows)[0] * sizes).T, rows
+
+
+@pytest.mark.parametrize("tolerance", [3e-3, 3e-5, 3e-7])
+def test_a_tolerance_means_the_same_in_both_forms_if_the_instruments_show_all_inputs_alike(tolerance):
+    """The correlation form sees U Z': with instruments of equal size its singular values fall as those of U do."""
+    rng = np.random.default_rng(6)
+    sizes = 10.0 ** -np.arange(0.5, 8.0)
+    U, basis = directions(rng, sizes)
+    extra = rng.standard_normal((4, 600))
+    Z = np.vstack([np.linalg.qr(basis)[0].T * 20.0, extra - extra.mean(axis=1, keepdims=True)])
+    Y = rng.standard_normal((3, 600))
+    expected = int(np.sum(sizes > tolerance * sizes[0]))
+    ranks = {
+        (form, route): projection.input_rank
+        for form in ("ordinary", "correlation")
+        for route, projection in zip(("gram", "qr"), project_twice(U, Z, Y, form, tolerance), strict=True)
+        if projection is not None
+    }
+    assert set(ranks.values()) == {expected}
+    assert {("ordinary", "qr"), ("correlation", "qr"), ("correlation", "gram")} <= set(ranks)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
+def test_instruments_that_are_the_inputs_count_by_the_square_of_their_size(tolerance):
+    """In the correlation form, where U Z' is then U U'."""
+    rng = np.random.default_rng(7)
+    sizes = 10.0 ** -np.arange(0.25, 8.0, 0.5)
+    U, _ = directions(rng, sizes)
+    Z = np.vstack([U, rng.standard_normal((4, 600))])
+    Y = rng.standard_normal((3, 600))
+    for projection in project_twice(U, Z, Y, "correlation", tolerance):
+        if projection is not None:
+            values = np.linalg.svd(U @ (Z - Z.mean(axis=1, keepdims=True)).T, compute_uv=False)
+            assert projection.input_rank == np.sum(values > tolerance * values[0])
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    small=st.floats(-13.0, -1.0),
+    tolerance=st.sampled_from([1e-3, 1e-5, 1e-8, 1e-10, 0.0]),
+    form=st.sampled_from(["ordinary", "correlation"]),
+)
+def test_inner_products_give_the_ranks_of_a_factor_or_none(seed, small, tolerance, form):
+    """Also where squares hide a direction of the instruments that a factor shows."""
+    rng = np.random.default_rng(seed)
+    U, Z, Y = (rng.standard_normal((rows, 300)) for rows in (3, 9, 4))
+    Z[8] = Z[7] + 10.0**small * rng.standard_normal(300)
+    projection, expected = project_twice(U, Z, Y, form, tolerance)
+    ratio = 10.0**small / max(tolerance, 1e-12)
+    if projection is None or 0.05 < ratio < 20.0:  # at the tolerance, singular values decide, which vary with the draw
+        return
+    assert projection.instrument_rank == expected.instrument_rank == 8 + (ratio > 1)
+    assert projection.input_rank == expected.input_rank == 3
+
+
+def test_the_rank_of_instruments_that_squares_hide_is_left_to_a_factor():
+    rng = np.random.default_rng(8)
+    U, Z, Y = (rng.standard_normal((rows, 300)) for rows in (3, 9, 4))
+    Z[8] = Z[7] + 1e-9 * rng.standard_normal(300)
+    projection, expected = project_twice(U, Z, Y, "correlation", 1e-11)
+    assert projection is None
+    assert expected.instrument_rank == 9
+    for projection in project_twice(U, Z, Y, "correlation", 1e-5):
+        assert projection.instrument_rank == 8
 
 
 def test_rows_that_repeat_do_not_count_twice():
@@ -154,3 +236,34 @@ def test_leads_of_a_reference_that_is_the_input(projection):
 def test_an_unknown_compression_is_refused():
     with pytest.raises(ValueError, match="compression must be one of 'gram' or 'qr'; got 'svd'"):
         moesp(np.ones((10, 1)), np.ones((10, 1)), 3, 1, compression="svd")
+
+
+def simulate_coloured(seed, pole, noise, samples=1200):
+    """Two inputs through three equal poles, and two noisy outputs of order 2."""
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal((samples + 500, 2))
+    for _ in range(3):
+        for t in range(1, len(u)):
+            u[t] += pole * u[t - 1]
+    A, B, C = np.array([[0.7, 0.4], [-0.4, 0.7]]), rng.standard_normal((2, 2)), rng.standard_normal((2, 2))
+    y = simulate_response(A, B, C, np.zeros((2, 2)), u[500:])
+    return u[500:], y + noise * y.std(axis=0) * rng.standard_normal(y.shape)
+
+
+@pytest.mark.parametrize("instruments", ["none", "past-input", "past-input-output"])
+def test_inner_products_are_used_only_where_they_are_accurate(instruments):
+    """Inputs that are harder and harder to tell apart: both routes occur, and where squares are used they agree."""
+    routes = set()
+    for seed, (pole, noise) in enumerate((pole, noise) for pole in (0.0, 0.8, 0.98) for noise in (1e-1, 1e-3, 1e-6)):
+        u, y = simulate_coloured(seed, pole, noise)
+        estimate, expected = (moesp(u, y, 12, 2, instruments, compression=route) for route in ("gram", "qr"))
+        routes.add(estimate.diagnostics["compression"])
+        poles = [np.sort_complex(model.diagnostics["poles"]) for model in (estimate, expected)]
+        np.testing.assert_allclose(*poles, atol=1e-7)
+    assert routes == {"gram", "qr"}
+
+
+def test_a_small_problem_is_factorised_at_once():
+    u, y = open_loop_data()
+    assert moesp(u[:200], y[:200], 5, 1).diagnostics["compression"] == "qr"
+    assert moesp(u, y, 12, 1).diagnostics["compression"] == "gram"

@@ -430,6 +430,8 @@ def test_the_signature_shows_all_options():
         "dynamic": None,
         "predicted_inputs": None,
         "compression": "gram",
+        "scaling": True,
+        "offsets": True,
         "rank_tolerance": 1e-8,
         "regression_tolerance": 1e-10,
         "names": None,

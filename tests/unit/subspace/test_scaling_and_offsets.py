@@ -1,0 +1,119 @@
+"""Identification without scaling, and without means and offsets."""
+
+import numpy as np
+import pytest
+
+from ankleloop import DataError
+from ankleloop.subspace.input_matrices import estimate_input_matrices
+from ankleloop.subspace.moesp import moesp
+from ankleloop.subspace.records import scale_records
+
+A, B = np.array([[0.8, 0.3], [-0.3, 0.7]]), np.array([[1.0, 0.5], [0.2, -1.0]])
+C, D = np.array([[1.0, 0.4]]), np.array([[0.5, 0.0]])
+POLES = np.linalg.eigvals(A)
+
+
+def simulate(u, offset=0.0):
+    x, y = np.zeros(2), np.empty((len(u), 1))
+    for t, sample in enumerate(u):
+        y[t] = C @ x + D @ sample + offset
+        x = A @ x + B @ sample
+    return y
+
+
+@pytest.fixture(scope="module")
+def u():
+    """Inputs with means of their own."""
+    return np.random.default_rng(1).normal([1.0, -3.0], 1.0, (600, 2))
+
+
+def pole_error(estimate):
+    return np.abs(np.sort_complex(estimate.diagnostics["poles"]) - np.sort_complex(POLES)).max()
+
+
+def gain(estimate):
+    """Steady-state gain in the units of the data."""
+    m = estimate.matrices
+    return m.C @ np.linalg.solve(np.eye(2) - m.A, m.B) + m.D
+
+
+GAIN = C @ np.linalg.solve(np.eye(2) - A, B) + D
+
+
+@pytest.mark.parametrize("instruments", ["none", "past-input", "past-input-output"])
+@pytest.mark.parametrize("scaling", [True, False])
+@pytest.mark.parametrize("compression", ["gram", "qr"])
+def test_units_of_the_data_are_kept(u, instruments, scaling, compression):
+    units = np.array([2.0, 0.1])
+    estimate = moesp(u * units, simulate(u), 6, 2, instruments, scaling=scaling, compression=compression)
+    assert pole_error(estimate) < 1e-6
+    np.testing.assert_allclose(gain(estimate) * units, GAIN, atol=1e-6)
+
+
+def test_without_scaling_the_rank_policy_compares_units(u):
+    small = u * [1.0, 1e-6]
+    options = {"rank_tolerance": 1e-5, "block_rows": 6, "order": 2}
+    assert moesp(small, simulate(u), **options).diagnostics["rank"] == 12
+    assert moesp(small, simulate(u), **options, scaling=False).diagnostics["rank"] == 6
+
+
+def test_data_of_unit_variance_need_no_scaling(u):
+    u = (u - u.mean(axis=0)) / u.std(axis=0)
+    y = simulate(u)
+    y = (y - y.mean()) / y.std()
+    scaled, unscaled = (moesp(u, y, 6, 2, "past-input-output", "correlation", scaling=value) for value in (True, False))
+    np.testing.assert_allclose(unscaled.singular_values, scaled.singular_values, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(gain(unscaled), gain(scaled), rtol=1e-9)
+
+
+@pytest.mark.parametrize("instruments", ["past-input", "past-input-output"])
+def test_without_offsets_the_data_must_have_none(u, instruments):
+    exact = moesp(u, simulate(u), 6, 2, instruments, offsets=False)
+    assert pole_error(exact) < 1e-8
+    np.testing.assert_allclose(gain(exact), GAIN, atol=1e-8)
+    np.testing.assert_allclose(exact.initial_state, 0.0, atol=1e-8)
+    assert exact.diagnostics["compression"] == "qr"
+    shifted = simulate(u, offset=5.0)
+    assert pole_error(moesp(u, shifted, 6, 2, instruments)) < 1e-8
+    assert np.abs(gain(moesp(u, shifted, 6, 2, instruments, offsets=False)) - GAIN).max() > 0.1
+
+
+def test_merged_records_without_offsets(u):
+    records = [u[:250], u[300:]]
+    outputs = [simulate(record) for record in records]
+    estimate = moesp(records, outputs, 6, 2, offsets=False)
+    assert pole_error(estimate) < 1e-8
+    np.testing.assert_allclose(gain(estimate), GAIN, atol=1e-8)
+
+
+def test_the_regression_without_offsets_has_no_column_for_them(u):
+    """Against least squares on responses that are simulated one by one."""
+    y = simulate(u) + 0.1 * np.random.default_rng(2).standard_normal((len(u), 1)) + 2.0
+
+    def respond(B, D, x, u):
+        out = np.empty(len(u))
+        for t, sample in enumerate(u):
+            out[t] = (C @ x + D @ sample).item()
+            x = A @ x + B @ sample
+        return out
+
+    units = [np.eye(8)[k] for k in range(8)]
+    phi = np.column_stack([respond(e[:4].reshape(2, 2), e[4:6].reshape(1, 2), e[6:], u) for e in units])
+    theta = np.linalg.lstsq(phi, y[:, 0], rcond=None)[0]
+    found = estimate_input_matrices(A, C, u, y, offsets=False)
+    np.testing.assert_allclose(found.B.ravel(), theta[:4], rtol=1e-9)
+    np.testing.assert_allclose(found.D.ravel(), theta[4:6], rtol=1e-9)
+    np.testing.assert_allclose(found.initial_state, theta[6:], rtol=1e-9)
+    assert found.offset == 0.0
+    assert estimate_input_matrices(A, C, u, y).offset == pytest.approx(2.0, abs=0.1)
+
+
+def test_parts_of_the_preparation(u):
+    records, scale = scale_records([u], "input", scaling=False)
+    np.testing.assert_allclose(records[0], u - u.mean(axis=0), atol=1e-12)
+    assert scale.tolist() == [1.0, 1.0]
+    records, scale = scale_records([u], "input", subtract_means=False)
+    np.testing.assert_allclose(scale, u.std(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(records[0], u / u.std(axis=0), rtol=1e-12)
+    with pytest.raises(DataError, match="input 0 is constant"):
+        scale_records([np.ones((10, 1))], "input", scaling=False, subtract_means=False)
