@@ -1,4 +1,8 @@
 # What is made of several studies: the diagrams, the economy of the methods, the ledger and the article.
+# The economy is that of the published methods, on the trials of Table 1.
+ECONOMY = {study.name: study for study in ARTICLE if study.name == "table1"}
+
+
 rule diagrams:
     output:
         report(
@@ -23,15 +27,26 @@ rule diagrams:
 
 rule economy:
     input:
-        trials=[f"results/trials/{study.name}/0.nc" for study in ARTICLE[:1]],
+        trials=[
+            path
+            for study in ECONOMY.values()
+            for path in chunk_files("trials", study, "nc")
+        ],
     output:
         table="results/tables/economy.csv",
     log:
         "logs/economy.log",
     conda:
         "../envs/ankleloop.yaml"
-    threads: 1
+    # All cores: a job at its side would change the times.
+    threads: max(1, workflow.cores or 1)
     params:
+        options={
+            name: study.identified_methods[name]["options"]
+            for study in ECONOMY.values()
+            for name in ("pr-moesp", "eiv-moesp")
+            if name in study.methods
+        },
         library=library("workflow/scripts/economy.py"),
     script:
         "../scripts/economy.py"

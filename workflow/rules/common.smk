@@ -1,6 +1,7 @@
 # The configuration, the studies that it describes, and what several rules take of them.
 import os
 
+from ankleloop.studies.checking import check_unique_keys
 from ankleloop.studies.config import NOTEBOOKS
 from ankleloop.studies.fingerprint import fingerprint
 from ankleloop.studies.results import (
@@ -16,6 +17,8 @@ from ankleloop.studies.study import RecordedStudy, SimulatedStudy, read_studies
 os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(2**30))
 os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(2**31))
 
+for path in workflow.configfiles:
+    check_unique_keys(path)
 CONFIG, STUDIES = read_studies(config)
 ARTICLE = article_studies(CONFIG, STUDIES)
 DIAGRAMS = ["figure1", "figure2"]

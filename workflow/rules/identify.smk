@@ -25,6 +25,7 @@ rule identify:
         methods=lambda wildcards: study_of(wildcards).identified_methods,
         against=lambda wildcards: study_of(wildcards).settings.against,
         precision=lambda wildcards: study_of(wildcards).settings.precision,
+        failures=lambda wildcards: study_of(wildcards).settings.failures,
         library=library("workflow/scripts/identify.py"),
     script:
         "../scripts/identify.py"

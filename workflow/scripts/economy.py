@@ -1,6 +1,15 @@
-"""Measure what PR-MOESP and EIV-MOESP cost on one trial, side by side."""
+"""Measure what PR-MOESP and EIV-MOESP cost on the trials of a study, side by side."""
 
-import pandas as pd
+# ruff: noqa: E402
+
+import os
+
+# The job has all cores, so that no other job shares them; linear algebra has one thread as everywhere. This comes
+# before any import of numpy.
+LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "GOTO_NUM", "MKL_NUM", "NUMEXPR_NUM", "VECLIB_MAXIMUM")
+os.environ.update({f"{name}_THREADS": "1" for name in LIBRARIES})
+
+from itertools import chain
 
 from ankleloop.records.files import atomic_file
 from ankleloop.records.trial_files import load_trials
@@ -9,6 +18,7 @@ from ankleloop.studies.economy import measure_economy
 from job import running
 
 with running(snakemake):
-    quantities = measure_economy(next(load_trials(snakemake.input.trials[0])))
+    trials = chain.from_iterable(load_trials(path) for path in snakemake.input.trials)
+    quantities = measure_economy(trials, snakemake.params.options)
     with atomic_file(snakemake.output.table) as path:
-        pd.DataFrame({"quantity": list(quantities), "value": list(quantities.values())}).to_csv(path, index=False)
+        quantities.to_csv(path, index=False)

@@ -10,6 +10,7 @@ from nbconvert import HTMLExporter
 
 from ankleloop.pages.notebooks import render_notebook_page
 from ankleloop.records.files import atomic_file
+from ankleloop.replication.results import describe_failures, read_results
 
 from job import log, running
 
@@ -40,6 +41,11 @@ def export_outputs(notebook: nbformat.NotebookNode) -> str:
     return exporter.from_notebook_node(notebook)[0]
 
 
+def describe_failures_of(parameters: Mapping) -> str:
+    """How many identifications of a simulated study failed; the article shows several, each with a page of its own."""
+    return describe_failures(read_results(parameters["parameters"])) if parameters.get("kind") == "simulation" else ""
+
+
 with running(snakemake):
     notebook, parameters = snakemake.input.notebook, dict(snakemake.params.parameters)
     check_parameters(notebook, parameters)
@@ -49,4 +55,5 @@ with running(snakemake):
     log.info("executed %s", notebook)
     report = next(path for path in snakemake.output if path.endswith(".html"))
     with atomic_file(report) as path:
-        path.write_text(render_notebook_page(parameters["title"], body), encoding="utf-8")
+        page = render_notebook_page(parameters["title"], body, describe_failures_of(parameters))
+        path.write_text(page, encoding="utf-8")

@@ -20,6 +20,7 @@ def read_chunks(paths, study):
 with running(snakemake):
     studies = {
         name: StudyResults(
+            name=name,
             scores=read_chunks(snakemake.input.scores, name),
             parameters=read_chunks(snakemake.input.parameters, name),
             **description,

@@ -1,13 +1,28 @@
-"""Words for captions: names and values of simulation settings, and the settings that all trials of a study share."""
+"""Words for captions: names and values of settings, settings that points share, points by their values, warnings."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from typing import Any
 
+import pandas as pd
+
+from ankleloop.quantities import QUANTITIES
+from ankleloop.replication.results import true_values
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = ["describe_settings", "format_point", "format_setting", "label_setting"]
+__all__ = [
+    "describe_settings",
+    "describe_warnings",
+    "format_point",
+    "format_setting",
+    "format_truths",
+    "label_setting",
+    "most_compliant_point",
+    "shared_truths",
+    "single_setting",
+    "typical_point",
+]
 
 NAMES = {
     "voluntary": "relative voluntary torque",
@@ -124,3 +139,171 @@ def describe_settings(settings: Mapping[str, Any], varied: Collection[str] = ())
     if "voluntary" in varied:
         parts.append("relative voluntary torque is its sd over that of the clean net torque")
     return "; ".join(parts)
+
+
+def typical_point(points: Mapping[str, Mapping[str, Any]], varied: Collection[str]) -> str:
+    """Point whose settings are the defaults of the simulation, which a figure of single trials shows.
+
+    Parameters
+    ----------
+    points : dict of str to dict
+        Settings of each point.
+    varied : collection of str
+        Settings that differ between them.
+
+    Returns
+    -------
+    str
+        Its name; where no point has the defaults, that with the most of them.
+
+    Examples
+    --------
+    >>> points = {"low": {"reflex_gain": 2.0}, "assumed": {"reflex_gain": 13.0}}
+    >>> typical_point(points, ["reflex_gain"])
+    'assumed'
+    """
+    defaults = SimulationSettings.defaults()
+    return max(points, key=lambda point: sum(points[point][name] == defaults[name] for name in varied))
+
+
+def most_compliant_point(points: Mapping[str, Mapping[str, Any]]) -> str:
+    """Point whose load is the least stiff.
+
+    Parameters
+    ----------
+    points : dict of str to dict
+        Settings of each point.
+
+    Returns
+    -------
+    str
+        Its name.
+
+    Examples
+    --------
+    >>> most_compliant_point({"stiff": {"load_stiffness": 250.0}, "soft": {"load_stiffness": 25.0}})
+    'soft'
+    """
+    return min(points, key=lambda point: points[point]["load_stiffness"])
+
+
+def single_setting(varied: Collection[str]) -> str:
+    """The only setting that differs between the points of a study, the abscissa of its figures.
+
+    Parameters
+    ----------
+    varied : collection of str
+        Settings that differ.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ValueError
+        If there is not exactly one: means over points that differ in other settings would say nothing.
+
+    Examples
+    --------
+    >>> single_setting(["reflex_gain"])
+    'reflex_gain'
+    """
+    if len(varied) != 1:
+        raise ValueError(
+            f"this notebook shows a study that varies one setting, got {', '.join(varied) or 'none'}: use the notebook "
+            "comparison or table1."
+        )
+    return next(iter(varied))
+
+
+def shared_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> dict[str, float | None]:
+    """True values that all points have, for lines in figures.
+
+    Parameters
+    ----------
+    points : dict of str to dict
+        Settings of each point.
+    names : collection of str
+        Estimated parameters.
+
+    Returns
+    -------
+    dict of str to float or None
+        None where the points differ.
+
+    Examples
+    --------
+    >>> shared_truths({"a": {"stiffness": 150.0, "reflex_gain": 2.0}, "b": {"stiffness": 150.0, "reflex_gain": 13.0}},
+    ...     ["K", "G"])
+    {'K': 150.0, 'G': None}
+    """
+    values = {name: set(_list_truths(points, name)) for name in names}
+    return {name: next(iter(truths)) if len(truths) == 1 else None for name, truths in values.items()}
+
+
+def format_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> str:
+    """True values of estimated parameters with their units, all of them where points differ.
+
+    Parameters
+    ----------
+    points : dict of str to dict
+        Settings of each point.
+    names : collection of str
+        Estimated parameters.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> points = {"a": {"stiffness": 150.0, "reflex_gain": 2.0}, "b": {"stiffness": 150.0, "reflex_gain": 13.0}}
+    >>> format_truths(points, ["K", "G"])
+    'K = 150 N·m/rad, G = 2 or 13 N·m·s/rad'
+    """
+    texts = {name: " or ".join(f"{value:g}" for value in dict.fromkeys(_list_truths(points, name))) for name in names}
+    return ", ".join(f"{QUANTITIES[name].symbol} = {text} {QUANTITIES[name].unit}" for name, text in texts.items())
+
+
+def _list_truths(points: Mapping[str, Mapping[str, Any]], name: str) -> list[float]:
+    """True value of a parameter at each point."""
+    return [true_values(settings, [name])[name] for settings in points.values()]
+
+
+def describe_warnings(parameters: pd.DataFrame, labels: Mapping[str, str] | None = None) -> str:
+    """How many estimates came with a warning; means count them like the others.
+
+    Parameters
+    ----------
+    parameters : pandas.DataFrame
+        One row for each trial and method: `method`, and `warnings` and `failure` where there are any.
+    labels : dict of str to str, optional
+        Readable names of the methods; without them the methods are not listed.
+
+    Returns
+    -------
+    str
+        The first half of a sentence.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"method": ["riv", "riv", "pr-moesp"], "warnings": ["a pole", None, None]})
+    >>> describe_warnings(table, {"riv": "RIV"})
+    '1 of 3 estimates came with a warning (RIV 1) and counts like the others'
+    >>> describe_warnings(table.tail(2))
+    'none of 2 estimates came with a warning'
+    """
+    table = parameters.reindex(columns=list(dict.fromkeys([*parameters, "warnings", "failure"])))
+    failures = int(table["failure"].notna().sum())
+    words = "identification failed and is" if failures == 1 else "identifications failed and are"
+    end = f"; {failures} {words} left out" if failures else ""
+    table = table[table["failure"].isna()]
+    counts = table["warnings"].notna().groupby(table["method"], sort=False).sum()
+    total = int(counts.sum())
+    if not total:
+        return f"none of {len(table)} estimates came with a warning{end}"
+    by_method = ", ".join(f"{(labels or {}).get(name, name)} {count}" for name, count in counts[counts > 0].items())
+    details = f" ({by_method})" if labels else ""
+    verb = "counts" if total == 1 else "count"
+    return f"{total} of {len(table)} estimates came with a warning{details} and {verb} like the others{end}"

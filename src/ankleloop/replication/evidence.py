@@ -1,7 +1,8 @@
-"""Results that claims are checked against: means over the trials of a point, with their intervals."""
+"""Results that claims are checked against; points are found by the values of their settings."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,89 +10,60 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ankleloop.signals.vaf import confidence_margin
+from ankleloop.replication.captions import label_setting
+from ankleloop.replication.judgement import Mean, Measurement
+from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = ["Evidence", "Mean", "MissingEvidence", "StudyResults"]
+__all__ = ["Evidence", "MissingEvidence", "StudyResults", "parse_settings"]
 
 
 class MissingEvidence(Exception):
     """A claim cannot be judged, because results that it needs do not exist."""
 
 
-@dataclass(frozen=True)
-class Mean:
-    """Mean over trials with half of its 95 % interval, which is nan for a single trial.
+def parse_settings(text: Any) -> dict[str, list[Any]]:
+    """Settings of the points that a claim needs, as its row in a table gives them.
+
+    Parameters
+    ----------
+    text : str
+        `name=value` for each setting with spaces in between; several values are separated by `|`, and
+        `first:last:step` is a range with both ends. Empty or nan: none.
+
+    Returns
+    -------
+    dict of str to list
+        Values of each setting.
+
+    Raises
+    ------
+    ValueError
+        For a name that is not a setting of the simulation.
 
     Examples
     --------
-    >>> Mean.of(pd.Series([90.0, 92.0])).text
-    '91 ± 13'
+    >>> parse_settings("reflex_gain=10:14:2 voluntary=0|0.5 closed_loop=true")
+    {'reflex_gain': [10.0, 12.0, 14.0], 'voluntary': [0, 0.5], 'closed_loop': [True]}
     """
+    settings: dict[str, list[Any]] = {}
+    for part in text.split() if isinstance(text, str) else []:
+        name, _, values = part.partition("=")
+        if name not in SimulationSettings.model_fields or not values:
+            raise ValueError(f"{part!r} is not a setting of the simulation with its value, such as reflex_gain=13.")
+        if ":" in values:
+            first, last, step = map(float, values.split(":"))
+            settings[name] = [first + step * k for k in range(round((last - first) / step) + 1)]
+        else:
+            settings[name] = [_parse_value(value) for value in values.split("|")]
+    return settings
 
-    value: float
-    margin: float
 
-    @classmethod
-    def of(cls, values: pd.Series) -> Mean:
-        """Mean of a sample."""
-        return cls(float(values.mean()), float(confidence_margin(values.std(), values.size)))
-
-    @property
-    def text(self) -> str:
-        """The mean and its interval in words."""
-        return f"{self.value:.4g} ± {self.margin:.2g}"
-
-    def __abs__(self) -> Mean:
-        return Mean(abs(self.value), self.margin)
-
-    def __sub__(self, other: Mean) -> Mean:
-        """Difference of independent means."""
-        return Mean(self.value - other.value, float(np.hypot(self.margin, other.margin)))
-
-    def is_within(self, tolerance: float) -> bool | None:
-        """Whether its magnitude is within a tolerance.
-
-        Parameters
-        ----------
-        tolerance : float
-            Largest magnitude that is accepted.
-
-        Returns
-        -------
-        bool or None
-            None if the interval is wider than the tolerance and contains it.
-
-        Examples
-        --------
-        >>> Mean(1.0, 0.1).is_within(2.0), Mean(2.5, 0.1).is_within(2.0), Mean(4.0, 3.0).is_within(2.0)
-        (True, False, None)
-        """
-        size = abs(self.value)
-        if np.nan_to_num(self.margin, nan=np.inf) <= tolerance or size + self.margin <= tolerance:
-            return bool(size <= tolerance)
-        return False if size - self.margin > tolerance else None
-
-    def exceeds(self, smallest: float) -> bool | None:
-        """Whether it is above 0 beyond its interval, and large enough to count.
-
-        Parameters
-        ----------
-        smallest : float
-            Smallest value that counts.
-
-        Returns
-        -------
-        bool or None
-            None if the interval leaves it open.
-
-        Examples
-        --------
-        >>> Mean(6.0, 1.0).exceeds(5.0), Mean(3.0, 1.0).exceeds(5.0), Mean(4.0, 2.0).exceeds(5.0)
-        (True, False, None)
-        """
-        if self.value > self.margin and self.value >= smallest:
-            return True
-        return False if self.value + self.margin < smallest else None
+def _parse_value(text: str) -> Any:
+    """A number, true, false or null; any other text is itself."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
 
 
 @dataclass(frozen=True)
@@ -108,6 +80,8 @@ class StudyResults:
         Rows of `ankleloop.assessment.scores.evaluate` and `parameter_row`, with columns `point`, `method` and `trial`.
     labels : dict of str to str
         Readable name of each method.
+    name : str
+        Name of the study, for messages.
     """
 
     kind: str
@@ -115,71 +89,119 @@ class StudyResults:
     scores: pd.DataFrame
     parameters: pd.DataFrame
     labels: Mapping[str, str] = field(default_factory=dict)
+    name: str = ""
+
+    def label(self, method: str) -> str:
+        """Readable name of a method."""
+        return self.labels.get(method, method)
 
     @property
-    def first_point(self) -> str:
-        """Name of the first point."""
-        return next(iter(self.points))
+    def varied(self) -> set[str]:
+        """Names of the settings that differ between the points."""
+        first, *others = self.points.values()
+        return {name for name, value in first.items() if any(other.get(name) != value for other in others)}
 
-    def points_with(self, **settings: Any) -> list[str]:
-        """Names of the points with some values of their settings, in the order of the study."""
-        return [
+    def point(self, **settings: Any) -> str:
+        """Name of the point with some values of its settings.
+
+        Of several such points, that with the defaults of the simulation in everything by which they differ: a further
+        point of the study changes nothing.
+
+        Raises
+        ------
+        MissingEvidence
+            If there is none, or if the settings do not tell them apart.
+        """
+        points = [
             name
             for name, values in self.points.items()
-            if all(values.get(setting) == value for setting, value in settings.items())
+            if all(name in values and values[name] == value for name, value in settings.items())
         ]
+        if len(points) > 1:
+            first = self.points[points[0]]
+            varied = [name for name in first if any(self.points[point].get(name) != first[name] for point in points)]
+            defaults = SimulationSettings.defaults()
+            points = [point for point in points if all(self.points[point][name] == defaults[name] for name in varied)]
+        if len(points) != 1:
+            condition = ", ".join(f"{label_setting(name)[0]} {value}" for name, value in settings.items())
+            number = "several points" if points else "no point"
+            raise MissingEvidence(
+                f"the study {self.name} has {number} with {condition or 'the settings of the claim'}."
+            )
+        return points[0]
+
+    def vafs(self, point: str, method: str, torque: str, against: str = "true") -> pd.Series:
+        """VAF of a torque in each trial [%].
+
+        Raises
+        ------
+        MissingEvidence
+            If there are no such results.
+        """
+        return self._select(self.scores, "vaf", point, method, torque=torque, against=against)
 
     def mean_vaf(self, point: str, method: str, torque: str, against: str = "true") -> Mean:
-        """Mean VAF of a torque [%].
+        """Mean VAF of a torque [%]; raises `MissingEvidence` if there are no such results."""
+        return Mean.of(self.vafs(point, method, torque, against))
+
+    def vaf_difference(self, point: str, *arms: tuple[str, str, str]) -> Mean:
+        """Mean difference of two VAFs on the same trials [points].
+
+        Parameters
+        ----------
+        point : str
+            The point.
+        *arms : (str, str, str)
+            Method, torque, and what it is scored against, of each of the two.
 
         Raises
         ------
         MissingEvidence
             If there are no such results.
         """
-        return _mean(self.scores, "vaf", point, method, torque=torque, against=against)
+        first, second = (self.vafs(point, *arm) for arm in arms)
+        return Mean.of(first - second)  # nan where a trial is in one of them only
+
+    def parameter_values(self, name: str, point: str, method: str) -> pd.Series:
+        """A column of `parameters` in each trial; raises `MissingEvidence` if there are no such results."""
+        if name not in self.parameters:
+            raise MissingEvidence(f"the study {self.name} has no results for {name}.")
+        return self._select(self.parameters, name, point, method)
 
     def mean_parameter(self, name: str, point: str, method: str) -> Mean:
-        """Mean of a column of `parameters`.
+        """Mean of a column of `parameters`; raises `MissingEvidence` if there are no such results."""
+        return Mean.of(self.parameter_values(name, point, method))
+
+    def stiffness_errors(self, point: str, method: str) -> pd.Series:
+        """Error of K in each trial [% of the true K]; raises `MissingEvidence` if there are no such results."""
+        return 100.0 * (self.parameter_values("K", point, method) / self.points[point]["stiffness"] - 1.0)
+
+    def stiffness_error(self, point: str, method: str) -> Mean:
+        """Mean error of K [% of the true K]; raises `MissingEvidence` if there are no such results."""
+        return Mean.of(self.stiffness_errors(point, method))
+
+    def stiffness_difference(self, point: str, *methods: str) -> Mean:
+        """Mean difference of the errors of K by two methods on the same trials [% of the true K].
 
         Raises
         ------
         MissingEvidence
             If there are no such results.
         """
-        return _mean(self.parameters, name, point, method)
+        first, second = (self.stiffness_errors(point, method) for method in methods)
+        return Mean.of(first - second)
 
-    def stiffness_error(self, point: str, method: str) -> Mean:
-        """Mean error of K [% of the true K]."""
-        truth = self.points[point]["stiffness"]
-        k = self.mean_parameter("K", point, method)
-        return Mean(100 * (k.value / truth - 1), 100 * k.margin / truth)
-
-    def vaf_difference(self, point: str, methods: tuple[str, str], torque: str, against: str) -> Mean:
-        """Mean difference of the VAF of two methods on the same trials [points].
-
-        Raises
-        ------
-        MissingEvidence
-            If one of the methods has no results.
-        """
-        table = self.scores
-        rows = table[(table["point"] == point) & (table["torque"] == torque) & (table["against"] == against)]
-        by_trial = rows.pivot(index="trial", columns="method", values="vaf")
-        if not set(methods) <= set(by_trial):
-            raise MissingEvidence(f"there are no results of {' and '.join(methods)} at {point}.")
-        return Mean.of(by_trial[methods[0]] - by_trial[methods[1]])
-
-
-def _mean(table: pd.DataFrame, column: str, point: str, method: str, **keys: str) -> Mean:
-    """Mean of a column over the rows of a point and a method with some values in other columns."""
-    rows = table[(table["point"] == point) & (table["method"] == method)]
-    for name, value in keys.items():
-        rows = rows[rows[name] == value]
-    if rows.empty:
-        condition = ", ".join(f"{name} {value}" for name, value in keys.items())
-        raise MissingEvidence(f"there are no results of {method} at {point}" + (f" ({condition})." if keys else "."))
-    return Mean.of(rows[column])
+    def _select(self, table: pd.DataFrame, column: str, point: str, method: str, **keys: str) -> pd.Series:
+        """A column of the rows of a point and a method with some values in other columns, by trial."""
+        rows = table[(table["point"] == point) & (table["method"] == method)] if len(table) else table
+        for name, value in keys.items():
+            rows = rows[rows[name] == value] if len(rows) else rows
+        if rows.empty:
+            condition = ", ".join(f"{name} {value}" for name, value in keys.items())
+            raise MissingEvidence(
+                f"the study {self.name} has no results of {method} at {point}" + (f" ({condition})." if keys else ".")
+            )
+        return rows.set_index("trial")[column]
 
 
 @dataclass(frozen=True)
@@ -190,14 +212,14 @@ class Evidence:
     ----------
     studies : dict of str to StudyResults
         Results by study.
-    measurements : dict of str to float
-        Further measurements by quantity.
+    measurements : pandas.DataFrame
+        Further measurements by `quantity`: columns `value`, `low` and `high`, the ends of the 95 % interval.
     tables : dict of str to pandas.DataFrame
         Published tables.
     """
 
     studies: Mapping[str, StudyResults]
-    measurements: Mapping[str, float]
+    measurements: pd.DataFrame
     tables: Mapping[str, pd.DataFrame]
 
     def study(self, name: str) -> StudyResults:
@@ -212,28 +234,40 @@ class Evidence:
             raise MissingEvidence(f"the study {name} was not run.")
         return self.studies[name]
 
-    def point(self, study: str, **settings: Any) -> str:
-        """First point of a study with some values of its settings.
+    def pooled_stiffness_error(self, arms: Mapping[str, str], **settings: Any) -> Mean:
+        """Mean error of K over the trials of several studies with equal settings [% of the true K].
+
+        Parameters
+        ----------
+        arms : dict of str to str
+            The method by study; studies that were not run are left out.
+        **settings
+            Settings of the point.
 
         Raises
         ------
         MissingEvidence
-            If there is none.
+            If none of them was run, or one has no such point.
         """
-        points = self.study(study).points_with(**settings)
-        if not points:
-            condition = ", ".join(f"{name} = {value}" for name, value in settings.items())
-            raise MissingEvidence(f"the study {study} has no point with {condition}.")
-        return points[0]
+        parts = [
+            self.studies[study].stiffness_errors(self.studies[study].point(**settings), method)
+            for study, method in arms.items()
+            if study in self.studies
+        ]
+        if not parts:
+            raise MissingEvidence(f"none of the studies {', '.join(arms)} was run.")
+        return Mean.of(np.concatenate(parts))
 
-    def measurement(self, quantity: str) -> float:
-        """A further measurement.
+    def measurement(self, quantity: str) -> Measurement:
+        """A further measurement with its interval.
 
         Raises
         ------
         MissingEvidence
             If it was not made.
         """
-        if quantity not in self.measurements:
+        if quantity not in self.measurements.index:
             raise MissingEvidence(f"{quantity} was not measured.")
-        return self.measurements[quantity]
+        return Measurement(
+            *(float(self.measurements.loc[quantity].get(name, np.nan)) for name in ("value", "low", "high"))
+        )

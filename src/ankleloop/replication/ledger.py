@@ -10,11 +10,28 @@ import pandas as pd
 
 from ankleloop.replication.claim_checks import CLAIM_CHECKS, CheckResult, Claim, check_table_number
 from ankleloop.replication.evidence import Evidence, MissingEvidence, StudyResults
+from ankleloop.replication.judgement import (
+    BY_CONSTRUCTION,
+    CONTRADICTION,
+    NOT_REPRODUCED,
+    OPEN,
+    REPRODUCED,
+    judge,
+)
 from ankleloop.replication.tables import format_number
 
 __all__ = ["VERDICTS", "format_ledger", "verify"]
 
-VERDICTS = ("reproduced", "reproduced under stated conditions", "not reproduced", "cannot be judged")
+CONDITIONAL = "reproduced under stated conditions"
+VERDICTS = {
+    REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
+    CONDITIONAL: "the same, with something assumed that the paper does not give",
+    NOT_REPRODUCED: "the whole interval lies outside; if a claim needs several comparisons, that of one of them, all "
+    "intervals taken to hold together with 95 %",
+    OPEN: "the interval reaches across the limit, there is none (a single trial), or a result is missing",
+    CONTRADICTION: "the paper says two things; no run can change that",
+    BY_CONSTRUCTION: "it follows from a definition; no run can change that",
+}
 
 
 def verify(
@@ -29,23 +46,26 @@ def verify(
     ----------
     claims : pandas.DataFrame
         Columns `id`, `section`, `statement`, `paper`, `unit`, `tolerance`, `check` (one of
-        `ankleloop.replication.claim_checks.CLAIM_CHECKS`), `conditions` (empty where the paper gives all of them) and
+        `ankleloop.replication.claim_checks.CLAIM_CHECKS`), `settings` of the points that it needs (see
+        `ankleloop.replication.evidence.parse_settings`), `conditions` (empty where the paper gives all of them) and
         `how`.
     tables : dict of str to pandas.DataFrame
         Published tables by the study that reproduces them: columns `method`, `torque`, `against`, `paper`, and
-        where it is set `tolerance` [points].
+        where they are set `tolerance` [points] and `settings`.
     studies : dict of str to StudyResults
         Results by study.
     measurements : pandas.DataFrame
-        Further measurements: columns `quantity`, `value`.
+        Further measurements: columns `quantity`, `value`, and `low` and `high`, the ends of the 95 % interval.
 
     Returns
     -------
     pandas.DataFrame
         Columns `id`, `section`, `statement`, `unit`, `paper`, `ours`, `uncertainty` (half width of the 95 % interval),
-        `tolerance`, `verdict` (one of `VERDICTS`), `reason`, `conditions`, `how`: tables first, then claims.
+        `tolerance`, `difference` with `difference_low` and `difference_high` (the interval that the verdict compares
+        with the tolerance; of several comparisons that which decides), `verdict` (one of `VERDICTS`), `reason`,
+        `conditions`, `how`: tables first, then claims.
     """
-    evidence = Evidence(studies, measurements.set_index("quantity")["value"].to_dict(), tables)
+    evidence = Evidence(studies, measurements.set_index("quantity"), tables)
     numbers = [
         _table_claim(name, number, studies[name].labels if name in studies else {})
         for name, table in tables.items()
@@ -72,26 +92,45 @@ def _ledger_row(claim: Claim, evidence: Evidence) -> dict[str, Any]:
     check = CLAIM_CHECKS[claim["check"]] if "check" in claim else check_table_number
     try:
         result = check(claim, evidence)
-    except MissingEvidence as reason:
-        result = CheckResult(None, np.nan, np.nan, str(reason))
+    except MissingEvidence as missing:
+        result = CheckResult(str(missing).rstrip("."))
+    judged = _judge_result(result)
+    verdict = judged.pop("verdict")
+    if verdict == REPRODUCED and isinstance(claim["conditions"], str) and claim["conditions"]:
+        verdict = CONDITIONAL
     return {
         **{name: claim[name] for name in ("id", "section", "statement", "unit", "paper")},
-        "ours": result.value,
-        "uncertainty": result.margin,
+        "ours": judged.pop("ours", np.nan),
+        "uncertainty": judged.pop("uncertainty", np.nan),
         "tolerance": claim.get("tolerance"),
-        "verdict": _verdict(result.holds, claim["conditions"]),
-        "reason": result.reason,
+        **{name: judged.pop(name, np.nan) for name in ("difference", "difference_low", "difference_high")},
+        "verdict": verdict,
+        "reason": result.reason + judged.pop("explanation", "") + ".",
         "conditions": claim["conditions"],
         "how": claim["how"],
     }
 
 
-def _verdict(holds: bool | None, conditions: Any) -> str:
-    if holds is None:
-        return "cannot be judged"
-    if not holds:
-        return "not reproduced"
-    return VERDICTS[1] if isinstance(conditions, str) and conditions else VERDICTS[0]
+def _judge_result(result: CheckResult) -> dict[str, Any]:
+    """Verdict on the result of a check, with the numbers that it rests on and a phrase that explains it."""
+    if result.fact is not None:
+        return {"verdict": result.fact.verdict, "ours": result.fact.value}
+    if not result.comparisons:
+        return {"verdict": OPEN}
+    judgement = judge(result.comparisons)
+    decisive = judgement.decisive
+    ours = result.ours or decisive.ours
+    low, high = ours.interval()
+    difference_low, difference_high = judgement.interval
+    return {
+        "verdict": judgement.verdict,
+        "ours": ours.value,
+        "uncertainty": (high - low) / 2.0,
+        "difference": decisive.difference,
+        "difference_low": difference_low,
+        "difference_high": difference_high,
+        "explanation": f" – {judgement.explanation}" if judgement.explanation else "",
+    }
 
 
 def format_ledger(ledger: pd.DataFrame) -> str:
@@ -108,16 +147,18 @@ def format_ledger(ledger: pd.DataFrame) -> str:
         Markdown: the count of each verdict, and a row for each claim.
     """
     counts = ledger["verdict"].value_counts()
-    summary = [f"- {counts.get(verdict, 0)} × {verdict}" for verdict in VERDICTS]
+    summary = [f"- {counts.get(verdict, 0)} × **{verdict}**: {meaning}" for verdict, meaning in VERDICTS.items()]
     lines = [
         "# Verification",
         "",
-        f"{len(ledger)} numbers and claims of the paper, each judged by a comparison in code (column `how` of "
-        "`verification.csv`; the claims are in `data/published`):",
+        f"{len(ledger)} numbers and claims of the paper, each judged by one rule in code (column `how` of "
+        "`verification.csv` says what is compared; the claims are in `data/published`):",
         "",
         *summary,
         "",
-        "± is half the 95 % confidence interval of the mean over trials.",
+        "± is half of the 95 % confidence interval of the result. The difference is that which decides the verdict, "
+        "with its interval: our result less the published one, or less what column `how` names. It is compared with "
+        "the tolerance.",
         "",
         _format_rows(ledger).to_markdown(index=False, disable_numparse=True),
         "",
@@ -133,9 +174,15 @@ def _format_rows(ledger: pd.DataFrame) -> pd.DataFrame:
         format_number(row.ours, ".4g") + (f" ± {row.uncertainty:.2g}" if pd.notna(row.uncertainty) else "")
         for row in ledger.itertuples()
     ]
+    cells["difference"] = [
+        format_number(row.difference, "+.3g")
+        + ("" if pd.isna(row.difference_low) else f" ({row.difference_low:+.3g} … {row.difference_high:+.3g})")
+        for row in ledger.itertuples()
+    ]
+    cells["tolerance"] = [format_number(tolerance, "g") for tolerance in ledger["tolerance"].astype(float)]
     cells["verdict"] = ledger["verdict"]
     cells["reason"] = [
-        row.reason + (f" Condition: {row.conditions}." if row.verdict == VERDICTS[1] else "")
+        row.reason + (f" Condition: {row.conditions}." if row.verdict == CONDITIONAL else "")
         for row in ledger.itertuples()
     ]
     return cells

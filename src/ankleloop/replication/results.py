@@ -6,21 +6,27 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 __all__ = [
     "KEYS",
     "count_trials",
     "describe_condition",
+    "describe_failures",
     "format_columns",
     "format_pairs",
     "join_scores",
     "read_results",
     "summarise_columns",
+    "true_spectral_radius",
     "true_values",
 ]
 
+RATE = 100.0  # Hz, of the identification
+
 KEYS = ["point", "method", "trial"]  # of an estimate
+TEXTS = ("recording", "subject", "condition", "trial")  # of tables of recordings
 # Simulation setting that is the true value of each estimated parameter.
 SETTINGS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}
 SETTINGS |= {name: name for name in ("omega_n", "zeta", "delay")}
@@ -41,9 +47,51 @@ def read_results(paths: Iterable[str | os.PathLike[str]]) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Their rows, numbered from 0.
+        Their rows, numbered from 0. Names of recordings, subjects, conditions and trials of a laboratory are text, as
+        they were written: 007 and NA, too.
     """
-    return pd.concat([pd.read_csv(path, low_memory=False) for path in paths], ignore_index=True)
+    tables = [_read_table(path) for path in paths]
+    return pd.concat([table for table in tables if len(table)] or tables, ignore_index=True)
+
+
+def _read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
+    table = pd.read_csv(path, low_memory=False)
+    if "recording" in table:
+        texts = pd.read_csv(path, dtype=str, keep_default_na=False)
+        texts = texts.where(texts != "")
+        table = table.assign(**{name: texts[name] for name in TEXTS if name in table})
+    return table
+
+
+def describe_failures(parameters: pd.DataFrame) -> str:
+    """Say how many identifications failed, and why; means leave them out.
+
+    Parameters
+    ----------
+    parameters : pandas.DataFrame
+        One row for each estimate: columns `point`, `method`, `trial`, and `failure` where any failed.
+
+    Returns
+    -------
+    str
+        A sentence for each method at each point; empty if none failed.
+
+    Examples
+    --------
+    >>> key = {"point": "only", "method": "riv", "trial": [0, 1, 2]}
+    >>> describe_failures(pd.DataFrame(key | {"failure": [None, "Singular matrix", None]}))
+    '1 of 3 identifications failed; means leave them out. riv at only, 1 of 3 trials: Singular matrix'
+    """
+    if "failure" not in parameters or not parameters["failure"].notna().any():
+        return ""
+    parts = []
+    for (point, method), rows in parameters.groupby(["point", "method"], sort=False):
+        reasons = rows["failure"].dropna()
+        if len(reasons):
+            reason = reasons.value_counts().index[0].rstrip(".")
+            parts.append(f"{method} at {point}, {len(reasons)} of {len(rows)} trials: {reason}")
+    count = int(parameters["failure"].notna().sum())
+    return f"{count} of {len(parameters)} identifications failed; means leave them out. {'. '.join(parts)}"
 
 
 def join_scores(parameters: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
@@ -133,6 +181,28 @@ def true_values(settings: Mapping[str, Any], names: Iterable[str] = tuple(SETTIN
     {'K': 150.0, 'B': 0.8}
     """
     return {name: settings[SETTINGS[name]] for name in names}
+
+
+def true_spectral_radius(settings: Mapping[str, Any]) -> float:
+    """Magnitude of the largest pole of the simulated reflex low-pass at the rate of the identification.
+
+    Parameters
+    ----------
+    settings : dict
+        Simulation settings by name.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> round(true_spectral_radius({"omega_n": 40.0, "zeta": 0.5}), 4)
+    0.8187
+    """
+    poles = np.roots([1.0, 2.0 * settings["zeta"] * settings["omega_n"], settings["omega_n"] ** 2])
+    slowest = max([*poles.real, -settings["pole"]] if settings.get("pole") else poles.real)
+    return float(np.exp(slowest / RATE))
 
 
 def describe_condition(name: str, value: Any) -> str:

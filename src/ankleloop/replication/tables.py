@@ -84,21 +84,24 @@ def compare_with_bound(
         for name, truth in truths[point].items():
             if name not in part or part[name].isna().all():
                 continue
-            values = part[name].to_numpy()
+            values = part[name].dropna().to_numpy()  # a trial that failed has none
             rmse = float(np.sqrt(np.mean((values - truth) ** 2)))
             bound = bounds[point, method].get(name, np.nan)
             row = {"point": point, "method": method, "parameter": name, "truth": truth, "mean": values.mean()}
             row |= {"bias": values.mean() - truth, "sd": np.std(values, ddof=1), "rmse": rmse, "n": values.size}
-            row |= {"bound": bound, "ratio": rmse / bound, "covered": _coverage(part, name, truth)}
+            row |= {"bound": bound, "ratio": rmse / bound if bound > 0 else np.nan}
+            row |= {"covered": _coverage(part, name, truth)}
             rows.append(row)
     return pd.DataFrame(rows)
 
 
 def _coverage(part: pd.DataFrame, name: str, truth: float) -> float:
     """Share of the intervals that hold the truth [%]."""
-    if f"{name}_low" not in part or part[f"{name}_low"].isna().all():
+    ends = [f"{name}_low", f"{name}_high"]
+    intervals = part[ends].dropna() if set(ends) <= set(part) else pd.DataFrame()
+    if intervals.empty:
         return np.nan
-    return float(100.0 * ((part[f"{name}_low"] <= truth) & (truth <= part[f"{name}_high"])).mean())
+    return float(100.0 * ((intervals[ends[0]] <= truth) & (truth <= intervals[ends[1]])).mean())
 
 
 def format_number(value: float, spec: str) -> str:

@@ -1,4 +1,4 @@
-"""What PR-MOESP and EIV-MOESP cost on one trial, side by side, and a few facts about the regressors."""
+"""What PR-MOESP and EIV-MOESP cost on the same trials, side by side, and a few facts about the regressors."""
 
 from __future__ import annotations
 
@@ -6,82 +6,122 @@ import logging
 import statistics
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
-from ankleloop.assessment.scores import evaluate
-from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.moesp import MEMBERS
-from ankleloop.methods.registry import identify
+from ankleloop.methods.moesp import MEMBERS, REGRESSION_TOLERANCE, MoespOptions
+from ankleloop.replication.judgement import Mean
 from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.moesp import moesp
 
-__all__ = ["measure_economy"]
+__all__ = ["COMPARED", "measure_economy"]
 
 log = logging.getLogger(__name__)
 
 COMPARED = ("pr-moesp", "eiv-moesp")
-BLOCK_ROWS, ORDER, RUNS = 15, 2, 15
-RANK_TOLERANCE = 1e-5
+RUNS = 3  # of each method on a trial
+MEMORY_TRIALS = 5  # trials whose memory is measured: it hardly varies, and tracing makes runs slow
+
+Runs = dict[str, Callable[[], Any]]
 
 
-def measure_economy(trial: xr.Dataset) -> dict[str, float]:
-    """Measure time and memory of two methods on a trial, and the ranks that decide on their form.
+def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
+    """Measure time and memory of two methods on some trials, and the ranks that decide on their form.
 
     Parameters
     ----------
-    trial : xarray.Dataset
-        A trial with a reference.
+    trials : iterable of xarray.Dataset
+        Trials with a reference.
+    options : mapping of str to mapping
+        Options of `pr-moesp` and of `eiv-moesp` by name, as `ankleloop.identify` takes them; defaults for all others.
 
     Returns
     -------
-    dict of str to float
-        By quantity: rows of instruments, median time [ms] and peak memory [MB] of each method; numbers of block rows
-        and directions; net VAF [points] that a free B would add.
+    pandas.DataFrame
+        Columns `quantity`, `value`, `n` (trials), and `low` and `high`, the ends of the 95 % interval of a mean over
+        trials. Of each method rows of instruments, time [ms] and peak memory [MB]; ratios of the two (EIV-MOESP over
+        PR-MOESP: geometric mean over the trials); numbers of block rows and directions.
     """
-    prepared = prepare(trial)
-    regressors = prepared.regressors(
-        delay=0.04, basis="chebyshev", degree=5, identification_rate=100.0, reference="reference"
-    )
-    return _measure_costs(regressors) | _count_directions(prepared, regressors)
-
-
-def _measure_costs(regressors: Regressors) -> dict[str, float]:
-    """Rows of instruments, median time of interleaved runs, and peak memory."""
-    runs = {method: partial(_run, method, regressors) for method in COMPARED}
-    costs = {f"{method}_instrument_rows": run().diagnostics["instrument_rows"] for method, run in runs.items()}
+    models = {method: MoespOptions.parse(method, **options.get(method, {})) for method in COMPARED}
     times: dict[str, list[float]] = {method: [] for method in COMPARED}
-    for number in range(RUNS):
-        for method, run in runs.items():
-            start = time.perf_counter()
-            run()
-            times[method].append(time.perf_counter() - start)
-        log.info("timed run %d of %d", number + 1, RUNS)
-    for method, run in runs.items():
-        costs[f"{method}_milliseconds"] = 1e3 * statistics.median(times[method])
-        costs[f"{method}_megabytes"] = _peak_memory(run) / 1e6
-    return costs
+    memory: dict[str, list[float]] = {method: [] for method in COMPARED}
+    rows: list[dict[str, Any]] = []
+    for number, trial in enumerate(trials):
+        prepared = prepare(trial)
+        regressors = {
+            method: prepared.regressors(
+                delay=model.delay,
+                basis=model.basis or "chebyshev",
+                degree=model.degree,
+                identification_rate=model.identification_rate,
+                reference=model.reference,
+            )
+            for method, model in models.items()
+        }
+        runs: Runs = {method: partial(_run, method, models[method], regressors[method]) for method in COMPARED}
+        if not number:
+            rows = _count_rows(runs, models["pr-moesp"], regressors["pr-moesp"])  # the first runs are not timed
+        for method, value in _time_runs(runs).items():
+            times[method].append(1e3 * value)
+        if number < MEMORY_TRIALS:
+            for method, run in runs.items():
+                memory[method].append(_peak_memory(run) / 1e6)
+        log.info("measured trial %d", number)
+    for quantity, values in (("milliseconds", times), ("megabytes", memory)):
+        rows += [_summarise(f"{method}_{quantity}", values[method]) for method in COMPARED]
+        rows.append(_summarise_ratio(f"{quantity}_ratio", values))
+    return pd.DataFrame(rows)
 
 
-def _run(method: str, regressors: Regressors) -> Any:
+def _summarise(quantity: str, values: list[float]) -> dict[str, Any]:
+    """Mean over trials with its interval."""
+    mean = Mean.of(values)
+    low, high = mean.interval()
+    return {"quantity": quantity, "value": mean.value, "low": low, "high": high, "n": len(values)}
+
+
+def _summarise_ratio(quantity: str, values: Mapping[str, list[float]]) -> dict[str, Any]:
+    """Geometric mean over trials of the ratio of the second method to the first."""
+    first, second = (np.log(values[method]) for method in COMPARED)
+    row = _summarise(quantity, list(second - first))
+    return row | {name: float(np.exp(row[name])) for name in ("value", "low", "high")}
+
+
+def _run(method: str, options: MoespOptions, regressors: Regressors) -> Any:
     """Subspace identification by a method, from its regressors."""
     instruments, projection = MEMBERS[method]
     return moesp(
         regressors.inputs,
         regressors.torque,
-        BLOCK_ROWS,
-        ORDER,
+        options.block_rows,
+        options.order,
         instruments,
-        projection,
+        options.projection or projection,
         regressors.reference,
-        dynamic=regressors.reflex,
-        rank_tolerance=RANK_TOLERANCE,
+        dynamic=None if options.free_b else regressors.reflex,
+        instrument_rows=options.instrument_rows,
+        instrument_leads=options.instrument_leads,
+        rank_tolerance=options.rank_tolerance,
+        regression_tolerance=REGRESSION_TOLERANCE,
     )
+
+
+def _time_runs(runs: Runs) -> dict[str, float]:
+    """Median time of each method [s], the methods in turn, so that a change of the machine's speed meets both."""
+    times: dict[str, list[float]] = {method: [] for method in runs}
+    for number in range(RUNS):
+        for method in list(runs)[:: 1 if number % 2 else -1]:
+            start = time.perf_counter()
+            runs[method]()
+            times[method].append(time.perf_counter() - start)
+    return {method: statistics.median(values) for method, values in times.items()}
 
 
 def _peak_memory(run: Callable[[], Any]) -> int:
@@ -93,24 +133,22 @@ def _peak_memory(run: Callable[[], Any]) -> int:
     return peak
 
 
-def _count_directions(trial: PreparedTrial, regressors: Regressors) -> dict[str, float]:
-    """What a constant in the basis, and a free B, would add."""
+def _count_rows(runs: Runs, options: MoespOptions, regressors: Regressors) -> list[dict[str, Any]]:
+    """Rows of instruments, and what a constant in the basis would add: numbers that no trial changes."""
+    block_rows = options.block_rows
     constant = np.ones((len(regressors.inputs), 1))
-    net = {}
-    for free in (False, True):
-        scores = evaluate(trial, identify(trial, "pr-moesp", free_b=free))
-        net[free] = scores.query("against == 'measured'")["vaf"].iloc[0]
-    return {
-        "block_rows": BLOCK_ROWS,
-        "constant_rows": BLOCK_ROWS,
-        "constant_directions": _rank(np.hstack([regressors.inputs, constant])) - _rank(regressors.inputs),
-        "correlation_rows": regressors.inputs.shape[1] * BLOCK_ROWS + ORDER,
-        "free_b_net_vaf": net[True] - net[False],
-    }
+    ranks = [
+        _rank(inputs, block_rows, options.rank_tolerance)
+        for inputs in (regressors.inputs, np.hstack([regressors.inputs, constant]))
+    ]
+    numbers = {f"{method}_instrument_rows": run().diagnostics["instrument_rows"] for method, run in runs.items()}
+    numbers |= {"block_rows": block_rows, "constant_rows": block_rows, "constant_directions": ranks[1] - ranks[0]}
+    numbers["correlation_rows"] = regressors.inputs.shape[1] * block_rows + (options.order or 1)
+    return [{"quantity": quantity, "value": float(number), "n": 1} for quantity, number in numbers.items()]
 
 
-def _rank(inputs: np.ndarray) -> int:
+def _rank(inputs: np.ndarray, block_rows: int, tolerance: float) -> int:
     """Rank of the Hankel matrix of inputs, less the means of its rows."""
-    hankel = block_hankel(inputs / inputs.std(axis=0).clip(1e-12), 0, BLOCK_ROWS, len(inputs) - BLOCK_ROWS + 1)
+    hankel = block_hankel(inputs / inputs.std(axis=0).clip(1e-12), 0, block_rows, len(inputs) - block_rows + 1)
     values = np.linalg.svd((hankel - hankel.mean(axis=1, keepdims=True)).T, compute_uv=False)
-    return int(np.sum(values > RANK_TOLERANCE * values[0]))
+    return int(np.sum(values > tolerance * values[0]))

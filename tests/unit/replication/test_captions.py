@@ -1,4 +1,16 @@
-from ankleloop.replication.captions import describe_settings, label_setting
+import pandas as pd
+import pytest
+
+from ankleloop.replication.captions import (
+    describe_settings,
+    describe_warnings,
+    format_truths,
+    label_setting,
+    most_compliant_point,
+    shared_truths,
+    single_setting,
+    typical_point,
+)
 from ankleloop.simulation.settings import SimulationSettings
 
 
@@ -31,3 +43,44 @@ def test_varied_settings_are_left_out():
     assert "reflex gain" not in text
     assert "load" not in text
     assert "actuator" in text
+
+
+def test_points_are_chosen_by_their_settings_in_any_order():
+    default = SimulationSettings.defaults()
+    points = {
+        "soft": {**default, "load_stiffness": 25.0, "voluntary": 0.5},
+        "printed": {**default, "reflex_gain": 2.0},
+        "assumed": default,
+    }
+    varied = ["load_stiffness", "voluntary", "reflex_gain"]
+    for names in (list(points), list(points)[::-1]):
+        reordered = {name: points[name] for name in names}
+        assert typical_point(reordered, varied) == "assumed"
+        assert most_compliant_point(reordered) == "soft"
+    del points["assumed"]
+    assert typical_point(points, varied) == "printed"  # it has more of the defaults
+
+
+def test_truths_that_differ_between_points_have_no_line():
+    points = {"a": SimulationSettings.defaults(), "b": {**SimulationSettings.defaults(), "stiffness": 100.0}}
+    assert shared_truths(points, ["K", "B"]) == {"K": None, "B": 0.8}
+    assert format_truths(points, ["K", "B"]) == "K = 150 or 100 N·m/rad, B = 0.8 N·m·s/rad"
+
+
+def test_a_figure_over_one_setting_refuses_others():
+    assert single_setting(["reflex_gain"]) == "reflex_gain"
+    for varied in ([], ["reflex_gain", "voluntary"]):
+        with pytest.raises(ValueError, match=r"one setting, got (none|reflex_gain, voluntary): use the notebook"):
+            single_setting(varied)
+
+
+def test_warnings_are_counted_by_method():
+    table = pd.DataFrame({"method": ["a", "b", "b", "b"], "warnings": [None, "unstable", "unstable", None]})
+    assert (
+        describe_warnings(table, {"b": "B"}) == "2 of 4 estimates came with a warning (B 2) and count like the others"
+    )
+    assert describe_warnings(table.drop(columns="warnings")) == "none of 4 estimates came with a warning"
+    failed = table.assign(failure=["no order fits", None, None, None])
+    text = describe_warnings(failed)
+    assert text.startswith("2 of 3 estimates")
+    assert text.endswith("; 1 identification failed and is left out")

@@ -11,6 +11,7 @@ from ankleloop.replication.results import (
     join_scores,
     read_results,
     summarise_columns,
+    true_spectral_radius,
     true_values,
 )
 from ankleloop.simulation.settings import SimulationSettings
@@ -89,3 +90,36 @@ def test_numbers_become_text():
     assert table["K"].tolist() == [150.25]  # unchanged
     with pytest.raises(ValueError, match="shorter"):
         format_pairs([1.0, 2.0], [1.0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "radius"),
+    [
+        ({"zeta": 1.0}, np.exp(-0.4)),
+        ({"zeta": 0.5}, np.exp(-0.2)),
+        ({"zeta": 1.25}, np.exp(-0.2)),  # poles at -20 and -80 rad/s
+        ({"zeta": 1.0, "pole": 10.0}, np.exp(-0.1)),
+        ({"zeta": 1.0, "pole": 100.0}, np.exp(-0.4)),
+    ],
+)
+def test_spectral_radius_of_the_true_reflex(settings, radius):
+    values = SimulationSettings(omega_n=40.0, **settings).model_dump()
+    assert true_spectral_radius(values) == pytest.approx(radius, rel=1e-6)
+
+
+def test_text_of_recordings_is_read_as_it_was_written(tmp_path):
+    """A subject 007 is not 7, and NA is not missing."""
+    row = {"recording": "007-NA", "subject": "007", "condition": "NA", "trial": "1.0", "K": 80.0}
+    for number, subject in enumerate(("007", "1e3")):
+        pd.DataFrame([row | {"subject": subject}]).to_csv(tmp_path / f"{number}.csv", index=False)
+    table = read_results([tmp_path / "0.csv", tmp_path / "1.csv"])
+    assert table[["recording", "subject", "condition", "trial"]].values.tolist() == [
+        ["007-NA", "007", "NA", "1.0"],
+        ["007-NA", "1e3", "NA", "1.0"],
+    ]
+    assert table["K"].tolist() == [80.0, 80.0]
+
+
+def test_trials_of_simulations_are_numbers(tmp_path):
+    pd.DataFrame({"point": ["only"], "trial": [3]}).to_csv(tmp_path / "0.csv", index=False)
+    assert read_results([tmp_path / "0.csv"])["trial"].tolist() == [3]

@@ -1,0 +1,118 @@
+"""What a check of a claim returns, and what several checks share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ankleloop.replication.evidence import Evidence, parse_settings
+from ankleloop.replication.judgement import Comparison, Fact, Mean, Quantity
+
+__all__ = [
+    "CLAIM_CHECKS",
+    "Check",
+    "CheckResult",
+    "Claim",
+    "at_least",
+    "at_most",
+    "claim_check",
+    "claim_settings",
+    "describe_unexplained",
+    "format_signed",
+    "within",
+]
+
+NEARLY_ALL = 90.0  # % VAF: from here on what is left unexplained tells more than the VAF
+
+Claim = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """Result of a check.
+
+    Parameters
+    ----------
+    reason : str
+        What was found, in a sentence without its full stop.
+    comparisons : sequence of Comparison
+        Comparisons that the claim needs all.
+    fact : Fact, optional
+        What no run can change, instead of comparisons.
+    ours : Quantity, optional
+        Our value for the ledger; by default that of the decisive comparison.
+    """
+
+    reason: str
+    comparisons: Sequence[Comparison] = ()
+    fact: Fact | None = None
+    ours: Quantity | None = None
+
+
+Check = Callable[[Claim, Evidence], CheckResult]
+
+CLAIM_CHECKS: dict[str, Check] = {}
+
+
+def claim_check(check: Check) -> Check:
+    """Register a check under its name without "check_", as the claims give it."""
+    CLAIM_CHECKS[check.__name__.removeprefix("check_")] = check
+    return check
+
+
+def within(tolerance: float) -> tuple[float, float]:
+    """Accepted are differences of either sign up to a tolerance."""
+    return -tolerance, tolerance
+
+
+def at_least(smallest: float) -> tuple[float, float]:
+    """Accepted are differences from a smallest one on."""
+    return smallest, np.inf
+
+
+def at_most(largest: float) -> tuple[float, float]:
+    """Accepted are differences up to a largest one."""
+    return -np.inf, largest
+
+
+def claim_settings(claim: Claim) -> dict[str, Any]:
+    """Settings of the one point that a claim needs."""
+    return {name: values[0] for name, values in parse_settings(claim.get("settings")).items()}
+
+
+def describe_unexplained(ours: float, paper: float) -> str:
+    """Ratio of the unexplained variances of two VAFs [%] near 100 %, where their difference says little.
+
+    Parameters
+    ----------
+    ours, paper : float
+        The two VAFs [%].
+
+    Returns
+    -------
+    str
+        Empty unless both are 90 % or more.
+
+    Examples
+    --------
+    >>> describe_unexplained(99.9, 98.0), describe_unexplained(99.9, 56.0)
+    ('0.05 times the unexplained variance', '')
+    """
+    if min(ours, paper) < NEARLY_ALL or paper >= 100.0:
+        return ""
+    return f"{(100.0 - ours) / (100.0 - paper):.2g} times the unexplained variance"
+
+
+def format_signed(mean: Mean, digits: int = 1) -> str:
+    """A mean with its sign and half of its 95 % interval.
+
+    Examples
+    --------
+    >>> format_signed(Mean.of([4.0, 5.0, 6.0])), format_signed(Mean.of([-4.0]), 2)
+    ('+5.0 ± 2.5', '-4.00')
+    """
+    margin = mean.margin()
+    return f"{mean.value:+.{digits}f}" + ("" if np.isnan(margin) else f" ± {margin:.{digits}f}")

@@ -1,0 +1,350 @@
+"""The rule for all claims: a difference with its interval, what is accepted of it, and the verdict that follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from ankleloop.signals.vaf import confidence_margin
+
+__all__ = [
+    "BY_CONSTRUCTION",
+    "CONTRADICTION",
+    "LEVEL",
+    "NOT_REPRODUCED",
+    "OPEN",
+    "REPRODUCED",
+    "Comparison",
+    "Fact",
+    "Judgement",
+    "Mean",
+    "Measurement",
+    "Quantity",
+    "Replicates",
+    "format_interval",
+    "judge",
+]
+
+LEVEL = 0.95  # of the intervals
+REPRODUCED, NOT_REPRODUCED, OPEN = "reproduced", "not reproduced", "cannot be judged"
+CONTRADICTION, BY_CONSTRUCTION = "contradiction in the paper", "by construction"
+
+Range = tuple[float, float]
+
+
+class Quantity(Protocol):
+    """A result with an interval."""
+
+    @property
+    def value(self) -> float:
+        """The result."""
+
+    def interval(self, level: float = LEVEL) -> Range:
+        """Ends of its confidence interval; nan where there is none."""
+
+
+@dataclass(frozen=True)
+class Mean:
+    """Mean over independent trials, with the interval of Student's t distribution.
+
+    Parameters
+    ----------
+    value : float
+        The mean.
+    error : float
+        Its standard error.
+    freedom : float
+        Degrees of freedom; a mean with less than one has no interval.
+
+    Examples
+    --------
+    >>> Mean.of([90.0, 92.0]).text
+    '91 ± 13'
+    >>> Mean.of([90.0]).interval()
+    (nan, nan)
+    """
+
+    value: float
+    error: float
+    freedom: float
+
+    @classmethod
+    def of(cls, values: ArrayLike) -> Mean:
+        """Mean of a sample; nan if one of its values is."""
+        values = np.asarray(values, dtype=float)
+        if values.size < 2:
+            return cls(float(values.mean()) if values.size else np.nan, np.nan, 0.0)
+        return cls(float(values.mean()), float(values.std(ddof=1) / np.sqrt(values.size)), values.size - 1.0)
+
+    def margin(self, level: float = LEVEL) -> float:
+        """Half of its interval."""
+        if not self.freedom >= 1.0:
+            return np.nan
+        size = self.freedom + 1.0  # of a sample with this standard error
+        return float(confidence_margin(self.error * np.sqrt(size), size, level))
+
+    def interval(self, level: float = LEVEL) -> Range:
+        """Ends of its interval."""
+        margin = self.margin(level)
+        return self.value - margin, self.value + margin
+
+    @property
+    def text(self) -> str:
+        """The mean and half of its 95 % interval in words."""
+        return format_interval(self.value, self.margin(), ".4g")
+
+    def scale(self, factor: float, offset: float = 0.0) -> Mean:
+        """The mean of the sample times a factor, plus an offset."""
+        return Mean(self.value * factor + offset, self.error * abs(factor), self.freedom)
+
+    def __sub__(self, other: Mean) -> Mean:
+        """Difference of independent means, with the degrees of freedom of Welch and Satterthwaite."""
+        first, second = self.error**2, other.error**2
+        total = first + second
+        freedom = min(self.freedom, other.freedom)
+        if freedom >= 1.0 and total > 0.0:
+            freedom = total**2 / (first**2 / self.freedom + second**2 / other.freedom)
+        return Mean(self.value - other.value, math.sqrt(total), freedom)
+
+
+@dataclass(frozen=True)
+class Replicates:
+    """A statistic with the percentile interval of its bootstrap replicates, extended to the statistic itself.
+
+    Means of samples drawn from trials have the noise of the trials twice, and a rank correlation suffers from noise:
+    its replicates may all be closer to zero than itself. They show then that it is uncertain, and not that it is wrong.
+
+    Parameters
+    ----------
+    value : float
+        The statistic.
+    replicates : ndarray, shape (R,)
+        The same statistic of samples drawn with replacement; empty where there is nothing to draw from.
+    """
+
+    value: float
+    replicates: np.ndarray
+
+    def interval(self, level: float = LEVEL) -> Range:
+        """Ends of its interval."""
+        if not self.replicates.size:
+            return np.nan, np.nan
+        low, high = np.quantile(self.replicates, [(1 - level) / 2, (1 + level) / 2])
+        return float(min(low, self.value)), float(max(high, self.value))
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A measurement whose 95 % interval was computed where it was made.
+
+    Parameters
+    ----------
+    value, low, high : float
+        The measurement and the ends of its interval.
+    """
+
+    value: float
+    low: float = np.nan
+    high: float = np.nan
+
+    def interval(self, level: float = LEVEL) -> Range:
+        """Ends of its interval.
+
+        Raises
+        ------
+        ValueError
+            For another level than 95 %.
+        """
+        if level != LEVEL:
+            raise ValueError(f"the interval of this measurement is known at {LEVEL:.0%} only, not at {level:.1%}.")
+        return self.low, self.high
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A result, what it is compared with, and which differences are accepted.
+
+    Parameters
+    ----------
+    label : str
+        What is compared, for sentences.
+    ours : Quantity
+        Our result.
+    accepted : (float, float)
+        Smallest and largest difference that is accepted, both of them included; nan where nothing says so.
+    paper : float
+        What it is compared with, such as the published number.
+    size : bool
+        Compare the size of the difference, whatever its sign.
+    control : bool
+        The others mean nothing if this fails; a claim that is reproduced is decided by the others.
+    """
+
+    label: str
+    ours: Quantity
+    accepted: Range
+    paper: float = 0.0
+    size: bool = False
+    control: bool = False
+
+    @property
+    def difference(self) -> float:
+        """Our result less the published one."""
+        difference = self.ours.value - self.paper
+        return abs(difference) if self.size else difference
+
+    def interval(self, level: float = LEVEL) -> Range:
+        """Ends of the interval of the difference."""
+        low, high = (end - self.paper for end in self.ours.interval(level))
+        if not self.size:
+            return low, high
+        if math.isnan(low + high):
+            return np.nan, np.nan
+        return max(0.0, low, -high), max(-low, high)
+
+    def room(self, level: float) -> float:
+        """How far the interval is within what is accepted; negative if part of it is outside."""
+        low, high = self.interval(level)
+        return float(np.min([low - self.accepted[0], self.accepted[1] - high]))
+
+    def verdict(self, level: float) -> str:
+        """Verdict of the rule at a level of confidence."""
+        low, high = self.interval(level)
+        smallest, largest = self.accepted
+        if low >= smallest and high <= largest:
+            return REPRODUCED
+        return NOT_REPRODUCED if high < smallest or low > largest else OPEN
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Verdict on a claim, and the comparison that decides it.
+
+    Parameters
+    ----------
+    verdict : str
+        "reproduced", "not reproduced" or "cannot be judged".
+    decisive : Comparison
+        Of the comparisons with this verdict the one with the least room.
+    level : float
+        Level of its interval.
+    """
+
+    verdict: str
+    decisive: Comparison
+    level: float
+
+    @property
+    def interval(self) -> Range:
+        """Interval of the difference that was compared with what is accepted."""
+        return self.decisive.interval(self.level)
+
+    @property
+    def explanation(self) -> str:
+        """What keeps the claim from being reproduced, for a sentence; empty if nothing does."""
+        low, high = self.interval
+        label = f"{self.decisive.label}: " if self.decisive.label else ""
+        if self.verdict == REPRODUCED or math.isnan(sum(self.decisive.accepted)):
+            return ""
+        if math.isnan(self.decisive.difference):
+            return f"{label}there is no result"
+        if math.isnan(low + high):
+            return f"{label}there is no interval, which takes two trials or more"
+        place = "reaches beyond" if self.verdict == OPEN else "lies outside"
+        return (
+            f"{label}the difference, {low:.3g} … {high:.3g} at {100 * self.level:.4g} %, {place} what is accepted, "
+            f"{_describe_range(*self.decisive.accepted)}"
+        )
+
+
+@dataclass(frozen=True)
+class Fact:
+    """What no run can change, such as a count in the paper, or what follows from a definition.
+
+    Parameters
+    ----------
+    value : float
+        The fact.
+    expected : float
+        What the paper says, or what the definition gives.
+    of_paper : bool
+        It is a fact of the paper alone, which then contradicts itself if the two differ.
+    """
+
+    value: float
+    expected: float
+    of_paper: bool = False
+
+    @property
+    def verdict(self) -> str:
+        """Verdict on the claim."""
+        if self.value == self.expected:
+            return BY_CONSTRUCTION
+        return CONTRADICTION if self.of_paper else NOT_REPRODUCED
+
+
+def _describe_range(low: float, high: float) -> str:
+    if math.isinf(low):
+        return f"at most {high:g}"
+    return f"at least {low:g}" if math.isinf(high) else f"{low:g} … {high:g}"
+
+
+def format_interval(value: float, margin: float, spec: str) -> str:
+    """A value and half of its interval; without an interval the value alone.
+
+    Examples
+    --------
+    >>> format_interval(91.0, 12.7, ".1f"), format_interval(91.0, float("nan"), ".1f")
+    ('91.0 ± 13', '91.0')
+    """
+    return f"{value:{spec}}" + ("" if pd.isna(margin) else f" ± {margin:.2g}")
+
+
+def judge(comparisons: Sequence[Comparison]) -> Judgement:
+    """Judge a claim by one comparison, or by several that it needs all.
+
+    A comparison is reproduced if its whole interval lies within what is accepted, not reproduced if the whole interval
+    lies outside, and open otherwise. A claim is reproduced if all its comparisons are, each at 95 %. A wrong claim has
+    at least one wrong comparison, which passes by mistake in 2.5 % of all cases at most, so this needs no wider
+    intervals. A claim is not reproduced if any comparison is not. Each of them is an occasion for that mistake, so
+    these intervals are wider, and hold together with 95 % (Bonferroni). Otherwise the claim cannot be judged.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        At least one.
+
+    Returns
+    -------
+    Judgement
+
+    Examples
+    --------
+    >>> mean = Mean.of([90.0, 91.0, 92.0])
+    >>> judge([Comparison("VAF", mean, (-3.0, 3.0), 90.0)]).verdict
+    'cannot be judged'
+    >>> judge([Comparison("VAF", mean, (-4.0, 4.0), 90.0)]).verdict
+    'reproduced'
+    >>> judge([Comparison("VAF", mean, (-4.0, 4.0), 90.0), Comparison("VAF", mean, (-4.0, 4.0), 80.0)]).verdict
+    'not reproduced'
+    """
+    simultaneous = LEVEL if len(comparisons) == 1 else 1.0 - (1.0 - LEVEL) / len(comparisons)
+    if all(comparison.verdict(LEVEL) == REPRODUCED for comparison in comparisons):
+        claimed = [comparison for comparison in comparisons if not comparison.control]
+        return _find_decisive(REPRODUCED, claimed or comparisons, LEVEL)
+    failures = [comparison for comparison in comparisons if comparison.verdict(simultaneous) == NOT_REPRODUCED]
+    if failures:
+        return _find_decisive(NOT_REPRODUCED, failures, simultaneous)
+    return _find_decisive(OPEN, [part for part in comparisons if part.verdict(LEVEL) != REPRODUCED], simultaneous)
+
+
+def _find_decisive(verdict: str, comparisons: Sequence[Comparison], level: float) -> Judgement:
+    """The judgement by the comparison with the least room; one without an interval has none."""
+    rooms = [-math.inf if math.isnan(room := part.room(level)) else room for part in comparisons]
+    return Judgement(verdict, comparisons[int(np.argmin(rooms))], level)

@@ -1,0 +1,165 @@
+"""What each step of the processing is good for: results without it beside those of the complete processing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ankleloop.methods.omitted_steps import OMITTED_STEPS, describe_omission
+from ankleloop.replication.comparisons import format_mean
+from ankleloop.replication.results import join_scores
+from ankleloop.signals.vaf import confidence_margin
+
+__all__ = ["COMPLETE", "STEP_LABELS", "describe_changes", "tabulate_omissions"]
+
+COMPLETE = "none"  # label of what the complete processing leaves out
+FILTER = "anti-aliasing filter"
+STEP_LABELS = {
+    "kernel-derivatives": "derivatives of the kernel",
+    "early-nonlinearity": "nonlinearity before decimation",
+    "rank-policy": "rank policy",
+    "scaling": "scaling of the channels",
+    "mean-removal": "removal of means",
+}
+SEPARATOR = "-without-"  # in the name of a method: method, step
+SCORES = ["vaf_net_measured", "vaf_intrinsic_true", "vaf_reflex_true"]
+COLUMNS = [*SCORES, "K", "B", "I", "spectral_radius", "pole_error"]
+
+
+class _Omission(NamedTuple):
+    """A method without a step: where it is in the results, and where the same method is with all steps."""
+
+    condition: str
+    method: str
+    step: str
+    place: tuple[str, str]
+    complete: tuple[str, str]
+
+
+def tabulate_omissions(
+    parameters: pd.DataFrame, scores: pd.DataFrame, points: Mapping[str, Mapping[str, Any]], labels: Mapping[str, str]
+) -> pd.DataFrame:
+    """Means over trials of each method with all steps of the processing and without each of them.
+
+    Parameters
+    ----------
+    parameters, scores : pandas.DataFrame
+        Results of the study; a method without a step is called `METHOD-without-STEP`.
+    points : mapping of str to mapping
+        Simulation settings of each point; `antialias_cutoff` is None where the recorder has no filter.
+    labels : mapping of str to str
+        Label of each method.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each condition ("with noise" or "without noise"), method and omitted step, "none" first. For net,
+        intrinsic and reflex VAF [%], K, B, I, the largest magnitude of the poles (`spectral_radius`) and their largest
+        distance from the true ones (`pole_error`): `{name}_mean`, `{name}_margin`, `{name}_cost` (the mean without the
+        step less the mean with all steps) and `{name}_cost_margin`; margins are half of a 95 % interval. Costs are
+        paired by trial, except those of the anti-aliasing filter, whose trials are others. `trials` that were
+        identified, `warnings` (trials with a warning besides that about the step) and `failures` (trials that could not
+        be identified).
+    """
+    parameters = parameters.reindex(columns=list(dict.fromkeys([*parameters, "pole_error", "failure", "warnings"])))
+    table = join_scores(parameters, scores)
+    keys = [table["point"], table["method"]]
+    results = {place: rows.set_index("trial")[COLUMNS].astype(float) for place, rows in table.groupby(keys)}
+    details = dict(iter(parameters.groupby([parameters["point"], parameters["method"]])))
+    nothing = pd.DataFrame(columns=COLUMNS, dtype=float)
+    rows = []
+    for omission in _list_omissions(points, labels):
+        values, complete = (results.get(place, nothing) for place in (omission.place, omission.complete))
+        row: dict[str, Any] = {"condition": omission.condition, "method": labels[omission.method]}
+        row["omitted_step"] = omission.step
+        row |= _summarise(values, complete, paired=omission.place[0] == omission.complete[0])
+        rows.append(row | {"trials": len(values), **_count_faults(details[omission.place])})
+    return pd.DataFrame(rows)
+
+
+def _list_omissions(points: Mapping[str, Mapping[str, Any]], labels: Mapping[str, str]) -> Iterator[_Omission]:
+    """Methods with all steps and without each, by condition, method and step."""
+    filtered = {_condition(settings): point for point, settings in points.items() if settings["antialias_cutoff"]}
+    unfiltered = {_condition(settings): point for point, settings in points.items() if not settings["antialias_cutoff"]}
+    for condition, point in filtered.items():
+        for method in labels:
+            if SEPARATOR in method:
+                continue
+            complete = point, method
+            yield _Omission(condition, method, COMPLETE, complete, complete)
+            if condition in unfiltered:
+                yield _Omission(condition, method, FILTER, (unfiltered[condition], method), complete)
+            for step in OMITTED_STEPS:
+                name = f"{method}{SEPARATOR}{step}"
+                if name in labels:
+                    yield _Omission(condition, method, STEP_LABELS[step], (point, name), complete)
+
+
+def _condition(settings: Mapping[str, Any]) -> str:
+    return "without noise" if settings["snr_db"] is None and settings["voluntary"] == 0 else "with noise"
+
+
+def _summarise(values: pd.DataFrame, complete: pd.DataFrame, *, paired: bool) -> dict[str, float]:
+    """Means and costs of all columns, with their margins."""
+    differences = (values - complete).dropna()
+    row: dict[str, float] = {}
+    for name in COLUMNS:
+        mean, margin = _estimate_mean(values[name])
+        row |= {f"{name}_mean": mean, f"{name}_margin": margin}
+        if paired:
+            cost, cost_margin = _estimate_mean(differences[name])
+        else:
+            reference, reference_margin = _estimate_mean(complete[name])
+            cost, cost_margin = mean - reference, float(np.hypot(margin, reference_margin))
+        row |= {f"{name}_cost": cost, f"{name}_cost_margin": cost_margin}
+    return row
+
+
+def _estimate_mean(values: pd.Series) -> tuple[float, float]:
+    """Mean and half of its 95 % interval."""
+    return float(values.mean()), float(confidence_margin(values.std(), len(values)))
+
+
+def _count_faults(details: pd.DataFrame) -> dict[str, int]:
+    """How many trials have a warning that is not about the step, and how many could not be identified."""
+    warnings = details["warnings"].fillna("")
+    for step in OMITTED_STEPS:
+        warnings = warnings.str.replace(describe_omission(step), "", regex=False)
+    return {"warnings": int((warnings.str.strip() != "").sum()), "failures": int(details["failure"].notna().sum())}
+
+
+def describe_changes(rows: pd.DataFrame, quantities: Mapping[str, tuple[str, float, str, float]]) -> str:
+    """The largest change of each quantity that leaving out a step makes, if it is beyond its 95 % interval.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        Rows of `tabulate_omissions` for one condition and one step, a row for each method.
+    quantities : mapping of str to (str, float, str, float)
+        For each column its name, the factor that gives the unit of the text, this unit, and the least change in this
+        unit that is mentioned.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> rows = pd.DataFrame({"method": ["A", "B"], "K_cost": [-3.0, 1.0], "K_cost_margin": [1.0, 2.0]})
+    >>> describe_changes(rows, {"K": ("K", 2.0, "%", 1.0)})
+    'K -6.0 ± 2.0 % (A)'
+    >>> describe_changes(rows, {"K": ("K", 2.0, "%", 7.0)})
+    'no such change'
+    """
+    phrases = []
+    for column, (name, factor, unit, least) in quantities.items():
+        change, margin = factor * rows[f"{column}_cost"], factor * rows[f"{column}_cost_margin"]
+        size = change.abs().where((change.abs() > margin) & (change.abs() >= least))
+        if size.notna().any():
+            row = size.idxmax()
+            text = f"{name} {format_mean(change[row], margin[row], '+')} {unit}".rstrip()
+            phrases.append(f"{text} ({rows['method'][row]})")
+    return "; ".join(phrases) or "no such change"

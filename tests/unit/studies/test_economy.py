@@ -1,0 +1,59 @@
+"""Economy: the options of the study count, ratios are those of the same trials, and every mean has its interval."""
+
+import numpy as np
+import pytest
+
+from ankleloop import simulate
+from ankleloop.studies import economy
+from ankleloop.studies.economy import measure_economy
+
+
+@pytest.fixture(scope="module")
+def trials():
+    return [simulate(seed=seed, duration=10.0) for seed in range(3)]
+
+
+def test_columns_follow_the_options(trials):
+    options = {"pr-moesp": {"block_rows": 10, "degree": 3}, "eiv-moesp": {"block_rows": 10, "degree": 3}}
+    values = measure_economy(trials[:1], options).set_index("quantity")["value"]
+    assert values["block_rows"] == values["constant_rows"] == values["pr-moesp_instrument_rows"] == 10
+    assert values["correlation_rows"] == (3 + 3) * 10 + 2
+    assert values["eiv-moesp_instrument_rows"] == (3 + 3 + 1) * 10
+    assert values["constant_directions"] == 0
+
+
+def test_ratios_are_paired(trials, monkeypatch):
+    """Times are those of a clock that runs differently in each trial: ratios of the same trial do not change."""
+    speed = iter([1.0, 5.0, 25.0])
+
+    def time_runs(runs):
+        second = next(speed)
+        return dict(zip(runs, (second, 2.0 * second), strict=True))
+
+    monkeypatch.setattr(economy, "_time_runs", time_runs)
+    table = measure_economy(trials, {}).set_index("quantity")
+    ratio = table.loc["milliseconds_ratio"]
+    assert ratio[["value", "low", "high"]].tolist() == pytest.approx([2.0, 2.0, 2.0])
+    assert table.loc["pr-moesp_milliseconds", "value"] == pytest.approx(1e3 * 31 / 3)
+
+
+def test_every_mean_has_an_interval(trials):
+    table = measure_economy(trials, {}).set_index("quantity")
+    means = table[table["n"] == len(trials)]
+    assert set(means.index) == {
+        *(f"{m}_{q}" for m in ("pr-moesp", "eiv-moesp") for q in ("milliseconds", "megabytes")),
+        *("milliseconds_ratio", "megabytes_ratio"),
+    }
+    assert (means["low"] <= means["value"]).all()
+    assert (means["value"] <= means["high"]).all()
+    single = measure_economy(trials[:1], {}).set_index("quantity")
+    assert np.isnan(single.loc["milliseconds_ratio", "low"])
+
+
+def test_runs_alternate():
+    order = []
+    runs = {name: lambda name=name: order.append(name) for name in economy.COMPARED}
+    assert set(economy._time_runs(runs)) == set(economy.COMPARED)
+    pairs = [set(order[k : k + 2]) for k in range(0, len(order), 2)]
+    assert all(pair == set(economy.COMPARED) for pair in pairs)
+    assert len(set(order[::2])) == 2  # neither is always the first
