@@ -1,6 +1,6 @@
 """The errors that ankleloop raises about its input."""
 
-__all__ = ["DataError", "UnstableLoopError"]
+__all__ = ["NUMERICAL_ERRORS", "DataError", "UnstableLoopError"]
 
 
 class DataError(ValueError):
@@ -9,3 +9,9 @@ class DataError(ValueError):
 
 class UnstableLoopError(ValueError):
     """A simulated loop that diverges: the message names the parameters that make it unstable."""
+
+
+# Of data and numerical routines: LinAlgError, DataError and UnstableLoopError are ValueErrors, FloatingPointError is an
+# ArithmeticError. Where many records are processed, such an error refuses its record alone; mistakes in the program
+# (TypeError, KeyError, AttributeError) stop the job.
+NUMERICAL_ERRORS = (ValueError, ArithmeticError)

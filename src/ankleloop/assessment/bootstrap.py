@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+import math
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,13 +14,15 @@ import xarray as xr
 from scipy.signal import resample_poly
 
 from ankleloop.assessment.scores import evaluate
-from ankleloop.errors import DataError
+from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.registry import identify
 from ankleloop.signals.decimation import decimation_factor
 
 __all__ = ["Bootstrap", "block_bootstrap"]
+
+LEAST_SHARE = 0.9  # of the repetitions: those that fail are not a random part of all
 
 
 @dataclass(frozen=True)
@@ -30,14 +34,19 @@ class Bootstrap:
     estimate : Estimate
         The estimate of the record itself.
     samples : pandas.DataFrame
-        One row for each repetition: the parameters, and the VAFs [%] as `vaf_net`, `vaf_intrinsic`, `vaf_reflex`.
+        One row for each repetition: the parameters, and the VAFs [%] against the measured torque as `vaf_net`,
+        `vaf_intrinsic`, `vaf_reflex`.
     failed : int
-        Repetitions that the method could not identify.
+        Repetitions that the method could not identify, or whose parameters are not finite; at most a tenth of all, and
+        neither the samples nor the intervals count them.
+    reasons : dict of str to int
+        How many of them failed with each error.
     """
 
     estimate: Estimate
     samples: pd.DataFrame
     failed: int
+    reasons: Mapping[str, int] = field(default_factory=dict)
 
     def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
         """Percentile intervals.
@@ -51,7 +60,18 @@ class Bootstrap:
         -------
         dict of str to tuple of float
             Low and high of every column of `samples`.
+
+        Raises
+        ------
+        ValueError
+            For a level that is not between 0 and 1, or one that leaves less than one sample in each tail.
         """
+        fewest = math.ceil(2.0 / (1.0 - level) - 1e-9) if 0.0 < level < 1.0 else math.inf
+        if len(self.samples) < fewest:
+            raise ValueError(
+                f"an interval of level {level:g} needs at least {fewest} samples, one for each tail; there are "
+                f"{len(self.samples)}: repeat more often, or take a lower level."
+            )
         tail = 50.0 * (1.0 - level)
         ends = {name: np.percentile(values, [tail, 100.0 - tail]) for name, values in self.samples.items()}
         return {str(name): (float(low), float(high)) for name, (low, high) in ends.items()}
@@ -107,7 +127,8 @@ def block_bootstrap(
     Raises
     ------
     DataError
-        If the trial is unusable or less than ten blocks long, or if the method fails in nearly all repetitions.
+        If the trial is unusable or less than ten blocks long, or if more than a tenth of the repetitions fail: the
+        rest would be a selection of records that suit the method.
     ValueError
         For fewer than two repetitions or a block that is not positive.
 
@@ -119,7 +140,7 @@ def block_bootstrap(
     Examples
     --------
     >>> from ankleloop.simulation.simulate import simulate
-    >>> bootstrap = block_bootstrap(simulate(seed=1, duration=25.0), "riv", repetitions=20)
+    >>> bootstrap = block_bootstrap(simulate(seed=1, duration=25.0), "riv", repetitions=40)
     >>> low, high = bootstrap.intervals()["K"]
     >>> low < bootstrap.estimate.stiffness["K"] < high
     True
@@ -136,18 +157,26 @@ def block_bootstrap(
         raise DataError(
             f"the estimate covers {residual.size / rate:.3g} s, less than ten blocks of {block:g} s: take shorter ones."
         )
+    names = _sample_row(original, estimate).keys()
     rng = np.random.default_rng(seed)
     rows: list[dict[str, float]] = []
+    reasons: Counter[str] = Counter()
     for _ in (progress or iter)(range(repetitions)):
         resampled = _change_torque(original, time, rate, _draw_blocks(rng, residual, length) - residual)
         try:
-            rows.append(_sample_row(resampled, identify(resampled, method, **options)))
-        except DataError:
-            continue
-    failed = repetitions - len(rows)
-    if len(rows) < 2:
-        raise DataError(f"{method} refused {failed} of {repetitions} resampled records: it cannot be relied on here.")
-    return Bootstrap(estimate, pd.DataFrame(rows), failed)
+            row = _sample_row(resampled, identify(resampled, method, **options))
+            _check_names(row, names)
+            rows.append({name: row[name] for name in names})
+        except NUMERICAL_ERRORS as error:
+            reasons[str(error)] += 1
+    failed = reasons.total()
+    if len(rows) < max(2.0, LEAST_SHARE * repetitions):
+        reason, count = reasons.most_common(1)[0]
+        raise DataError(
+            f"{method} failed on {failed} of {repetitions} resampled records, but an interval needs "
+            f"{LEAST_SHARE:.0%} of them. {count} failed with: {reason}"
+        )
+    return Bootstrap(estimate, pd.DataFrame(rows), failed, dict(reasons))
 
 
 def _draw_blocks(rng: np.random.Generator, residual: np.ndarray, length: int) -> np.ndarray:
@@ -169,5 +198,16 @@ def _change_torque(trial: PreparedTrial, time: np.ndarray, rate: float, change: 
 
 
 def _sample_row(trial: PreparedTrial, estimate: Estimate) -> dict[str, float]:
-    vafs = {f"vaf_{row.torque}": row.vaf for row in evaluate(trial, estimate).itertuples()}
-    return {**estimate.stiffness, **estimate.reflex, **vafs}
+    scores = evaluate(trial, estimate, against="measured")
+    row = {**estimate.stiffness, **estimate.reflex, **{f"vaf_{row.torque}": row.vaf for row in scores.itertuples()}}
+    for name, value in row.items():
+        if not np.isfinite(value):
+            raise DataError(f"{name} is not finite.")
+    return row
+
+
+def _check_names(row: Mapping[str, float], names: Collection[str]) -> None:
+    """Refuse a repetition without a parameter that the record itself has: its column would have gaps."""
+    missing = sorted(set(names) - set(row))
+    if missing:
+        raise DataError(f"{missing[0]} could not be estimated.")

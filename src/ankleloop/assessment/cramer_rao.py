@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import signal as sps
 
+from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.decimation import PASSBAND
@@ -19,6 +20,7 @@ __all__ = ["cramer_rao", "disturbance_spectrum", "fisher_information"]
 
 LOWEST = 0.05  # Hz
 MEAN_SLOPE = 0.5  # of a rectifier, for a velocity of zero mean
+PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one
 
 
 def cramer_rao(
@@ -63,12 +65,17 @@ def cramer_rao(
     Returns
     -------
     dict of str to float
-        Standard deviations by the names of `Estimate.stiffness` and `Estimate.reflex`.
+        Standard deviations by the names of `Estimate.stiffness` and `Estimate.reflex`: infinite for parameters on which
+        the record does not depend (the reflex dynamics and the delay without a reflex, `reflex_gain=0`), 0 for all
+        others without a disturbance (`snr_db=None, voluntary=0`).
 
     Raises
     ------
     TypeError, ValueError
-        For settings that `simulate` refuses.
+        For settings that `simulate` refuses, and for a stiffness that drifts or a reflex with a threshold, for which
+        this bound is not derived.
+    DataError
+        If the record does not tell some of the other parameters apart, or does not move.
 
     Examples
     --------
@@ -83,7 +90,27 @@ def cramer_rao(
         known_delay=known_delay,
         **settings,
     )
-    return dict(zip(names, map(float, np.sqrt(np.diag(np.linalg.inv(information)))), strict=True))
+    return dict(zip(names, map(float, _standard_deviations(names, information)), strict=True))
+
+
+def _standard_deviations(names: list[str], information: np.ndarray) -> np.ndarray:
+    """Square roots of the diagonal of the inverse; infinite where there is no information."""
+    size = np.sqrt(np.diag(information))
+    known = np.flatnonzero(size > 0)
+    deviations = np.full(size.size, np.inf)
+    if np.isinf(size).any():
+        deviations[known] = 0.0
+        return deviations
+    scaled = information[np.ix_(known, known)] / np.outer(size[known], size[known])
+    values, vectors = np.linalg.eigh(scaled)
+    if not values[0] > len(values) * PRECISION * values[-1]:
+        confused = [names[k] for k in known[np.abs(vectors[:, 0]) > 0.1]]
+        raise DataError(
+            f"the record does not tell {', '.join(confused)} apart: their information is singular. Use a longer "
+            "record, a richer perturbation, or other parameters."
+        )
+    deviations[known] = np.sqrt(np.diag(np.linalg.inv(scaled))) / size[known]
+    return deviations
 
 
 def fisher_information(
@@ -106,15 +133,30 @@ def fisher_information(
     names : list of str
         Names of the parameters.
     information : ndarray, shape (parameters, parameters)
-        In inverse squares of their units.
+        In inverse squares of their units. Without a disturbance it is infinite on the diagonal, and 0 elsewhere, for
+        all parameters on which the record depends.
+
+    Raises
+    ------
+    TypeError, ValueError, DataError
+        As `cramer_rao` does.
     """
     all_settings = SimulationSettings.parse("simulate", **settings)
+    for name in ("stiffness_drift", "reflex_threshold"):
+        value = getattr(all_settings, name)
+        if value != 0:
+            raise ValueError(
+                f"the bound is derived for constant parameters and a rectifier at zero velocity: {name} must be 0, got "
+                f"{value:g}."
+            )
     clean = simulate(seed=seed, **{**dict(all_settings), "snr_db": None, "voluntary": 0.0})
     regressors = prepare(clean).regressors(
         delay=all_settings.delay, basis="rectifier", identification_rate=identification_rate
     )
     band = Band(regressors.torque.size, regressors.rate, LOWEST, PASSBAND * regressors.rate)
     names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, all_settings, known_delay)
+    if all_settings.snr_db is None and all_settings.voluntary == 0:
+        return names, np.diag(np.where(np.abs(derivatives).any(axis=1), np.inf, 0.0))
     level = float(np.std(clean["torque"].values))
     noise = disturbance_spectrum(band.frequency, level, all_settings) * band.density
     # The taper reduces leakage; the sum counts every frequency as the record without a taper would.
@@ -197,6 +239,8 @@ def _voluntary_shape(frequency: np.ndarray, settings: SimulationSettings) -> tup
 
 def _noise_shape(frequency: np.ndarray, settings: SimulationSettings) -> tuple[np.ndarray, float]:
     """Power spectrum of the recorded measurement noise except for a factor, and its integral over all frequencies."""
+    if settings.antialias_cutoff is None:
+        return np.sinc(frequency / settings.noise_rate) ** 2, 0.5 * settings.noise_rate
     b, a = sps.bessel(ANTIALIAS_ORDER, 2 * np.pi * settings.antialias_cutoff, analog=True, norm="mag")
 
     def spectrum(f: np.ndarray) -> np.ndarray:

@@ -5,16 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+from scipy import linalg, special
 
+from ankleloop.errors import DataError
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
 
 __all__ = ["ResidualTest", "residual_test"]
 
+LOWEST = 0.05  # Hz
 LAGS = 0.5  # s
 GROUPS = 38  # bands of frequency whose power is compared
 LEVEL = 0.01
+WHITENING = 1.0  # Hz, half width of the smoothing that gives the spectra for whitening
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class ResidualTest:
     correlation : ndarray, shape (L,)
         Correlation of residual and signal, each whitened within the pass band.
     limit : float
-        99 % of such correlations are below it in magnitude if the two are unrelated.
+        99 % of the correlations at single lags are below it in magnitude if the two are unrelated.
     related : bool
         Whether the residual depends on the signal.
     related_p : float
@@ -56,10 +59,22 @@ def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float, lags: f
     r"""Test a residual for whiteness, and for correlation with a signal that must not explain it.
 
     Decimated noise has nothing above the pass band, so its autocorrelation is not that of white noise, whatever the
-    recorded noise was. Both tests use the pass band alone. Whiteness: the power of an equal number of frequencies in
-    each of 38 bands has the same expectation; means of n squared magnitudes scatter as a χ² of 2n degrees of freedom.
-    Correlation: residual and signal are whitened by their own spectra; then each of the cross-correlations at
-    independent lags is normal with variance 1/m, m being the number of independent samples in the band.
+    recorded noise was. Both tests use the m frequencies of the pass band alone, and the covariance that the taper w of
+    the record gives them,
+
+    .. math:: |\rho(d)|^2 = \Bigl| \sum_t w_t^2 e^{-2 \pi i t d / N} \Bigr|^2 \Big/ \Bigl( \sum_t w_t^2 \Bigr)^2 .
+
+    Whiteness: Bartlett's test (1937) that the power in 38 bands of equal width has the same expectation. Means of
+    squared magnitudes are variances; the sum of their degrees of freedom is 2m over the factor by which the taper
+    raises the scatter between the bands.
+
+    Relation: residual and signal are whitened by their own smooth spectra. The residual's spectrum R is then fitted by
+    the signal's spectrum S at lags τ that are 1/(2b) apart, b the width of the band, and so nearly uncorrelated,
+
+    .. math:: \min_a \sum_f \Bigl| R(f) - S(f) \sum_j a_j e^{-2 \pi i f \tau_j} \Bigr|^2 .
+
+    Of an unrelated Gaussian residual, r lags explain a share of the power that has a beta distribution with the
+    parameters r/2 and (r/μ - r)/2, μ being its expectation with this signal and taper: r/2m without a taper.
 
     Parameters
     ----------
@@ -76,6 +91,16 @@ def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float, lags: f
     -------
     ResidualTest
 
+    Raises
+    ------
+    DataError
+        If the two differ in length, are too short for so many lags, not finite, or one of them is constant.
+
+    References
+    ----------
+    M. S. Bartlett, "Properties of sufficiency and statistical tests", Proceedings of the Royal Society A 160, 268-282,
+    1937.
+
     Examples
     --------
     >>> noise, signal = np.random.default_rng(1).standard_normal((2, 5000))
@@ -83,47 +108,100 @@ def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float, lags: f
     >>> test.white, test.related, residual_test(noise + 0.3 * signal, signal, 100.0).related
     (True, False, True)
     """
-    band = Band(residual.size, rate, 0.05, PASSBAND * rate)
-    spectra = [band.transform(x) for x in (residual, signal)]
-    power = np.abs(spectra[0]) ** 2
-    white_p = _whiteness(power, band.correlation)
+    band = Band(residual.size, rate, LOWEST, PASSBAND * rate)
+    _check(residual, signal, band, lags)
+    power = np.abs(band.transform(residual)) ** 2
+    white_p = _whiteness(power, band)
+    white_residual, white_signal = (_whiten(band, x) for x in (residual, signal))
+    related_p = _relation(band, white_residual, white_signal, lags)
     reach = round(lags * rate)
     shifts = np.arange(-reach, reach + 1)
-    scores = _correlation_scores(band, spectra, shifts)
-    # A signal that fills only part of the band has that many fewer independent samples.
-    independent = scores[:: max(1, round(0.5 / PASSBAND))]
-    related_p = float(special.chdtrc(independent.size, np.sum(independent**2)))
-    root = np.sqrt(band.frequency.size * 2.0)
     return ResidualTest(
         frequency=band.frequency,
         density=band.smooth(power, 0.4) / band.density,
         white=white_p >= LEVEL,
         white_p=white_p,
         lags=shifts / rate,
-        correlation=scores / root,
-        limit=float(special.ndtri(0.995) / root),
+        correlation=_correlate(band, white_residual, white_signal, shifts),
+        limit=float(special.ndtri(0.995) * np.sqrt(0.5 * band.correlation / power.size)),
         related=related_p < LEVEL,
         related_p=related_p,
     )
 
 
-def _whiteness(power: np.ndarray, correlation: float) -> float:
+def _check(residual: np.ndarray, signal: np.ndarray, band: Band, lags: float) -> None:
+    """Refuse what has no spectrum, or too few frequencies for the tests."""
+    if residual.shape != signal.shape:
+        raise DataError(f"the residual has {residual.size} samples and the signal {signal.size}: pass equal lengths.")
+    for name, x in (("residual", residual), ("signal", signal)):
+        if not np.isfinite(x).all():
+            raise DataError(f"sample {np.flatnonzero(~np.isfinite(x))[0]} of the {name} is not finite.")
+        if not np.ptp(x) > 0:
+            raise DataError(f"the {name} is constant: it has no spectrum to be tested.")
+    fewest = max(2 * GROUPS, 2 * _independent_lags(band, lags).size)
+    if band.frequency.size < fewest:
+        raise DataError(
+            f"{residual.size / band.rate:.3g} s have {band.frequency.size} frequencies in the pass band, but the tests "
+            f"need {fewest}: use a longer record or shorter lags."
+        )
+
+
+def _whiten(band: Band, x: np.ndarray) -> np.ndarray:
+    """Spectrum of a signal in the band, divided by its smooth magnitude."""
+    spectrum = band.transform(x)
+    return spectrum / np.sqrt(band.smooth(np.abs(spectrum) ** 2, WHITENING))
+
+
+def _independent_lags(band: Band, lags: float) -> np.ndarray:
+    """Lags [s] at which correlations of white signals within the band are uncorrelated."""
+    step = 0.5 / (band.highest - band.lowest)
+    reach = int(lags / step)
+    return step * np.arange(-reach, reach + 1)
+
+
+def _whiteness(power: np.ndarray, band: Band) -> float:
     """Probability of a spectrum at least as uneven as a periodogram, if the signal were white."""
-    freedom = 2.0 / correlation
     groups = np.array_split(power, GROUPS)
-    size = np.array([group.size for group in groups])
-    ratio = np.array([group.mean() for group in groups]) / power.mean()
-    # The logarithm of a mean of n squared magnitudes has a variance of nearly 1/n at any level of power.
-    unevenness = np.sum(size * freedom / 2.0 * np.log(ratio) ** 2)
-    return float(special.chdtrc(GROUPS - 1, unevenness))
+    sizes = np.array([group.size for group in groups])
+    freedom = 2.0 * sizes / _band_scatter(band, sizes)
+    unevenness = freedom.sum() * np.log(power.mean()) - freedom @ np.log([group.mean() for group in groups])
+    correction = 1.0 + (np.sum(1.0 / freedom) - 1.0 / freedom.sum()) / (3.0 * (GROUPS - 1))
+    return float(special.chdtrc(GROUPS - 1, unevenness / correction))
 
 
-def _correlation_scores(band: Band, spectra: list[np.ndarray], shifts: np.ndarray) -> np.ndarray:
-    """Cross-correlation of two whitened signals over its standard deviation, if they are unrelated."""
-    residual, signal = (x / np.sqrt(band.smooth(np.abs(x) ** 2, 1.0)) for x in spectra)
-    cross = np.zeros(band.samples // 2 + 1, dtype=complex)
-    bins = np.round(band.frequency * band.samples / band.rate).astype(int)
-    cross[bins] = residual * signal.conj()
-    # Products of unrelated whitened signals have unit power.
-    deviation = np.sqrt(2.0 * bins.size * band.correlation) / band.samples
-    return np.fft.irfft(cross, band.samples)[shifts] / deviation
+def _band_scatter(band: Band, sizes: np.ndarray) -> float:
+    """Factor by which the taper raises the variance between the means of neighbouring frequencies.
+
+    It is less than that of the whole band, because it makes neighbouring bands alike, too.
+    """
+    transform = np.abs(np.fft.rfft(band.taper**2)[: sizes.min()]) ** 2
+    distance = np.arange(1, transform.size)
+    within = 1.0 + 2.0 * np.mean([(1.0 - distance / size) @ transform[1:] for size in sizes]) / transform[0]
+    return (sizes.size * within - band.correlation) / (sizes.size - 1)
+
+
+def _relation(band: Band, residual: np.ndarray, signal: np.ndarray, lags: float) -> float:
+    """Probability that lags of a signal explain at least as much of a residual, if the two were unrelated."""
+    times = _independent_lags(band, lags)
+    regressors = signal[:, None] * np.exp(-2j * np.pi * np.outer(band.frequency, times))
+    gram = np.real(regressors.conj().T @ regressors)
+    basis = linalg.solve_triangular(linalg.cholesky(gram, lower=True), regressors.T, lower=True)
+    share = np.sum(np.real(basis.conj() @ residual) ** 2) / np.sum(np.abs(residual) ** 2)
+    # The taper weights white noise over the record; so the expectation of its products with the basis is known.
+    energy = np.sum(_invert(band, basis) ** 2, axis=0)
+    weights = band.taper**2 / np.sum(band.taper**2)
+    expectation = 0.25 * band.samples**2 * (energy @ weights) / signal.size
+    return float(special.betaincc(0.5 * times.size, 0.5 * times.size * (1.0 / expectation - 1.0), min(share, 1.0)))
+
+
+def _invert(band: Band, spectra: np.ndarray) -> np.ndarray:
+    """Signals, shape (..., samples), whose transforms are given within the band and zero elsewhere."""
+    transform = np.zeros((*spectra.shape[:-1], band.samples // 2 + 1), dtype=complex)
+    transform[..., np.round(band.frequency * band.samples / band.rate).astype(int)] = spectra
+    return np.fft.irfft(transform, band.samples)
+
+
+def _correlate(band: Band, residual: np.ndarray, signal: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    """Correlation of two signals within the band, from their spectra, at shifts of whole samples."""
+    size = np.sqrt(np.sum(np.abs(residual) ** 2) * np.sum(np.abs(signal) ** 2))
+    return _invert(band, residual * signal.conj())[shifts] * band.samples / (2.0 * size)

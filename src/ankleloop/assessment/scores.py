@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from itertools import permutations
 from typing import Any, Literal
 
 import numpy as np
@@ -10,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import DataError
+from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.signals.vaf import vaf, vaf_with_interval
@@ -177,21 +180,43 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
     Returns
     -------
     dict
-        K, B, I, the reflex parameters, the ends of their 95 % intervals where the method gives them (`K_low`,
-        `K_high` …), the in-band SNR [dB] of a simulation with noise, those of order, largest magnitude of the poles
-        (`spectral_radius`), passes, converged, stable and reference that the method reports, the scores [%] on unseen
-        data where options were selected (`unseen_instrumental`, `unseen_cross_validation`), and the warnings.
+        K, B, I, the reflex parameters, the ends of their 95 % intervals where the method gives them (`K_low`, `K_high`
+        …) and their kind (`intervals`: asymptotic or robust), the in-band SNR [dB] of a simulation with noise, those of
+        order, largest magnitude of the poles (`spectral_radius`), passes, converged, stable and reference that the
+        method reports, the largest distance of a pole from that of the simulated reflex (`pole_error`, for models of
+        its order), the scores [%] on unseen data where options were selected (`unseen_instrumental`,
+        `unseen_cross_validation`), and the warnings.
     """
     prepared = prepare(trial)
     row: dict[str, Any] = {**estimate.stiffness, **estimate.reflex}
     for name, (low, high) in estimate.intervals.items():
         row |= {f"{name}_low": low, f"{name}_high": high}
+    if estimate.intervals and estimate.diagnostics.get("intervals"):
+        row["intervals"] = estimate.diagnostics["intervals"]
     if "torque_noise" in prepared.trial and np.ptp(prepared.samples("torque_noise")) > 0:
         row["in_band_snr_db"] = in_band_snr(prepared, estimate)
     row |= {name: estimate.diagnostics[name] for name in DIAGNOSTICS if name in estimate.diagnostics}
+    if "torque_reflex" in prepared.trial and "poles" in estimate.diagnostics:
+        row |= _pole_error(np.asarray(estimate.diagnostics["poles"]), estimate, prepared.trial.attrs)
     row |= _unseen_scores(estimate.diagnostics.get("selection"))
     row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
     return row
+
+
+def _pole_error(poles: np.ndarray, estimate: Estimate, settings: Mapping[str, Any]) -> dict[str, float]:
+    """Largest distance between a pole and the true one that it stands for; none for a model of another order."""
+    if not {"omega_n", "zeta"} <= set(settings):
+        return {}
+    rate = estimate.torque.attrs["identification_rate"]
+    truth = _true_poles(settings["omega_n"], settings["zeta"], settings.get("pole"), rate)
+    if poles.size != truth.size:
+        return {}
+    return {"pole_error": min(float(np.abs(poles - order).max()) for order in map(np.array, permutations(truth)))}
+
+
+@lru_cache
+def _true_poles(omega_n: float, zeta: float, pole: float | None, rate: float) -> np.ndarray:
+    return np.linalg.eigvals(ReflexDynamics(omega_n, zeta, pole).matrices(rate)[0])
 
 
 def _unseen_scores(selection: Mapping[str, Any] | None) -> dict[str, float]:

@@ -14,6 +14,8 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
 from ankleloop.joint.estimate import TORQUES, Estimate
+from ankleloop.joint.model_inputs import ModelInputs
+from ankleloop.joint.models import StateSpaceModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors, decimation_grid, recording_margins
 from ankleloop.methods.moesp import (
@@ -117,14 +119,17 @@ def identify_file(
     )
     vaf = _write_torques(chunks, basis, model, output, method)
     path = separate_reflex(model.matrices, [beginning])
+    inputs = ModelInputs.of(beginning)
+    matrices = inputs.label(model.matrices)
     return Estimate(
         method=method,
         # An index of the time would take it, and several times its size, into memory.
         torque=xr.open_dataset(output, engine="h5netcdf", decode_times=False, create_default_indexes=False),
-        matrices=model.matrices,
+        matrices=matrices,
         stiffness=direct_stiffness(model.matrices),
         reflex={"delay": chosen.delay, **path.parameters},
         diagnostics={"singular_values": model.singular_values, **model.diagnostics, **path.diagnostics, "vaf": vaf},
+        predictor=StateSpaceModel(inputs, matrices, model.initial_state),
     )
 
 

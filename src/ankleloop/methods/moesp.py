@@ -6,22 +6,21 @@ Its members differ in their instruments and in the form of their projection, so 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from typing import Literal, cast, get_args
 
 import numpy as np
-import xarray as xr
 
-from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis
 from ankleloop.joint.estimate import Estimate, torque_dataset
 from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, separate_model
-from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare
-from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
-from ankleloop.methods.method import Method, Trial, degree_option, delay_option, rate_option
+from ankleloop.joint.model_inputs import ModelInputs
+from ankleloop.joint.models import StateSpaceModel, simulate_torques
+from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis
+from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors
+from ankleloop.methods.method import Method, degree_option, delay_option, rate_option
+from ankleloop.methods.omitted_steps import SUBSPACE_OPTIONS, OmittedStep, describe_omission
 from ankleloop.options import Options, option
-from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.moesp import moesp
 
@@ -35,7 +34,6 @@ __all__ = [
     "identify_moesp",
     "merge_moesp",
     "separate_reflex",
-    "simulate_torques",
 ]
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
@@ -81,7 +79,11 @@ class MoespModelOptions(Options):
     # A delayed velocity among the basis functions repeats rows of the velocity up to the accuracy of the decimation,
     # which is the default: smaller directions are errors of the filters.
     rank_tolerance: float = option(
-        1e-5, "singular values of the projection below this fraction of the largest count as zero", ge=0, lt=1
+        1e-5,
+        "singular values below this fraction of the largest one count as zero; they are those of the inputs, in the "
+        "correlation form those of the inputs times the instruments",
+        ge=0,
+        lt=1,
     )
 
 
@@ -99,6 +101,14 @@ class MoespOptions(MoespModelOptions):
         "let position, velocity and acceleration drive the state as well; K, B, I are then those of the second-order "
         "model that explains the intrinsic torque best",
     )
+    omitted_step: OmittedStep | None = option(
+        None, "step of the processing to leave out, to see what it is good for; null for the complete processing"
+    )
+
+    @property
+    def omitted_input_step(self) -> InputStep | None:
+        """The step that is left out, if it is one of those that make the inputs."""
+        return cast(InputStep, self.omitted_step) if self.omitted_step in get_args(InputStep) else None
 
 
 def identify_moesp(trial: PreparedTrial, options: MoespOptions, *, member: str = "pr-moesp") -> Estimate:
@@ -186,27 +196,35 @@ def merge_moesp(trials: Sequence[PreparedTrial], options: MoespOptions, *, membe
         input_matrices=options.input_matrices,
         dynamic=None if options.free_b else first.reflex,
         predicted_inputs=None if predicted is None else _signals(predicted),
-        rank_tolerance=options.rank_tolerance,
-        regression_tolerance=REGRESSION_TOLERANCE,
         names=(first.names, ("torque",)),
+        **{
+            "rank_tolerance": options.rank_tolerance,
+            "regression_tolerance": REGRESSION_TOLERANCE,
+            **SUBSPACE_OPTIONS.get(options.omitted_step, {}),
+        },
     )
     path = separate_reflex(model.matrices, regressors)
     diagnostics = {"singular_values": model.singular_values, **model.diagnostics}
     if needs_reference:
         diagnostics["reference"] = options.reference
+    if options.omitted_step is not None:
+        diagnostics["warnings"] = [*diagnostics["warnings"], describe_omission(options.omitted_step)]
+    matrices = ModelInputs.of(first).label(model.matrices)
     estimates = []
     for part, state in zip(regressors, np.atleast_2d(model.initial_state), strict=True):
-        torque = _torque_dataset(model.matrices, state, part)
+        if options.omitted_step == "mean-removal":
+            state = state - _steady_state(model.matrices, part.inputs.mean(axis=0))
+        torque = torque_dataset(part.time, part.rate, **simulate_torques(model.matrices, state, part))
         direct = direct_stiffness(model.matrices)
         estimates.append(
             Estimate(
                 method=member,
                 torque=torque,
-                matrices=model.matrices,
+                matrices=matrices,
                 stiffness=part.fit_stiffness(torque["intrinsic"].values) if options.free_b else direct,
                 reflex={"delay": options.delay, **path.parameters},
                 diagnostics=diagnostics | path.diagnostics,
-                predictor=_Predictor(model.matrices, part.basis, options.delay),
+                predictor=StateSpaceModel(ModelInputs.of(part), matrices, state),
             )
         )
     return estimates
@@ -223,6 +241,7 @@ def _regressors(trials: Sequence[PreparedTrial], options: MoespOptions, referenc
             degree=options.degree,
             identification_rate=options.identification_rate,
             reference=reference,
+            omitted_step=options.omitted_input_step,
         )
         for trial in trials
     ]
@@ -233,68 +252,14 @@ def _signals(records: list) -> np.ndarray | list[np.ndarray]:
     return records if len(records) > 1 else records[0]
 
 
-@dataclass(frozen=True)
-class _Predictor:
-    """Torques of another trial by the same model."""
-
-    matrices: Matrices
-    basis: Basis
-    delay: float
-
-    def __call__(self, trial: Trial) -> xr.Dataset:
-        rate = 1.0 / self.matrices.dt
-        regressors = prepare(trial).regressors(delay=self.delay, basis=self.basis, identification_rate=rate)
-        return _torque_dataset(self.matrices, None, regressors)
+def _steady_state(model: Matrices, inputs: np.ndarray) -> np.ndarray:
+    """State of rest under constant inputs."""
+    return np.linalg.solve(np.eye(len(model.A)) - model.A, model.B @ inputs)
 
 
 def direct_stiffness(model: Matrices) -> dict[str, float]:
     """K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
     return dict(zip("KBI", map(float, model.D[0, : len(INTRINSIC_NAMES)]), strict=True))
-
-
-def simulate_torques(
-    model: Matrices, initial_state: np.ndarray | None, regressors: Regressors
-) -> dict[str, np.ndarray]:
-    """Torques of the model with the inputs of one path at a time; the initial state belongs to the reflex.
-
-    Parameters
-    ----------
-    model : Matrices
-        The model, in physical units.
-    initial_state : ndarray, shape (n,), or None
-        Rest, if None.
-    regressors : Regressors
-        Its inputs.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (N,)
-        `net`, `intrinsic` and `reflex` [N·m], less their means.
-
-    Raises
-    ------
-    DataError
-        If they are not finite.
-    """
-    motion, drive = regressors.joint_inputs.centred
-    paths = {}
-    for name, u, mask, state in (
-        ("intrinsic", motion, ~regressors.reflex, None),
-        ("reflex", drive, regressors.reflex, initial_state),
-    ):
-        path = model.select_inputs(mask)
-        if state is None and not path.B.any():
-            torque = u @ path.D[0]
-        else:
-            torque = simulate_response(path.A, path.B, path.C, path.D, u, state)[:, 0]
-        paths[name] = torque - torque.mean()
-    if not all(np.all(np.isfinite(torque)) for torque in paths.values()):
-        raise DataError("the estimated torques are not finite: the model does not suit the record; lower its order.")
-    return {"net": paths["intrinsic"] + paths["reflex"], **paths}
-
-
-def _torque_dataset(model: Matrices, initial_state: np.ndarray | None, regressors: Regressors) -> xr.Dataset:
-    return torque_dataset(regressors.time, regressors.rate, **simulate_torques(model, initial_state, regressors))
 
 
 def separate_reflex(matrices: Matrices, regressors: Sequence[Regressors]) -> ReflexPath:

@@ -8,15 +8,15 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.basis import Basis
-from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import DriveSpectra, separate_response
-from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.model_inputs import ModelInputs
+from ankleloop.joint.models import ResponseModel
+from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import Method, Trial, delay_option, rate_option
+from ankleloop.methods.method import Method, delay_option, rate_option
 from ankleloop.options import Options, option
 from ankleloop.subspace.hankel_gram import HankelGram
 
@@ -172,10 +172,8 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
         ("cascade paths", *key), lambda: _paths(regressors, rows, lags, options.rank_tolerance)
     )
     responses, history, converged = _alternate(paths, cross_products, energy, rows.size, options)
-    intrinsic, reflex = (
-        _remove_mean(_respond(x, response, path_lags[0])[rows])
-        for x, response, path_lags in zip(regressors.inputs[:, [0, -1]].T, responses, lags, strict=True)
-    )
+    model = ResponseModel(ModelInputs.of(regressors), *responses)
+    torque = model.simulate(regressors)
     spectra = trial.memoise(
         ("cascade spectra", *key), lambda: DriveSpectra(regressors.inputs[rows, -1:], regressors.rate)
     )
@@ -183,11 +181,9 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     unconverged = not converged and options.max_passes is None
     return Estimate(
         method="parallel-cascade",
-        torque=torque_dataset(
-            regressors.time[rows], regressors.rate, net=intrinsic + reflex, intrinsic=intrinsic, reflex=reflex
-        ),
+        torque=torque,
         matrices=None,
-        stiffness=regressors.fit_stiffness(intrinsic, rows),
+        stiffness=regressors.fit_stiffness(torque["intrinsic"].values, rows),
         reflex={"delay": options.delay, **path.parameters},
         diagnostics={
             "passes": len(history),
@@ -200,7 +196,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
             **path.diagnostics,
             "warnings": [f"no convergence within {PASS_CEILING} passes"] if unconverged else [],
         },
-        predictor=_Predictor(responses, -int(lags[0][0]), options.delay, regressors.basis, regressors.rate),
+        predictor=model,
     )
 
 
@@ -217,37 +213,6 @@ def _lags_and_rows(
             "intrinsic_lags and reflex_lags."
         )
     return (np.arange(-leads, leads + 1), np.arange(lags + 1)), rows
-
-
-@dataclass(frozen=True)
-class _Predictor:
-    """Torques of another trial by the same impulse responses."""
-
-    responses: tuple[np.ndarray, np.ndarray]
-    leads: int
-    delay: float
-    basis: Basis
-    rate: float
-
-    def __call__(self, trial: Trial) -> xr.Dataset:
-        regressors = prepare(trial).regressors(delay=self.delay, basis=self.basis, identification_rate=self.rate)
-        intrinsic, reflex = self.responses
-        rows = slice(max(self.leads, reflex.size - 1), regressors.torque.size - self.leads)
-        torques = {
-            "intrinsic": _remove_mean(_respond(regressors.inputs[:, 0], intrinsic, -self.leads)[rows]),
-            "reflex": _remove_mean(_respond(regressors.inputs[:, -1], reflex, 0)[rows]),
-        }
-        net = torques["intrinsic"] + torques["reflex"]
-        return torque_dataset(regressors.time[rows], regressors.rate, net=net, **torques)
-
-
-def _respond(x: np.ndarray, response: np.ndarray, first_lag: int) -> np.ndarray:
-    """Torque of an impulse response from its first lag on."""
-    return np.convolve(x - x.mean(), response)[-first_lag:][: x.size]
-
-
-def _remove_mean(torque: np.ndarray) -> np.ndarray:
-    return torque - torque.mean()
 
 
 def _alternate(

@@ -55,16 +55,16 @@ class Selection:
 
 @dataclass(frozen=True)
 class _Fold:
-    """Parts of a record to fit to, the part to test on, and instruments at times of the latter."""
+    """Parts of a record to fit to, each without a gap, the part to test on, and instruments at times of the latter."""
 
-    training: list[xr.Dataset]
+    training: list[PreparedTrial]
     test: PreparedTrial
     instruments: tuple[np.ndarray, np.ndarray] | None
 
 
 def select_options(
     trial: Trial,
-    fit: Callable[..., Estimate],
+    fit: Callable[..., Any],
     candidates: Mapping[str, Sequence[Any]],
     *,
     criterion: str | None = None,
@@ -72,12 +72,16 @@ def select_options(
     delay: float | None = NOMINAL_DELAY,
     identification_rate: float = 100.0,
     folds: int = 2,
+    merges: bool = False,
 ) -> Selection:
     r"""Choose options by the residual in parts of the record that were not fitted.
 
-    Each fold is predicted by the fit to the others. "cross-validation" counts the whole residual: the score is the net
-    VAF. In closed loop that rewards a model for explaining torque by the movement which that very torque has caused, so
-    with a reference only that part of the residual ε is counted which the reference explains,
+    Each fold is predicted by one fit to all the others. With more than two folds, what is left of the record has a gap:
+    the parts before and after it are merged, which not every method does.
+
+    "cross-validation" counts the whole residual: the score is the net VAF. In closed loop that rewards a model for
+    explaining torque by the movement which that very torque has caused, so with a reference only that part of the
+    residual ε is counted which the reference explains,
 
     .. math:: 100 \left(1 - \frac{\| \Pi_Z \varepsilon \|^2}{\| \Pi_Z TQ \|^2}\right),
 
@@ -92,9 +96,11 @@ def select_options(
     trial : xarray.Dataset or PreparedTrial
         The trial.
     fit : callable
-        ``fit(trial, **options)`` gives an `Estimate` that can predict.
+        ``fit(trial, **options)`` gives an `Estimate` that can predict; of a list of trials, which are merged, a list of
+        estimates with one model.
     candidates : dict of str to sequence
-        Values of each option; all combinations are tried, the last option varying fastest.
+        Values of each option; all combinations are tried, the last option varying fastest. Losses at different
+        identification rates cannot be compared.
     criterion : {"instrumental", "cross-validation"}, optional
         "instrumental" by default if the trial has the reference, and it is not the position.
     reference : str
@@ -105,6 +111,8 @@ def select_options(
         Rate of the identification [Hz].
     folds : int
         Parts of the record.
+    merges : bool
+        Whether `fit` takes a list of trials; without that there are two folds.
 
     Returns
     -------
@@ -113,9 +121,10 @@ def select_options(
     Raises
     ------
     DataError
-        If no candidate can be fitted.
+        If no candidate can be fitted, or the folds are too short to be scored.
     ValueError
-        For an unknown criterion, no candidates, or fewer than two folds.
+        For an unknown criterion, no candidates, identification rates as candidates, fewer than two folds, or more than
+        two where trials are not merged.
 
     Examples
     --------
@@ -126,13 +135,12 @@ def select_options(
     >>> select_options(trial, fit, {"basis": ["rectifier"], "order": [1, 2]}).chosen
     {'basis': 'rectifier', 'order': 2}
     """
+    _check_arguments(candidates, folds, merges)
     record = prepare(trial).trial
     has_reference = reference in record and reference != "position"
     criterion = criterion or ("instrumental" if has_reference else "cross-validation")
     if criterion not in CRITERIA:
         raise ValueError(f"unknown criterion {criterion!r}; known: {', '.join(CRITERIA)}.")
-    if folds < 2 or not candidates or not all(len(values) for values in candidates.values()):
-        raise ValueError("give at least two folds, and at least one value of each option to choose from.")
     if criterion == "instrumental" and not has_reference:
         raise DataError(
             f"the instrumental criterion needs a reference, and the trial has no {reference!r} beside its position: "
@@ -145,7 +153,7 @@ def select_options(
         options = dict(zip(candidates, values, strict=True))
         try:
             results = _losses(parts, fit, options)
-        except DataError as error:
+        except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             rows.append({**options, "scores": {}, "error": str(error)})
             losses.append(None)
             continue
@@ -156,20 +164,40 @@ def select_options(
     return Selection(criterion, rows, {name: best[name] for name in candidates})
 
 
+def _check_arguments(candidates: Mapping[str, Sequence[Any]], folds: int, merges: bool) -> None:
+    if folds < 2 or not candidates or not all(len(values) for values in candidates.values()):
+        raise ValueError("give at least two folds, and at least one value of each option to choose from.")
+    if folds > 2 and not merges:
+        raise ValueError(
+            f"with {folds} folds the fit has to merge the parts before and after a fold, which this method does not: "
+            "use two folds."
+        )
+    if "identification_rate" in candidates:
+        raise ValueError(
+            "identification_rate cannot be selected: residuals at different rates contain different bands of noise."
+        )
+
+
 def _folds(
     record: xr.Dataset, folds: int, reference: str | None, delay: float | None, identification_rate: float
 ) -> list[_Fold]:
     time, rate = record["time"].values, float(record.attrs["sampling_rate"])
     edges = np.linspace(time[0], time[-1] + 1.0 / rate, folds + 1)
-    stretches = [segment(record, low, high) for low, high in itertools.pairwise(edges)]
+    shortest = 2.0 * SETTLING + SEGMENT
+    if edges[1] - edges[0] < shortest:
+        raise DataError(
+            f"the record of {edges[-1] - edges[0]:.3g} s makes {folds} folds of {edges[1] - edges[0]:.3g} s, but a "
+            f"selection needs folds of {shortest:g} s: use a longer record, or set the options."
+        )
     parts = []
-    for test in stretches:
-        prepared = prepare(test)
+    for low, high in itertools.pairwise(edges):
+        prepared = prepare(segment(record, low, high))
         instruments = None
         if reference is not None:
             nominal = NOMINAL_DELAY if delay is None else delay
             instruments = _instruments(prepared, reference, nominal, identification_rate)
-        parts.append(_Fold([stretch for stretch in stretches if stretch is not test], prepared, instruments))
+        others = [(start, stop) for start, stop in ((edges[0], low), (high, edges[-1])) if start < stop]
+        parts.append(_Fold([prepare(segment(record, *ends)) for ends in others], prepared, instruments))
     return parts
 
 
@@ -198,26 +226,32 @@ def _project(grid: np.ndarray, instruments: np.ndarray, time: np.ndarray, signal
 
 
 def _losses(
-    folds: Sequence[_Fold], fit: Callable[..., Estimate], options: Mapping[str, Any]
+    folds: Sequence[_Fold], fit: Callable[..., Any], options: Mapping[str, Any]
 ) -> dict[str, tuple[np.ndarray, float]]:
     """By criterion the losses of a candidate in segments of time, and the energy that there was to explain."""
     results: dict[str, tuple[np.ndarray, float]] = {}
     for fold in folds:
-        for stretch in fold.training:
-            torque = fit(stretch, **options).predict(fold.test).torque
-            time, rate = torque["time"].values, torque.attrs["identification_rate"]
-            scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
-            measured = fold.test.channel_at("torque", time, rate)
-            signals = np.stack([measured - torque["net"].values, measured])[:, scored]
-            signals -= signals.mean(axis=1, keepdims=True)
-            explainable = {"cross-validation": signals}
-            if fold.instruments is not None:
-                explainable["instrumental"] = _project(*fold.instruments, time[scored], signals)
-            segments = np.arange(0, scored.sum(), round(SEGMENT * rate))
-            for name, (residual, target) in explainable.items():
-                losses, total = results.get(name, (np.empty(0), 0.0))
-                losses = np.concatenate([losses, np.add.reduceat(residual**2, segments)])
-                results[name] = losses, total + float(np.sum(target**2))
+        merged = len(fold.training) > 1
+        estimate: Estimate = fit(fold.training, **options)[0] if merged else fit(fold.training[0], **options)
+        torque = estimate.predict(fold.test).torque
+        time, rate = torque["time"].values, torque.attrs["identification_rate"]
+        scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
+        measured = fold.test.channel_at("torque", time, rate)
+        signals = np.stack([measured - torque["net"].values, measured])[:, scored]
+        if not np.isfinite(signals).all():
+            raise DataError("the prediction of unseen data is not finite.")
+        signals -= signals.mean(axis=1, keepdims=True)
+        explainable = {"cross-validation": signals}
+        if fold.instruments is not None:
+            explainable["instrumental"] = _project(*fold.instruments, time[scored], signals)
+        # Counted from the start of the fold, so that all candidates have the same segments.
+        start, stop = fold.test.samples("time")[[0, -1]]
+        segments = ((time[scored] - start) / SEGMENT).astype(int)
+        count = int((stop - start) / SEGMENT) + 1
+        for name, (residual, target) in explainable.items():
+            losses, total = results.get(name, (np.empty(0), 0.0))
+            losses = np.concatenate([losses, np.bincount(segments, residual**2, count)])
+            results[name] = losses, total + float(np.sum(target**2))
     return results
 
 

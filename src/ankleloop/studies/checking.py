@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -10,7 +11,9 @@ from pydantic import ValidationError
 
 from ankleloop.options import Options, describe_error
 
-__all__ = ["ConfigError", "check"]
+__all__ = ["ConfigError", "check", "check_unique_keys"]
+
+MERGE = "tag:yaml.org,2002:merge"  # of the key <<, which may stand several times
 
 
 class ConfigError(ValueError):
@@ -50,6 +53,54 @@ def check(model: type[Options], values: Mapping[str, Any], *place: str) -> Any:
         return model.model_validate(values)
     except ValidationError as error:
         raise ConfigError(_describe(error, model, place)) from None
+
+
+def check_unique_keys(path: str | os.PathLike[str]) -> None:
+    r"""Refuse a YAML file with a key that stands twice: a reader of YAML takes the last one and says nothing.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Raises
+    ------
+    ConfigError
+        The message names the key and both lines.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "config.yaml")
+    ...     _ = path.write_text("run: [table1]\nrun: [table2]\n")
+    ...     check_unique_keys(path)
+    Traceback (most recent call last):
+      ...
+    ankleloop.studies.checking.ConfigError: ...config.yaml: the key 'run' in line 2 stands in line 1, too.
+    """
+    import yaml
+
+    with open(path, encoding="utf-8") as file:
+        pending, seen = [yaml.compose(file)], set()
+    while pending:
+        node = pending.pop()
+        if node is None or id(node) in seen:  # an alias is the node of its anchor
+            continue
+        seen.add(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            pending += node.value
+        elif isinstance(node, yaml.MappingNode):
+            lines: dict[str, int] = {}
+            for key, value in node.value:
+                line = key.start_mark.line + 1
+                if key.value in lines and key.tag != MERGE:
+                    raise ConfigError(
+                        f"{path}: the key {key.value!r} in line {line} stands in line {lines[key.value]}, too."
+                    )
+                lines[str(key.value)] = line
+                pending.append(value)
 
 
 def _describe(error: ValidationError, model: type[Options], place: Sequence[str]) -> str:

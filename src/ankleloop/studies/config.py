@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from functools import reduce
 from operator import or_
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
     BeforeValidator,
@@ -47,13 +47,23 @@ NOTEBOOKS = {
     "sensitivity": ("map",),
     "efficiency": ("efficiency", "intervals"),
     "choosing": ("choosing",),
+    "obstacles": ("obstacles",),
     "recordings": ("group",),
 }
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 RECORDING_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+
+
+def _refuse_number(value: Any) -> Any:
+    """Refuse what YAML has not read as text: it reads 007 as 7, 12_3 as 123, 1:30 as 90 and no as false."""
+    if value is not None and not isinstance(value, str):
+        raise ValueError(f"must be text, got {value!r}: put it in quotes, since YAML changes 007 to 7 and 12_3 to 123")
+    return value
+
+
 # Text that may look like a number.
-Text = Annotated[str, Field(strict=False, coerce_numbers_to_str=True), WithJsonSchema({"type": ["string", "number"]})]
+Text = Annotated[str, BeforeValidator(_refuse_number)]
 RecordingName = Annotated[str, StringConstraints(pattern=RECORDING_NAME)]
 
 
@@ -79,10 +89,19 @@ def _list_points(points: Any) -> list[dict[str, Any]]:
     for name in itertools.chain.from_iterable(points):
         if name not in SETTINGS:
             raise ValueError(f"{name!r} is not a setting of the simulation; known: {', '.join(SETTINGS)}")
+    points = [{name: _as_setting(name, value) for name, value in point.items()} for point in points]
     for name, count in Counter(map(point_name, points)).items():
         if count > 1:
             raise ValueError(f"the point {name} is listed twice")
     return points
+
+
+def _as_setting(name: str, value: Any) -> Any:
+    """A value as the simulation has it, so that 13 and 13.0, 0.0 and -0.0 make one point with one name and one seed."""
+    annotation = SimulationSettings.model_fields[name].annotation
+    if float in (get_args(annotation) or (annotation,)) and type(value) in (int, float):
+        return float(value) + 0.0
+    return value
 
 
 Points = Annotated[
@@ -212,6 +231,11 @@ class SimulationStudy(Options):
         "what estimates are scored against; null for the true torques (and the measured net torque), measured for the "
         "measured net torque alone, as if the simulation were a recording",
     )
+    failures: Literal["stop", "count"] = option(
+        "count",
+        "what a trial that a method cannot identify does: count as a result, which is a row of the parameters with the "
+        "error as `failure` and no scores, or stop the job with its error",
+    )
     precision: Literal["single", "double"] = option(
         "double",
         "floating-point precision of trials and estimated torques on disk; single takes half the space, and rounds far "
@@ -278,14 +302,27 @@ class RecordingsStudy(Options):
     @model_validator(mode="before")
     @classmethod
     def _apply_defaults(cls, values: Any) -> Any:
+        if not isinstance(values, Mapping):
+            return values
         defaults, files = (values.get(name) or {} for name in ("defaults", "files"))
         if not isinstance(defaults, Mapping) or not isinstance(files, Mapping):
             return values
+        if "file" in defaults:
+            raise ValueError("defaults: the key 'file' has no default, since every recording has a file of its own")
         complete = {
             name: {**defaults, **mapping} if isinstance(mapping, Mapping) else mapping
             for name, mapping in files.items()
         }
         return {**values, "files": complete}
+
+    @model_validator(mode="after")
+    def _check_labels(self) -> Self:
+        """Results of a recording are told apart by the labels of their methods."""
+        labels = Counter(method.label or name for name, method in self.methods.items())
+        for label, count in labels.items():
+            if count > 1:
+                raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
+        return self
 
 
 StudySettings = SimulationStudy | RecordingsStudy

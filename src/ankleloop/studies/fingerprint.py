@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-__all__ = ["fingerprint"]
+__all__ = ["fingerprint", "reached_files"]
 
 LIBRARY = Path(__file__).parents[2]
 PACKAGE = "ankleloop"
@@ -44,17 +44,32 @@ def fingerprint(*scripts: str | os.PathLike[str]) -> str:
     str
         16 hexadecimal digits.
     """
+    digest = hashlib.sha256()
+    for path in sorted(reached_files(*scripts)):
+        digest.update(f"{path.relative_to(LIBRARY)} {_content_hash(path, path.stat().st_mtime_ns)}\n".encode())
+    return digest.hexdigest()[:16]
+
+
+def reached_files(*scripts: str | os.PathLike[str]) -> set[Path]:
+    """Library files that scripts, notebooks or modules reach, directly or through other modules.
+
+    Parameters
+    ----------
+    *scripts : path-like
+        Python files or notebooks.
+
+    Returns
+    -------
+    set of pathlib.Path
+        Modules, and the package data beside them; a script is not among them, unless another one reaches it.
+    """
     modules: set[Path] = set()
     remaining = {file for script in scripts for file in _references(Path(script))}
     while remaining:
         path = remaining.pop()
         modules.add(path)
         remaining |= _references(path) - modules
-    data = {file for folder in {path.parent for path in modules} for file in _data_files(folder)}
-    digest = hashlib.sha256()
-    for path in sorted(modules | data):
-        digest.update(f"{path.relative_to(LIBRARY)} {_content_hash(path, path.stat().st_mtime_ns)}\n".encode())
-    return digest.hexdigest()[:16]
+    return modules | {file for folder in {path.parent for path in modules} for file in _data_files(folder)}
 
 
 def _references(path: Path) -> frozenset[Path]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, get_args
 
@@ -13,6 +16,8 @@ from ankleloop.studies.checking import ConfigError, check
 from ankleloop.studies.config import RECORDING_NAME, Recording
 
 __all__ = ["read_recordings"]
+
+NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 
 
 class _Row(Recording):
@@ -48,34 +53,57 @@ def read_recordings(table: str, defaults: Mapping[str, Any]) -> dict[str, list[R
     ConfigError
         If there is no table, or a row has a mistake; the message names the table and the line.
     """
-    import pandas as pd  # here: most configurations have no table
-
     path = Path(os.path.expandvars(table))
     if not path.exists():
         raise ConfigError(f"there is no table {path}.")
-    rows = pd.read_csv(
-        path, dtype=str, keep_default_na=False, index_col=False, skip_blank_lines=False, encoding="utf-8-sig"
-    )
     recordings: dict[str, list[Recording]] = {}
-    for line, row in enumerate(rows.to_dict("records"), start=2):
-        cells = {str(key).strip(): str(text).strip() for key, text in row.items()}
-        cells = {key: text for key, text in cells.items() if key and text}
-        if cells:
-            place = f"{path}, line {line}"
-            _add(recordings, check(_Row, {**defaults, **{key: _cast(key, cells[key]) for key in cells}}, place), place)
+    batches: set[str] = set()
+    for line, cells in _read_rows(path):
+        place = f"{path}, line {line}"
+        row = check(_Row, {**defaults, **{key: _cast(key, text) for key, text in cells.items()}}, place)
+        _add(recordings, batches, row, place)
     if not recordings:
         raise ConfigError(f"the table {path} has no rows.")
     return recordings
 
 
-def _add(recordings: dict[str, list[Recording]], row: _Row, place: str) -> None:
+def _read_rows(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """Line and cells of each row, as text without spaces around it; empty cells are left out."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, strict=True)
+            keys = [key.strip() for key in next(reader, [])]
+            for key, count in Counter(keys).items():
+                if key and count > 1:
+                    raise ConfigError(f"{path}: {count} columns are called {key!r}.")
+            for row in reader:
+                line = reader.line_num
+                texts = [text.strip() for text in row]
+                spare = [text for key, text in zip_longest(keys, texts, fillvalue="") if text and not key]
+                if spare:
+                    raise ConfigError(
+                        f"{path}, line {line}: {spare[0]!r} is in no named column; put a text with a comma in quotes."
+                    )
+                cells = {key: text for key, text in zip(keys, texts, strict=False) if text}
+                if cells:
+                    yield line, cells
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} is no CSV file in UTF-8: {error}.") from None
+
+
+def _add(recordings: dict[str, list[Recording]], batches: set[str], row: _Row, place: str) -> None:
     name = row.recording_name
     if not re.match(RECORDING_NAME, name):
         raise ConfigError(f"{place}: the name {name!r} does not match {RECORDING_NAME}.")
-    if name in recordings and not row.batch:
-        raise ConfigError(f"{place}: the name {name!r} is taken; give each row a name of its own.")
-    values = row.model_dump(exclude={"name", "batch"})
-    recordings.setdefault(name, []).append(Recording(**values))
+    if name in recordings and not (row.batch and name in batches):
+        raise ConfigError(f"{place}: the name {name!r} is taken; give each row, and each batch, a name of its own.")
+    if row.batch:
+        batches.add(name)
+    recording = Recording(**row.model_dump(exclude={"name", "batch"}))
+    parts = recordings.setdefault(name, [])
+    if any((part.file, part.start, part.stop) == (recording.file, recording.start, recording.stop) for part in parts):
+        raise ConfigError(f"{place}: the same part of {recording.file} is in the batch {name!r} already.")
+    parts.append(recording)
 
 
 def _cast(key: str, text: str) -> Any:
@@ -83,12 +111,9 @@ def _cast(key: str, text: str) -> Any:
     field = _Row.model_fields.get(key)
     if field is None or str in {type(kind) if isinstance(kind, str) else kind for kind in _kinds(field.annotation)}:
         return text
-    for number in (int, float):
-        try:
-            return number(text)
-        except ValueError:
-            continue
-    return text
+    if not re.fullmatch(NUMBER, text):  # Python also takes 1_0, nan and digits of other scripts
+        return text
+    return int(text) if re.fullmatch(r"[+-]?[0-9]+", text) else float(text)
 
 
 def _kinds(annotation: Any) -> tuple[Any, ...]:

@@ -94,6 +94,7 @@ def article_parameters(
                 "title": study.settings.title,
                 "trials": study.settings.trials,
                 "parameters": study.settings.simulation.model_dump(),
+                "points": study.points,
                 "varied": study.varied,
                 "methods": study.labels,
                 **files[study.name],

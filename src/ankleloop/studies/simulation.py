@@ -10,6 +10,7 @@ from typing import Any
 import xarray as xr
 from numpy.random import SeedSequence
 
+from ankleloop.errors import UnstableLoopError
 from ankleloop.records.trial_files import save_trials
 from ankleloop.simulation.simulate import simulate_trials
 from ankleloop.studies.seeds import trial_entropy
@@ -45,7 +46,8 @@ def simulate_chunk(
     Raises
     ------
     UnstableLoopError
-        If a loop diverges.
+        If a loop diverges; the message names the point and the trial. Then there is no file, also not of the other
+        points of the chunk: a study without some of its points would have other means than it says.
     """
     index = [(point, number) for point, part in points.items() for number in range(part["first"], part["stop"])]
     save_trials(_simulate(study, seed, points), path, precision, index)
@@ -55,6 +57,14 @@ def _simulate(study: str, seed: int, points: Mapping[str, Mapping[str, Any]]) ->
     for point, part in points.items():
         numbers = range(part["first"], part["stop"])
         seeds = [SeedSequence(trial_entropy(seed, study, point, number)) for number in numbers]
-        for number, trial in zip(numbers, simulate_trials(seeds, **part["settings"]), strict=True):
+        trials = simulate_trials(seeds, **part["settings"])
+        for number in numbers:
+            try:
+                trial = next(trials)
+            except UnstableLoopError as error:
+                raise UnstableLoopError(
+                    f"study {study}, point {point}, trial {number}: {error} Nothing of this chunk is written: change "
+                    "the settings of the point, or leave it out."
+                ) from None
             yield trial
             log.info("%s: simulated trial %d", point, number)

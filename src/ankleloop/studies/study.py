@@ -89,10 +89,16 @@ class SimulatedStudy(Study):
         """All settings of each point, by its name."""
         shared = self.settings.simulation.model_dump()
         place = ("config", "studies", self.name, "points")
-        return {
+        points = {
             point: check(SimulationSettings, {**shared, **settings}, *place, point).model_dump()
             for point, settings in self.combinations.items()
         }
+        first: dict[tuple[Any, ...], str] = {}
+        for point, settings in points.items():
+            other = first.setdefault(tuple(settings.values()), point)
+            if other != point:
+                raise ConfigError(f"study {self.name}: the points {other} and {point} have the same settings.")
+        return points
 
     @property
     def varied(self) -> list[str]:
@@ -161,7 +167,10 @@ class RecordedStudy(Study):
             listed = read_recordings(self.settings.table, self.settings.shared)
             for name in recordings:
                 if name in listed:
-                    raise ConfigError(f"study {self.name}: the recording {name!r} is under files and in the table.")
+                    raise ConfigError(
+                        f"study {self.name}: the recording {name!r} is under files ({recordings[name][0].file}) and in "
+                        f"the table {self.settings.table} ({listed[name][0].file}): give one of them another name."
+                    )
             recordings |= listed
         if not recordings:
             raise ConfigError(f"study {self.name}: name its recordings under files, or a table that lists them.")

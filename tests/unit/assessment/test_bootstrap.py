@@ -1,10 +1,14 @@
 """Intervals of the VAF against its value on a long record, and of parameters by the bootstrap."""
 
+import itertools
+
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import signal as sps
 
 from ankleloop import DataError, block_bootstrap, evaluate, identify, simulate
+from ankleloop.assessment.bootstrap import Bootstrap
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.vaf import long_run_variance, vaf_interval
 
@@ -79,3 +83,48 @@ def test_the_bootstrap_is_reproducible_and_refuses_short_records():
         block_bootstrap(trial, "riv", block=4.0)
     with pytest.raises(ValueError, match="repetitions must be at least 2"):
         block_bootstrap(trial, "riv", repetitions=1)
+
+
+@pytest.fixture
+def fail_at(monkeypatch):
+    """Make the identification of some repetitions fail: those with these numbers, the record itself being 0."""
+
+    def fail(numbers, error):
+        count = itertools.count()
+
+        def identify_or_fail(*args, **options):
+            if next(count) in numbers:
+                raise error
+            return identify(*args, **options)
+
+        monkeypatch.setattr("ankleloop.assessment.bootstrap.identify", identify_or_fail)
+
+    return fail
+
+
+@pytest.mark.parametrize("error", [DataError("no fit"), np.linalg.LinAlgError("no fit"), FloatingPointError("no fit")])
+def test_a_tenth_of_the_repetitions_may_fail(fail_at, error):
+    trial = simulate(seed=3, duration=22.0)
+    fail_at({4, 9}, error)
+    bootstrap = block_bootstrap(trial, "riv", repetitions=20)
+    assert (bootstrap.failed, bootstrap.reasons, len(bootstrap.samples)) == (2, {"no fit": 2}, 18)
+    fail_at({4, 9, 10}, error)
+    message = r"riv failed on 3 of 20 resampled records, but an interval needs 90% of them. 3 failed with: no fit"
+    with pytest.raises(DataError, match=message):
+        block_bootstrap(trial, "riv", repetitions=20)
+
+
+def test_mistakes_in_a_program_are_not_failed_repetitions(fail_at):
+    fail_at({4}, KeyError("delay"))
+    with pytest.raises(KeyError):
+        block_bootstrap(simulate(seed=3, duration=22.0), "riv", repetitions=20)
+
+
+def test_an_interval_needs_a_sample_in_each_tail():
+    samples = pd.DataFrame({"K": np.arange(40.0)})
+    assert Bootstrap(None, samples, 0).intervals() == {"K": (pytest.approx(0.975), pytest.approx(38.025))}
+    with pytest.raises(ValueError, match=r"level 0.95 needs at least 40 samples, .*; there are 39"):
+        Bootstrap(None, samples[:39], 0).intervals()
+    assert Bootstrap(None, samples[:4], 0).intervals(level=0.5)["K"] == (0.75, 2.25)
+    with pytest.raises(ValueError, match="level 1 needs"):
+        Bootstrap(None, samples, 0).intervals(level=1.0)

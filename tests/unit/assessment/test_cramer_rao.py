@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ankleloop import cramer_rao, identify, simulate
-from ankleloop.assessment.cramer_rao import disturbance_spectrum, fisher_information
+from ankleloop import DataError, cramer_rao, identify, simulate
+from ankleloop.assessment.cramer_rao import _standard_deviations, disturbance_spectrum, fisher_information
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.spectra import Band
 from ankleloop.simulation.settings import SimulationSettings
@@ -102,3 +102,71 @@ def test_an_efficient_method_reaches_the_bound():
     estimates = [identify(simulate(seed=seed), "riv").stiffness["K"] for seed in range(25)]
     rmse = np.sqrt(np.mean((np.array(estimates) - 150.0) ** 2))
     assert 0.65 * bound < rmse < 1.5 * bound
+
+
+# --- degenerate settings
+
+
+def test_without_a_reflex_its_dynamics_have_no_bound():
+    """The others have the bound of a reflex so weak that its dynamics do not matter."""
+    bound = cramer_rao(seed=1, duration=20.0, reflex_gain=0.0, known_delay=False)
+    weak = cramer_rao(seed=1, duration=20.0, reflex_gain=1e-4, known_delay=False)
+    assert {name for name, value in bound.items() if value == np.inf} == {"omega_n", "zeta", "delay"}
+    assert all(weak[name] > 1e3 for name in ("omega_n", "zeta"))
+    fixed = cramer_rao(seed=1, duration=20.0, reflex_gain=1e-4)
+    for name in ("K", "B", "I", "G"):
+        assert 0 < bound[name] <= fixed[name]
+
+
+def test_the_bound_without_a_reflex_is_that_of_known_dynamics():
+    """Independent of their derivatives: the inverse of the block of K, B, I and G."""
+    names, information = fisher_information(seed=1, duration=20.0, reflex_gain=0.0)
+    block = np.sqrt(np.diag(np.linalg.inv(information[:4, :4])))
+    bound = cramer_rao(seed=1, duration=20.0, reflex_gain=0.0)
+    assert [bound[name] for name in names[:4]] == pytest.approx(block, rel=1e-9)
+
+
+def test_the_bound_of_a_record_without_disturbance_is_zero():
+    exact = cramer_rao(seed=1, duration=20.0, snr_db=None, voluntary=0.0)
+    assert set(exact.values()) == {0.0}
+    bound = cramer_rao(seed=1, duration=20.0, snr_db=None, voluntary=0.0, reflex_gain=0.0)
+    assert bound == {"K": 0.0, "B": 0.0, "I": 0.0, "G": 0.0, "omega_n": np.inf, "zeta": np.inf}
+    almost = cramer_rao(seed=1, duration=20.0, snr_db=200.0, voluntary=0.0, fed_back=False)
+    assert max(almost.values()) < 1e-6
+
+
+def test_a_load_that_does_not_give_way_is_an_open_loop():
+    stiff = cramer_rao(seed=1, duration=20.0, load_stiffness=1e12)
+    assert stiff == pytest.approx(cramer_rao(seed=1, duration=20.0, closed_loop=False), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"stiffness_drift": 0.5}, ValueError, "stiffness_drift must be 0, got 0.5"),
+        ({"reflex_threshold": 0.1}, ValueError, "reflex_threshold must be 0, got 0.1"),
+    ],
+)
+def test_settings_without_a_bound_are_refused(settings, error, message):
+    with pytest.raises(error, match=message):
+        cramer_rao(seed=1, duration=20.0, **settings)
+
+
+def test_parameters_that_the_record_does_not_tell_apart_are_named():
+    information = np.array([[1.0, 0.0, 2.0], [0.0, 3.0, 0.0], [2.0, 0.0, 4.0]])
+    with pytest.raises(DataError, match="does not tell K, I apart: their information is singular"):
+        _standard_deviations(["K", "B", "I"], information)
+    regular = information + np.diag([0.0, 0.0, 1.0])
+    expected = np.sqrt(np.diag(np.linalg.inv(regular)))
+    assert _standard_deviations(["K", "B", "I"], regular) == pytest.approx(expected)
+
+
+def test_the_noise_of_a_recorder_without_a_filter_is_held_white_noise():
+    """Its power is that of all frequencies, half of the rate of its draws times its density at zero."""
+    settings = SimulationSettings(antialias_cutoff=None, voluntary=0.0)
+    density = disturbance_spectrum(np.array([0.0, 20.0, 100.0]), 3.0, settings)
+    expected = 0.1 * 3.0**2 / 50.0 * np.array([1.0, (np.sin(0.2 * np.pi) / (0.2 * np.pi)) ** 2, 0.0])
+    np.testing.assert_allclose(density, expected, rtol=1e-12, atol=1e-15)
+    filtered = disturbance_spectrum(np.array([0.0, 20.0]), 3.0, SimulationSettings(voluntary=0.0))
+    # Behind a filter the same ratio takes more noise, of which less is in the band.
+    assert np.all(filtered > density[:2])

@@ -3,24 +3,85 @@
 import numpy as np
 import pytest
 from scipy import signal as sps
+from scipy import stats
 
-from ankleloop import identify, simulate
-from ankleloop.assessment.residuals import residual_test
+from ankleloop import DataError, identify, simulate
+from ankleloop.assessment.residuals import _independent_lags, _whiten, residual_test
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.decimation import decimate
+from ankleloop.signals.spectra import Band
 
 
-def test_frequency_of_false_alarms():
+def draw_residual(rng, samples):
+    """White noise at 1 kHz, decimated as the library does it."""
+    return decimate(rng.standard_normal(10 * (samples + 100)), 10, 500, samples)
+
+
+@pytest.fixture(scope="module")
+def movements():
+    trials = [prepare(simulate(seed=seed, duration=22.0)) for seed in range(8)]
+    return [decimate(trial.samples("position"), 10, 500, 2000) for trial in trials]
+
+
+@pytest.fixture(scope="module")
+def null_tests(movements):
+    """Tests of residuals that are white in the pass band and unrelated to the movement."""
     rng = np.random.default_rng(1)
-    tests = []
-    for _ in range(200):
-        e, x = rng.standard_normal((2, 5000))
-        tests.append(residual_test(e, sps.lfilter([1.0], [1.0, -0.9], x), 100.0))
-    for p in (np.array([test.white_p for test in tests]), np.array([test.related_p for test in tests])):
-        assert 0.015 < np.mean(p < 0.05) < 0.1
-        assert 0.4 < p.mean() < 0.65
-    spread = np.std([test.correlation for test in tests]) / tests[0].limit
-    assert spread == pytest.approx(1 / 2.576, rel=0.06)
+    return [residual_test(draw_residual(rng, 2000), movements[k % len(movements)], 100.0) for k in range(600)]
+
+
+@pytest.mark.parametrize("name", ["white_p", "related_p"])
+def test_frequency_of_false_alarms(null_tests, name):
+    """It is within the 99.9 % interval of a binomial at each level, and the probabilities are uniform."""
+    p = np.array([getattr(test, name) for test in null_tests])
+    for level in (0.01, 0.05, 0.2):
+        low, high = stats.binom.interval(0.999, p.size, level)
+        assert low <= np.sum(p < level) <= high
+    assert stats.kstest(p, "uniform").pvalue > 0.001
+
+
+def test_the_limit_holds_99_percent_of_the_correlations(null_tests):
+    beyond = np.mean([np.mean(np.abs(test.correlation) > test.limit) for test in null_tests])
+    assert beyond == pytest.approx(0.01, abs=0.002)
+
+
+def test_the_relation_with_a_movement_does_not_depend_on_the_colour_of_the_residual(movements):
+    rng = np.random.default_rng(5)
+    p = []
+    for k in range(300):
+        e = sps.lfilter([1.0], [1.0, -0.9], draw_residual(rng, 2000))
+        test = residual_test(e, movements[k % len(movements)], 100.0)
+        assert not test.white
+        p.append(test.related_p)
+    low, high = stats.binom.interval(0.999, len(p), 0.05)
+    assert low <= np.sum(np.array(p) < 0.05) <= high
+
+
+def test_independent_lags_are_as_many_as_the_band_has():
+    """Those from -0.5 s to 0.5 s in a band of 37.95 Hz are 1/75.9 s apart."""
+    lags = _independent_lags(Band(5000, 100.0, 0.05, 38.0), 0.5)
+    assert lags.size == 75
+    assert np.diff(lags) == pytest.approx(0.5 / 37.95)
+
+
+def test_the_share_that_lags_explain_is_that_of_least_squares(movements):
+    """Its p-value follows from an ordinary regression in real numbers."""
+    rng = np.random.default_rng(6)
+    e = draw_residual(rng, 2000)
+    band = Band(2000, 100.0, 0.05, 38.0)
+    R, S = (_whiten(band, x) for x in (e, movements[0]))
+    shifted = [S * np.exp(-2j * np.pi * band.frequency * lag) for lag in _independent_lags(band, 0.5)]
+    X = np.column_stack([np.concatenate([x.real, x.imag]) for x in shifted])
+    y = np.concatenate([R.real, R.imag])
+    fit = X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    share = fit @ fit / (y @ y)
+    r, n = (
+        X.shape[1],
+        2 * band.frequency.size / band.correlation,
+    )  # n but for the colour that the taper gives the movement
+    assert residual_test(e, movements[0], 100.0).related_p == pytest.approx(
+        stats.beta.sf(share, r / 2, (n - r) / 2), abs=0.05
+    )
 
 
 def test_decimated_white_noise_counts_as_white():
@@ -62,3 +123,18 @@ def test_instruments_in_closed_loop():
     assert not residual_test(consistent, instrument, 100.0).related
     assert residual_test(consistent, r.inputs[:, 0], 100.0).related
     assert residual_test(biased, instrument, 100.0).related
+
+
+@pytest.mark.parametrize(
+    ("residual", "signal", "message"),
+    [
+        (np.zeros(3000), np.arange(3000.0), "the residual is constant: it has no spectrum"),
+        (np.arange(3000.0), np.ones(3000), "the signal is constant: it has no spectrum"),
+        (np.where(np.arange(3000) == 7, np.nan, np.arange(3000)), np.arange(3000.0), "sample 7 of the residual is not"),
+        (np.arange(3000.0), np.arange(2999.0), "the residual has 3000 samples and the signal 2999"),
+        (np.arange(300.0) % 7, np.arange(300.0), "3 s have 114 frequencies .* tests need 150: use a longer record"),
+    ],
+)
+def test_signals_without_a_spectrum_are_refused(residual, signal, message):
+    with pytest.raises(DataError, match=message):
+        residual_test(residual, signal, 100.0)

@@ -289,3 +289,25 @@ def test_a_prepared_trial_has_the_same_scores_and_decimates_once(trial, perfect,
     pd.testing.assert_frame_equal(
         evaluate(prepared, perfect, intervals=True), pd.DataFrame(expected[0], columns=list(SCORE_COLUMNS))
     )
+
+
+@pytest.mark.parametrize(
+    ("settings", "truth"),
+    [
+        ({"zeta": 0.6}, np.exp(0.4 * np.array([-0.6 + 0.8j, -0.6 - 0.8j]))),
+        ({"zeta": 1.25, "pole": 60.0}, np.exp(0.01 * np.array([-20.0, -80.0, -60.0]))),
+    ],
+)
+def test_the_error_of_the_poles_is_their_largest_distance_from_the_true_ones(settings, truth):
+    trial = simulate(seed=1, duration=20.0, **settings)
+
+    def row(poles):
+        return parameter_row(trial, make_estimate(*np.ones((2, 1900)), diagnostics={"poles": poles}))
+
+    moved = truth[::-1] + 0.01 * np.arange(truth.size)  # in another order
+    assert row(moved)["pole_error"] == pytest.approx(0.01 * (truth.size - 1), rel=1e-9)
+    assert "pole_error" not in row(truth[1:])  # a model of another order
+    assert "pole_error" not in parameter_row(trial, make_estimate(*np.ones((2, 1900))))
+    recording = trial.drop_vars(["torque_intrinsic", "torque_reflex", "torque_noise"])
+    estimate = make_estimate(*np.ones((2, 1900)), diagnostics={"poles": truth})
+    assert "pole_error" not in parameter_row(recording, estimate)

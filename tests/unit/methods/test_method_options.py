@@ -29,6 +29,7 @@ MOESP = {
     "instrument_leads": 0,
     "reference": "reference",
     "free_b": False,
+    "omitted_step": None,
     "rank_tolerance": 1e-5,
 }
 DEFAULTS = {
@@ -60,7 +61,8 @@ DEFAULTS = {
         "identification_rate": 100.0,
         "reference": "reference",
         "weighting": "noise",
-        "max_iterations": 30,
+        "intervals": None,
+        "max_iterations": 50,
         "tolerance": 0.01,
     },
 }
@@ -111,11 +113,17 @@ CHOICES = [
     (MoespOptions, "basis", ["chebyshev", "rectifier", "spline"]),
     (MoespOptions, "projection", ["ordinary", "correlation"]),
     (MoespOptions, "input_matrices", ["least-squares", "instruments"]),
+    (
+        MoespOptions,
+        "omitted_step",
+        ["kernel-derivatives", "early-nonlinearity", "rank-policy", "scaling", "mean-removal"],
+    ),
     (ParallelCascadeOptions, "basis", ["rectifier"]),
     (ParallelCascadeOptions, "rank", ["full", "mdl"]),
     (RealTimeOptions, "basis", ["rectifier"]),
     (RivOptions, "order", [2, 3]),
     (RivOptions, "basis", ["chebyshev", "rectifier", "spline"]),
+    (RivOptions, "intervals", ["asymptotic", "robust"]),
     (RivOptions, "weighting", ["noise", "flat"]),
 ]
 

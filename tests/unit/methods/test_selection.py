@@ -123,7 +123,87 @@ def test_estimates_predict_records_that_they_have_not_seen(clean, method, option
 
 
 def test_methods_without_a_model_do_not_predict(clean):
-    with pytest.raises(DataError, match="no model to predict with"):
+    with pytest.raises(DataError, match="model to predict with"):
         identify(clean, "real-time").predict(clean)
     with pytest.raises(DataError, match="segment from 60 to 70 s has no samples"):
         segment(clean, 60.0, 70.0)
+
+
+# --- folds
+
+
+def score_unseen(training, unseen, **options):
+    """Energy of the residual and of the torque where a fit to other parts of the record predicts, by the definition."""
+    estimate = identify(training, "pr-moesp", **options)[0].predict(unseen)
+    time = estimate.torque["time"].values
+    inside = (time >= time[0] + 1.0) & (time <= time[-1] - 1.0)
+    measured = prepare(unseen).channel_at("torque", time, 100.0)[inside]
+    residual = measured - estimate.torque["net"].values[inside]
+    return np.sum((residual - residual.mean()) ** 2), np.sum((measured - measured.mean()) ** 2)
+
+
+def test_each_of_three_folds_is_predicted_by_one_fit_to_the_two_others():
+    """The middle one by the two others, which are merged; the first and the last by the rest, which has no gap."""
+    trial = simulate(seed=4, duration=36.0)
+    candidates = {"basis": ["rectifier"], "order": [1, 2]}
+    selection = select_options(
+        trial, METHODS["pr-moesp"], candidates, criterion="cross-validation", folds=3, merges=True
+    )
+    first, middle, last = (segment(trial, low, low + 12.0) for low in (0.0, 12.0, 24.0))
+    folds = [
+        ([segment(trial, 12.0, 36.0)], first),
+        ([first, last], middle),
+        ([segment(trial, 0.0, 24.0)], last),
+    ]
+    for row in selection.candidates:
+        options = {name: row[name] for name in candidates}
+        residual, measured = np.sum([score_unseen(*fold, **options) for fold in folds], axis=0)
+        assert row["scores"]["cross-validation"] == pytest.approx(100.0 * (1.0 - residual / measured), rel=1e-9)
+
+
+def test_the_parts_of_a_record_are_prepared_once():
+    trial, fits = simulate(seed=4, duration=24.0), []
+
+    def fit(part, **options):
+        fits.append(part)
+        return METHODS["pr-moesp"](part, basis="rectifier", **options)
+
+    select_options(trial, fit, {"order": [1, 2, 3]})
+    assert len(fits) == 6
+    assert fits[0] is fits[2] is fits[4]
+    assert fits[1] is fits[3] is fits[5]
+
+
+def test_more_than_two_folds_need_a_method_that_merges(clean):
+    with pytest.raises(ValueError, match=r"with 3 folds the fit has to merge .*: use two folds"):
+        select_options(clean, METHODS["riv"], {"order": [2]}, folds=3)
+
+
+def test_rates_are_not_compared(clean):
+    with pytest.raises(ValueError, match="identification_rate cannot be selected"):
+        identify(clean, "pr-moesp", select={"identification_rate": [100.0, 50.0]})
+
+
+def test_folds_that_are_too_short_are_refused():
+    with pytest.raises(
+        DataError, match=r"the record of 7 s makes 2 folds of 3.5 s, but a selection needs folds of 4 s"
+    ):
+        identify(simulate(seed=1, duration=7.0), "riv", select={"order": [2, 3]})
+
+
+def test_candidates_whose_estimates_begin_at_different_times_are_compared():
+    candidates = {"delay": [0.04, 0.9], "basis": ["rectifier"]}
+    selection = identify(simulate(seed=1, duration=31.0), "pr-moesp", select=candidates).diagnostics["selection"]
+    assert selection["chosen"]["delay"] == 0.04
+
+
+@pytest.mark.parametrize("error", [np.linalg.LinAlgError("no convergence"), FloatingPointError("no convergence")])
+def test_a_numerical_error_is_that_of_its_candidate(error):
+    def fit(part, order):
+        if order == 3:
+            raise error
+        return METHODS["pr-moesp"](part, basis="rectifier", order=order)
+
+    selection = select_options(simulate(seed=4, duration=24.0), fit, {"order": [2, 3]})
+    assert selection.chosen == {"order": 2}
+    assert selection.candidates[1] == {"order": 3, "scores": {}, "error": "no convergence"}

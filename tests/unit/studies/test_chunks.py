@@ -1,12 +1,16 @@
 """Results do not depend on chunks: of one point, of several, of part of the trials of a point."""
 
+import itertools
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop import evaluate, identify, simulate
-from ankleloop.joint.estimate_files import load_estimates_of, save_estimates
+from ankleloop import DataError, UnstableLoopError, evaluate, identify, simulate
+from ankleloop.joint.estimate_files import find_estimates, load_estimates_of, save_estimates
 from ankleloop.records.trial_files import load_trial_of
+from ankleloop.replication.results import describe_failures, read_results
+from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.identification import identify_chunk
 from ankleloop.studies.seeds import trial_entropy
 from ankleloop.studies.simulation import simulate_chunk
@@ -100,3 +104,137 @@ def test_the_library_gives_the_same_without_the_workflow(results):
     trial = simulate(seed=seed, duration=12.0, reflex_gain=20.0, voluntary=0.3)
     scores = results["all points"][2].query(f"point == '{point}' and trial == 1 and method == 'pr'")
     np.testing.assert_allclose(evaluate(trial, identify(trial, basis="rectifier"))["vaf"], scores["vaf"], atol=1e-5)
+
+
+# --- failures: rows with their reasons, and all other results
+
+
+@pytest.fixture(scope="module")
+def chunk(tmp_path_factory):
+    """A trial file of two points with three trials each, and what `identify_chunk` takes."""
+    study = read_studies(CONFIG)[1]["small"]
+    points = dict(list(study.combinations.items())[:2])
+    path = tmp_path_factory.mktemp("failures") / "trials.nc"
+    simulate_chunk(path, "small", 3, {name: {"settings": study.points[name], "first": 0, "stop": 3} for name in points})
+    return path, "small", points, study.identified_methods
+
+
+@pytest.fixture
+def fail(monkeypatch):
+    """Make the identification by a method fail at some of its calls."""
+
+    def change(method, calls, error):
+        count = itertools.count()
+
+        def identify_or_fail(trial, name, **options):
+            if name == method and next(count) in calls:
+                raise error
+            return identify(trial, name, **options)
+
+        monkeypatch.setattr("ankleloop.studies.identification.identify", identify_or_fail)
+
+    return change
+
+
+ERRORS = {
+    "LinAlgError: Singular matrix": np.linalg.LinAlgError("Singular matrix"),
+    "FloatingPointError: overflow": FloatingPointError("overflow"),
+    "ValueError: array must not contain infs or NaNs": ValueError("array must not contain infs or NaNs"),
+    "the record is too short": DataError("the record is too short"),
+}
+
+
+@pytest.mark.parametrize("reason", ERRORS)
+def test_a_failure_is_a_row_and_loses_no_other_result(chunk, fail, reason):
+    expected = identify_chunk(*chunk)
+    fail("pr-moesp", {1, 5}, ERRORS[reason])
+    results = identify_chunk(*chunk)
+    rows = results.parameters
+    failed = rows["failure"].notna()
+    points = list(chunk[2])
+    assert rows[failed][["point", "method", "trial"]].values.tolist() == [[points[0], "pr", 1], [points[1], "pr", 2]]
+    assert (rows[failed]["failure"] == reason).all()
+    assert rows[failed][["K", "B", "I", "G"]].isna().all(axis=None)
+    key = ["point", "method", "trial"]
+    assert rows[key].equals(expected.parameters[key])
+    pd.testing.assert_frame_equal(rows[~failed][expected.parameters.columns], expected.parameters[~failed])
+    scores = expected.scores.merge(rows[~failed][key], on=key)
+    pd.testing.assert_frame_equal(results.scores, scores)
+    assert [len(results.estimates[name]) for name in ("pr", "cascade")] == [4, 6]
+    sentence = describe_failures(rows)
+    assert sentence.startswith("2 of 12 identifications failed; means leave them out. ")
+    assert f"pr at {points[0]}, 1 of 3 trials: {reason}" in sentence
+    assert describe_failures(expected.parameters) == ""
+
+
+def test_estimates_keep_the_number_of_their_trial(chunk, fail, tmp_path):
+    """The second estimate of a method that failed on trial 1 is that of trial 2."""
+    expected = identify_chunk(*chunk).parameters.query("method == 'pr'").set_index(["point", "trial"])["K"]
+    fail("pr-moesp", {1}, ERRORS["the record is too short"])
+    save_estimates(identify_chunk(*chunk).estimates, tmp_path / "0.nc")
+    first, second = chunk[2]
+    estimates = find_estimates([tmp_path / "0.nc"], first, "pr")
+    assert {number: estimate.stiffness["K"] for number, estimate in estimates.items()} == {
+        number: expected[first, number] for number in (0, 2)
+    }
+    assert list(find_estimates([tmp_path / "0.nc"], second, "pr")) == [0, 1, 2]
+
+
+def test_estimates_that_cannot_be_scored_are_failures(chunk, monkeypatch):
+    def refuse(*_, **__):
+        raise DataError("nothing is left to score")
+
+    monkeypatch.setattr("ankleloop.studies.identification.score_rows", refuse)
+    results = identify_chunk(*chunk)
+    assert (results.parameters["failure"] == "nothing is left to score").all()
+    assert results.estimates == {}
+
+
+def test_a_chunk_in_which_all_fails_has_rows_and_no_scores(chunk, fail, tmp_path):
+    path, study, points, methods = chunk
+    fail("pr-moesp", range(6), ERRORS["the record is too short"])
+    results = identify_chunk(path, study, points, {"pr": methods["pr"]})
+    assert (results.parameters["failure"] == "the record is too short").all()
+    assert len(results.parameters) == 6
+    save_estimates(results.estimates, tmp_path / "estimates.nc")
+    results.scores.to_csv(tmp_path / "scores.csv", index=False)
+    empty = read_results([tmp_path / "scores.csv"])
+    assert list(empty.columns) == list(identify_chunk(*chunk).scores.columns)
+    assert len(empty) == 0
+    with pytest.raises(DataError, match=r"no estimate file has the point .* by 'pr'"):
+        load_estimates_of([tmp_path / "estimates.nc"], next(iter(points)), "pr")
+
+
+def test_estimates_of_other_chunks_are_read_where_a_method_failed_in_one(chunk, fail, tmp_path):
+    save_estimates(identify_chunk(*chunk).estimates, tmp_path / "0.nc")
+    fail("pr-moesp", range(6), ERRORS["the record is too short"])
+    save_estimates(identify_chunk(*chunk).estimates, tmp_path / "1.nc")
+    estimates = load_estimates_of([tmp_path / "1.nc", tmp_path / "0.nc"], next(iter(chunk[2])), "pr")
+    assert len(estimates) == 3
+
+
+@pytest.mark.parametrize("error", [TypeError("no such option"), KeyError("delay"), AttributeError("torque")])
+def test_mistakes_in_the_program_stop_the_job(chunk, fail, error):
+    fail("pr-moesp", {1}, error)
+    with pytest.raises(type(error)):
+        identify_chunk(*chunk)
+
+
+def test_failures_can_stop_the_job(chunk, fail):
+    fail("pr-moesp", {1}, ERRORS["LinAlgError: Singular matrix"])
+    with pytest.raises(np.linalg.LinAlgError):
+        identify_chunk(*chunk, failures="stop")
+
+
+def test_an_unstable_point_is_named(tmp_path):
+    """The file of a chunk is complete or does not appear."""
+    settings = SimulationSettings(duration=10.0).model_dump()
+    unstable = settings | {"reflex_gain": 30.0, "load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0}
+    points = {
+        "good": {"settings": settings, "first": 0, "stop": 2},
+        "reflex_gain=30.0": {"settings": unstable, "first": 0, "stop": 2},
+    }
+    message = r"study small, point reflex_gain=30.0, trial 0: .* Nothing of this chunk is written"
+    with pytest.raises(UnstableLoopError, match=message):
+        simulate_chunk(tmp_path / "trials.nc", "small", 3, points)
+    assert not list(tmp_path.iterdir())

@@ -1,8 +1,11 @@
 """The configuration: defaults from the library, and errors that name the key."""
 
+from pathlib import Path
+
 import pytest
 
-from ankleloop.studies.checking import ConfigError, check
+from ankleloop.methods.omitted_steps import OMITTED_STEPS
+from ankleloop.studies.checking import ConfigError, check, check_unique_keys
 from ankleloop.studies.config import Config
 from ankleloop.studies.study import read_studies
 
@@ -107,3 +110,48 @@ def test_whole_numbers_serve_as_numbers_and_nothing_else_does(change):
     for value in ("50", True, [50.0]):
         with pytest.raises(ConfigError, match=r"duration \[s\]: must be a finite number"):
             check(Config, change("studies", "table1", "simulation", value={"duration": value}), "config")
+
+
+def test_names_of_the_study_on_steps_are_those_of_the_steps_left_out(config):
+    """The notebook takes method and step from the names."""
+    methods = read_studies(config)[1]["obstacles"].methods
+    for name, method in methods.items():
+        complete, _, step = name.partition("-without-")
+        assert method.options.omitted_step == (step or None), name
+        same = method.options.model_dump() | {"omitted_step": None}
+        assert (method.method, same) == (methods[complete].method, methods[complete].options.model_dump())
+    steps = [name.partition("-without-")[2] for name in methods]
+    assert len(methods) == 4 * 6
+    assert sorted(steps) == sorted([*OMITTED_STEPS, ""] * 4)
+
+
+# --- keys that stand twice
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "beyond.yaml", "ci.yaml", "recordings.example.yaml"])
+def test_no_key_of_the_configurations_stands_twice(name):
+    check_unique_keys(Path(__file__).parents[3] / "config" / name)
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "lines"),
+    [
+        ("a: 1\nb: 2\na: 3\n", "a", (3, 1)),
+        ("studies:\n  files:\n    S1: {file: a.mat}\n    S1: {file: b.mat}\n", "S1", (4, 3)),
+        ("list:\n- {x: 1, y: 2,\n   x: 3}\n", "x", (3, 2)),
+    ],
+)
+def test_a_key_that_stands_twice_is_refused(tmp_path, text, key, lines):
+    path = tmp_path / "config.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=rf"the key '{key}' in line {lines[0]} stands in line {lines[1]}, too"):
+        check_unique_keys(path)
+
+
+def test_keys_of_other_mappings_and_of_anchors_may_be_equal(tmp_path):
+    path = tmp_path / "config.yaml"
+    text = "a: &x {k: 1}\nb: &y {k: 2}\nc: {<<: *x, k: 3}\nd: {<<: *x, <<: *y}\ne: [*x, *x]\n"
+    path.write_text(text, encoding="utf-8")
+    check_unique_keys(path)
+    (tmp_path / "empty.yaml").touch()
+    check_unique_keys(tmp_path / "empty.yaml")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import yaml
 
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.config import NOTEBOOKS
@@ -43,6 +44,40 @@ def test_the_order_of_settings_does_not_matter(table1):
     points = ({"load_stiffness": [50.0], "load_inertia": [0.2]}, {"load_inertia": [0.2], "load_stiffness": [50.0]})
     names = [list(table1(points=combinations).points) for combinations in points]
     assert names[0] == names[1]
+
+
+def test_a_whole_number_makes_the_point_of_the_same_float(table1):
+    """13 and 13.0 are one setting: one name, and so one seed."""
+    study = table1(points={"reflex_gain": [13, 2.0], "snr_db": [10, None], "closed_loop": [True]})
+    expected = table1(points={"reflex_gain": [13.0, 2.0], "snr_db": [10.0, None], "closed_loop": [True]})
+    assert list(study.points) == list(expected.points)
+    assert "closed_loop=True,reflex_gain=13.0,snr_db=10.0" in study.points
+    assert study.combinations == expected.combinations
+    assert all(type(value) is float for value in (settings["reflex_gain"] for settings in study.combinations.values()))
+
+
+@pytest.mark.parametrize(
+    ("points", "name"),
+    [
+        ({"reflex_gain": [13, 13.0]}, "reflex_gain=13.0"),
+        ([{"reflex_gain": 13}, {"reflex_gain": 13.0}], "reflex_gain=13.0"),
+        ({"voluntary": [0.0, -0.0]}, "voluntary=0.0"),
+    ],
+)
+def test_equal_points_are_refused(table1, points, name):
+    with pytest.raises(ConfigError, match=f"the point {name} is listed twice"):
+        table1(points=points)
+
+
+def test_points_with_the_same_settings_under_two_names_are_refused(table1):
+    with pytest.raises(ConfigError, match=r"the points only and load_inertia=1\.1 have the same settings"):
+        table1(points=[{}, {"load_inertia": 1.1}])
+
+
+@pytest.mark.parametrize(("value", "message"), [(True, "finite number"), ("13", "finite number"), (-1, "at least 0")])
+def test_values_of_points_are_checked_as_they_are_given(table1, value, message):
+    with pytest.raises(ConfigError, match=rf"points → reflex_gain={value}.* → reflex_gain .*{message}"):
+        table1(points={"reflex_gain": [value]})
 
 
 GAINS = {"reflex_gain": [1.0, 2.0, 3.0, 4.0, 5.0]}
@@ -199,6 +234,13 @@ def test_chunks_of_recordings(tabulate):
         ("name,file\na/b,a.mat\n", "line 2: the name 'a/b' does not match"),
         ("name,file\n", "has no rows"),
         ("name,subject\nx,S1\n", "line 2: the key 'file' is missing"),
+        ("file,start\na.mat,1_0\n", r"line 2 → start \[s\]: must be a finite number, got '1_0'"),
+        ("file,start\na.mat,nan\n", r"line 2 → start \[s\]: must be a finite number, got 'nan'"),
+        ("file,subject\nleft, loaded.mat,S1\n", "line 2: 'S1' is in no named column; put a text with a comma"),
+        ("file,subject,file\na.mat,S1,b.mat\n", "2 columns are called 'file'"),
+        ("batch,name,file\n,B1,a.mat\nB1,,b.mat\n", "line 3: the name 'B1' is taken; give each row, and each batch"),
+        ("batch,name,file\nB1,,a.mat\n,B1,b.mat\n", "line 3: the name 'B1' is taken; give each row, and each batch"),
+        ("batch,file,start\nB1,a.mat,2\nB1,a.mat,2.0\n", "line 3: the same part of a.mat is in the batch 'B1' already"),
     ],
 )
 def test_tables_with_mistakes(tabulate, text, message):
@@ -213,5 +255,45 @@ def test_a_study_of_recordings_needs_some(tabulate, tmp_path):
         recorded(tabulate("file\na.mat\n", table=None))
     config = tabulate("name,file\nx,a.mat\n")
     config["studies"]["recordings"]["files"] = {"x": {"file": "b.mat"}}
-    with pytest.raises(ConfigError, match="the recording 'x' is under files and in the table"):
+    message = r"the recording 'x' is under files \(b.mat\) and in the table .*list.csv \(a.mat\)"
+    with pytest.raises(ConfigError, match=message):
+        recorded(config)
+
+
+def test_text_of_a_table_is_kept_as_it_is_written(tabulate):
+    text = "file,subject,condition,trial,start\na.mat,007,1e3,12_3,01.50\n"
+    (point,) = recorded(tabulate(text)).points.values()
+    assert [point[key] for key in ("subject", "condition", "trial", "start")] == ["007", "1e3", "12_3", 1.5]
+    assert list(recorded(tabulate(text)).points) == ["007-1e3-12_3"]
+
+
+@pytest.mark.parametrize("written", ["007", "12_3", "7", "1:30", "1.0", "no"])
+def test_text_that_yaml_changes_is_refused(tabulate, written):
+    """YAML reads the subject 007 as 7; in quotes it is text."""
+    config = tabulate("name,file\ny,b.mat\n")
+    for quoted, value in ((True, f'"{written}"'), (False, written)):
+        config["studies"]["recordings"]["files"] = yaml.safe_load(f"{{x: {{file: a.mat, subject: {value}}}}}")
+        if quoted:
+            assert recorded(config).points["x"]["subject"] == written
+            continue
+        with pytest.raises(ConfigError, match=r"files → x → subject: must be text, got .*: put it in quotes"):
+            recorded(config)
+
+
+def test_what_would_replace_results_silently_is_refused(tabulate):
+    text = "name,file\ny,b.mat\n"
+    with pytest.raises(ConfigError, match="the key 'file' has no default"):
+        recorded(tabulate(text, defaults={"file": "a.mat"}))
+    config = tabulate(text)
+    methods = config["studies"]["recordings"]["methods"]
+    first, second = list(methods)[:2]
+    methods[second]["label"] = methods[first].get("label") or first
+    with pytest.raises(ConfigError, match="2 methods have the label"):
+        recorded(config)
+
+
+def test_a_table_that_is_no_text_is_refused(tabulate, tmp_path):
+    config = tabulate("name,file\ny,b.mat\n")
+    (tmp_path / "list.csv").write_bytes(b"name,file\n\xff\xfe,b.mat\n")
+    with pytest.raises(ConfigError, match=r"list\.csv is no CSV file in UTF-8"):
         recorded(config)

@@ -1,0 +1,167 @@
+"""Each step that is left out does what it says, against computations of its own."""
+
+from typing import get_args
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+from ankleloop import evaluate, identify
+from ankleloop.joint.prepared import prepare
+from ankleloop.methods.omitted_steps import OMITTED_STEPS, SUBSPACE_OPTIONS, OmittedStep
+from ankleloop.signals.decimation import decimate
+from ankleloop.subspace.input_matrices import simulate_response
+from ankleloop.subspace.moesp import moesp
+
+OPTIONS = {"delay": 0.04, "degree": 5, "identification_rate": 100.0, "reference": "reference"}
+ROWS = 15
+
+
+@pytest.fixture(scope="module")
+def trial(noisy):
+    return prepare(noisy)
+
+
+def test_every_step_is_explained():
+    assert list(OMITTED_STEPS) == list(get_args(OmittedStep))
+    assert set(SUBSPACE_OPTIONS) < set(OMITTED_STEPS)
+
+
+@pytest.mark.parametrize("rate", [100.0, 200.0, 500.0])
+def test_without_derivatives_of_the_kernel_there_are_differences(trial, rate):
+    options = OPTIONS | {"basis": "rectifier", "identification_rate": rate}
+    complete = trial.regressors(**options)
+    position, *motion, drive = trial.regressors(**options, omitted_step="kernel-derivatives").inputs.T
+    np.testing.assert_array_equal(position, complete.inputs[:, 0])
+    np.testing.assert_array_equal(drive, complete.inputs[:, 3])
+    velocity = np.gradient(position, 1 / rate)
+    inside = slice(2, -2)  # np.gradient has one-sided differences at the ends
+    for signal, expected in zip(motion, (velocity, np.gradient(velocity, 1 / rate)), strict=True):
+        np.testing.assert_allclose(signal[inside], expected[inside], rtol=0, atol=1e-9 * np.abs(expected).max())
+    # At the ends they use positions beyond the other samples: the differences are as good there as anywhere.
+    error = np.abs(motion[0] - complete.inputs[:, 1])
+    assert error[[0, 1, -2, -1]].max() <= error[inside].max()
+
+
+@pytest.mark.parametrize("basis", ["chebyshev", "rectifier"])
+def test_without_the_early_nonlinearity_it_acts_on_decimated_velocity(trial, basis):
+    complete = trial.regressors(**OPTIONS, basis=basis)
+    late = trial.regressors(**OPTIONS, basis=basis, omitted_step="early-nonlinearity")
+    np.testing.assert_array_equal(late.inputs[:, :3], complete.inputs[:, :3])
+    velocity = decimate(trial.velocity(0.04), *complete.grid)
+    scale = np.abs(trial.velocity(0.04)).max()
+    terms = {
+        "chebyshev": np.polynomial.chebyshev.chebvander(velocity / scale, 5)[:, 1:],
+        "rectifier": np.where(velocity > 0, velocity, 0.0)[:, None],
+    }[basis]
+    np.testing.assert_allclose(late.inputs[:, 3:], terms, rtol=0, atol=1e-12)
+    assert np.abs(late.inputs[:, 3:] - complete.inputs[:, 3:]).max() > 1e-3
+
+
+@pytest.mark.parametrize("step", ["kernel-derivatives", "early-nonlinearity"])
+def test_predicted_inputs_leave_out_the_same_step(trial, step):
+    regressors = trial.regressors(**OPTIONS, basis="rectifier", omitted_step=step)
+    predicted = trial.predict_inputs(regressors)
+    complete = trial.predict_inputs(trial.regressors(**OPTIONS, basis="rectifier"))
+    np.testing.assert_array_equal(predicted[:, 0], complete[:, 0])
+    if step == "kernel-derivatives":
+        difference = np.gradient(predicted[:, 0], 0.01)
+        np.testing.assert_allclose(predicted[1:-1, 1], difference[1:-1], rtol=0, atol=1e-9)
+        np.testing.assert_array_equal(predicted[:, 3], complete[:, 3])
+    else:
+        np.testing.assert_array_equal(predicted[:, 1:3], complete[:, 1:3])
+        # No low-pass follows the rectifier, so its output is never below zero.
+        assert predicted[:, 3].min() == 0.0 > complete[:, 3].min()
+
+
+def block_rows(signal, first, count):
+    """Hankel matrix, written out."""
+    columns = len(signal) - 2 * ROWS + 1
+    return np.vstack([signal[first + row : first + row + columns].T for row in range(count)])
+
+
+def test_without_the_rank_policy_it_is_an_ordinary_factorisation(trial):
+    """The factorisation of PI-MOESP with the reference in the place of past inputs, as subspace packages have it."""
+    estimate = identify(trial, "pr-moesp", basis="rectifier", omitted_step="rank-policy")
+    regressors = trial.regressors(**OPTIONS, basis="rectifier")
+    u, r, y = (
+        (signal - signal.mean(axis=0)) / signal.std(axis=0)
+        for signal in (regressors.inputs, regressors.reference[:, None], regressors.torque[:, None])
+    )
+    stacked = np.vstack([block_rows(u, ROWS, ROWS), block_rows(r, 0, ROWS), block_rows(y, ROWS, ROWS)])
+    stacked -= stacked.mean(axis=1, keepdims=True)
+    L = linalg.qr(stacked.T, mode="r")[0][: len(stacked)].T
+    inputs, instruments = 4 * ROWS, 5 * ROWS
+    left = np.linalg.svd(L[instruments:, inputs:instruments])[0][:, :2]
+    A = np.linalg.pinv(left[:-1]) @ left[1:]
+    poles, expected = (np.sort_complex(values) for values in (estimate.diagnostics["poles"], np.linalg.eigvals(A)))
+    np.testing.assert_allclose(poles, expected, rtol=0, atol=1e-5)
+    assert estimate.diagnostics["rank"] == inputs
+    assert identify(trial, "pr-moesp", basis="rectifier").diagnostics["rank"] < inputs
+
+
+def identify_directly(trial, basis, **options):
+    """PR-MOESP on the regressors of a trial."""
+    regressors = trial.regressors(**OPTIONS, basis=basis)
+    signals = regressors.inputs, regressors.torque, ROWS, 2, "past-reference", "ordinary", regressors.reference
+    arguments = {"dt": 0.01, "dynamic": regressors.reflex, "rank_tolerance": 1e-5, "regression_tolerance": 1e-3}
+    return regressors, moesp(*signals, **(arguments | options))
+
+
+@pytest.mark.parametrize("step", SUBSPACE_OPTIONS)
+def test_steps_of_the_subspace_method_are_its_options(trial, step):
+    _, model = identify_directly(trial, "chebyshev", **SUBSPACE_OPTIONS[step])
+    estimate = identify(trial, "pr-moesp", omitted_step=step)
+    for name in "ABCD":
+        np.testing.assert_array_equal(getattr(estimate.matrices, name), getattr(model.matrices, name))
+
+
+def test_torques_without_removal_of_means_are_those_of_the_signals_with_their_means(trial):
+    regressors, model = identify_directly(trial, "chebyshev", offsets=False)
+    m = model.matrices
+    net = simulate_response(m.A, m.B, m.C, m.D, regressors.inputs, model.initial_state)[:, 0]
+    # The torque of the intrinsic path does not depend on the state: the sum of both is the response of the model.
+    estimate = identify(trial, "pr-moesp", omitted_step="mean-removal")
+    np.testing.assert_allclose(estimate.torque["net"], net - net.mean(), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("step", OMITTED_STEPS)
+@pytest.mark.parametrize("method", ["pr-moesp", "eiv-moesp"])
+def test_estimates_say_so_and_predict_alike(trial, method, step):
+    complete = identify(trial, method)
+    estimate = identify(trial, method, omitted_step=step)
+    assert any(f"omitted_step: {step}" in text for text in estimate.diagnostics["warnings"])
+    assert not any("omitted_step" in text for text in complete.diagnostics["warnings"])
+    assert estimate.stiffness != complete.stiffness
+    # The same trial: torques differ by the initial state alone, which dies away within the trim of a second.
+    again, first = (evaluate(trial, part)["vaf"].to_numpy() for part in (estimate.predict(trial), estimate))
+    np.testing.assert_allclose(again, first, rtol=0, atol=0.05)
+
+
+def test_merged_records_leave_out_steps_too(clean):
+    trials = [clean[13.0].isel(time=slice(0, 15000)), clean[13.0].isel(time=slice(20000, 35000))]
+    for step in OMITTED_STEPS:
+        first, second = identify(trials, "pr-moesp", basis="rectifier", omitted_step=step)
+        assert first.stiffness == second.stiffness
+        assert first.stiffness["K"] == pytest.approx(150.0, rel=0.06), step
+
+
+def test_instruments_for_b_and_d_work_without_every_step(clean):
+    for step in OMITTED_STEPS:
+        estimate = identify(clean[13.0], basis="rectifier", input_matrices="instruments", omitted_step=step)
+        assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.06), step
+
+
+def test_without_the_rank_policy_rounding_decides(noisy):
+    """A change in the last digit of the record changes the correlation form visibly, and nothing with the policy."""
+    rng = np.random.default_rng(1)
+    other = noisy.copy(deep=True)
+    for name in ("position", "torque"):
+        other[name] = other[name] * (1 + 2e-16 * rng.choice([-1.0, 1.0], other[name].size))
+
+    def change(step):
+        first, second = (identify(part, "eiv-moesp", omitted_step=step) for part in (noisy, other))
+        return np.ptp([evaluate(noisy, estimate)["vaf"].iloc[-1] for estimate in (first, second)])
+
+    assert change(None) < 1e-6
+    assert change("rank-policy") > 1e-3
