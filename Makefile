@@ -1,12 +1,12 @@
 # make          set up what is missing, then reproduce the paper
 # make test     set up what is missing, then run the tests
 # make beyond   the paper, and the studies that go further
-# make coverage how often the intervals of riv hold the truth: 1,000 trials of five settings
+# make coverage how often the intervals of riv hold the truth: 1,000 trials of eight settings
 # make benchmark  time, memory and accuracy beside other programs
 SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := all
-.PHONY: all setup test beyond coverage benchmark expected lint format rulegraph lock clean
+.PHONY: all setup test beyond coverage benchmark expected docs-numbers lint format rulegraph lock clean
 
 CORES ?= 2
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
@@ -60,6 +60,11 @@ format: setup
 	ruff format .
 	snakefmt Snakefile workflow
 
+# Measured numbers of the documentation: those whose source has changed; an hour if all of them have.
+# make docs-numbers ARGS=--list names them.
+docs-numbers: setup $(PEERS)
+	python docs/numbers/renew.py $(ARGS)
+
 # The picture in docs/architecture.md.
 rulegraph: setup
 	python docs/rulegraph.py
@@ -91,5 +96,6 @@ $(READY): $(PACKAGES) pyproject.toml
 	$(BIN)/python -m compileall -q src
 	@echo "Compiling the kernels, once: half a minute."
 	$(BIN)/python -c "import ankleloop as a; t = a.simulate(seed=1, duration=12.0); \
-	  [a.evaluate(t, a.identify(t, m)) for m in ('pr-moesp', 'eiv-moesp', 'parallel-cascade', 'riv')]"
+	  [a.evaluate(t, a.identify(t, m)) for m in ('pr-moesp', 'eiv-moesp', 'parallel-cascade', 'riv')]; \
+	  a.identify(t, 'pi-moesp', basis='rectifier')"
 	@touch $@

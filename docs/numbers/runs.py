@@ -1,0 +1,62 @@
+"""Results that the documentation reports: studies of the configuration, made by the workflow where they are missing."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+from blocks import ROOT, Unavailable
+
+from ankleloop.replication.results import join_scores, read_results
+from ankleloop.signals.vaf import confidence_margin
+
+RESULTS = ROOT / "results"
+
+
+def make(*targets, arguments=()):
+    """Make files of the workflow."""
+    command = [Path(sys.executable).with_name("snakemake"), "--cores", str(os.cpu_count()), "--quiet", "all"]
+    subprocess.run([*command, *arguments, "--", *targets], cwd=ROOT, check=True)
+
+
+def read_study(name):
+    """One row for each estimate of a simulated study: its parameters and its VAFs."""
+    make(f"results/tables/{name}.csv")
+    parameters, scores = (
+        read_results(sorted((RESULTS / kind / name).glob("*.csv"))) for kind in ("parameters", "scores")
+    )
+    return join_scores(parameters, scores)
+
+
+def copy_figure(name, target):
+    """Copy a figure of the workflow to the documentation."""
+    make(f"results/figures/{name}.png")
+    shutil.copyfile(RESULTS / "figures" / f"{name}.png", ROOT / "docs" / target)
+
+
+def recordings_folder():
+    """Folder of the real recordings.
+
+    Raises
+    ------
+    Unavailable
+        If the environment variable that names it is not set.
+    """
+    folder = os.environ.get("ANKLELOOP_RECORDINGS")
+    if not folder:
+        raise Unavailable("the environment variable ANKLELOOP_RECORDINGS names no folder of recordings.")
+    return Path(folder)
+
+
+def mean(values, spec=".1f"):
+    """Mean of a sample with half of its 95 % interval as text."""
+    values = pd.Series(values).dropna()
+    return f"{values.mean():{spec}} ± {confidence_margin(values.std(), values.size):{spec}}"
+
+
+def markdown_table(header, rows):
+    """A table as Markdown."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)

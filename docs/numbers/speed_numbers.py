@@ -1,0 +1,111 @@
+"""Numbers of docs/speed.md: other programs, long records, jobs of the workflow, imports."""
+
+import importlib.util
+import json
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from functools import cache
+from statistics import median
+
+import pandas as pd
+from blocks import ROOT, Unavailable, block
+from report import describe_ratios, describe_torques, format_table
+from runs import RESULTS, markdown_table
+
+from ankleloop import simulate
+
+PEERS = ROOT / ".venv" / "peers"
+BENCHMARKS = ("peers", "programs", "datasets", "kernels", "report")
+SOURCES = ("ankleloop.subspace.moesp", "ankleloop.methods.moesp", *(f"benchmarks/{name}.py" for name in BENCHMARKS))
+LONG_SAMPLES = (360_000, 3_600_000)
+HEAVY = ("scipy.signal", "scipy.optimize", "matplotlib.pyplot", "control")
+
+
+@cache
+def run_benchmark():
+    """Table of the programs, from a new run of the benchmark; its picture goes to docs/speed.png."""
+    if not PEERS.is_dir() or importlib.util.find_spec("ctrlsys") is None:
+        raise Unavailable("the programs to compare with are not installed: `make benchmark` does that.")
+    subprocess.run([sys.executable, ROOT / "benchmarks" / "peers.py"], check=True, stdout=subprocess.DEVNULL)
+    shutil.copyfile(RESULTS / "benchmarks" / "peers.png", ROOT / "docs" / "speed.png")
+    return pd.read_csv(RESULTS / "benchmarks" / "peers.csv")
+
+
+@block("speed-ratios", SOURCES)
+def write_ratios():
+    return describe_ratios(run_benchmark())
+
+
+@block("speed-torques", SOURCES)
+def write_torques():
+    return describe_torques(run_benchmark())
+
+
+@block("speed-programs", SOURCES)
+def write_programs():
+    return format_table(run_benchmark())
+
+
+@block("speed-long-records", ("ankleloop.methods.long_records", "benchmarks/long_record.py"))
+def write_long_records():
+    rows = []
+    for samples in LONG_SAMPLES:
+        command = [sys.executable, ROOT / "benchmarks" / "long_record.py", "--samples", str(samples)]
+        output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        result = json.loads(output.splitlines()[-1])
+        rows.append(
+            [
+                f"{samples:,} ({result['hours']:g} h at 100 Hz)",
+                f"{result['seconds']:.1f} s",
+                f"{1e6 * result['seconds'] / samples:.1f} µs",
+                f"{result['mib']:.0f} MiB",
+                f"{result['mib_before']:.0f} MiB",
+            ]
+        )
+    return markdown_table(["samples", "time", "a sample", "peak memory", "of it before the identification"], rows)
+
+
+@block("speed-make", ("workflow/rules/simulate.smk", "workflow/rules/identify.smk", "config/config.yaml"))
+def write_jobs():
+    rows = []
+    for folder in sorted((ROOT / "logs" / "identify").glob("*")):
+        seconds = {rule: _sum_seconds(rule, folder.name) for rule in ("simulate", "identify")}
+        estimates = sum(len(pd.read_csv(path)) for path in (RESULTS / "parameters" / folder.name).glob("*.csv"))
+        rows.append([f"`{folder.name}`", f"{estimates:,}", *(f"{value:.0f}" for value in seconds.values())])
+    if not rows:
+        raise Unavailable("there are no logs of jobs: run `make` first.")
+    return markdown_table(["study", "estimates", "simulate [s]", "identify and score [s]"], rows)
+
+
+def _sum_seconds(rule, study):
+    """Seconds of all jobs of a rule for a study, from what Snakemake measured of them."""
+    return sum(pd.read_csv(path, sep="\t")["s"].sum() for path in (ROOT / "logs" / rule / study).glob("*.tsv"))
+
+
+@block("speed-imports", ("ankleloop.simulation.simulate",))
+def write_imports():
+    texts = [f"`{name}` {_time_import(name) - _time_import('numpy'):.1f} s" for name in HEAVY]
+    simulate(seed=1)
+    start = time.process_time()
+    for seed in range(10):
+        simulate(seed=seed)
+    trial = (time.process_time() - start) / 10
+    return (
+        f"Time of the processor for an import, beyond numpy: {', '.join(texts)}. Simulating a trial of 50 s takes "
+        f"{1e3 * trial:.0f} ms of it."
+    )
+
+
+@cache
+def _time_import(name):
+    """Median processor time of a new process that imports a package [s]."""
+    times = []
+    for _ in range(3):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run([sys.executable, "-c", f"import numpy, {name}"], check=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        times.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return median(times)
