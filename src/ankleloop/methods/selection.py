@@ -37,8 +37,8 @@ class Selection:
     criterion : {"instrumental", "cross-validation"}
         Criterion of the choice.
     candidates : list of dict
-        Options of each candidate and its `scores` [%] on the data that it was not fitted to, by every criterion that
-        the record allows; or the `error` where it could not be fitted.
+        Options of each candidate, its `scores` [%] on the data that it was not fitted to, by every criterion that the
+        record allows, and the `warnings` of its fits; or the `error` where it could not be fitted.
     chosen : dict
         Options of the chosen candidate.
     """
@@ -89,7 +89,8 @@ def select_options(
     functions of its velocity. With the true parameters only noise remains there.
 
     Candidates are given from the simplest to the most complex. The first one is chosen whose loss is within one
-    standard error of the best one's; the error is that of their difference, over blocks of two seconds.
+    standard error of the best one's; the error is that of their difference, over segments of two seconds. A candidate
+    whose fits come with a warning is chosen only if all of them do.
 
     Parameters
     ----------
@@ -152,13 +153,13 @@ def select_options(
     for values in itertools.product(*candidates.values()):
         options = dict(zip(candidates, values, strict=True))
         try:
-            results = _losses(parts, fit, options)
+            results, warnings = _losses(parts, fit, options)
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
-            rows.append({**options, "scores": {}, "error": str(error)})
+            rows.append({**options, "scores": {}, "warnings": [], "error": str(error)})
             losses.append(None)
             continue
         scores = {name: float(100.0 * (1.0 - loss.sum() / total)) for name, (loss, total) in results.items()}
-        rows.append({**options, "scores": scores})
+        rows.append({**options, "scores": scores, "warnings": warnings})
         losses.append(results[criterion][0])
     best = rows[_simplest(losses, rows)]
     return Selection(criterion, rows, {name: best[name] for name in candidates})
@@ -227,12 +228,14 @@ def _project(grid: np.ndarray, instruments: np.ndarray, time: np.ndarray, signal
 
 def _losses(
     folds: Sequence[_Fold], fit: Callable[..., Any], options: Mapping[str, Any]
-) -> dict[str, tuple[np.ndarray, float]]:
-    """By criterion the losses of a candidate in segments of time, and the energy that there was to explain."""
+) -> tuple[dict[str, tuple[np.ndarray, float]], list[str]]:
+    """Losses of a candidate in segments of time and the energy to explain, by criterion; and warnings of its fits."""
     results: dict[str, tuple[np.ndarray, float]] = {}
+    warnings: list[str] = []
     for fold in folds:
         merged = len(fold.training) > 1
         estimate: Estimate = fit(fold.training, **options)[0] if merged else fit(fold.training[0], **options)
+        warnings += estimate.diagnostics.get("warnings", ())
         torque = estimate.predict(fold.test).torque
         time, rate = torque["time"].values, torque.attrs["identification_rate"]
         scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
@@ -252,7 +255,7 @@ def _losses(
             losses, total = results.get(name, (np.empty(0), 0.0))
             losses = np.concatenate([losses, np.bincount(segments, residual**2, count)])
             results[name] = losses, total + float(np.sum(target**2))
-    return results
+    return results, list(dict.fromkeys(warnings))
 
 
 def _simplest(losses: Sequence[np.ndarray | None], rows: Sequence[Mapping[str, Any]]) -> int:
@@ -260,6 +263,7 @@ def _simplest(losses: Sequence[np.ndarray | None], rows: Sequence[Mapping[str, A
     fitted = [(k, loss) for k, loss in enumerate(losses) if loss is not None]
     if not fitted:
         raise DataError(f"no candidate could be fitted; the first one failed with: {rows[0]['error']}")
+    fitted = [(k, loss) for k, loss in fitted if not rows[k]["warnings"]] or fitted
     best = min((loss for _, loss in fitted), key=np.sum)
     for k, loss in fitted:
         excess = loss - best

@@ -34,12 +34,29 @@ def test_the_true_basis_is_chosen(clean):
 
 
 def test_a_superfluous_pole_is_seldom_chosen():
-    """It has to be better by more than a standard error, which it is in one trial of six."""
+    """It has to be better by more than a standard error, and the record has to show it."""
     chosen = [
         identify(simulate(seed=seed), "riv", select={"order": [2, 3]}).diagnostics["selection"]["chosen"]["order"]
         for seed in range(6)
     ]
     assert chosen.count(2) >= 4
+
+
+def test_a_candidate_with_a_warning_is_chosen_only_if_all_have_one():
+    def fit(part, order):
+        estimate = METHODS["pr-moesp"](part, basis="rectifier", order=order)
+        estimate.diagnostics["warnings"] = ["a warning"] if order in warned else []
+        return estimate
+
+    trial = simulate(seed=4, duration=24.0, snr_db=None, voluntary=0.0)
+    warned = ()
+    assert select_options(trial, fit, {"order": [1, 2]}).chosen == {"order": 2}
+    warned = (2,)
+    selection = select_options(trial, fit, {"order": [1, 2]})
+    assert selection.chosen == {"order": 1}
+    assert [row["warnings"] for row in selection.candidates] == [[], ["a warning"]]
+    warned = (1, 2)
+    assert select_options(trial, fit, {"order": [1, 2]}).chosen == {"order": 2}
 
 
 def test_the_instrumental_criterion_prefers_the_truth_where_the_net_vaf_does_not():
@@ -206,4 +223,4 @@ def test_a_numerical_error_is_that_of_its_candidate(error):
 
     selection = select_options(simulate(seed=4, duration=24.0), fit, {"order": [2, 3]})
     assert selection.chosen == {"order": 2}
-    assert selection.candidates[1] == {"order": 3, "scores": {}, "error": "no convergence"}
+    assert selection.candidates[1] == {"order": 3, "scores": {}, "warnings": [], "error": "no convergence"}
