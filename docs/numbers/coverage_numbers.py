@@ -23,7 +23,7 @@ FILES = {
 }
 BASES = ({"basis": "rectifier"}, *({"basis": "spline", "degree": degree} for degree in (6, 8, 12)))
 PARTS = (60.0, 30.0, 10.0)  # s
-TRIALS = 500
+TRIALS = 1000
 
 
 @block("riv-convergence", (RIV, "ankleloop.records.readers"))
