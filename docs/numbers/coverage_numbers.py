@@ -9,33 +9,26 @@ from itertools import product
 
 import pandas as pd
 from blocks import ROOT, block
-from runs import RESULTS, markdown_table, recordings_folder
+from runs import EXAMPLE, RESULTS, markdown_table, read_recordings
 
-from ankleloop import identify, read_trial, segment
+from ankleloop import identify, segment
 from ankleloop.joint.prepared import prepare
 from ankleloop.quantities import QUANTITIES
 
 SIMULATION, RIV = "ankleloop.simulation.simulate", "ankleloop.methods.riv"
-FILES = {
-    "ankle_df.csv.gz": {"position": "position_rad", "torque": "torque_nm", "sampling_rate": 1000.0},
-    "ankle_pf.mat": {},
-    "ankle_df3.h5": {},
-}
 BASES = ({"basis": "rectifier"}, *({"basis": "spline", "degree": degree} for degree in (6, 8, 12)))
 PARTS = (60.0, 30.0, 10.0)  # s
 TRIALS = 1000
 
 
-@block("riv-convergence", (RIV, "ankleloop.records.readers"))
+@block("riv-convergence", (RIV, "ankleloop.records.readers", EXAMPLE))
 def write_convergence():
     """Ends of the search over bases, orders, weightings and parts of the published recordings."""
-    folder = recordings_folder()
-    recordings = [read_trial(folder / name, torque_sign=-1, **options) for name, options in FILES.items()]
-    rows = []
+    recordings, rows = read_recordings(), []
     for length in PARTS:
         parts = [
             prepare(segment(recording, start, start + length))
-            for recording in recordings
+            for recording in recordings.values()
             for start in range(0, 60, round(length))
         ]
         for order in (2, 3):

@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 from blocks import block
-from runs import RESULTS, make, markdown_table, mean, read_study, recordings_folder
+from runs import EXAMPLE, RESULTS, make, markdown_table, mean, read_recordings, read_study
 from scipy import signal
 
-from ankleloop import identify, read_trial, simulate
+from ankleloop import identify, simulate
 from ankleloop.assessment.bootstrap import block_bootstrap
 from ankleloop.assessment.cramer_rao import cramer_rao
 from ankleloop.assessment.scores import evaluate
@@ -98,9 +98,9 @@ def _regressors(trial, basis):
     return regressors.inputs, regressors.torque, regressors.reference
 
 
-@block("cascade-passes", ("ankleloop.methods.parallel_cascade", "ankleloop.records.readers"))
+@block("cascade-passes", ("ankleloop.methods.parallel_cascade", "ankleloop.records.readers", EXAMPLE))
 def write_cascade_passes():
-    trial = prepare(read_trial(recordings_folder() / "ankle_pf.mat", torque_sign=-1))
+    trial = prepare(read_recordings()["z_pf"])
     rows = {"intrinsic": [], "net": []}
     passes = range(1, 9)
     for number in passes:

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 from blocks import block
-from runs import RESULTS, make, markdown_table, recordings_folder
+from runs import EXAMPLE, RESULTS, make, markdown_table, recordings_folder
 
 from ankleloop import segment
 from ankleloop.joint.prepared import prepare
@@ -11,13 +11,11 @@ from ankleloop.recordings.checks import check_trial
 from ankleloop.recordings.path_correlation import stiffness_beside_reflex
 from ankleloop.simulation.simulate import simulate_trials
 
-CONFIG = "config/recordings.example.yaml"
 
-
-@block("recordings-unseen", ("ankleloop.recordings.recommendation", "ankleloop.records.readers", CONFIG))
+@block("recordings-unseen", ("ankleloop.recordings.recommendation", "ankleloop.records.readers", EXAMPLE))
 def write_unseen():
     recordings_folder()
-    make("results/tables/recordings.csv", arguments=("--configfile", CONFIG))
+    make("results/tables/recordings.csv", arguments=("--configfile", EXAMPLE))
     table = pd.read_csv(RESULTS / "tables" / "recordings.csv")
     names = list(dict.fromkeys(table["recording"]))
     rows = []

@@ -7,12 +7,15 @@ import sys
 from pathlib import Path
 
 import pandas as pd
+import yaml
 from blocks import ROOT, Unavailable
 
+from ankleloop.recordings.files import load_recording
 from ankleloop.replication.results import join_scores, read_results
 from ankleloop.signals.vaf import confidence_margin
 
 RESULTS = ROOT / "results"
+EXAMPLE = "config/recordings.example.yaml"
 
 
 def make(*targets, arguments=()):
@@ -37,17 +40,19 @@ def copy_figure(name, target):
 
 
 def recordings_folder():
-    """Folder of the real recordings.
-
-    Raises
-    ------
-    Unavailable
-        If the environment variable that names it is not set.
-    """
+    """Folder of the real recordings; where the environment variable that names it is not set, it is unavailable."""
     folder = os.environ.get("ANKLELOOP_RECORDINGS")
     if not folder:
         raise Unavailable("the environment variable ANKLELOOP_RECORDINGS names no folder of recordings.")
     return Path(folder)
+
+
+def read_recordings():
+    """The real recordings by name, read as config/recordings.example.yaml says."""
+    folder = recordings_folder()
+    study = yaml.safe_load((ROOT / EXAMPLE).read_text(encoding="utf-8"))["studies"]["recordings"]
+    mappings = {name: {**study["defaults"], **mapping} for name, mapping in study["files"].items()}
+    return {name: load_recording(folder / mapping["file"], mapping) for name, mapping in mappings.items()}
 
 
 def mean(values, spec=".1f"):

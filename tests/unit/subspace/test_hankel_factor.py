@@ -2,6 +2,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from hankel_matrices import stack_rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -9,12 +10,6 @@ from ankleloop.errors import DataError
 from ankleloop.subspace import moesp, simulate_response
 from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.hankel_factor import HankelFactor, combine_factors, factor_products, update_factor
-
-
-def stack_rows(x, rows):
-    """The Hankel matrix itself, each row less its mean."""
-    H = block_hankel(x, 0, rows, len(x) - rows + 1)
-    return H - H.mean(axis=1, keepdims=True)
 
 
 def accumulate(x, rows, chunks=None, lags=None, **options):

@@ -1,17 +1,16 @@
 import numpy as np
 import pytest
+from hankel_matrices import stack_rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.hankel_gram import HankelGram
 
 
 def multiply_rows(x, rows):
     """H Hᵀ of the Hankel matrix itself, each row less its mean."""
-    H = block_hankel(x, 0, rows, len(x) - rows + 1)
-    H = H - H.mean(axis=1, keepdims=True)
+    H = stack_rows(x, rows)
     return H @ H.T
 
 
