@@ -9,6 +9,7 @@ import pandas as pd
 
 from ankleloop.replication.captions import format_setting, label_setting
 from ankleloop.replication.comparisons import Tables, format_mean, join_phrases, mean_margin
+from ankleloop.replication.judgement import CONDITIONAL, REPRODUCED
 from ankleloop.replication.verdicts import phrase_verdict
 
 __all__ = ["explain_assumptions"]
@@ -74,7 +75,7 @@ def _explain_load(ledger: pd.DataFrame, tables: Tables) -> str:
         texts.append(f"the loop is stable at all gains of Figure 4 ({gains.min():g} … {gains.max():g})")
     rows = ledger[ledger["id"].str.startswith("table1/")].dropna(subset=["ours", "paper"])
     if len(rows):
-        count = rows["verdict"].str.startswith("reproduced").sum()
+        count = rows["verdict"].isin([REPRODUCED, CONDITIONAL]).sum()
         texts.append(f"{count} of the {len(rows)} numbers of Table 1 are reproduced with it")
     return "; ".join(texts) or UNKNOWN
 

@@ -26,7 +26,7 @@ from ankleloop.replication.comparisons import (
     mean_columns,
     stiffness_errors,
 )
-from ankleloop.replication.judgement import CONTRADICTION, OPEN
+from ankleloop.replication.judgement import CONDITIONAL, CONTRADICTION, OPEN, REPRODUCED
 from ankleloop.replication.verdicts import describe_claim, list_by_verdict, phrase_verdict
 
 __all__ = ["BIAS_CLAIMS", "CONCLUSIONS", "Conclusion", "draw_conclusions"]
@@ -113,8 +113,8 @@ def conclude_table1(ledger: pd.DataFrame, _tables: Tables) -> Conclusion | None:
     rows = _find_rows(ledger, ledger.loc[ledger["id"].str.startswith("table1/"), "id"])
     if rows is None:
         return None
-    agree = rows[rows["verdict"].str.startswith("reproduced")]
-    conditions = agree.loc[agree["verdict"] != "reproduced", "conditions"].dropna().unique()
+    agree = rows[rows["verdict"].isin([REPRODUCED, CONDITIONAL])]
+    conditions = agree.loc[agree["verdict"] == CONDITIONAL, "conditions"].dropna().unique()
     condition = f" ({'; '.join(conditions)})" if len(conditions) else ""
     others = rows[~rows.index.isin(agree.index)]
     texts = (

@@ -15,6 +15,7 @@ from ankleloop.signals.vaf import confidence_margin
 
 __all__ = [
     "BY_CONSTRUCTION",
+    "CONDITIONAL",
     "CONTRADICTION",
     "LEVEL",
     "NOT_REPRODUCED",
@@ -33,6 +34,7 @@ __all__ = [
 
 LEVEL = 0.95  # of the intervals
 REPRODUCED, NOT_REPRODUCED, OPEN = "reproduced", "not reproduced", "cannot be judged"
+CONDITIONAL = "reproduced under stated conditions"
 CONTRADICTION, BY_CONSTRUCTION = "contradiction in the paper", "by construction"
 
 Range = tuple[float, float]

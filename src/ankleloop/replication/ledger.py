@@ -12,6 +12,7 @@ from ankleloop.replication.claim_checks import CLAIM_CHECKS, CheckResult, Claim,
 from ankleloop.replication.evidence import Evidence, MissingEvidence, StudyResults
 from ankleloop.replication.judgement import (
     BY_CONSTRUCTION,
+    CONDITIONAL,
     CONTRADICTION,
     NOT_REPRODUCED,
     OPEN,
@@ -20,9 +21,8 @@ from ankleloop.replication.judgement import (
 )
 from ankleloop.replication.tables import format_number
 
-__all__ = ["VERDICTS", "format_ledger", "verify"]
+__all__ = ["VERDICTS", "format_ledger", "tabulate_ledger", "verify"]
 
-CONDITIONAL = "reproduced under stated conditions"
 VERDICTS = {
     REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
     CONDITIONAL: "the same, with something assumed that the paper does not give",
@@ -160,14 +160,26 @@ def format_ledger(ledger: pd.DataFrame) -> str:
         "with its interval: our result less the published one, or less what column `how` names. It is compared with "
         "the tolerance.",
         "",
-        _format_rows(ledger).to_markdown(index=False, disable_numparse=True),
+        tabulate_ledger(ledger).to_markdown(index=False, disable_numparse=True),
         "",
     ]
     return "\n".join(lines)
 
 
-def _format_rows(ledger: pd.DataFrame) -> pd.DataFrame:
-    """Columns of the ledger that the page has, as text."""
+def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
+    """The ledger as a table for people.
+
+    Parameters
+    ----------
+    ledger : pandas.DataFrame
+        From `verify`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Text: `id`, `section`, `statement`, `unit`, `paper`, `ours`, `difference`, `tolerance`, `verdict`, and `reason`
+        with its conditions.
+    """
     cells = ledger[["id", "section", "statement", "unit"]].copy()
     cells["paper"] = [format_number(paper, ".4g") for paper in ledger["paper"]]
     cells["ours"] = [

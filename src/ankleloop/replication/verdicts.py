@@ -6,7 +6,14 @@ from collections.abc import Iterable, Mapping
 
 import pandas as pd
 
-from ankleloop.replication.judgement import BY_CONSTRUCTION, CONTRADICTION, NOT_REPRODUCED, OPEN, REPRODUCED
+from ankleloop.replication.judgement import (
+    BY_CONSTRUCTION,
+    CONDITIONAL,
+    CONTRADICTION,
+    NOT_REPRODUCED,
+    OPEN,
+    REPRODUCED,
+)
 
 __all__ = [
     "PHRASES",
@@ -19,7 +26,7 @@ __all__ = [
 
 PHRASES = {
     REPRODUCED: "is reproduced",
-    "reproduced under stated conditions": "is reproduced under a stated condition",
+    CONDITIONAL: "is reproduced under a stated condition",
     NOT_REPRODUCED: "is not reproduced",
     OPEN: "cannot be judged",
     CONTRADICTION: "is contradicted by the paper itself",

@@ -22,6 +22,7 @@ from ankleloop.subspace.hankel_gram import HankelProducts
 __all__ = ["HankelFactor", "combine_factors", "factor_products", "update_factor"]
 
 NEGLIGIBLE = 1e-30  # part of the square of a row beside those before it: rounding of the row itself
+LANES = 8  # doubles of the longest vector
 BLOCK = 16  # columns of a panel: narrow ones leave most of the work to matrix products
 
 
@@ -181,6 +182,20 @@ def _displace_products(high, low, head, tail, rows, places, columns):
 
 
 @njit(cache=True)
+def _subtract_rows(flat, flat_low, factors, target, first, second, count):
+    """Add multiples of two rows to a row, all of them pairs, from given places on; vectorised."""
+    a, a_low, b, b_low = factors
+    target, first, second = np.uint64(target), np.uint64(first), np.uint64(second)
+    for step in range(np.uint64(count)):
+        k, i, j = target + step, first + step, second + step
+        p, p_error = _multiply(a, a_low, flat[i], flat_low[i])
+        q, q_error = _multiply(b, b_low, flat[j], flat_low[j])
+        total, p_rounding = _add(flat[k], p)
+        flat[k], q_rounding = _add(total, q)
+        flat_low[k] += (p_error + p_rounding) + (q_error + q_rounding)
+
+
+@njit(cache=True)
 def factor_products(high, low):
     """Triangular factor R of the sum of two matrices, RᵀR = high + low, by Cholesky's method with twice the digits.
 
@@ -189,7 +204,7 @@ def factor_products(high, low):
     Parameters
     ----------
     high, low : ndarray, shape (k, k)
-        Inner products, and what they round away: upper triangles, which are overwritten.
+        Inner products, and what they round away: upper triangles.
 
     Returns
     -------
@@ -197,21 +212,19 @@ def factor_products(high, low):
         Upper triangular.
     """
     n = len(high)
+    stride = (n + LANES - 1) // LANES * LANES  # so that every row consists of whole vectors
+    factor, rests = np.zeros((n, stride)), np.zeros((n, stride))
+    factor[:, :n], rests[:, :n] = high, low
+    flat, flat_low = factor.ravel(), rests.ravel()
     for j in range(n):
-        row, rest = high[j], low[j]
+        row, rest = factor[j], rests[j]
         limit = NEGLIGIBLE * row[j]
+        first = j // LANES * LANES  # entries before the diagonal take part, and are set to zero at the end
         for i in range(0, j, 2):
-            a, a_low, first, first_low = -high[i, j], -low[i, j], high[i], low[i]
             second = min(i + 1, j - 1)  # twice the same row where one is left over: then the second one counts zero
-            b, b_low, other, other_low = -high[second, j], -low[second, j], high[second], low[second]
-            if second == i:
-                b, b_low = 0.0, 0.0
-            for k in range(j, n):
-                p, p_error = _multiply(a, a_low, first[k], first_low[k])
-                q, q_error = _multiply(b, b_low, other[k], other_low[k])
-                total, p_rounding = _add(row[k], p)
-                row[k], q_rounding = _add(total, q)
-                rest[k] += (p_error + p_rounding) + (q_error + q_rounding)
+            part = 1.0 if second > i else 0.0
+            factors = -factor[i, j], -rests[i, j], -part * factor[second, j], -part * rests[second, j]
+            _subtract_rows(flat, flat_low, factors, j * stride + first, i * stride + first, second * stride + first, stride - first)
         pivot, pivot_low = _add(row[j], rest[j])
         if not pivot > limit:
             row[:] = 0.0
@@ -226,7 +239,8 @@ def factor_products(high, low):
             p, p_error = _multiply(row[k], rest[k], inverse, inverse_low)
             row[k], rest[k] = _add(p, p_error)
         row[:j] = 0.0
-    return high
+        rest[:j] = 0.0
+    return factor[:, :n].copy()
 
 
 def combine_factors(factors: Sequence[np.ndarray]) -> np.ndarray:

@@ -21,6 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import lapack
 
 from ankleloop.errors import DataError
 from ankleloop.subspace.options import ProjectionForm
@@ -119,9 +120,10 @@ def _project_ordinary(
     # Relative to the instruments before the inputs were removed, because the residual may be nothing but rounding.
     instruments = R[: m + z, m : m + z]
     tolerance = max(rank_tolerance, LEAST_TOLERANCE)
-    if input_rank == m and np.diag(residual).all():  # singular vectors take three times as long, and are not needed
-        values = np.linalg.svd(residual[:, :z], compute_uv=False)
-        if values[-1] > tolerance * np.linalg.norm(instruments):  # this norm is not less than the largest value
+    if input_rank == m and np.diag(residual).all():  # singular vectors take long, and are not needed if all count
+        # The first norm is not more than the smallest singular value, the second not less than the largest one.
+        smallest = 1.0 / np.linalg.norm(lapack.dtrtri(residual[:, :z])[0])
+        if smallest > tolerance * np.linalg.norm(instruments):
             check_instrument_rank(z, order)
             return residual[:, z:].T, (m, z), condition
     left, values, _ = np.linalg.svd(residual[:, :z], full_matrices=False)
