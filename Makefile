@@ -1,12 +1,16 @@
 # make          set up what is missing, then reproduce the paper
 # make test     set up what is missing, then run the tests
+# make test-long  the faults that a run survives: kills, full disks, damaged files
+# make audit    licences, bill of materials and known vulnerabilities of what ankleloop is built on
 # make beyond   the paper, and the studies that go further
+# make unlock   after a run that was killed: take away its lock, so that make can go on; nothing is lost
 # make coverage how often the intervals of riv hold the truth: 1,000 trials of eight settings
+# make fuzz     damaged files, ten minutes for each reader
 # make benchmark  time, memory and accuracy beside other programs
 SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := all
-.PHONY: all setup test beyond coverage benchmark expected docs-numbers lint format rulegraph lock clean
+.PHONY: all setup test test-long audit fuzz beyond coverage benchmark expected docs-numbers lint format rulegraph lock unlock clean
 
 CORES ?= 2
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
@@ -18,16 +22,32 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # A path of another environment must not reach into this one.
 unexport PYTHONPATH PYTHONHOME
 
+# A run that ends removes its lock, one that is killed cannot.
+LOCK_HINT := test -z "$$(ls .snakemake/locks 2>/dev/null)" || echo "If no other run is going on in this folder, one that \
+was killed has left its lock: make unlock, then the same command again. Nothing is lost."
+
 all: setup
-	snakemake --cores $(CORES)
+	snakemake --cores $(CORES) || { $(LOCK_HINT); exit 1; }
+
+unlock: setup
+	snakemake --cores 1 --unlock
 
 setup: $(READY)
 
+# As many processes as cores; a test file stays in one.
 test: setup
-	python -m pytest $(ARGS)
+	OMP_NUM_THREADS=1 python -m pytest -n $(CORES) --dist loadgroup $(ARGS)
+
+# Half an hour: kills, full and read-only disks, jobs without memory, damaged files, set-ups that are interrupted.
+test-long: setup
+	python -m pytest tests/long $(ARGS)
+
+# Damaged files have to be read or refused: 70 minutes; ARGS="--minutes 1 --readers csv hdf5" for less.
+fuzz: setup
+	python tests/fuzz/fuzz.py --minutes 10 --processes 2 --json results/reliability/fuzz.json $(ARGS)
 
 beyond: setup
-	snakemake --cores $(CORES) --configfile config/beyond.yaml
+	snakemake --cores $(CORES) --configfile config/beyond.yaml || { $(LOCK_HINT); exit 1; }
 
 # Eight minutes on two cores; prints its progress and a table.
 coverage: setup
@@ -40,6 +60,16 @@ benchmark: setup $(PEERS)
 
 $(PEERS): benchmarks/requirements.txt $(READY)
 	python -m pip install --quiet --disable-pip-version-check --upgrade --no-deps --target $@ -r $<
+	@touch $@
+
+# Two minutes: licences, bill of materials, known vulnerabilities. The tools have an environment of their own.
+AUDIT := $(VENV)/audit
+audit: setup $(AUDIT)/.ready
+	python audit/audit.py --tools $(AUDIT)/bin
+
+$(AUDIT)/.ready: audit/requirements.txt $(PACKAGES)
+	python -m venv --clear $(AUDIT)
+	$(AUDIT)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $<
 	@touch $@
 
 # Results changed on purpose: write those that the regression tests expect anew, and look at the difference in git.

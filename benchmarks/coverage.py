@@ -99,7 +99,7 @@ def write_coverage(estimates, truths, path, caption):
     """Write the coverage of some points and print it."""
     table, wide = compute_coverage(estimates, truths)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_table(table, path, wide, caption)
+    write_table(table, path, wide, caption, overwrite=True)
     print(wide.to_string(index=False), caption, sep="\n", flush=True)
 
 

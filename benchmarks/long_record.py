@@ -81,6 +81,7 @@ def main():
             LongRecord(path),
             folder / "torques.nc",
             arguments.method,
+            overwrite=True,
             basis=arguments.basis,
             progress=print_progress,
         )

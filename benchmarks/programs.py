@@ -5,9 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from ankleloop import method_options
 from ankleloop.joint.models import simulate_torques
-from ankleloop.methods.moesp import REGRESSION_TOLERANCE
+from ankleloop.methods.moesp import REGRESSION_TOLERANCE, MoespOptions
 from ankleloop.subspace import moesp
 
 PACKAGES = {
@@ -29,7 +28,7 @@ def _identify_by_ankleloop(data, block_rows, *, known_rows=True):
     if data.regressors is not None:
         options = {
             "dynamic": data.regressors.reflex if known_rows else None,
-            "rank_tolerance": method_options("pr-moesp")["rank_tolerance"],
+            "rank_tolerance": MoespOptions.defaults()["rank_tolerance"],
             "regression_tolerance": REGRESSION_TOLERANCE,
         }
     return moesp(data.u, data.y, block_rows, data.order, data.instruments, reference=data.reference, **options)

@@ -18,6 +18,13 @@ def pytest_addoption(parser):
     )
 
 
+def pytest_collection_modifyitems(items):
+    """Where tests run in several processes: one for each file, and one for all tests of the shared reproduction."""
+    for item in items:
+        shared = "repository" in getattr(item, "fixturenames", ())
+        item.add_marker(pytest.mark.xdist_group("reproduction" if shared else str(item.path)))
+
+
 @pytest.fixture(scope="session")
 def copy_repository(tmp_path_factory):
     """Copy the repository, as a user has it."""

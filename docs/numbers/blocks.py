@@ -37,21 +37,23 @@ class Unavailable(Exception):
 class Block:
     """A block of a page.
 
-    `sources` are modules of the library or files of the project; what they import belongs to them. `studies` are
-    studies of config/config.yaml whose settings the numbers depend on.
+    `sources` are modules of the library or files of the project; what they import belongs to them, unless `imports` is
+    False: counts of tests do not change with the library that is tested. `studies` are studies of config/config.yaml
+    whose settings the numbers depend on.
     """
 
     name: str
     write: Callable[[], str]
     sources: tuple[str, ...]
     studies: tuple[str, ...]
+    imports: bool = True
 
     @property
     def fingerprint(self):
         """12 hexadecimal digits that change with the source of the numbers."""
         digest = hashlib.sha256(_code(inspect.getsource(self.write)).encode())
         files = set(map(_source_file, self.sources))
-        for path in sorted(files | reached_files(*files)):
+        for path in sorted(files | reached_files(*files) if self.imports else files):
             digest.update(f"{path.relative_to(ROOT)} {_code_hash(path)}\n".encode())
         for study in self.studies:
             digest.update(json.dumps(_studies()[study], sort_keys=True).encode())
@@ -61,13 +63,13 @@ class Block:
 BLOCKS = {}
 
 
-def block(name, sources, studies=()):
+def block(name, sources, studies=(), *, imports=True):
     """Register a function without arguments that returns the Markdown of a block."""
 
     def register(write):
         if name in BLOCKS:
             raise ValueError(f"there are two blocks {name}.")
-        BLOCKS[name] = Block(name, write, tuple(sources), tuple(studies))
+        BLOCKS[name] = Block(name, write, tuple(sources), tuple(studies), imports)
         return write
 
     return register

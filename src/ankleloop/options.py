@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from types import NoneType, UnionType
-from typing import Any, Literal, Self, TypeVar, Union, get_args, get_origin
+from typing import Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
+
+from ankleloop.arguments import as_plain, describe_kind, describe_limits, show_value, suggest_name
 
 __all__ = ["Options", "describe_error", "option", "show_fields"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 KINDS = {"int": "a whole number", "float": "a finite number", "bool": "true or false", "string": "text", "str": "text"}
-BOUNDS = {
-    "greater_than_equal": ("at least", "ge"),
-    "less_than_equal": ("at most", "le"),
-    "greater_than": ("above", "gt"),
-    "less_than": ("below", "lt"),
-}
+BOUNDS = {"greater_than_equal": "ge", "less_than_equal": "le", "greater_than": "gt", "less_than": "lt"}
+PLAIN = (str, bool, int, NoneType, dict, list, tuple)  # types that need no conversion; floats may be whole numbers
 
 
 def option(default: Any = ..., description: str = "", *, unit: str = "1", **bounds: Any) -> Any:
@@ -50,29 +48,41 @@ class Options(BaseModel):
 
     Examples
     --------
+    A flag is no number, text is no flag, and no number is nan or infinite. Numbers of numpy are numbers, and a float
+    without a fraction is a whole number, as tables and YAML files write it.
+
     >>> class Window(Options):
-    ...     length: float = option(5.0, "length of the window", unit="s", gt=0)
+    ...     length: float = option(5.0, "length of the window", unit="s", gt=0, le=60)
     >>> Window.parse("the window", length=2).length
     2.0
     >>> Window.parse("the window", length=0.0)
     Traceback (most recent call last):
       ...
-    ValueError: length must be above 0 s, got 0.0.
+    ValueError: the window: length must be above 0 and at most 60 s, got 0.0.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    integers: ClassVar[frozenset[str]] = frozenset()  # names of the fields that are whole numbers
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        cls.integers = frozenset(name for name, field in cls.model_fields.items() if int in _types(field.annotation))
         cls.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n\n{cls.numpydoc()}"
 
     @model_validator(mode="before")
     @classmethod
-    def _without_numpy(cls, values: Any) -> Any:
-        """Numbers of numpy are numbers."""
+    def _as_plain(cls, values: Any) -> Any:
+        """Numbers of numpy are numbers, and floats without a fraction are whole numbers where those are due."""
         if not isinstance(values, Mapping):
             return values
-        return {name: value.item() if _is_numpy_scalar(value) else value for name, value in values.items()}
+        integers = cls.integers
+        plain = dict(values)
+        for name, value in values.items():
+            if type(value) in PLAIN or (type(value) is float and name not in integers):
+                continue
+            value = as_plain(value)
+            plain[name] = int(value) if name in integers and type(value) is float and value.is_integer() else value
+        return plain
 
     @classmethod
     def parse(cls, owner: str, /, **values: Any) -> Self:
@@ -94,15 +104,36 @@ class Options(BaseModel):
         TypeError
             For a name that is not an option.
         ValueError
-            For a value out of its range; the message names it, its bound and its unit.
+            For a value of another type or out of its range; the message has owner, name, value, unit and bounds.
         """
-        unknown = sorted(set(values) - set(cls.model_fields))
-        if unknown:
-            raise TypeError(f"{owner} has no option {unknown[0]!r}; it has {', '.join(cls.model_fields)}.")
+        cls.check_names(owner, values)
         try:
             return cls(**values)
         except ValidationError as error:
-            raise ValueError(cls.describe(error)) from None
+            raise ValueError(f"{owner}: {cls.describe(error)}") from None
+
+    @classmethod
+    def check_names(cls, owner: str, names: Collection[str]) -> None:
+        """Refuse names that are not options.
+
+        Parameters
+        ----------
+        owner : str
+            What has these options, for the message.
+        names : collection of str
+            Names.
+
+        Raises
+        ------
+        TypeError
+            For the first such name; the message has those that there are.
+        """
+        fields = cls.model_fields
+        for name in names:
+            if name not in fields:
+                raise TypeError(
+                    f"{owner} has no option {name!r}{suggest_name(name, fields)}; it has {', '.join(fields)}."
+                )
 
     @classmethod
     def describe(cls, error: ValidationError) -> str:
@@ -111,7 +142,7 @@ class Options(BaseModel):
         if first["type"] == "value_error":  # of a validator of ours, whose message says all
             return str(first["ctx"]["error"])
         name = str(first["loc"][0])
-        return f"{name} {describe_error(first, cls.unit(name))}."
+        return f"{name} {describe_error(first, cls.unit(name), cls.limits(name))}."
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:
@@ -123,6 +154,13 @@ class Options(BaseModel):
         """Unit of a field, "1" where it has none."""
         field = cls.model_fields.get(name)
         return "1" if field is None else _unit(field)
+
+    @classmethod
+    def limits(cls, name: str) -> dict[str, float]:
+        """Bounds of a field by the names that `option` has for them; none for an unknown field."""
+        field = cls.model_fields.get(name)
+        metadata = field.metadata if field else ()
+        return {key: getattr(item, key) for item in metadata for key in BOUNDS.values() if hasattr(item, key)}
 
     @classmethod
     def numpydoc(cls) -> str:
@@ -140,8 +178,9 @@ def _python_text(field: FieldInfo) -> str:
     return re.sub(r"\bnull\b", "None", field.description or "")
 
 
-def _is_numpy_scalar(value: Any) -> bool:
-    return type(value).__module__ == "numpy" and hasattr(value, "item") and getattr(value, "ndim", None) == 0
+def _types(annotation: Any) -> tuple[Any, ...]:
+    """Types of a field: the members of a union, or the single one."""
+    return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
 
 
 def _unit(field: FieldInfo) -> str:
@@ -204,8 +243,8 @@ def type_name(annotation: Any) -> str:
     return getattr(annotation, "__name__", str(annotation))
 
 
-def describe_error(error: Mapping[str, Any], unit: str = "1") -> str:
-    """What is wrong with a value, as a predicate: "must be at least 1, got 0".
+def describe_error(error: Mapping[str, Any], unit: str = "1", limits: Mapping[str, float] | None = None) -> str:
+    """What is wrong with a value, as a predicate: "must be between 1 and 20, got 0".
 
     Parameters
     ----------
@@ -213,23 +252,22 @@ def describe_error(error: Mapping[str, Any], unit: str = "1") -> str:
         One of the errors of a `pydantic.ValidationError`.
     unit : str
         Unit of the value.
+    limits : mapping, optional
+        Its bounds, as `Options.limits` has them.
 
     Returns
     -------
     str
     """
-    kind, value, context = error["type"], error["input"], error.get("ctx", {})
-    of_unit = "" if unit == "1" else f" {unit}"
+    kind, context = error["type"], error.get("ctx", {})
+    value, bounds = show_value(error["input"]), dict(limits or {})
     if kind in BOUNDS:
-        word, key = BOUNDS[kind]
-        return f"must be {word} {context[key]:g}{of_unit}, got {value!r}"
+        return f"must be {describe_limits(unit, **(bounds or {BOUNDS[kind]: context[BOUNDS[kind]]}))}, got {value}"
     if kind == "literal_error":
-        return f"must be {'one of ' * (' or ' in context['expected'])}{context['expected']}; got {value!r}"
-    if kind == "finite_number":
-        return f"must be a finite number{of_unit and f' [{unit}]'}, got {value!r}"
+        return f"must be {'one of ' * (' or ' in context['expected'])}{context['expected']}; got {value}"
     if kind == "value_error":
         return str(context["error"])
-    expected = KINDS.get(kind.partition("_")[0])
-    if expected and kind.endswith(("_type", "_parsing", "_from_float")):
-        return f"must be {expected}{of_unit and f' [{unit}]'}, got {value!r}"
-    return f"{error['msg'][0].lower()}{error['msg'][1:]}, got {value!r}"
+    expected = "a finite number" if kind == "finite_number" else KINDS.get(kind.partition("_")[0])
+    if expected and kind.endswith(("_number", "_type", "_parsing", "_from_float", "_size")):
+        return f"must be {describe_kind(expected, unit, bounds)}, got {value}"
+    return f"is not usable, {error['msg'][0].lower()}{error['msg'][1:]}: got {value}"

@@ -10,6 +10,8 @@ import pytest
 import yaml
 
 import ankleloop
+from ankleloop.replication.results import read_results
+from ankleloop.replication.trial_counts import COUNTS, count_outcomes, count_trials
 from ankleloop.studies.seeds import trial_entropy
 
 pytestmark = pytest.mark.workflow
@@ -56,7 +58,8 @@ def page(path):
 
 def test_table_and_figure_of_the_paper(reproduction):
     table = pd.read_csv(reproduction / "results/tables/table1.csv")
-    assert list(table.columns) == ["gain", "method", "torque", "against", "paper", "mean", "sd", "n"]
+    assert list(table.columns)[:8] == ["gain", "method", "torque", "against", "paper", "mean", "sd", "n"]
+    assert list(table.columns)[8:] == COUNTS
     methods = ["pr-moesp", "eiv-moesp", "parallel-cascade-one-pass", "parallel-cascade", "pr-moesp-free-b"]
     assert list(table["method"].unique()) == methods
     assert set(table["n"]) == {4}
@@ -74,6 +77,22 @@ def test_table_and_figure_of_the_paper(reproduction):
     for end in ("png", "pdf"):
         assert (reproduction / f"results/figures/table1-figure3.{end}").stat().st_size > 10_000
     assert "PR-MOESP" in page(reproduction / "results/reports/table1.html")
+
+
+def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
+    for path in (reproduction / "results/tables").glob("*.csv"):
+        if path.stem == "economy":  # of runs that cannot fail, beside the studies
+            continue
+        table = pd.read_csv(path)
+        details = read_results((reproduction / "results/parameters" / path.stem).glob("*.csv"))
+        assert set(COUNTS) <= set(table), path.name
+        assert (table["trials"] == count_trials(details)).all(), path.name
+        assert table["failures"].max() == 0, path.name
+        expected = count_outcomes(details, ["point", "method"])["warnings"]
+        if path.stem != "obstacles":  # there each warning that names the step is left out
+            assert expected.min() <= table["warnings"].min() <= table["warnings"].max() <= details["trial"].max() + 1
+        page = (path.with_suffix(".md")).read_text(encoding="utf-8")
+        assert all(name in page for name in COUNTS), path.name
 
 
 def test_scores_are_means_of_trials(reproduction):

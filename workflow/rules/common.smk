@@ -1,8 +1,9 @@
 # The configuration, the studies that it describes, and what several rules take of them.
 import os
+import sys
 
-from ankleloop.studies.checking import check_unique_keys
-from ankleloop.studies.config import NOTEBOOKS
+from ankleloop.studies.checking import ConfigError
+from ankleloop.studies.notebooks import NOTEBOOKS
 from ankleloop.studies.fingerprint import fingerprint
 from ankleloop.studies.results import (
     article_parameters,
@@ -11,15 +12,22 @@ from ankleloop.studies.results import (
     report_parameters,
     run_studies,
 )
-from ankleloop.studies.study import RecordedStudy, SimulatedStudy, read_studies
+from ankleloop.studies.run_config import describe_article, read_run
+from ankleloop.studies.study import RecordedStudy, SimulatedStudy
+from snakemake.logging import logger
 
 # Jobs keep the memory that they have freed: the first touch of new memory can cost more than the numbers in it.
 os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(2**30))
 os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(2**31))
 
-for path in workflow.configfiles:
-    check_unique_keys(path)
-CONFIG, STUDIES = read_studies(config)
+try:
+    CONFIG, STUDIES = read_run(config, CONFIG_FILES, workflow.config_settings.config)
+except ConfigError as error:
+    sys.exit(
+        f"Configuration: {error}"
+    )  # without the traceback that Snakemake would show
+if workflow.is_main_process and describe_article(CONFIG):
+    logger.info(describe_article(CONFIG))
 ARTICLE = article_studies(CONFIG, STUDIES)
 DIAGRAMS = ["figure1", "figure2"]
 PUBLISHED = sorted((ROOT / "data" / "published").glob("*.csv"))
@@ -129,8 +137,6 @@ def targets():
     paths = []
     for study in run_studies(CONFIG, STUDIES):
         if isinstance(study, RecordedStudy):
-            # Here, too: results of an earlier run would hide that the folder is not set.
-            study.folder
             paths.append(f"results/reports/{study.name}")
         if study.settings.notebook:
             paths += [f"results/reports/{study.name}.html", *figure_files(study)]

@@ -34,6 +34,8 @@ rule report:
             table_stem=os.path.splitext(output.table)[0],
             figure_stem=f"{output.figures}/{wildcards.study}",
         ),
+        # Recordings have no number of trials.
+        trials=lambda wildcards: getattr(study_of(wildcards).settings, "trials", None),
         library=lambda wildcards: library(
             "workflow/scripts/render.py", notebook_of(wildcards)
         ),

@@ -20,6 +20,7 @@ rule simulate:
             chunk_of(wildcards)
         ),
         precision=lambda wildcards: study_of(wildcards).settings.precision,
+        failures=lambda wildcards: study_of(wildcards).settings.failures,
         library=library("workflow/scripts/simulate.py"),
     script:
         "../scripts/simulate.py"

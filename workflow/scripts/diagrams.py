@@ -10,4 +10,4 @@ from job import running
 with running(snakemake):
     folder = Path(snakemake.output[0]).parent
     for name, diagram in (("figure1", parallel_cascade_diagram()), ("figure2", closed_loop_diagram())):
-        save_figure(diagram, folder / name, suffixes=(".png", ".pdf", ".svg"))
+        save_figure(diagram, folder / name, suffixes=(".png", ".pdf", ".svg"), overwrite=True)

@@ -20,5 +20,5 @@ from job import running
 with running(snakemake):
     trials = chain.from_iterable(load_trials(path) for path in snakemake.input.trials)
     quantities = measure_economy(trials, snakemake.params.options)
-    with atomic_file(snakemake.output.table) as path:
+    with atomic_file(snakemake.output.table, overwrite=True) as path:
         quantities.to_csv(path, index=False)

@@ -2,16 +2,17 @@
 
 import sys
 
-from ankleloop.joint.estimate_files import save_estimates
-from ankleloop.records.files import atomic_file
-from ankleloop.replication.results import describe_failures
-from ankleloop.studies.identification import identify_chunk
+from ankleloop.replication.results import read_results
+from ankleloop.replication.trial_counts import describe_failures
+from ankleloop.studies.identification import FILES, identify_chunk
 
 from job import running
 
 with running(snakemake):
-    results = identify_chunk(
+    files = {name: snakemake.output[name] for name in FILES}
+    identify_chunk(
         snakemake.input.trials,
+        files,
         snakemake.wildcards.study,
         snakemake.params.points,
         snakemake.params.methods,
@@ -19,10 +20,6 @@ with running(snakemake):
         precision=snakemake.params.precision,
         failures=snakemake.params.failures,
     )
-    save_estimates(results.estimates, snakemake.output.estimates)
-    for table, path in ((results.scores, snakemake.output.scores), (results.parameters, snakemake.output.parameters)):
-        with atomic_file(path) as partial:
-            table.to_csv(partial, index=False)
-    message = describe_failures(results.parameters)
+    message = describe_failures(read_results([files["parameters"]]))
     if message:
         print(f"{snakemake.wildcards.study}, chunk {snakemake.wildcards.chunk}: {message}", file=sys.stderr)

@@ -3,29 +3,33 @@
 import logging
 import sys
 import time
-import traceback
 from contextlib import contextmanager
+
+from ankleloop.studies.failures import describe_error
 
 log = logging.getLogger("ankleloop")
 
 
 @contextmanager
 def running(snakemake):
-    """Send the log to the log file of the job; on an error print one line on the terminal, too."""
+    """Send the log to the log file of the job; an error is one line on the terminal, and its trace is in the log."""
     logging.basicConfig(
         filename=str(snakemake.log), filemode="w", format="%(asctime)s %(message)s", level=logging.INFO, force=True
     )
     try:
         yield
     except Exception as error:
-        log.error("%s", traceback.format_exc())
-        chunk = ", ".join(f"{name} {value}" for name, value in snakemake.wildcards.items()) or snakemake.rule
-        sys.exit(f"{type(error).__name__} in {chunk}: {error}\nThe log has all details: {snakemake.log}.")
+        wildcards = [f"{name} {value}" for name, value in snakemake.wildcards.items()]
+        job = ", ".join([f"rule {snakemake.rule}", *wildcards])
+        places = getattr(error, "__notes__", [])
+        message = f"{'; '.join([job, *places])}: {describe_error(error)}"
+        log.error("%s", message, exc_info=error)
+        sys.exit(f"{message} (The log has all details: {snakemake.log})")
 
 
-def progress(items, action):
+def progress(items, count, action):
     """Yield items, and log how many have been processed."""
     start = time.perf_counter()
     for number, item in enumerate(items, start=1):
         yield item
-        log.info("%s %d of %d after %.1f s", action, number, len(items), time.perf_counter() - start)
+        log.info("%s %d of %d after %.1f s", action, number, count, time.perf_counter() - start)

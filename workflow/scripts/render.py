@@ -10,7 +10,9 @@ from nbconvert import HTMLExporter
 
 from ankleloop.pages.notebooks import render_notebook_page
 from ankleloop.records.files import atomic_file
-from ankleloop.replication.results import describe_failures, read_results
+from ankleloop.replication.completeness import check_study
+from ankleloop.replication.results import read_results
+from ankleloop.replication.trial_counts import describe_failures
 
 from job import log, running
 
@@ -31,7 +33,10 @@ def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/executed.ipynb"
         papermill.execute_notebook(notebook, path, parameters, kernel_name="python3", progress_bar=False)
-        return nbformat.read(path, as_version=4)
+        executed = nbformat.read(path, as_version=4)
+    for number, cell in enumerate(executed.cells):
+        cell["id"] = f"cell-{number}"  # papermill gives the cell of the parameters a random one
+    return executed
 
 
 def export_outputs(notebook: nbformat.NotebookNode) -> str:
@@ -39,6 +44,13 @@ def export_outputs(notebook: nbformat.NotebookNode) -> str:
     exporter = HTMLExporter(template_name="basic", exclude_input=True, exclude_input_prompt=True)
     exporter.exclude_output_prompt = True
     return exporter.from_notebook_node(notebook)[0]
+
+
+def check_results_of(parameters: Mapping) -> None:
+    """Refuse a simulated study of which results are missing; the article shows several, each with a page of its own."""
+    if parameters.get("kind") == "simulation":
+        names = ("parameters", "scores", "points", "labels")
+        check_study(*(parameters[name] for name in names), snakemake.params.trials)
 
 
 def describe_failures_of(parameters: Mapping) -> str:
@@ -49,11 +61,12 @@ def describe_failures_of(parameters: Mapping) -> str:
 with running(snakemake):
     notebook, parameters = snakemake.input.notebook, dict(snakemake.params.parameters)
     check_parameters(notebook, parameters)
+    check_results_of(parameters)
     if snakemake.output.get("figures"):  # a folder, which the notebook fills
         Path(snakemake.output.figures).mkdir(parents=True, exist_ok=True)
     body = export_outputs(execute(notebook, parameters))
     log.info("executed %s", notebook)
     report = next(path for path in snakemake.output if path.endswith(".html"))
-    with atomic_file(report) as path:
+    with atomic_file(report, overwrite=True) as path:
         page = render_notebook_page(parameters["title"], body, describe_failures_of(parameters))
         path.write_text(page, encoding="utf-8")

@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from ankleloop.records.files import atomic_file
+from ankleloop.replication.completeness import check_study
 from ankleloop.replication.evidence import StudyResults
 from ankleloop.replication.ledger import format_ledger, verify
 from ankleloop.replication.results import read_results
@@ -12,24 +13,27 @@ from ankleloop.replication.results import read_results
 from job import running
 
 
-def read_chunks(paths, study):
-    """One table of all chunks of a study."""
-    return read_results(path for path in paths if Path(path).parent.name == study)
+def chunk_files(kind, study):
+    """Files of all chunks of a study."""
+    return [path for path in snakemake.input[kind] if Path(path).parent.name == study]
 
 
 with running(snakemake):
+    for name, description in snakemake.params.studies.items():
+        tables = [chunk_files(kind, name) for kind in ("parameters", "scores")]
+        check_study(*tables, description["points"], description["labels"])
     studies = {
         name: StudyResults(
             name=name,
-            scores=read_chunks(snakemake.input.scores, name),
-            parameters=read_chunks(snakemake.input.parameters, name),
+            scores=read_results(chunk_files("scores", name)),
+            parameters=read_results(chunk_files("parameters", name)),
             **description,
         )
         for name, description in snakemake.params.studies.items()
     }
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}
     ledger = verify(published.pop("claims"), published, studies, pd.read_csv(snakemake.input.economy))
-    with atomic_file(snakemake.output.ledger) as path:
+    with atomic_file(snakemake.output.ledger, overwrite=True) as path:
         ledger.to_csv(path, index=False)
-    with atomic_file(snakemake.output.page) as path:
+    with atomic_file(snakemake.output.page, overwrite=True) as path:
         path.write_text(format_ledger(ledger), encoding="utf-8")

@@ -13,6 +13,7 @@ import pandas as pd
 import xarray as xr
 from scipy.signal import resample_poly
 
+from ankleloop.arguments import check_integer, check_number, show_value
 from ankleloop.assessment.scores import evaluate
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
@@ -66,7 +67,8 @@ class Bootstrap:
         ValueError
             For a level that is not between 0 and 1, or one that leaves less than one sample in each tail.
         """
-        fewest = math.ceil(2.0 / (1.0 - level) - 1e-9) if 0.0 < level < 1.0 else math.inf
+        level = check_number("intervals", "level", level, gt=0, lt=1)
+        fewest = math.ceil(2.0 / (1.0 - level) - 1e-9)
         if len(self.samples) < fewest:
             raise ValueError(
                 f"an interval of level {level:g} needs at least {fewest} samples, one for each tail; there are "
@@ -130,7 +132,7 @@ def block_bootstrap(
         If the trial is unusable or less than ten blocks long, or if more than a tenth of the repetitions fail: the
         rest would be a selection of records that suit the method.
     ValueError
-        For fewer than two repetitions or a block that is not positive.
+        For an argument of another type or out of its range: 2 to 100 000 repetitions, a block of 0.001 s or more.
 
     References
     ----------
@@ -145,14 +147,17 @@ def block_bootstrap(
     >>> low < bootstrap.estimate.stiffness["K"] < high
     True
     """
-    if repetitions < 2 or not block > 0:
-        raise ValueError(f"repetitions must be at least 2 and block positive, got {repetitions!r} and {block!r} s.")
+    repetitions = check_integer("block_bootstrap", "repetitions", repetitions, ge=2, le=100_000)
+    block = check_number("block_bootstrap", "block", block, "s", ge=0.001, le=1e6)
+    seed = check_integer("block_bootstrap", "seed", seed, ge=0)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"block_bootstrap: progress must be a function of a range, got {show_value(progress)}.")
     original = prepare(trial)
     estimate = identify(original, method, **options)
     time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
     residual = original.channel_at("torque", time, rate) - estimate.torque["net"].values
     residual -= residual.mean()
-    length = round(block * rate)
+    length = max(1, round(block * rate))
     if residual.size < 10 * length:
         raise DataError(
             f"the estimate covers {residual.size / rate:.3g} s, less than ten blocks of {block:g} s: take shorter ones."

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import signal as sps
 
+from ankleloop.arguments import check_flag, check_number
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
@@ -141,7 +142,10 @@ def fisher_information(
     TypeError, ValueError, DataError
         As `cramer_rao` does.
     """
-    all_settings = SimulationSettings.parse("simulate", **settings)
+    identification_rate = check_number("cramer_rao", "identification_rate", identification_rate, "Hz", ge=1, le=10000)
+    check_flag("cramer_rao", "fed_back", fed_back)
+    check_flag("cramer_rao", "known_delay", known_delay)
+    all_settings = SimulationSettings.parse("cramer_rao", **settings)
     for name in ("stiffness_drift", "reflex_threshold"):
         value = getattr(all_settings, name)
         if value != 0:

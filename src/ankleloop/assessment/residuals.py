@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, special
 
+from ankleloop.arguments import check_number
 from ankleloop.errors import DataError
+from ankleloop.signals.arrays import as_real
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
 
@@ -108,6 +110,9 @@ def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float, lags: f
     >>> test.white, test.related, residual_test(noise + 0.3 * signal, signal, 100.0).related
     (True, False, True)
     """
+    rate = check_number("residual_test", "rate", rate, "Hz", ge=0.2, le=1e9)
+    lags = check_number("residual_test", "lags", lags, "s", ge=0, le=1e6)
+    residual, signal = as_real(residual, "residual"), as_real(signal, "signal")
     band = Band(residual.size, rate, LOWEST, PASSBAND * rate)
     _check(residual, signal, band, lags)
     power = np.abs(band.transform(residual)) ** 2
@@ -138,7 +143,7 @@ def _check(residual: np.ndarray, signal: np.ndarray, band: Band, lags: float) ->
             raise DataError(f"sample {np.flatnonzero(~np.isfinite(x))[0]} of the {name} is not finite.")
         if not np.ptp(x) > 0:
             raise DataError(f"the {name} is constant: it has no spectrum to be tested.")
-    fewest = max(2 * GROUPS, 2 * _independent_lags(band, lags).size)
+    fewest = max(2 * GROUPS, 2 * _count_lags(band, lags))
     if band.frequency.size < fewest:
         raise DataError(
             f"{residual.size / band.rate:.3g} s have {band.frequency.size} frequencies in the pass band, but the tests "
@@ -154,9 +159,16 @@ def _whiten(band: Band, x: np.ndarray) -> np.ndarray:
 
 def _independent_lags(band: Band, lags: float) -> np.ndarray:
     """Lags [s] at which correlations of white signals within the band are uncorrelated."""
-    step = 0.5 / (band.highest - band.lowest)
-    reach = int(lags / step)
-    return step * np.arange(-reach, reach + 1)
+    reach = _count_lags(band, lags) // 2
+    return _lag_step(band) * np.arange(-reach, reach + 1)
+
+
+def _lag_step(band: Band) -> float:
+    return 0.5 / (band.highest - band.lowest)
+
+
+def _count_lags(band: Band, lags: float) -> int:
+    return 2 * int(lags / _lag_step(band)) + 1
 
 
 def _whiteness(power: np.ndarray, band: Band) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from ankleloop.arguments import check_choice, check_flag, check_number, show_value
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import Estimate
@@ -63,8 +64,8 @@ def evaluate(
     ------
     DataError
         If the trial is not valid, or the estimate is shorter than what is trimmed.
-    ValueError
-        For an unknown `against`.
+    TypeError, ValueError
+        For an argument of another type or out of its range.
 
     Examples
     --------
@@ -98,12 +99,14 @@ def score_rows(
     list of tuple
         The values of `SCORE_COLUMNS`, without `low` and `high` if there are no intervals.
     """
-    if against not in (None, "measured"):
-        raise ValueError(f"against must be 'measured' or None, got {against!r}.")
+    check_choice("evaluate", "against", against, ("measured", None))
+    check_flag("evaluate", "intervals", intervals)
     inside, time, rate = _scored_samples(estimate, trim)
     lags = round(CORRELATED * rate)
     rows: list[tuple[Any, ...]] = []
-    for torque, kind, signal in _targets(prepare(trial), time, rate, against is None):
+    prepared = prepare(trial)
+    _check_times(prepared, time)
+    for torque, kind, signal in _targets(prepared, time, rate, against is None):
         pair = signal[inside], estimate.torque.variables[torque].values[inside]
         rows.append((torque, kind, *(vaf_with_interval(*pair, lags) if intervals else [vaf(*pair)])))
     return rows
@@ -111,11 +114,25 @@ def score_rows(
 
 def _scored_samples(estimate: Estimate, trim: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Mask of the samples of an estimate that are scored, the times of all samples [s] and their rate [Hz]."""
+    if not isinstance(estimate, Estimate):
+        raise TypeError(f"estimate must be an Estimate, as identify returns it, got {show_value(estimate)}.")
+    trim = check_number("evaluate", "trim", trim, "s", ge=0, le=1e6)
     time = estimate.torque.variables["time"].values
     inside = (time >= time[0] + trim) & (time <= time[-1] - trim)
     if inside.sum() < 2:
         raise DataError(f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s.")
     return inside, time, estimate.torque.attrs["identification_rate"]
+
+
+def _check_times(trial: PreparedTrial, time: np.ndarray) -> None:
+    """Refuse an estimate of times that the trial does not have: it is that of another trial, or of more of it."""
+    recorded = trial.samples("time")
+    tolerance = 0.5 / trial.rate
+    if time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance:
+        raise DataError(
+            f"the estimate covers {time[0]:g} to {time[-1]:g} s, the trial {recorded[0]:g} to {recorded[-1]:g} s: "
+            "score it on the trial that was identified, or predict the torques of this one (estimate.predict)."
+        )
 
 
 def _targets(
@@ -250,4 +267,7 @@ def summarise(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     >>> summarise(scores, ["torque"]).values.tolist()
     [['net', 91.0, 1.4142135623730951, 2]]
     """
+    if not isinstance(by, (list, tuple)) or not all(isinstance(name, str) and name in scores for name in by):
+        known = ", ".join(map(str, scores.columns))
+        raise ValueError(f"summarise: by must be a list of columns of the scores ({known}), got {show_value(by)}.")
     return scores.groupby(list(by), sort=False)["vaf"].agg(mean="mean", sd="std", n="count").reset_index()

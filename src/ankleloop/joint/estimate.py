@@ -43,7 +43,8 @@ class Estimate:
     intervals : dict
         95 % intervals (low, high) by the same names, where the method gives them.
     diagnostics : dict
-        Details of the identification: singular values, order, poles, ranks, passes, warnings.
+        Details of the identification: singular values, order, poles, ranks, passes, warnings; those among them that
+        are about the data (see `ankleloop.joint.data_checks.check_data`) are in "data_warnings" as well.
     predictor : ankleloop.joint.models.Model or None
         The model as data: all that `predict` needs, among it the basis, the delay and the rate of its inputs. None
         where the method has no fixed model.
@@ -66,6 +67,12 @@ class Estimate:
         rate; its state belongs to the identification rate.
         """
         return None if self.matrices is None else self.matrices.state_space()
+
+    @property
+    def fit_warnings(self) -> list[str]:
+        """Warnings about this fit, without those about the data, which concern every other fit to them alike."""
+        about_data = self.diagnostics.get("data_warnings", ())
+        return [text for text in self.diagnostics.get("warnings", ()) if text not in about_data]
 
     def predict(self, trial: xr.Dataset | PreparedTrial) -> Estimate:
         """The estimate with the torques that its model gives on another trial, from a state of rest.

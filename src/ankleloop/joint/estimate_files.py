@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+import pickle
+import weakref
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from tempfile import SpooledTemporaryFile
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -15,17 +19,24 @@ from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.models import model_from_fields
 from ankleloop.joint.typed_json import dump_values, load_values
 from ankleloop.quantities import QUANTITIES
-from ankleloop.records.files import atomic_file, parse_precision
+from ankleloop.records.files import atomic_netcdf, parse_precision, readable_file
 from ankleloop.records.group_files import Fields
+
+if TYPE_CHECKING:
+    import h5netcdf
 
 __all__ = ["EstimateCollection", "find_estimates", "load_estimates", "load_estimates_of", "save_estimates"]
 
 PathLike = str | os.PathLike[str]
+MEMORY = 2**21  # bytes of the estimates by a method that are in memory before they go to a temporary file
+WRITTEN = 25  # estimates written at a time: each access to the file costs more than the numbers
 TEXTS = ("reflex_parameters", "intervals", "diagnostics", "model")  # of each estimate, as JSON
 
 
 class EstimateCollection:
     """Estimates by one method, collected as they will be written: with their models, torques in the chosen precision.
+
+    They are in a temporary file, so that any number of them takes little memory.
 
     Parameters
     ----------
@@ -33,6 +44,8 @@ class EstimateCollection:
         The first estimates, of the trials 0, 1, … of one point, "only".
     precision : {"double", "single"}
         Floating-point numbers of the torques on disk.
+    folder : path-like, optional
+        Folder of the temporary file; by default that of the system.
 
     Raises
     ------
@@ -40,17 +53,21 @@ class EstimateCollection:
         For an unknown precision.
     """
 
-    def __init__(self, estimates: Iterable[Estimate] = (), precision: str = "double") -> None:
+    def __init__(
+        self, estimates: Iterable[Estimate] = (), precision: str = "double", folder: PathLike | None = None
+    ) -> None:
         self._kind = parse_precision(precision)
+        self._rows = SpooledTemporaryFile(MEMORY, dir=None if folder is None else os.fspath(folder))  # noqa: SIM115
+        weakref.finalize(self, self._rows.close)
         self._first: Estimate | None = None
-        self._torques: dict[str, list[np.ndarray]] = {name: [] for name in TORQUES}
-        self._times: list[np.ndarray] = []
-        self._rows: list[dict[str, Any]] = []
+        self._time = np.empty(0)
+        self._starts: list[float] = []
+        self._index: list[tuple[str, int]] = []
         for number, estimate in enumerate(estimates):
             self.add(estimate, "only", number)
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self._index)
 
     def add(self, estimate: Estimate, point: str, number: int) -> None:
         """Add the estimate of a trial; all have the same rate, but an estimated delay can shift their first sample.
@@ -69,27 +86,28 @@ class EstimateCollection:
         TypeError
             For diagnostics that JSON does not represent.
         """
-        self._first = estimate if self._first is None else self._first
         model = estimate.predictor
+        texts = {
+            "reflex_parameters": dump_values(estimate.reflex),
+            "intervals": dump_values(estimate.intervals),
+            "diagnostics": dump_values(estimate.diagnostics),
+            "model": dump_values(None if model is None else {"kind": model.kind, **model.fields()}),
+        }
+        torques = {name: estimate.torque.variables[name].values.astype(self._kind) for name in TORQUES}
+        pickle.dump((torques, list(estimate.stiffness.values()), texts), self._rows)
         time = estimate.torque.variables["time"].values
-        shared = bool(self._times) and np.array_equal(time, self._times[0])
-        self._times.append(self._times[0] if shared else time)
-        for name, values in self._torques.items():
-            values.append(estimate.torque.variables[name].values.astype(self._kind))
-        self._rows.append(
-            {
-                "point": point,
-                "number": number,
-                "stiffness": list(estimate.stiffness.values()),
-                "reflex_parameters": dump_values(estimate.reflex),
-                "intervals": dump_values(estimate.intervals),
-                "diagnostics": dump_values(estimate.diagnostics),
-                "model": dump_values(None if model is None else {"kind": model.kind, **model.fields()}),
-            }
-        )
+        self._first = estimate if self._first is None else self._first
+        self._time = _join_times(self._time, time, estimate.torque.attrs["identification_rate"])
+        self._starts.append(float(time[0]))
+        self._index.append((point, number))
 
-    def dataset(self) -> xr.Dataset:
-        """The estimates as one data set over `trial`, `time` and `parameter`.
+    def write(self, group: h5netcdf.Group) -> None:
+        """Write the estimates over `trial`, `time` and `parameter`, a few at a time.
+
+        Parameters
+        ----------
+        group : h5netcdf.Group
+            An empty group of a file.
 
         Raises
         ------
@@ -98,35 +116,58 @@ class EstimateCollection:
         """
         if self._first is None:
             raise DataError("there are no estimates to save.")
-        torque, names = self._first.torque, list(self._first.stiffness)
-        columns = {name: np.array([row[name] for row in self._rows]) for name in self._rows[0]}
-        time, offsets = _align(self._times, torque.attrs["identification_rate"])
-        data = xr.Dataset(coords={"time": ("time", time, torque["time"].attrs)}, attrs=torque.attrs)
-        data = data.assign(
-            {
-                name: (("trial", "time"), _pad(rows, offsets, time.size), torque[name].attrs)
-                for name, rows in self._torques.items()
-            }
-        )
-        data = data.assign(
-            {name: (("trial", "parameter") if values.ndim > 1 else "trial", values) for name, values in columns.items()}
-        ).assign_coords(parameter=names)
-        data["stiffness"].attrs["units"] = ", ".join(QUANTITIES[name].unit for name in names)
-        data.attrs["method"] = self._first.method
-        return data
+        variables = self._create_variables(group, self._first)
+        offsets = self._offsets()
+        self._rows.seek(0)
+        for start in range(0, len(self), WRITTEN):
+            part = slice(start, min(start + WRITTEN, len(self)))
+            torques, stiffness, texts = zip(*(pickle.load(self._rows) for _ in offsets[part]), strict=True)
+            for name in TORQUES:
+                variables[name][part] = _pad([row[name] for row in torques], offsets[part], self._time.size)
+            for name in TEXTS:
+                variables[name][part] = np.array([row[name] for row in texts], dtype=object)
+            variables["stiffness"][part] = np.array(stiffness)
+
+    def _create_variables(self, group: h5netcdf.Group, first: Estimate) -> dict[str, h5netcdf.Variable]:
+        """The variables of a group, with all but the rows of the estimates."""
+        import h5py
+
+        torque, names, text = first.torque, list(first.stiffness), h5py.string_dtype()
+        group.attrs.update({**torque.attrs, "method": first.method})
+        group.dimensions = {"trial": len(self), "time": self._time.size, "parameter": len(names)}
+        variables = {name: group.create_variable(name, ("trial", "time"), self._kind) for name in TORQUES}
+        variables["time"] = group.create_variable("time", ("time",), float, data=self._time)
+        for name, variable in variables.items():
+            variable.attrs.update(torque[name].attrs)
+        variables["stiffness"] = group.create_variable("stiffness", ("trial", "parameter"), float)
+        variables["stiffness"].attrs["units"] = ", ".join(QUANTITIES[name].unit for name in names)
+        variables |= {name: group.create_variable(name, ("trial",), text) for name in TEXTS}
+        group.create_variable("parameter", ("parameter",), text)[:] = np.array(names, dtype=object)
+        group.create_variable("point", ("trial",), text)[:] = np.array([p for p, _ in self._index], dtype=object)
+        group.create_variable("number", ("trial",), np.int64)[:] = [number for _, number in self._index]
+        return variables
+
+    def _offsets(self) -> list[int]:
+        """Place of the first sample of each estimate on the common grid of times."""
+        rate = self._first.torque.attrs["identification_rate"] if self._first is not None else 0.0
+        return [round((start - float(self._time[0])) * rate) for start in self._starts]
 
 
-def _align(times: list[np.ndarray], rate: float) -> tuple[np.ndarray, list[int]]:
-    """Times of several estimates on one grid, and the place of each on it."""
-    start = min(float(time[0]) for time in times)
-    offsets = [round((float(time[0]) - start) * rate) for time in times]
-    grid = np.empty(max(offset + time.size for offset, time in zip(offsets, times, strict=True)))
-    for offset, time in zip(offsets, times, strict=True):
-        grid[offset : offset + time.size] = time
-    return grid, offsets
+def _join_times(grid: np.ndarray, time: np.ndarray, rate: float) -> np.ndarray:
+    """A grid of times that holds those of another estimate, too."""
+    if not grid.size:
+        return time
+    offset = round(float(time[0] - grid[0]) * rate)
+    if offset >= 0 and offset + time.size <= grid.size:
+        return grid
+    before = max(-offset, 0)
+    joined = grid[0] + np.arange(-before, max(grid.size, offset + time.size)) / rate
+    joined[before + offset : before + offset + time.size] = time
+    joined[before : before + grid.size] = grid
+    return joined
 
 
-def _pad(rows: list[np.ndarray], offsets: list[int], samples: int) -> np.ndarray:
+def _pad(rows: Sequence[np.ndarray], offsets: Sequence[int], samples: int) -> np.ndarray:
     """Rows on one grid, nan where a row has no samples."""
     if all(row.size == samples for row in rows):
         return np.stack(rows)
@@ -136,7 +177,7 @@ def _pad(rows: list[np.ndarray], offsets: list[int], samples: int) -> np.ndarray
     return values
 
 
-def save_estimates(collections: Mapping[str, EstimateCollection], path: PathLike) -> None:
+def save_estimates(collections: Mapping[str, EstimateCollection], path: PathLike, *, overwrite: bool = False) -> None:
     """Write estimates to one NetCDF file with a group for each method; it appears when it is complete.
 
     Parameters
@@ -145,11 +186,13 @@ def save_estimates(collections: Mapping[str, EstimateCollection], path: PathLike
         Estimates by the name of their group; of none, where every method failed, the file is empty.
     path : path-like
         File to write.
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
 
     Raises
     ------
     DataError
-        If a collection is empty, or the folder does not exist.
+        If a collection is empty, the file exists, or it cannot be written.
 
     Examples
     --------
@@ -161,12 +204,10 @@ def save_estimates(collections: Mapping[str, EstimateCollection], path: PathLike
     ...     load_estimates(f"{folder}/0.nc", "pr-moesp")[0].stiffness == estimate.stiffness
     True
     """
-    encoding: dict[str, dict[str, Any]] = {name: {"_FillValue": None} for name in TORQUES}
-    with atomic_file(path) as partial:
-        if not collections:
-            xr.Dataset().to_netcdf(partial, engine="h5netcdf")
+    with atomic_netcdf(path, overwrite=overwrite) as (file, sink):
         for group, collection in collections.items():
-            collection.dataset().to_netcdf(partial, mode="a", group=group, engine="h5netcdf", encoding=encoding)
+            collection.write(file.create_group(group))
+            sink.check()
 
 
 def load_estimates(path: PathLike, group: str) -> list[Estimate]:
@@ -189,7 +230,7 @@ def load_estimates(path: PathLike, group: str) -> list[Estimate]:
     DataError
         If there is no such file, it is damaged, or it has no such group.
     """
-    with _open(path, group) as data:
+    with _readable(path), _open(path, group) as data:
         return _estimates(data.load(), Path(path).name)
 
 
@@ -243,41 +284,47 @@ def find_estimates(paths: Iterable[PathLike], point: str, method: str) -> dict[i
     """
     estimates: list[tuple[int, Estimate]] = []
     for path in paths:
-        if _lacks_group(path, method):  # the method identified no trial of this chunk
-            continue
-        with _open(path, method) as data:
-            rows = np.flatnonzero(data["point"].values == point)
-            if rows.size:
-                part = data.isel(trial=rows).load()
-                estimates += zip(part["number"].values.tolist(), _estimates(part, Path(path).name), strict=True)
+        with _readable(path):
+            estimates += _find_rows(path, point, method)
     return dict(sorted(estimates, key=lambda pair: pair[0]))
 
 
-def _lacks_group(path: PathLike, group: str) -> bool:
-    """Whether a readable file has no such group."""
-    import h5netcdf
+def _readable(path: PathLike) -> AbstractContextManager[Path]:
+    return readable_file(path, "estimate file", "delete it, and identify again (the workflow does so by itself)")
 
-    try:
-        with h5netcdf.File(path, "r") as file:
-            return group not in file.groups
-    except Exception:  # `_open` says what is wrong with the file
-        return False
+
+def _find_rows(path: PathLike, point: str, method: str) -> list[tuple[int, Estimate]]:
+    """Numbers and estimates of the trials of a point in a file."""
+    if method not in _groups(path):  # the method identified no trial of this chunk
+        return []
+    with _open(path, method) as data:
+        rows = np.flatnonzero(data["point"].values == point)
+        part = data.isel(trial=rows).load()
+        return list(zip(part["number"].values.tolist(), _estimates(part, Path(path).name), strict=True))
+
+
+def _groups(path: PathLike) -> list[str]:
+    import h5netcdf  # here, with h5py: jobs of the workflow do not read estimates
+
+    with h5netcdf.File(path, "r") as file:
+        return list(file.groups)
 
 
 def _open(path: PathLike, group: str) -> xr.Dataset:
     """A group of an estimate file, not yet read."""
-    name = Path(path).name
-    if not Path(path).is_file():
-        raise DataError(f"{path}: there is no such file: check the path.")
-    try:
-        data = xr.open_dataset(path, engine="h5netcdf", group=group)
-    except Exception as cause:  # the HDF5 libraries raise almost anything on a damaged file
-        reason = str(cause).partition("\n")[0]
-        raise DataError(f"{name}: no readable estimate file with the group {group!r} ({reason}).") from cause
+    groups = _groups(path)
+    if group not in groups:
+        raise DataError(
+            f"{Path(path).name}: there is no group {group!r}; it has {', '.join(groups) or 'none'}: take one of these, "
+            "or identify again."
+        )
+    data = xr.open_dataset(path, engine="h5netcdf", group=group)
     missing = {*TORQUES, *TEXTS, "parameter", "stiffness", "point", "number"} - set(data.variables)
     if missing:
         data.close()
-        raise DataError(f"{name}: there is no variable {min(missing)!r}: identify again, or load another file.")
+        raise DataError(
+            f"{Path(path).name}: there is no variable {min(missing)!r}: identify again, or load another file."
+        )
     return data
 
 

@@ -152,7 +152,13 @@ class DriveSpectra:
     def _bins(self) -> tuple[np.ndarray, np.ndarray]:
         band = _band(len(self._drive), self._rate)
         width = max(1, round(BIN * len(self._drive) / self._rate))
-        return _sum_bins(band.transform(self._drive.T), band.frequency, width)
+        try:
+            return _sum_bins(band.transform(self._drive.T), band.frequency, width)
+        except ZeroDivisionError:
+            raise DataError(
+                "an input of the reflex path is zero throughout, as the rectified velocity is where the velocity is "
+                "never positive: check the sign of the position, or record stretches in both directions."
+            ) from None
 
     @property
     def s(self) -> np.ndarray:

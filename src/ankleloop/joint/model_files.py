@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ankleloop.arguments import check_flag, check_path, show_value
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import Model, ResponseModel, model_from_fields
 from ankleloop.joint.torques import TORQUES, torque_dataset
 from ankleloop.joint.typed_json import dump_values, extract_arrays, load_values
 from ankleloop.quantities import QUANTITIES
+from ankleloop.records.files import readable_file
 from ankleloop.records.group_files import Fields, read_groups, write_groups
+from ankleloop.signals.sampling import check_same_rate, compute_rate
 
 __all__ = ["FORMAT", "VERSION", "load_estimate", "save_estimate"]
 
@@ -56,7 +59,7 @@ UNITS = {
 }
 
 
-def save_estimate(estimate: Estimate, path: str | os.PathLike[str]) -> None:
+def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write an estimate and its model to a file, from which `load_estimate` reads the same estimate.
 
     docs/estimates.md describes the file field by field, and how to compute torques from it in another program.
@@ -67,11 +70,13 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str]) -> None:
         The estimate.
     path : path-like
         A file ending in .nc or .mat, in a folder that exists; it appears when it is complete.
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
 
     Raises
     ------
     DataError
-        For another suffix, or if the folder does not exist.
+        For another suffix, if the file exists or the estimate is read from it, or if it cannot be written.
     TypeError
         For diagnostics that are no numbers, texts, arrays, or lists and dictionaries of those.
 
@@ -87,6 +92,10 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str]) -> None:
     >>> same.predict(other).torque.identical(estimate.predict(other).torque)
     True
     """
+    path = check_path("save_estimate", "path", path)
+    check_flag("save_estimate", "overwrite", overwrite)
+    if not isinstance(estimate, Estimate):
+        raise TypeError(f"save_estimate: estimate must be an Estimate, got {show_value(estimate)}.")
     parameters = {"stiffness": estimate.stiffness, "reflex": estimate.reflex}
     groups = {
         "": _describe_file(estimate),
@@ -97,7 +106,7 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str]) -> None:
     }
     if estimate.predictor is not None:
         groups["model"] = _describe_model(estimate.predictor)
-    write_groups(groups, path, VARIABLE)
+    write_groups(groups, path, VARIABLE, overwrite=overwrite)
 
 
 def load_estimate(path: str | os.PathLike[str]) -> Estimate:
@@ -125,7 +134,13 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
       ...
     ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
     """
+    path = check_path("load_estimate", "path", path)
     groups = read_groups(path, VARIABLE)
+    with readable_file(path, "estimate file", "restore it from a copy, or identify again and save it"):
+        return _read_estimate(groups)
+
+
+def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
     _check_format(groups[""])
     missing = {"torque", "stiffness", "reflex", "diagnostics"} - set(groups)
     if missing:
@@ -183,7 +198,9 @@ def _read_intervals(fields: Fields) -> dict[str, tuple[float, float]]:
 def _read_torque(fields: Fields) -> xr.Dataset:
     time = fields.array("time")
     torques = {name: fields.array(name, time.size, finite=False) for name in TORQUES}
-    data = torque_dataset(time, fields.number("identification_rate"), **torques)
+    rate = fields.number("identification_rate")
+    check_same_rate(rate, compute_rate(time, source=fields.source), source=fields.source)
+    data = torque_dataset(time, rate, **torques)
     attributes = {name: value for name, value in fields.values.items() if name not in ("time", *TORQUES)}
     return data.assign_attrs(
         {name: value if isinstance(value, str) else np.asarray(value).item() for name, value in attributes.items()}

@@ -77,7 +77,10 @@ class PreparedTrial:
 
     def grid(self, identification_rate: float, delay: float) -> Grid:
         """Grid of all decimated samples that no filter edge touches; see `decimation_grid`."""
-        return decimation_grid(self.trial.sizes["time"], self.rate, identification_rate, delay)
+        return self.memoise(
+            ("grid", identification_rate, delay),
+            lambda: decimation_grid(self.trial.sizes["time"], self.rate, identification_rate, delay),
+        )
 
     def channel(self, name: str, grid: Grid) -> np.ndarray:
         """A variable, decimated; shape (N,)."""

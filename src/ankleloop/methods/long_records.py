@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import h5netcdf
 import numpy as np
 import xarray as xr
 
+from ankleloop.arguments import check_path
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
+from ankleloop.joint.data_checks import DataUse, check_data
 from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import StateSpaceModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors, decimation_grid, recording_margins
+from ankleloop.methods.method import add_warnings
 from ankleloop.methods.moesp import (
     MEMBERS,
     REGRESSION_TOLERANCE,
@@ -25,20 +28,31 @@ from ankleloop.methods.moesp import (
     direct_stiffness,
     separate_reflex,
 )
-from ankleloop.records.files import atomic_file
+from ankleloop.options import Options, option
+from ankleloop.records.files import atomic_netcdf, check_output
 from ankleloop.records.long_record import LongRecord
-from ankleloop.records.validation import check_speed
 from ankleloop.signals.decimation import differentiate, differentiation_margin
 from ankleloop.subspace.input_matrices import continue_response
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
 
+if TYPE_CHECKING:
+    import h5netcdf
+
 __all__ = ["identify_file"]
 
 CHUNK = 50_000  # identified samples
+CHECKED_SAMPLES = 100_000  # identified samples whose data are checked at a time
 SEPARATION_SAMPLES = 100_000  # identified samples whose spectrum weighs the separation of the reflex path
 VELOCITIES = 1_000_000  # largest number of velocities, evenly spread, to which the basis is fitted
 
 Progress = Callable[[str, float], object]
+
+
+class _ChunkOptions(Options):
+    """How a long record is read."""
+
+    chunk: int = option(CHUNK, "identified samples that are in memory at a time", unit="samples", ge=1, le=10**9)
+    overwrite: bool = option(False, "whether to replace a file of this name")
 
 
 def identify_file(
@@ -48,26 +62,29 @@ def identify_file(
     *,
     chunk: int = CHUNK,
     progress: Progress | None = None,
+    overwrite: bool = False,
     **options: Any,
 ) -> Estimate:
     """Identify a record of any length by a member of the MOESP family, in constant memory.
 
-    The record is read four times: for the basis, the projection, the regression, and the torques. All of it is one
-    identification: the result is that of `identify` on the whole record, up to rounding, but for the spectrum that
-    weighs the separation of the reflex path, which is that of the beginning of the record.
+    The record is read five times: for the checks of the data, the basis, the projection, the regression, and the
+    torques. All of it is one identification: the result is that of `identify` on the whole record, up to rounding, but
+    for the spectrum that weighs the separation of the reflex path, which is that of the beginning of the record.
 
     Parameters
     ----------
     record : LongRecord
         The record.
     output : path-like
-        NetCDF file to write: net, intrinsic and reflex torque [N·m] over time [s].
+        NetCDF file to write: net, intrinsic and reflex torque [N·m] over time [s]. It is never the file of the record.
     method : str
         "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp" or "moesp".
     chunk : int
         Identified samples that are in memory at a time.
     progress : callable, optional
         Called with the name of the pass and its share that is done.
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
     **options
         Options by name, see `ankleloop.methods.moesp.MoespModelOptions`.
 
@@ -75,12 +92,16 @@ def identify_file(
     -------
     Estimate
         Its torques are read from `output` when they are asked for, by number of sample (`isel`): their time has no
-        index, which would have to be in memory. `diagnostics["vaf"]` [%] is that of the net torque.
+        index, which would have to be in memory. `diagnostics["vaf"]` [%] is that of the net torque, and
+        `diagnostics["warnings"]` says what is wrong with the data, with the times of a part of a long record.
 
     Raises
     ------
     DataError
-        If the record is unusable, too short, or lacks what the method needs.
+        If the record is unusable, too short, or lacks what the method needs; if `output` exists, is the file of the
+        record, or cannot be written, which is checked before the record is read.
+    TypeError, ValueError
+        For an option of another name or type, or out of its range.
 
     Examples
     --------
@@ -92,15 +113,18 @@ def identify_file(
     >>> 120 < estimate.stiffness["K"] < 180
     True
     """
-    if method not in MEMBERS:
-        raise DataError(f"long records are identified by {', '.join(MEMBERS)}, not by {method!r}.")
+    output = check_path("identify_file", "output", output)
+    if not isinstance(method, str) or method not in MEMBERS:
+        raise DataError(f"long records are identified by {', '.join(MEMBERS)}, not by the method {method!r}.")
     chosen = MoespModelOptions.parse(f"method {method!r} of long records", **options)
+    reading = _ChunkOptions.parse("identify_file", chunk=chunk, overwrite=overwrite)
+    _check_arguments(record, progress)
+    check_output(output, overwrite=reading.overwrite, inputs=[record.path])
     instruments, projection = MEMBERS[method]
-    if instruments != "past-reference":
-        record = replace(record, reference=None)
-    elif record.reference is None:
+    if instruments == "past-reference" and record.reference is None:
         raise DataError(f"{record.path.name}: {method} needs a reference: name its variable.")
-    chunks = _Chunks(record, chosen, chunk, progress or (lambda name, share: None))
+    chunks = _Chunks(record, instruments == "past-reference", chosen, reading.chunk, progress)
+    warnings = chunks.check()
     basis = chunks.fit_basis()
     beginning = chunks.regressors(basis, 0, min(SEPARATION_SAMPLES, chunks.count))
     model = moesp_chunks(
@@ -117,11 +141,11 @@ def identify_file(
         regression_tolerance=REGRESSION_TOLERANCE,
         names=(beginning.names, ("torque",)),
     )
-    vaf = _write_torques(chunks, basis, model, output, method)
+    vaf = _write_torques(chunks, basis, model, output, method, reading.overwrite)
     path = separate_reflex(model.matrices, [beginning])
     inputs = ModelInputs.of(beginning)
     matrices = inputs.label(model.matrices)
-    return Estimate(
+    estimate = Estimate(
         method=method,
         # An index of the time would take it, and several times its size, into memory.
         torque=xr.open_dataset(output, engine="h5netcdf", decode_times=False, create_default_indexes=False),
@@ -131,13 +155,30 @@ def identify_file(
         diagnostics={"singular_values": model.singular_values, **model.diagnostics, **path.diagnostics, "vaf": vaf},
         predictor=StateSpaceModel(inputs, matrices, model.initial_state),
     )
+    return add_warnings(estimate, warnings)
+
+
+def _check_arguments(record: LongRecord, progress: object) -> None:
+    if not isinstance(record, LongRecord):
+        raise TypeError(f"record must be an ankleloop.LongRecord, got {type(record).__name__}: identify takes trials.")
+    if not (progress is None or callable(progress)):
+        raise TypeError(f"progress must be a function of a name and a share, or None, got {progress!r}.")
 
 
 class _Chunks:
     """Regressors of a record, a chunk at a time: chunks overlap by the margins of the filters, their samples do not."""
 
-    def __init__(self, record: LongRecord, options: MoespModelOptions, chunk: int, progress: Progress) -> None:
-        self.record, self.options, self.chunk, self.progress = record, options, chunk, progress
+    def __init__(
+        self,
+        record: LongRecord,
+        has_reference: bool,
+        options: MoespModelOptions,
+        chunk: int,
+        progress: Progress | None,
+    ) -> None:
+        self.record, self.options, self.chunk = record, options, chunk
+        self.channels = ["position", "torque", "reference"][: 3 if has_reference else 2]
+        self.progress = progress or (lambda name, share: None)
         self.rate = options.identification_rate
         self.factor, self.first, self.count = decimation_grid(record.samples, record.rate, self.rate, options.delay)
         self._after = recording_margins(record.rate, self.factor, options.delay)[1]
@@ -151,27 +192,60 @@ class _Chunks:
             yield start, stop
             self.progress(name, stop / self.count)
 
-    def _read(self, start: int, stop: int, channels: Sequence[str] | None = None) -> xr.Dataset:
+    def _read(self, start: int, stop: int, channels: Sequence[str]) -> xr.Dataset:
         return self.record.read(self.factor * start, self.factor * (stop - 1) + self.first + self._after + 1, channels)
+
+    def check(self) -> list[str]:
+        """Warnings about the data (`ankleloop.joint.data_checks.check_data`), in parts that do not depend on chunks.
+
+        A part of which nothing can be said is a warning; if the record is a single part, it is refused.
+        """
+        o = self.options
+        order = (o.block_rows - 1) // 2 if o.order is None else o.order
+        reference = "reference" if "reference" in self.channels else None
+        use = DataUse(o.delay, self.rate, order, o.block_rows, reference)
+        edges = np.linspace(0, self.count, max(1, round(self.count / CHECKED_SAMPLES)) + 1).astype(int).tolist()
+        warnings: list[str] = []
+        for start, stop in pairwise(edges):
+            part = PreparedTrial(self._read(start, stop, self.channels), validated=True)
+            try:
+                texts = check_data([part], use)
+            except DataError as refusal:
+                if len(edges) == 2:
+                    raise
+                texts = [str(refusal)]
+            place = f"{start / self.rate:.4g} to {stop / self.rate:.4g} s: " if len(edges) > 2 else ""
+            warnings += [place + text for text in texts]
+            self.progress("checks", stop / self.count)
+        return warnings
 
     def fit_basis(self) -> Basis:
         """Basis fitted to velocities that are evenly spread over the record, scaled by the largest of all."""
-        rate, delay = self.record.rate, self.options.delay
-        before, after = differentiation_margin(rate, delay)
         step, velocities, largest = -(-self.record.samples // VELOCITIES), [], 0.0
-        for bounds in self._bounds("basis"):
-            piece = self._read(*bounds, ["position"])
-            check_speed(piece, source=self.record.path.name, first=self.factor * bounds[0])
-            position = piece["position"].values
-            velocity = differentiate(position, rate, delay)[before : position.size - after]
+        for first, velocity in self._velocities():
             largest = max(largest, float(np.abs(velocity).max()))
-            velocities.append(velocity[::step].copy())  # a view would keep all of it in memory
+            velocities.append(velocity[-first % step :: step].copy())  # a view would keep all of it in memory
         basis = fit_basis(np.concatenate(velocities), self.options.basis or "chebyshev", self.options.degree)
         return replace(basis, scale=largest)
 
+    def _velocities(self) -> Iterator[tuple[int, np.ndarray]]:
+        """Delayed velocity at the recording rate as `differentiate` gives it for the whole record, with its number."""
+        rate, delay, samples = self.record.rate, self.options.delay, self.record.samples
+        before, after = differentiation_margin(rate, delay)
+        longer = 2 * before + 2 * abs(after)  # than the kernel, so that it fits on the last piece
+        after = max(after, 0)
+        for start in range(before, samples - after, self.factor * self.chunk):
+            stop = min(start + self.factor * self.chunk, samples - after)
+            begin = max(start - longer, 0)
+            position = self.record.read(begin, stop + after, ["position"])["position"].values
+            velocity = differentiate(position, rate, delay)[start - begin : position.size - after]
+            edges = before if start == before else 0, after if stop == samples - after else 0
+            yield start - edges[0], np.pad(velocity, edges, mode="edge")
+            self.progress("basis", stop / (samples - after))
+
     def regressors(self, basis: Basis, start: int, stop: int) -> Regressors:
         """Regressors of the identified samples from `start` to `stop`."""
-        piece = self._read(start, stop)
+        piece = self._read(start, stop, self.channels)
         return PreparedTrial(piece, validated=True).regressors(
             delay=self.options.delay,
             basis=basis,
@@ -194,12 +268,14 @@ class _Chunks:
         self._passes += 1
 
 
-def _write_torques(chunks: _Chunks, basis: Basis, estimate: SubspaceEstimate, output: str | Path, method: str) -> float:
+def _write_torques(
+    chunks: _Chunks, basis: Basis, estimate: SubspaceEstimate, output: str | Path, method: str, overwrite: bool
+) -> float:
     """Last pass: torques of the model, a chunk at a time; returns the VAF of the net torque [%]."""
     *input_means, torque_mean = chunks.sums / chunks.count
     model, state = estimate.matrices, estimate.initial_state.copy()
     energy, residual, total = 0.0, 0.0, 0.0
-    with atomic_file(output) as partial, h5netcdf.File(partial, "w") as file:
+    with atomic_netcdf(output, overwrite=overwrite, inputs=[chunks.record.path]) as (file, sink):
         variables = _create_variables(file, chunks, method)
         for (start, stop), part in chunks.passes(basis, "torques"):
             u, path = part.inputs - input_means, model.select_inputs(part.reflex)
@@ -209,6 +285,7 @@ def _write_torques(chunks: _Chunks, basis: Basis, estimate: SubspaceEstimate, ou
             torques = {"time": part.time, "net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
             for name, values in torques.items():
                 variables[name][start:stop] = values
+            sink.check()
             measured = part.torque - torque_mean
             error = measured - torques["net"]
             energy, residual, total = energy + measured @ measured, residual + error @ error, total + reflex.sum()

@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Any, cast
 
 import xarray as xr
 
+from ankleloop.arguments import describe_limits
 from ankleloop.errors import DataError
+from ankleloop.joint.data_checks import DataUse, check_data
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.options import Options, option
+from ankleloop.quantities import QUANTITIES
 
-__all__ = ["Method", "Trial", "degree_option", "delay_option", "rate_option"]
+__all__ = [
+    "NOMINAL_DELAY",
+    "Method",
+    "Trial",
+    "add_warnings",
+    "check_lags",
+    "degree_option",
+    "delay_option",
+    "rate_option",
+]
 
 Trial = xr.Dataset | PreparedTrial
+MOST_LAGS = 1000  # of an impulse response; the time of a fit grows with the cube of their number
+NOMINAL_DELAY = 0.04  # s, where the delay is estimated
 
 
 def delay_option(description: str = "reflex delay", *, estimated: bool = False) -> Any:
@@ -25,12 +40,45 @@ def delay_option(description: str = "reflex delay", *, estimated: bool = False) 
 
 def rate_option() -> Any:
     """Declare the identification rate."""
-    return option(100.0, "rate of the identification; the sampling rate has to be a multiple of it", unit="Hz", gt=0)
+    return option(
+        100.0, "rate of the identification; the sampling rate has to be a multiple of it", unit="Hz", ge=1, le=10000
+    )
 
 
 def degree_option() -> Any:
     """Declare the number of basis functions."""
     return option(5, "number of basis functions (the rectifier has one)", ge=1, le=30)
+
+
+def check_lags(name: str, length: float, rate: float, *, least: int = 1) -> None:
+    """Refuse impulse responses without a lag, and those of so many that a pass over them would take minutes.
+
+    Parameters
+    ----------
+    name : str
+        Option, for the message.
+    length : float
+        Length of the response [s].
+    rate : float
+        Rate of the identification [Hz].
+    least : int
+        Fewest lags.
+
+    Raises
+    ------
+    ValueError
+        The message has the number of lags and its bounds.
+    """
+    if not least <= round(length * rate) <= MOST_LAGS:
+        limits = describe_limits("samples", ge=least, le=MOST_LAGS)
+        raise ValueError(
+            f"{name} must be {limits} long at the identification_rate of {rate:g} Hz, got {length:g} s, which are "
+            f"{round(length * rate)}."
+        )
+
+
+def _no_reference(options: Any) -> None:
+    return None
 
 
 @dataclass(frozen=True)
@@ -49,12 +97,15 @@ class Method:
         ``identify(trial, options)`` gives the estimate of a prepared trial.
     merge : callable, optional
         ``merge(trials, options)`` merges several trials into one identification, and gives an estimate for each.
+    reference : callable, optional
+        ``reference(options)`` names the variable whose leads or lags are instruments, or is None if there are none.
     """
 
     name: str
     options: type[Options]
     identify: Callable[[PreparedTrial, Any], Estimate]
     merge: Callable[[Sequence[PreparedTrial], Any], list[Estimate]] | None = None
+    reference: Callable[[Any], str | None] = _no_reference
 
     @property
     def merges(self) -> bool:
@@ -81,13 +132,66 @@ class Method:
         TypeError, ValueError
             For an option that the method does not have, or a value out of its range.
         DataError
-            For a trial that the method cannot use.
+            For a trial that the method cannot use, or that says nothing
+            (`ankleloop.joint.data_checks.check_data`).
         """
         chosen = self.options.parse(f"method {self.name!r}", **options)
         if not isinstance(trial, (list, tuple)):
-            return self.identify(prepare(cast(Trial, trial)), chosen)
+            prepared = prepare(cast(Trial, trial))
+            warnings = check_data([prepared], self._data_use(chosen))
+            return add_warnings(self.identify(prepared, chosen), warnings)
         if self.merge is None:
             raise DataError(f"{self.name} identifies one trial at a time.")
         if not trial:
             raise DataError("there are no trials to merge.")
-        return self.merge([prepare(part) for part in trial], chosen)
+        trials = [prepare(part) for part in trial]
+        warnings = check_data(trials, self._data_use(chosen))
+        return [add_warnings(estimate, warnings) for estimate in self.merge(trials, chosen)]
+
+    def _data_use(self, options: Any) -> DataUse:
+        """What the method takes from its data under these options; another one than ours may lack some of them."""
+        use = DataUse(reference=self.reference(options))
+        block_rows = getattr(options, "block_rows", use.block_rows)
+        order = getattr(options, "order", use.order)
+        return replace(
+            use,
+            delay=NOMINAL_DELAY if (delay := getattr(options, "delay", None)) is None else delay,
+            identification_rate=getattr(options, "identification_rate", use.identification_rate),
+            order=(block_rows - 1) // 2 if order is None else order,
+            block_rows=block_rows,
+        )
+
+
+def add_warnings(estimate: Estimate, data_warnings: list[str]) -> Estimate:
+    """The estimate with warnings about its parameters and its data.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The estimate.
+    data_warnings : list of str
+        Warnings about its data, of `ankleloop.joint.data_checks.check_data`.
+
+    Returns
+    -------
+    Estimate
+        With a warning for each parameter that is no number, or that no joint has.
+    """
+    warnings = [*_parameter_warnings(estimate), *data_warnings]
+    if not warnings:
+        return estimate
+    diagnostics = {**estimate.diagnostics, "warnings": [*estimate.diagnostics.get("warnings", ()), *warnings]}
+    if data_warnings:
+        diagnostics["data_warnings"] = data_warnings
+    return replace(estimate, diagnostics=diagnostics)
+
+
+def _parameter_warnings(estimate: Estimate) -> list[str]:
+    """Parameters that are no numbers, or that no joint has: below zero, with all of their interval."""
+    missing = [name for name, value in {**estimate.stiffness, **estimate.reflex}.items() if not isfinite(value)]
+    warnings = [f"{', '.join(missing)} could not be computed: do not use this estimate."] if missing else []
+    return warnings + [
+        f"{name} = {value:.3g} {QUANTITIES[name].unit} is negative, which no joint has."
+        for name, value in estimate.stiffness.items()
+        if max(value, estimate.intervals.get(name, (value, value))[1]) < 0
+    ]

@@ -175,9 +175,8 @@ def merge_moesp(trials: Sequence[PreparedTrial], options: MoespOptions, *, membe
         If a record is unusable, too short, or lacks the reference that the method needs.
     """
     instruments, projection = MEMBERS[member]
-    # Members that have no use for a reference take a trial that has none.
-    needs_reference = instruments == "past-reference" or options.input_matrices == "instruments"
-    regressors = _regressors(trials, options, options.reference if needs_reference else None)
+    reference = _reference(options, member=member)
+    regressors = _regressors(trials, options, reference)
     predicted = None
     if options.input_matrices == "instruments":
         predicted = [trial.predict_inputs(part) for trial, part in zip(trials, regressors, strict=True)]
@@ -205,8 +204,8 @@ def merge_moesp(trials: Sequence[PreparedTrial], options: MoespOptions, *, membe
     )
     path = separate_reflex(model.matrices, regressors)
     diagnostics = {"singular_values": model.singular_values, **model.diagnostics}
-    if needs_reference:
-        diagnostics["reference"] = options.reference
+    if reference is not None:
+        diagnostics["reference"] = reference
     if options.omitted_step is not None:
         diagnostics["warnings"] = [*diagnostics["warnings"], describe_omission(options.omitted_step)]
     matrices = ModelInputs.of(first).label(model.matrices)
@@ -228,6 +227,12 @@ def merge_moesp(trials: Sequence[PreparedTrial], options: MoespOptions, *, membe
             )
         )
     return estimates
+
+
+def _reference(options: MoespOptions, *, member: str) -> str | None:
+    """The reference; None for members that have no use for one, and take a trial that has none."""
+    instruments = MEMBERS[member][0]
+    return options.reference if instruments == "past-reference" or options.input_matrices == "instruments" else None
 
 
 def _regressors(trials: Sequence[PreparedTrial], options: MoespOptions, reference: str | None) -> list[Regressors]:
@@ -286,6 +291,12 @@ def separate_reflex(matrices: Matrices, regressors: Sequence[Regressors]) -> Ref
 
 
 METHODS = tuple(
-    Method(name, MoespOptions, partial(identify_moesp, member=name), partial(merge_moesp, member=name))
+    Method(
+        name,
+        MoespOptions,
+        partial(identify_moesp, member=name),
+        partial(merge_moesp, member=name),
+        partial(_reference, member=name),
+    )
     for name in MEMBERS
 )

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
@@ -16,7 +17,7 @@ from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import ResponseModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import Method, delay_option, rate_option
+from ankleloop.methods.method import Method, check_lags, delay_option, rate_option
 from ankleloop.options import Options, option
 from ankleloop.subspace.hankel_gram import HankelGram
 
@@ -34,14 +35,16 @@ class ParallelCascadeOptions(Options):
         None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
     )
     identification_rate: float = rate_option()
-    max_passes: int | None = option(None, "most passes; 1 is the method as published, null runs to convergence", ge=1)
+    max_passes: int | None = option(
+        None, "most passes; 1 is the method as published, null runs to convergence", ge=1, le=PASS_CEILING
+    )
     tolerance: float = option(
-        0.001, "converged when a pass adds less than this to the net VAF", unit="points of VAF", ge=0
+        0.001, "converged when a pass adds less than this to the net VAF", unit="points of VAF", ge=0, le=100
     )
     intrinsic_lags: float = option(
         0.04, "half length of the two-sided intrinsic impulse response", unit="s", ge=0, le=1
     )
-    reflex_lags: float = option(0.5, "length of the reflex impulse response", unit="s", gt=0, le=5)
+    reflex_lags: float = option(0.5, "length of the reflex impulse response", unit="s", ge=0.001, le=5)
     rank: Literal["full", "mdl"] = option(
         "full",
         "rank of the pseudo-inverse, full or of minimum description length (Westwick and Kearney 1997)",
@@ -49,6 +52,12 @@ class ParallelCascadeOptions(Options):
     rank_tolerance: float = option(
         1e-6, "singular values of the lagged inputs below this fraction of the largest count as zero", ge=0, lt=1
     )
+
+    @model_validator(mode="after")
+    def _check_lags(self) -> Self:
+        check_lags("intrinsic_lags", self.intrinsic_lags, self.identification_rate, least=0)
+        check_lags("reflex_lags", self.reflex_lags, self.identification_rate)
+        return self
 
 
 @dataclass(frozen=True)

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate, torque_dataset
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import INTRINSIC_NAMES
-from ankleloop.methods.method import Method, delay_option, rate_option
+from ankleloop.methods.method import Method, check_lags, delay_option, rate_option
 from ankleloop.options import Options, option
 
 __all__ = ["METHODS", "RealTimeOptions", "identify_real_time"]
 
 UPDATE_RATE = 10.0  # Hz at which parameters are solved for and traced
+SHORTEST_LEVEL = 1.0  # s over which position and torque are averaged, at least
 RIDGE = 1e-9  # of the mean information: it only keeps directions solvable that nothing has excited
 
 
@@ -28,11 +30,20 @@ class RealTimeOptions(Options):
         None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
     )
     identification_rate: float = rate_option()
-    memory: float = option(10.0, "time constant of forgetting", unit="s", gt=0)
+    memory: float = option(10.0, "time constant of forgetting", unit="s", ge=0.1, le=1e6)
     settling: float | None = option(
-        None, "time until the parameters count, where means of the traces start; null for the memory", unit="s", ge=0
+        None,
+        "time until the parameters count, where means of the traces start; null for the memory",
+        unit="s",
+        ge=0,
+        le=1e6,
     )
-    reflex_lags: float = option(0.4, "length of the reflex impulse response", unit="s", gt=0, le=5)
+    reflex_lags: float = option(0.4, "length of the reflex impulse response", unit="s", ge=0.001, le=5)
+
+    @model_validator(mode="after")
+    def _check_lags(self) -> Self:
+        check_lags("reflex_lags", self.reflex_lags, self.identification_rate)
+        return self
 
 
 def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estimate:
@@ -48,7 +59,8 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     first with φ = [P, Ṗ, P̈, 1] and e the measured torque, which gives K, B and I; then with φ = [lags of the delayed,
     rectified velocity, 1] and e what the intrinsic path leaves. Parameters are renewed ten times a second, and only
     from the past: every torque is a prediction by parameters that were known at the time. The settling time alone is
-    predicted in hindsight, by the first parameters that count.
+    predicted in hindsight, by the first parameters that count. Position and torque are taken from their means over
+    the settling time (its first second, at least), so constants added to them change nothing.
 
     It is a correlation method for open loop. With a PRBS, whose intrinsic and reflex responses are correlated, or in
     closed loop, it is biased.
@@ -98,7 +110,10 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
         )
     chunk = max(1, round(rate / UPDATE_RATE))
     forgetting = float(np.exp(-1.0 / (options.memory * rate)))
-    motion = regressors.inputs[:, : len(INTRINSIC_NAMES)]
+    # The operating point is that of the settling time: later samples are not known when the parameters begin to count.
+    known = slice(0, max(first, round(SHORTEST_LEVEL * rate)))
+    motion, torque = regressors.inputs[:, : len(INTRINSIC_NAMES)].copy(), torque - torque[known].mean()
+    motion[:, 0] -= motion[known, 0].mean()
     intrinsic, stiffness = _track(motion, torque, forgetting, chunk, first)
     lagged = _lag_input(regressors.inputs[:, -1], round(options.reflex_lags * rate))
     reflex, responses = _track(lagged, torque - intrinsic, forgetting, chunk, first)

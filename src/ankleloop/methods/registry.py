@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -9,9 +10,10 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Any, cast
 
+from ankleloop.arguments import check_choice, suggest_name
 from ankleloop.errors import DataError
 from ankleloop.methods.method import Method, Trial
-from ankleloop.methods.selection import select_options
+from ankleloop.methods.selection import CRITERIA, check_candidates, select_options
 
 __all__ = ["METHODS", "find_method", "identify", "method_options"]
 
@@ -36,8 +38,8 @@ def find_method(name: str) -> Method:
     ValueError
         For an unknown method.
     """
-    if name not in METHODS:
-        raise ValueError(f"unknown method {name!r}; known: {', '.join(METHODS)}.")
+    if not isinstance(name, str) or name not in METHODS:
+        raise ValueError(f"unknown method {name!r}{suggest_name(name, METHODS)}; known: {', '.join(METHODS)}.")
     return METHODS[name]
 
 
@@ -64,6 +66,14 @@ def method_options(method: str) -> dict[str, Any]:
     0.001
     """
     return find_method(method).options.defaults()
+
+
+def _check_criterion(criterion: str | None, candidates: Mapping[str, Any]) -> None:
+    if criterion is None:
+        return
+    check_choice("identify", "criterion", criterion, (*CRITERIA, None))
+    if not candidates:
+        raise ValueError("identify: criterion is that of a selection: pass the options to choose from as select.")
 
 
 def identify(
@@ -106,9 +116,11 @@ def identify(
     ValueError
         For an unknown method, or an option outside its range.
     TypeError
-        For an option that the method does not have.
+        For an option that the method does not have, or one that is both an option and to be selected.
     DataError
-        For a trial that the method cannot use.
+        For a trial that the method cannot use, or that says nothing, such as one whose reference explains nothing of
+        the position. Faults that leave an estimate are in ``diagnostics["warnings"]``
+        (`ankleloop.joint.data_checks.check_data`).
 
     Examples
     --------
@@ -118,11 +130,10 @@ def identify(
     ['B', 'I', 'K']
     """
     entry = find_method(method)
-    candidates = dict(select or {})
-    fields = entry.options.model_fields
-    unknown = sorted((set(options) | set(candidates)) - set(fields))
-    if unknown:
-        raise TypeError(f"method {method!r} has no option {unknown[0]!r}; it has {', '.join(fields)}.")
+    candidates = check_candidates("identify: select", select)
+    owner = f"method {method!r}"
+    entry.options.check_names(owner, [*options, *candidates])
+    _check_criterion(criterion, candidates)
     if isinstance(trial, (list, tuple)) and (candidates or not entry.merges):
         merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
         verb = "selects options on" if candidates else "identifies"
@@ -132,6 +143,9 @@ def identify(
     duplicates = sorted(set(options) & set(candidates))
     if duplicates:
         raise TypeError(f"option {duplicates[0]!r} is given, and to be selected as well: choose one of the two.")
+    entry.options.parse(owner, **options)
+    for combination in itertools.product(*candidates.values()):  # a wrong candidate is a mistake, not a bad model
+        entry.options.parse(f"select, {owner}", **options, **dict(zip(candidates, combination, strict=True)))
     values = {**entry.options.defaults(), **options}
     shared = {name: values[name] for name in ("reference", "delay", "identification_rate") if name in values}
     selection = select_options(cast(Trial, trial), partial(entry, **options), candidates, criterion=criterion, **shared)

@@ -9,7 +9,7 @@ from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.methods.method import Method, degree_option, delay_option, rate_option
+from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
 from ankleloop.methods.riv_covariance import RivCovariance, choose_covariance
 from ankleloop.methods.riv_equations import MOTION, RivEquations
 from ankleloop.methods.riv_intervals import estimate_errors, estimate_intervals, parameter_values
@@ -18,8 +18,6 @@ from ankleloop.methods.riv_start import best_of_grid
 from ankleloop.options import Options, option
 
 __all__ = ["METHODS", "RivOptions", "identify_riv"]
-
-NOMINAL_DELAY = 0.04  # s
 
 
 class RivOptions(Options):
@@ -46,11 +44,12 @@ class RivOptions(Options):
         "asymptotic, for a model that describes all but noise; robust, for one that leaves out something that depends "
         "on the movement; null: robust where the residual depends on the movement",
     )
-    max_iterations: int = option(50, "most iterations", ge=1)
+    max_iterations: int = option(50, "most iterations", ge=1, le=10000)
     tolerance: float = option(
         0.01,
         "the iteration ends when no parameter moves by more than this fraction of its standard error",
         gt=0,
+        le=1,
     )
 
 
@@ -200,4 +199,4 @@ def _warnings(solution: RivSolution) -> list[str]:
     return warnings
 
 
-METHODS = (Method("riv", RivOptions, identify_riv),)
+METHODS = (Method("riv", RivOptions, identify_riv, reference=lambda options: options.reference),)

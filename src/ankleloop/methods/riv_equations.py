@@ -9,7 +9,6 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
-from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.reference_response import explained_share
@@ -22,7 +21,6 @@ __all__ = ["MOTION", "NOISE_RESOLUTION", "RivEquations", "RivParameters", "RivPo
 LOWEST = 0.05  # Hz: drifts and means lie below
 NOISE_RESOLUTION = 0.4  # Hz
 DELAY_LIMITS = (0.015, 0.15)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity
-WEAKEST = 0.05  # share of the position that the reference predicts
 FASTEST_POLE = 20.0  # of the highest frequency: a pole beyond [rad/s] acts like a delay of a millisecond
 NO_POLE = 100.0  # of that limit: a third pole that is held there is none
 WELL_CONDITIONED = 1e-9  # reciprocal condition number
@@ -182,24 +180,17 @@ class RivEquations:
         self.band = Band(regressors.torque.size, regressors.rate, LOWEST, PASSBAND * regressors.rate)
         self.torque = self.band.transform(regressors.torque)
         self.measured = self.band.transform(regressors.inputs.T)
-        self.explained = self._check_reference()
+        self.explained = self._explained_share()
         predicted = trial.predict_inputs(regressors)
         open_loop = predicted is regressors.inputs
         self.predicted = self.measured if open_loop else self.band.transform(predicted.T)
 
-    def _check_reference(self) -> float:
-        """Share of the position that the reference explains; a reference that does not move the joint is refused."""
+    def _explained_share(self) -> float:
+        """Share of the position that the reference explains."""
         r = self.regressors
         if r.reference is None or r.reference_name == "position":
             return 1.0
-        share = explained_share(r.inputs[:, 0], r.reference, r.rate)
-        if share < WEAKEST:
-            raise DataError(
-                f"{r.reference_name} explains {100 * max(share, 0.0):.0f} % of the position: as an instrument it is "
-                "too weak to say anything. Give the command of the servo as reference; reference='position' is for "
-                "records in open loop."
-            )
-        return share
+        return explained_share(r.inputs[:, 0], r.reference, r.rate)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,13 +11,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ankleloop.arguments import check_choice, check_flag, check_integer, check_number, check_text, show_value
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.method import Trial
 from ankleloop.records.trial import segment
 
-__all__ = ["CRITERIA", "Selection", "select_options"]
+__all__ = ["CRITERIA", "Selection", "check_candidates", "select_options"]
 
 CRITERIA = ("instrumental", "cross-validation")
 NOMINAL_DELAY = 0.04  # s
@@ -25,6 +27,7 @@ SEGMENT = 2.0  # s over which losses are summed before their scatter is computed
 TERMS = 5  # spline terms of the delayed velocity among the instruments
 LAGS = 0.4  # s of these terms
 STEP = 0.02  # s between lags
+MOST_COMBINATIONS = 1000  # of candidates: each is a fit to every fold
 LEADS = 0.05  # s of the position, either way
 
 
@@ -124,8 +127,9 @@ def select_options(
     DataError
         If no candidate can be fitted, or the folds are too short to be scored.
     ValueError
-        For an unknown criterion, no candidates, identification rates as candidates, fewer than two folds, or more than
-        two where trials are not merged.
+        For an unknown criterion, no candidates or more than 1000 combinations of them, identification rates as
+        candidates, fewer than two folds, or more than two where trials are not merged; and for an argument of another
+        type or out of its range.
 
     Examples
     --------
@@ -136,12 +140,19 @@ def select_options(
     >>> select_options(trial, fit, {"basis": ["rectifier"], "order": [1, 2]}).chosen
     {'basis': 'rectifier', 'order': 2}
     """
+    candidates = check_candidates("candidates", candidates)
     _check_arguments(candidates, folds, merges)
+    check_text("select_options", "reference", reference)
+    if delay is not None:
+        delay = check_number("select_options", "delay", delay, "s", ge=0, le=1)
+    identification_rate = check_number(
+        "select_options", "identification_rate", identification_rate, "Hz", ge=1, le=10000
+    )
+    if criterion is not None:
+        check_choice("select_options", "criterion", criterion, CRITERIA)
     record = prepare(trial).trial
     has_reference = reference in record and reference != "position"
     criterion = criterion or ("instrumental" if has_reference else "cross-validation")
-    if criterion not in CRITERIA:
-        raise ValueError(f"unknown criterion {criterion!r}; known: {', '.join(CRITERIA)}.")
     if criterion == "instrumental" and not has_reference:
         raise DataError(
             f"the instrumental criterion needs a reference, and the trial has no {reference!r} beside its position: "
@@ -165,9 +176,45 @@ def select_options(
     return Selection(criterion, rows, {name: best[name] for name in candidates})
 
 
+def check_candidates(name: str, candidates: Any) -> dict[str, list[Any]]:
+    """Candidates of a selection by option; none for None.
+
+    Parameters
+    ----------
+    name : str
+        Argument, for the message.
+    candidates : mapping of str to sequence, optional
+        Values of each option.
+
+    Returns
+    -------
+    dict of str to list
+
+    Raises
+    ------
+    ValueError
+        For anything else, an option without values, and more than 1000 combinations.
+    """
+    candidates = {} if candidates is None else candidates
+    if not isinstance(candidates, Mapping):
+        raise ValueError(f"{name} must be a dict of options with lists of values, got {show_value(candidates)}.")
+    for option, values in candidates.items():
+        if not isinstance(option, str) or not isinstance(values, (list, tuple, range, np.ndarray)) or not len(values):
+            raise ValueError(
+                f"{name} must have a list with at least one value of each option to choose from, got "
+                f"{show_value(values)} for {option!r}."
+            )
+    combinations = math.prod(len(values) for values in candidates.values())
+    if combinations > MOST_COMBINATIONS:
+        raise ValueError(f"{name} must have at most {MOST_COMBINATIONS} combinations, got {combinations}.")
+    return {option: list(values) for option, values in candidates.items()}
+
+
 def _check_arguments(candidates: Mapping[str, Sequence[Any]], folds: int, merges: bool) -> None:
-    if folds < 2 or not candidates or not all(len(values) for values in candidates.values()):
-        raise ValueError("give at least two folds, and at least one value of each option to choose from.")
+    if not candidates:
+        raise ValueError("candidates must have at least one option to choose from.")
+    check_integer("select_options", "folds", folds, ge=2, le=100)
+    check_flag("select_options", "merges", merges)
     if folds > 2 and not merges:
         raise ValueError(
             f"with {folds} folds the fit has to merge the parts before and after a fold, which this method does not: "
@@ -235,7 +282,7 @@ def _losses(
     for fold in folds:
         merged = len(fold.training) > 1
         estimate: Estimate = fit(fold.training, **options)[0] if merged else fit(fold.training[0], **options)
-        warnings += estimate.diagnostics.get("warnings", ())
+        warnings += estimate.fit_warnings  # those about the data concern all candidates alike
         torque = estimate.predict(fold.test).torque
         time, rate = torque["time"].values, torque.attrs["identification_rate"]
         scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.plotting.style import COLOURS, REFERENCE_LINE, STYLE, add_legend
+from ankleloop.plotting.style import COLOURS, FAULT_RING, REFERENCE_LINE, STYLE, add_legend
 from ankleloop.quantities import QUANTITIES
 
 if TYPE_CHECKING:
@@ -178,7 +178,8 @@ def group_figure(
 ) -> Figure:
     """Parameters against the condition: a point for each recording, a line for the mean of each subject.
 
-    Estimates with a warning are crosses where they lie within the axes, and are left out of the means.
+    Estimates with a warning are crosses where they lie within the axes, and are left out of the means; a ring marks
+    such means.
 
     Parameters
     ----------
@@ -225,6 +226,9 @@ def _draw_subject(axis: Axes, rows: pd.DataFrame, name: str, offset: float, styl
     axis.plot(values.index + offset, values, "o", ms=2.6, mfc="none", color=style["color"], alpha=0.8)
     means = values.groupby(level=0).mean()
     axis.plot(means.index + offset, means, "-", **style)
+    reduced = means[means.index.isin(suspect.index)]
+    if len(reduced):
+        axis.plot(reduced.index + offset, reduced, **{**FAULT_RING, "label": "mean without those with a warning"})
     if len(suspect):  # as an artist, which does not widen the axis: such values may be anywhere
         marks = Line2D(suspect.index + offset, suspect, marker="x", ms=4, ls="none", color="grey")
         marks.set(label="with a warning", transform=axis.transData)

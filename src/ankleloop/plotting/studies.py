@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 
+from ankleloop.plotting.fault_marks import draw_crosses, draw_rings, mark_means
 from ankleloop.plotting.style import COLOURS, MARKERS, REFERENCE_LINE, STYLE, add_legend, panel_grid
 from ankleloop.signals.vaf import confidence_margin
 
@@ -43,10 +44,14 @@ def curves_figure(
 ) -> Figure:
     """Mean over trials against a parameter, with the 95 % confidence band of the mean.
 
+    A single trial has no band. A ring marks means of which a trial failed or came with a warning; where every trial
+    failed, a cross stands at the lower edge of the panel.
+
     Parameters
     ----------
     table : pandas.DataFrame
-        One row per trial: columns `panel`, `series`, `x`, `value`.
+        One row per trial: columns `panel`, `series`, `x`, `value`, and optionally `outcome`: "estimate", "warning" (an
+        estimate with a warning) or "failure" (no estimate, and no value).
     panels : dict of str to (str, float or None)
         For each panel its label with unit, and the true value that is drawn as a black line.
     xlabel : str
@@ -82,11 +87,16 @@ def curves_figure(
 
 def _draw_curve(axis: Axes, trials: pd.DataFrame, series: str, number: int, line_style: str) -> None:
     summary = trials.groupby("x")["value"].agg(["mean", "std", "count"])
-    margin = np.nan_to_num(confidence_margin(summary["std"], summary["count"]))
+    margin = confidence_margin(summary["std"], summary["count"])  # none of a single trial
     x, mean = summary.index.to_numpy(), summary["mean"].to_numpy()
     style = _series_style(number)
     axis.fill_between(x, mean - margin, mean + margin, color=style["color"], alpha=0.25, lw=0)
     axis.plot(x, mean, **style, ms=3.2, lw=1.1, ls=line_style, label=series)
+    if "outcome" in trials:
+        outcomes = trials["outcome"].groupby(trials["x"])
+        draw_rings(axis, *np.array([x, mean])[:, outcomes.agg(lambda values: (values != "estimate").any())])
+        failed = x[outcomes.agg(lambda values: (values == "failure").all())]
+        draw_crosses(axis, failed, 0.03 + 0.04 * number, style["color"], axis.get_xaxis_transform())
 
 
 def _series_style(number: int) -> dict[str, Any]:
@@ -96,7 +106,8 @@ def _series_style(number: int) -> dict[str, Any]:
 
 def _limit_ordinate(axis: Axes, low: float, high: float) -> None:
     """Limit the ordinate, and note the lowest mean where a curve goes below it."""
-    lowest = min((np.min(np.asarray(line.get_ydata())) for line in axis.get_lines()), default=low)
+    curves = [np.asarray(line.get_ydata()) for line in axis.get_lines() if line.get_transform() == axis.transData]
+    lowest = min((np.min(curve[np.isfinite(curve)]) for curve in curves if np.isfinite(curve).any()), default=low)
     axis.set_ylim(low, high)
     if lowest < low:
         axis.annotate(f"lowest mean: {lowest:.4g}", (0.03, 0.03), xycoords="axes fraction", fontsize=7, color="#555555")
@@ -120,7 +131,8 @@ def map_figure(
     Parameters
     ----------
     table : pandas.DataFrame
-        One row per cell; columns as named by the next four.
+        One row per cell; columns as named by the next four, and optionally `fault`: whether a trial of the cell failed
+        or came with a warning. Such cells have an asterisk.
     x, y, panel, value : str
         Columns of the abscissa, the ordinate, the panels and the quantity.
     xlabel, ylabel, title : str
@@ -136,8 +148,10 @@ def map_figure(
     figure, axes = panel_grid(len(names), 3, (2.9, 2.7), (0.9, 0.3))
     norm = LogNorm(max(0.5, table[value].min()), max(1.0, table[value].max()))
     for axis, name in zip(axes, names, strict=True):
-        cells = table[table[panel] == name].pivot_table(value, y, x)
-        image = _draw_cells(axis, cells, norm, limit)
+        rows = table[table[panel] == name]
+        cells = rows.pivot(index=y, columns=x, values=value)
+        faults = rows.assign(fault=rows.get("fault", False)).pivot(index=y, columns=x, values="fault")
+        image = _draw_cells(axis, cells, faults.eq(True).to_numpy(), norm, limit)
         axis.set(xlabel=xlabel, ylabel=ylabel, title=title.format(name))
     bar = figure.colorbar(image, ax=figure.axes, label="largest deviation from the paper [points of VAF]")
     bar.ax.yaxis.set_major_formatter("{x:g}")
@@ -145,15 +159,16 @@ def map_figure(
     return figure
 
 
-def _draw_cells(axis: Axes, cells: pd.DataFrame, norm: LogNorm, limit: float) -> AxesImage:
+def _draw_cells(axis: Axes, cells: pd.DataFrame, faults: np.ndarray, norm: LogNorm, limit: float) -> AxesImage:
     image = axis.imshow(cells.to_numpy(), norm=norm, cmap="viridis_r", origin="lower", aspect="auto")
     axis.set_xticks(range(cells.shape[1]), [f"{value:g}" for value in cells.columns])
     axis.set_yticks(range(cells.shape[0]), [f"{value:g}" for value in cells.index])
     for (row, column), value in np.ndenumerate(cells.to_numpy()):
         if not np.isfinite(value):
-            axis.text(column, row, "unstable", ha="center", va="center", fontsize=6)
+            text = "failed" if faults[row, column] else "unstable"
+            axis.text(column, row, text, ha="center", va="center", fontsize=6)
             continue
-        text = f"{value:.1f}" if value < 100 else f"{value:.0f}"
+        text = (f"{value:.1f}" if value < 100 else f"{value:.0f}") + "*" * int(faults[row, column])
         colour = "white" if norm(value) > 0.5 else "black"  # on a dark or a light cell
         axis.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)
         if value <= limit:
@@ -205,7 +220,8 @@ def ratio_figure(table: pd.DataFrame, *, limit: float, largest: float = 50.0) ->
     Parameters
     ----------
     table : pandas.DataFrame
-        Columns `panel`, `row`, `series` and `ratio`.
+        Columns `panel`, `row`, `series` and `ratio`, and optionally `fault`, whether trials failed or came with a
+        warning: such symbols have a ring; and `failed`, whether all of them failed: a cross stands at the left edge.
     limit : float
         A line is drawn here, and at 1.
     largest : float
@@ -241,6 +257,7 @@ def _draw_ratios(axis: Axes, table: pd.DataFrame, names: Sequence[str], largest:
         too_large = (rows["ratio"] > largest).to_numpy()
         axis.plot(np.where(too_large, np.nan, rows["ratio"]), heights, label=label, **style)
         axis.plot(np.where(too_large, largest, np.nan), heights, mfc="none", **style)
+        mark_means(axis, rows, rows["ratio"].clip(upper=largest), heights, style["color"])
 
 
 @matplotlib.rc_context(STYLE)
@@ -252,7 +269,9 @@ def estimates_figure(
     Parameters
     ----------
     table : pandas.DataFrame
-        Columns `panel`, `row`, `series`, `value` and `margin`, half of the interval.
+        Columns `panel`, `row`, `series`, `value` and `margin`, half of the interval, and optionally `fault`, whether
+        trials failed or came with a warning: such symbols have a ring; and `failed`, whether all of them failed: a
+        cross stands at the left edge.
     panels : dict of str to (str, float or None, (float, float))
         For each panel its label with unit, the true value, and the limits of the abscissa; values beyond them are
         drawn there, open.
@@ -273,6 +292,7 @@ def estimates_figure(
             axis.plot(np.where(shown == value, value, np.nan), heights, label=series, zorder=3, **style)
             axis.plot(np.where(shown == value, np.nan, shown), heights, mfc="white", clip_on=False, zorder=3, **style)
             axis.hlines(heights, value - part["margin"], value + part["margin"], color=style["color"], lw=1.0)
+            mark_means(axis, part, shown, heights, style["color"])
         if truth is not None:
             axis.axvline(truth, **REFERENCE_LINE, label="true value")
         axis.set(xlabel=label, xlim=limits, ylim=(len(names) - 0.5, -0.5))

@@ -10,13 +10,29 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-__all__ = ["COLOURS", "MARKERS", "REFERENCE_LINE", "STYLE", "add_legend", "panel_grid", "save_figure"]
+from ankleloop.records.files import atomic_file
+
+__all__ = [
+    "ALL_FAILED",
+    "COLOURS",
+    "FAULT_RING",
+    "MARKERS",
+    "REFERENCE_LINE",
+    "STYLE",
+    "add_legend",
+    "panel_grid",
+    "save_figure",
+]
 
 # Okabe and Ito's colours can be told apart by colour-blind readers, and differ in print; two of Tol's for more.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222", "#882255", "#999933")
 MARKERS = "osD^v<>pX"
 # Line of a true value or of a limit.
 REFERENCE_LINE: dict[str, Any] = {"color": "black", "lw": 0.8, "ls": (0, (2, 2))}
+# Around the symbol of a mean: some of its trials failed, or came with a warning.
+FAULT_RING: dict[str, Any] = {"ls": "", "marker": "o", "ms": 7.5, "mfc": "none", "mec": "#444444", "mew": 0.7}
+FAULT_RING |= {"zorder": 4, "label": "with failures or warnings"}
+ALL_FAILED = "every trial failed"  # label of a cross at the edge of a panel
 STYLE: Any = {
     "font.size": 8.5,
     "axes.titlesize": 8.5,
@@ -82,7 +98,7 @@ def panel_grid(
 
 
 def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
-    """Put one legend for all axes below them; each label appears once.
+    """Put one legend for all axes below them; each label appears once, those of marks at the end.
 
     Parameters
     ----------
@@ -93,10 +109,14 @@ def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
     """
     lines = {str(line.get_label()): line for axis in axes for line in axis.get_lines()}
     lines = {label: line for label, line in lines.items() if label[0] != "_"}
-    figure.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=min(3, len(lines)))
+    labels = sorted(lines, key=lambda label: label in (FAULT_RING["label"], ALL_FAILED))
+    columns = min(3, max(1, int(figure.get_figwidth() // 2.2)), len(labels))  # a narrow figure would cut them off
+    figure.legend([lines[label] for label in labels], labels, loc="outside lower center", ncols=columns)
 
 
-def save_figure(figure: Figure, stem: str | Path, suffixes: Sequence[str] = (".png", ".pdf")) -> None:
+def save_figure(
+    figure: Figure, stem: str | Path, suffixes: Sequence[str] = (".png", ".pdf"), *, overwrite: bool = False
+) -> None:
     """Write a figure, the same bytes for the same data.
 
     Parameters
@@ -107,8 +127,16 @@ def save_figure(figure: Figure, stem: str | Path, suffixes: Sequence[str] = (".p
         Path without its suffix.
     suffixes : sequence of str
         Of ".png", ".pdf" and ".svg".
+    overwrite : bool
+        Whether to replace files of these names; without it existing files are refused.
+
+    Raises
+    ------
+    DataError
+        If a file exists, or cannot be written.
     """
     stem = Path(stem)
     with matplotlib.rc_context(STYLE):
         for suffix in suffixes:
-            figure.savefig(stem.with_name(stem.name + suffix), dpi=200, metadata=METADATA[suffix])
+            with atomic_file(stem.with_name(stem.name + suffix), overwrite=overwrite) as partial:
+                figure.savefig(partial, format=suffix[1:], dpi=200, metadata=METADATA[suffix])

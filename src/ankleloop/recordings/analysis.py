@@ -17,7 +17,6 @@ from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.registry import find_method, identify
-from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.checks import Check, check_trial
 from ankleloop.recordings.comparison import UnseenTorque, unseen_torque
 from ankleloop.recordings.validity import caution, reason_against
@@ -152,22 +151,17 @@ def _analyse_method(
     longest = int(np.argmax([part.samples("time").size for part in trials]))
     test = _test_residual(trials[longest], estimates[longest], check.instrumental, reference)
     row = {**scores, **_test_columns(test), **parameter_row(trials[0], estimates[0])}
-    warnings = [text for text in (row["warnings"], *_physical_warnings(estimates[0])) if text]
+    warnings = estimates[0].fit_warnings
     if warnings:  # the covariance belongs to a solution that was not reached, or to another model
         withheld = {f"{name}_{end}" for name in estimates[0].intervals for end in ("low", "high")} | {"intervals"}
         row = {name: value for name, value in row.items() if name not in withheld}
     row |= {"warnings": " ".join(warnings), "trusted": not warnings}
-    row["caution"] = caution(specification["method"], check.loop, check.reference)
+    # Warnings about the data concern all methods alike, so they do not decide between them.
+    about_data = estimates[0].diagnostics.get("data_warnings", ())
+    row["caution"] = " ".join(
+        filter(None, (caution(specification["method"], check.loop, check.reference), *about_data))
+    )
     return _Result(estimates, test, unseen, row)
-
-
-def _physical_warnings(estimate: Estimate) -> list[str]:
-    """Parameters that no joint has: below zero, with all of their interval."""
-    return [
-        f"{name} = {value:.3g} {QUANTITIES[name].unit} is negative, which no joint has."
-        for name, value in estimate.stiffness.items()
-        if max(value, estimate.intervals.get(name, (value, value))[1]) < 0
-    ]
 
 
 def _check_options(specification: Mapping[str, Any]) -> None:
@@ -214,7 +208,7 @@ def _fit(
         half = _identify_all(first, method, select=select, criterion=specification.get("criterion"), **options)
         chosen = half[0].diagnostics["selection"]["chosen"] if select else {}
         scores["selected"] = ", ".join(f"{name} {value}" for name, value in chosen.items())
-        scores["unseen_warnings"] = " ".join(half[0].diagnostics.get("warnings", ()))
+        scores["unseen_warnings"] = " ".join(half[0].fit_warnings)
         predictions = [(part, half[0].predict(part)) for part in second]
         scores |= _score(predictions, {"net": "vaf_unseen"})
         unseen = [unseen_torque(*prediction) for prediction in predictions]

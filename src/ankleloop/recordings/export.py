@@ -10,14 +10,14 @@ import pandas as pd
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.model_files import save_estimate
-from ankleloop.records.files import atomic_file
+from ankleloop.records.files import atomic_file, source_files
 
 __all__ = ["export_estimate"]
 
 SUFFIXES = (".nc", ".mat", ".csv")
 
 
-def export_estimate(estimate: Estimate, path: str | os.PathLike[str]) -> None:
+def export_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write one estimate to a file for another program.
 
     `.nc` and `.mat` are the files of `ankleloop.save_estimate`, with torques, model, parameters, intervals and
@@ -29,11 +29,13 @@ def export_estimate(estimate: Estimate, path: str | os.PathLike[str]) -> None:
         The estimate.
     path : path-like
         A file ending in .nc, .mat or .csv, in a folder that exists; it appears when it is complete.
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
 
     Raises
     ------
     DataError
-        For another suffix, or if the folder does not exist.
+        For another suffix, if the file exists or the estimate is read from it, or if it cannot be written.
 
     Examples
     --------
@@ -54,9 +56,9 @@ def export_estimate(estimate: Estimate, path: str | os.PathLike[str]) -> None:
             f"{path.name}: estimates are exported as {', '.join(SUFFIXES)}; got {path.suffix or 'no suffix'}."
         )
     if path.suffix != ".csv":
-        save_estimate(estimate, path)
+        save_estimate(estimate, path, overwrite=overwrite)
         return
     columns = {"time_s": estimate.torque["time"].values}
     columns |= {f"torque_{name}_nm": estimate.torque[name].values for name in TORQUES}
-    with atomic_file(path) as partial:
+    with atomic_file(path, overwrite=overwrite, inputs=source_files(estimate.torque)) as partial:
         pd.DataFrame(columns).to_csv(partial, index=False)

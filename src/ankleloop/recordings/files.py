@@ -59,8 +59,12 @@ def load_recording(path: str | os.PathLike[str], mapping: Mapping[str, Any]) -> 
       ...
     ankleloop.errors.DataError: there is no file nowhere.csv in the folder of the recordings.
     """
-    if not Path(path).exists():
-        raise DataError(f"there is no file {Path(path).name} in the folder of the recordings.")
+    try:
+        os.stat(path)
+    except FileNotFoundError:
+        raise DataError(f"there is no file {Path(path).name} in the folder of the recordings.") from None
+    except (OSError, ValueError):  # read_trial says what is wrong
+        pass
     trial = read_trial(path, **{name: mapping[name] for name in ReadingOptions.model_fields if name in mapping})
     start, stop = mapping.get("start"), mapping.get("stop")
     if start is not None or stop is not None:
@@ -158,7 +162,9 @@ def tabulate_analysis(
     return table[[*groups, *[column for column in table if column not in groups]]]
 
 
-def export_estimates(estimates: Mapping[str, Sequence[Estimate]], folder: str | os.PathLike[str]) -> None:
+def export_estimates(
+    estimates: Mapping[str, Sequence[Estimate]], folder: str | os.PathLike[str], *, overwrite: bool = False
+) -> None:
     """Write estimates as NetCDF, MATLAB and CSV files.
 
     Parameters
@@ -168,6 +174,13 @@ def export_estimates(estimates: Mapping[str, Sequence[Estimate]], folder: str | 
     folder : path-like
         Folder of the files; it is made if there is anything to write. The names of the files are the keys, with the
         number of the trial where there are several.
+    overwrite : bool
+        Whether to replace files of these names; without it existing files are refused.
+
+    Raises
+    ------
+    DataError
+        If a file exists, or cannot be written.
     """
     folder = Path(folder)
     for key, trials in estimates.items():
@@ -175,4 +188,4 @@ def export_estimates(estimates: Mapping[str, Sequence[Estimate]], folder: str | 
         stems = [key] if len(trials) == 1 else [f"{key}-{number}" for number in range(1, len(trials) + 1)]
         for stem, estimate in zip(stems, trials, strict=True):
             for suffix in SUFFIXES:
-                export_estimate(estimate, folder / f"{stem}{suffix}")
+                export_estimate(estimate, folder / f"{stem}{suffix}", overwrite=overwrite)

@@ -10,9 +10,9 @@ import numpy as np
 from scipy import special
 
 from ankleloop.errors import DataError
+from ankleloop.joint.reference_projection import ReferenceProjection, project_on_reference
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
 from ankleloop.recordings.path_correlation import stiffness_beside_reflex
-from ankleloop.recordings.reference_projection import ReferenceProjection, project_on_reference
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import segment_spectra
 

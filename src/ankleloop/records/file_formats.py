@@ -1,168 +1,140 @@
-"""Variables and attributes of data files: CSV, MATLAB (v5 and v7.3), HDF5 and NetCDF."""
+"""Variables and attributes of data files: CSV, MATLAB (v5 and v7.3), HDF5 and NetCDF.
+
+Damaged files can kill or halt the process that opens them, so these functions run in the process of
+`ankleloop.records.reading_server`, and in no other.
+"""
 
 from __future__ import annotations
 
-import csv
-import gzip
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
-import pandas as pd
-import scipy.io
-import xarray as xr
 
 from ankleloop.errors import DataError
+from ankleloop.records.csv_tables import Table
+from ankleloop.records.file_contents import Contents, Variable, raise_type, take_samples
 
-__all__ = ["FileContents", "read_contents"]
+__all__ = ["SUFFIXES", "find_suffix", "open_contents"]
+
+SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc")
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
-@dataclass
-class FileContents:
-    """All variables and attributes of a file, without nesting.
+class CsvContents(Contents):
+    """Columns of a table of text."""
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    variables : dict of str to object
-        Variables by full name, in which the separator joins the names of groups or structs.
-    attributes : dict of str to object
-        Attributes by full name, that is below the name of the variable or group that they belong to.
-    separator : str
-        What joins the names.
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.table = Table(path)
+        self._columns: dict[str, np.ndarray] = {}
 
-    Examples
-    --------
-    >>> contents = FileContents(Path("a.h5"), {"ankle/position": [0.0, 0.1]}, {"ankle/position/units": "rad"})
-    >>> contents.find_variable("/ankle/position"), contents.find_unit("ankle/position")
-    ('ankle/position', 'rad')
-    """
+    def find(self, name: str) -> Variable | None:
+        """Column of a name; None if there is none."""
+        if self.table.find_column(name) is None:
+            return None
+        return Variable(name, (self.table.rows,), lambda part: self._read(name)[part or slice(None)])
 
-    path: Path
-    variables: dict[str, Any] = field(default_factory=dict)
-    attributes: dict[str, Any] = field(default_factory=dict)
-    separator: str = "/"
+    def names(self) -> Iterator[str]:
+        """Names of the columns."""
+        yield from (name for name in self.table.names if name)
 
-    @property
-    def is_csv(self) -> bool:
-        """Whether the file is a table of text."""
-        return self.path.name.lower().endswith((".csv", ".csv.gz"))
-
-    def find_variable(self, name: str) -> str:
-        """Full name of a variable; a leading slash, as HDF5 tools show it, does not matter.
-
-        Raises
-        ------
-        DataError
-            If the file has no such variable.
-        """
-        for candidate in (name, name.lstrip("/")):
-            if candidate in self.variables:
-                return candidate
-        raise DataError(
-            f"{self.path.name}: there is no variable {name!r}; the file has: {', '.join(self.variables) or 'none'}. "
-            "Name one of these."
-        )
-
-    def find_nearest(self, names: Sequence[str], variable: str, *, scalar: bool) -> str | None:
-        """Full name of the first variable or attribute of these names: at a variable, beside it, or further up.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Names without groups, the preferred one first.
-        variable : str
-            Variable where the search begins.
-        scalar : bool
-            Look for a single number, which may be an attribute; otherwise for a variable of more values.
-
-        Returns
-        -------
-        str or None
-        """
-        candidates = self.attributes | self.variables if scalar else self.variables
-        groups = self.find_variable(variable).split(self.separator)
-        for depth in range(len(groups), -1, -1):
-            for name in (self.separator.join([*groups[:depth], name]) for name in names):
-                if name in candidates and (np.size(candidates[name]) == 1) == scalar:
-                    return name
-        return None
-
-    def find_unit(self, variable: str) -> str:
-        """Unit that the file states for a variable, in lower case, or the empty string."""
-        stated = np.ravel(self.attributes.get(f"{self.find_variable(variable)}{self.separator}units", ""))
-        text = stated[0] if stated.size else ""
-        return (text.decode(errors="replace") if isinstance(text, bytes) else str(text)).strip().lower()
+    def load(self, names: Sequence[str]) -> None:
+        """Read several columns in one pass."""
+        self._columns |= self.table.read_columns(names)
 
     def locate_sample(self, sample: int) -> str:
-        """Describe where a sample is in the file: by its line in a table of text, else by its number."""
-        if not self.is_csv:
-            return f"at sample {sample}"
-        opener = gzip.open if self.path.name.lower().endswith(".gz") else open
-        with opener(self.path, "rt", encoding="utf-8", newline="") as file:
-            lines = csv.reader(file)
-            numbers = [lines.line_num for cells in lines if cells]  # blank lines hold no sample
-        return f"in line {numbers[sample + 1]}"  # the first one is the header
+        """Line of a sample."""
+        return self.table.locate_sample(sample)
+
+    def _read(self, name: str) -> np.ndarray:
+        if name not in self._columns:
+            self.load([name])
+        return self._columns[name]
 
 
-def read_contents(path: Path) -> FileContents:
-    """Read all variables and attributes of a file, whose format follows from its suffix.
+class MatContents(Contents):
+    """Variables of a MATLAB file before v7.3, those of structs by their full names; each is loaded alone."""
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
+    separator = "."
 
-    Returns
-    -------
-    FileContents
+    def __init__(self, path: Path) -> None:
+        import scipy.io
 
-    Raises
-    ------
-    DataError
-        If the file does not exist, has an unknown suffix or is damaged.
+        super().__init__(path)
+        _check_elements(path)
+        self._top: dict[str, tuple[tuple[int, ...], str]] = {}
+        self._repeated: set[str] = set()
+        for name, shape, kind in scipy.io.whosmat(path, appendmat=False):
+            if name in self._top:
+                self._repeated.add(name)
+            self._top[name] = tuple(int(size) for size in shape), kind
+        self._loaded: dict[str, Any] = {}
+        self._structs: dict[str, dict[str, Any]] = {}
 
-    Examples
-    --------
-    >>> read_contents(Path("nowhere.csv"))
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: nowhere.csv: there is no such file: check the path.
-    """
-    if not path.is_file():
-        raise DataError(f"{path}: there is no such file: check the path.")
-    suffix = next((suffix for suffix in _READERS if path.name.lower().endswith(suffix)), None)
-    if suffix is None:
-        raise DataError(f"{path.name}: unknown kind of file: convert it to one of {', '.join(_READERS)}.")
-    try:
-        return _READERS[suffix](path)
-    except Exception as cause:  # the libraries raise almost anything on a damaged file
-        reason = f"{type(cause).__name__}: {cause}".partition("\n")[0]
-        raise DataError(
-            f"{path.name}: cannot be read as {suffix} ({reason}): check that the file is whole and its suffix right."
-        ) from cause
+    def find(self, name: str) -> Variable | None:
+        """Variable of a full name; None if there is none."""
+        top = self._top_name(name)
+        if top not in self._top:
+            return None
+        if top in self._repeated:
+            raise DataError(f"{self.path.name}: there are several variables {top!r}: save the file again with one.")
+        shape, kind = self._top[top]
+        if kind in ("logical", "sparse") and name == top:  # which become numbers, or an object, once they are loaded
+            return Variable(name, shape, lambda _: raise_type(self.path.name, name, kind))
+        if kind == "struct":
+            fields = self._load_struct(top)
+            if name not in fields:
+                return None
+            value = fields[name]
+            return Variable(name, np.shape(value), lambda _: value)
+        return Variable(name, shape, lambda _: self._value(top)) if name == top else None
+
+    def names(self) -> Iterator[str]:
+        """Full names of the variables."""
+        for name, (_, kind) in self._top.items():
+            yield from self._load_struct(name) if kind == "struct" else (name,)
+
+    def load(self, names: Sequence[str]) -> None:
+        """Load several variables in one pass over the file."""
+        import scipy.io
+
+        tops = [top for top in dict.fromkeys(self._top_name(name) for name in names) if top not in self._loaded]
+        if tops:
+            self._loaded |= scipy.io.loadmat(self.path, appendmat=False, variable_names=tops, simplify_cells=True)
+
+    def _top_name(self, name: str) -> str:
+        return name.split(self.separator, 1)[0]
+
+    def _value(self, top: str) -> Any:
+        self.load([top])
+        return self._loaded[top]
+
+    def _load_struct(self, top: str) -> dict[str, Any]:
+        if top not in self._structs:
+            self._structs[top] = dict(_flatten_struct({top: self._value(top)}))
+        return self._structs[top]
 
 
-def _read_csv(path: Path) -> FileContents:
-    with warnings.catch_warnings():
-        # Pandas drops the last cells of a line that has more cells than the header, as decimal commas make it.
-        warnings.simplefilter("error", pd.errors.ParserWarning)
-        # index_col=False: a comma at the end of each line must not shift the columns.
-        frame = pd.read_csv(path, index_col=False, skipinitialspace=True, low_memory=False)
-    return FileContents(path, {name.strip(): frame[name].to_numpy() for name in frame.columns})
-
-
-def _read_mat(path: Path) -> FileContents:
-    if h5py.is_hdf5(path):
-        return _read_hdf5(path, separator=".")
-    workspace = scipy.io.loadmat(path, simplify_cells=True)
-    variables = {name: value for name, value in workspace.items() if not name.startswith("__")}
-    return FileContents(path, dict(_flatten_struct(variables)), separator=".")
+def _check_elements(path: Path) -> None:
+    """Refuse a MATLAB v5 file that ends within a variable: its library leaves out the variables behind, in silence."""
+    size = path.stat().st_size
+    with open(path, "rb") as file:
+        header = file.read(128)
+        order = {b"IM": "little", b"MI": "big"}.get(header[126:128])
+        if order is None:  # of v4
+            return
+        position = 128
+        while position < size:
+            tag = file.read(8)
+            count = int.from_bytes(tag[4:8], order)  # type: ignore[arg-type]
+            if len(tag) < 8 or position + 8 + count > size:
+                raise DataError(
+                    f"{path.name}: cannot be read as .mat (it ends within the variable at byte {position}): "
+                    "check that the file is whole."
+                )
+            position = file.seek(position + 8 + count)
 
 
 def _flatten_struct(struct: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -173,45 +145,95 @@ def _flatten_struct(struct: Mapping[str, Any], prefix: str = "") -> Iterator[tup
             yield f"{prefix}{name}", value
 
 
-def _read_hdf5(path: Path, separator: str = "/") -> FileContents:
-    contents = FileContents(path, separator=separator)
+class ClassicNetcdfContents(Contents):
+    """Variables of a classic NetCDF file, which has no groups."""
 
-    def add_item(name: str, item: h5py.Group | h5py.Dataset) -> None:
-        name = name.replace("/", separator)
-        if name.startswith("#"):  # MATLAB keeps its internals in #refs# and #subsystem#
-            return
-        contents.attributes.update({f"{name}{separator}{key}": value for key, value in item.attrs.items()})
-        if isinstance(item, h5py.Dataset):
-            # For an empty array MATLAB stores its size instead, which would pass for samples.
-            contents.variables[name] = np.empty(0) if item.attrs.get("MATLAB_empty", 0) else item[()]
+    def __init__(self, path: Path) -> None:
+        import scipy.io
 
-    with h5py.File(path, "r") as file:
-        contents.attributes.update(file.attrs.items())
-        file.visititems(add_item)
-    return contents
+        super().__init__(path)
+        with open(path, "rb") as file:
+            if file.read(4) == b"CDF\x05":
+                raise DataError(f"{path.name}: classic NetCDF with 64-bit data: convert it by nccopy -k nc4.")
+        self._file = scipy.io.netcdf_file(path, "r", mmap=True, maskandscale=False)
+        if self._file._recs < 0:
+            raise DataError(f"{path.name}: the number of records is not known: it is still written, or damaged.")
+
+    def find(self, name: str) -> Variable | None:
+        """Variable of a name; None if there is none."""
+        variable = self._file.variables.get(name)
+        if variable is None:
+            return None
+        # A copy, because arrays on the file do not outlive it.
+        return Variable(
+            name, variable.data.shape, lambda part: np.array(take_samples(variable.data, part)), variable._attributes
+        )
+
+    def names(self) -> Iterator[str]:
+        """Names of the variables."""
+        yield from self._file.variables
+
+    def find_attribute(self, owner: str, name: str) -> Any:
+        """Attribute of a variable, or of the file, whose name is empty; None if there is none."""
+        if not owner:
+            return self._file._attributes.get(name)
+        variable = self._file.variables.get(owner)
+        return None if variable is None else variable._attributes.get(name)
 
 
-def _read_netcdf(path: Path) -> FileContents:
-    if h5py.is_hdf5(path):
-        groups = xr.open_groups(path, engine="h5netcdf", decode_times=False)
-    else:  # classic NetCDF, which has no groups
-        groups = {"/": xr.open_dataset(path, engine="scipy", decode_times=False)}
-    contents = FileContents(path)
-    for group, dataset in groups.items():
-        prefix = f"{group.strip('/')}/".lstrip("/")
-        with dataset:
-            contents.attributes.update({f"{prefix}{key}": value for key, value in dataset.attrs.items()})
-            for name, variable in dataset.variables.items():
-                contents.variables[f"{prefix}{name}"] = variable.to_numpy()
-                contents.attributes.update({f"{prefix}{name}/{key}": value for key, value in variable.attrs.items()})
-    return contents
+def find_suffix(path: Path) -> str | None:
+    """Suffix by which the format of a file is chosen; None if it is unknown.
+
+    Examples
+    --------
+    >>> find_suffix(Path("A.CSV.GZ")), find_suffix(Path("a.txt"))
+    ('.csv.gz', None)
+    """
+    return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), None)
 
 
-_READERS = {
-    ".csv": _read_csv,
-    ".csv.gz": _read_csv,
-    ".mat": _read_mat,
-    ".h5": _read_hdf5,
-    ".hdf5": _read_hdf5,
-    ".nc": _read_netcdf,
-}
+def open_contents(path: Path) -> Contents:
+    r"""Open a file, whose format follows from its suffix.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+
+    Returns
+    -------
+    Contents
+
+    Raises
+    ------
+    DataError
+        If a fault is known; the libraries raise almost anything else.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "a.csv"
+    ...     _ = path.write_text("position,torque\n0.1,2.0\n0.2,3.0\n")
+    ...     contents = open_contents(path)
+    ...     contents.require("torque").read(None)
+    array([2., 3.])
+    """
+    suffix = find_suffix(path)
+    if suffix in (".csv", ".csv.gz"):
+        return CsvContents(path)
+    if suffix in (".h5", ".hdf5") or _is_hdf5(path):
+        from ankleloop.records.hdf5_files import Hdf5Contents  # here, because only these files need h5py
+
+        return Hdf5Contents(path, "." if suffix == ".mat" else "/")
+    return MatContents(path) if suffix == ".mat" else ClassicNetcdfContents(path)
+
+
+def _is_hdf5(path: Path) -> bool:
+    """Whether a file has the signature of HDF5, at its start or behind a user block, as MATLAB writes it."""
+    with open(path, "rb") as file:
+        for offset in (0, 512, 1024, 2048):
+            file.seek(offset)
+            if file.read(8) == HDF5_SIGNATURE:
+                return True
+    return False

@@ -1,22 +1,40 @@
-"""Files that appear under their name only when they are complete."""
+"""Files that appear under their name only when they are complete, and never replace another one unasked."""
 
 from __future__ import annotations
 
+import errno
 import os
-import uuid
-from collections.abc import Iterator
-from contextlib import contextmanager
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ankleloop.errors import DataError
+from ankleloop.records.partial_files import partial_path, remove_stale
+from ankleloop.records.sink import Sink
 
 if TYPE_CHECKING:
+    import h5netcdf
     import xarray as xr
 
-__all__ = ["atomic_file", "parse_precision", "write_netcdf"]
+__all__ = [
+    "atomic_file",
+    "atomic_netcdf",
+    "check_output",
+    "check_readable",
+    "parse_precision",
+    "readable_file",
+    "source_files",
+    "write_netcdf",
+]
+
+PathLike = str | os.PathLike[str]
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
 
 PRECISIONS: dict[str, type[np.floating]] = {"double": np.float64, "single": np.float32}
 
@@ -49,14 +67,95 @@ def parse_precision(precision: str) -> type[np.floating]:
     return PRECISIONS[precision]
 
 
-@contextmanager
-def atomic_file(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Provide a temporary path, and move the file to its name if the block ends without an error.
+def check_output(path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()) -> Path:
+    """Check that a file can be written and that nothing is lost by it; long computations do so before they begin.
 
     Parameters
     ----------
     path : path-like
-        The file to write, in a folder that exists; a file of this name is replaced.
+        The file to write.
+    overwrite : bool
+        Whether to replace a file of this name; an empty one is replaced in any case.
+    inputs : iterable of path-like
+        Files that are read for it, which are never replaced, also not under another name (a link).
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    DataError
+        If the file exists, is one of those that are read, or is no file; or if its folder does not exist or cannot be
+        written to.
+
+    Examples
+    --------
+    >>> check_output("results.nc", inputs=["recording.nc"]).name
+    'results.nc'
+    >>> check_output("nowhere/results.nc")
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: nowhere/results.nc: there is no folder nowhere: make it first.
+    """
+    path = Path(path)
+    try:
+        if not path.parent.is_dir():
+            raise DataError(f"{path}: there is no folder {path.parent}: make it first.")
+        if not os.access(path.parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        with suppress(FileNotFoundError):
+            _check_existing(path, path.lstat(), overwrite, inputs)
+    except OSError as cause:
+        raise _write_error(path, cause) from cause
+    except DataError:
+        raise
+    except ValueError as cause:  # a byte 0 in the path
+        raise DataError(f"{path}: the file cannot be written ({cause}): write to another name.") from cause
+    return path
+
+
+def _check_existing(path: Path, status: os.stat_result, overwrite: bool, inputs: Iterable[PathLike]) -> None:
+    for source in inputs:
+        if path.exists() and os.path.exists(source) and path.samefile(source):
+            raise DataError(f"{path}: the file is being read ({source}): write to another name.")
+    if path.is_dir():
+        raise DataError(f"{path}: this is a folder: write to a file in it.")
+    is_file = stat.S_ISREG(status.st_mode)
+    if not (is_file or stat.S_ISLNK(status.st_mode)):
+        raise DataError(f"{path}: this is a device, no file: write to a file.")
+    is_empty = is_file and status.st_size == 0  # as modules for temporary files make it
+    if not overwrite and not is_empty:
+        raise DataError(f"{path}: the file exists already: write to another name, or replace it by overwrite=True.")
+
+
+def _write_error(path: Path, cause: OSError) -> DataError:
+    reason = cause.strerror or str(cause)
+    if cause.errno in FULL:
+        remedy = f"free space in the folder {path.parent}, or write to another disk"
+    elif cause.errno in FORBIDDEN:
+        remedy = f"the folder {path.parent} cannot be written to: allow it, or write to another folder"
+    else:
+        remedy = f"check the folder {path.parent} and the name of the file"
+    return DataError(f"{path}: the file cannot be written ({reason}): {remedy}. Nothing has been changed.")
+
+
+@contextmanager
+def atomic_file(path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()) -> Iterator[Path]:
+    """Provide a temporary path, and move the file to its name if the block ends without an error.
+
+    Of two writers of the same file both write a whole one: the later one replaces the file of the earlier one, or is
+    refused without `overwrite`. If a process is killed, its partial file stays until the file is written again.
+
+    Parameters
+    ----------
+    path : path-like
+        The file to write, in a folder that exists.
+    overwrite : bool
+        Whether to replace a file of this name; an empty one is replaced in any case.
+    inputs : iterable of path-like
+        Files that are read for it, which are never replaced.
 
     Yields
     ------
@@ -66,7 +165,7 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     DataError
-        If the folder does not exist.
+        As by `check_output`, or if the file cannot be written, for instance because the disk is full.
 
     Examples
     --------
@@ -77,35 +176,108 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     ...     Path(f"{folder}/note.txt").read_text()
     'complete'
     """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise DataError(f"{path}: there is no folder {path.parent}: make it first.")
-    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
+    inputs = [*inputs]
+    path = check_output(path, overwrite=overwrite, inputs=inputs)
+    remove_stale(path)
+    partial = partial_path(path)
     try:
         yield partial
-        os.replace(partial, path)
+        _synchronise(partial)
+        check_output(path, overwrite=overwrite, inputs=inputs)  # others may have written it meanwhile
+        _publish(partial, path, overwrite)
+    except OSError as cause:
+        if cause.filename is not None and Path(os.fsdecode(cause.filename)) != partial:  # of another file
+            raise
+        raise _write_error(path, cause) from cause
     finally:
         partial.unlink(missing_ok=True)
 
 
-def write_netcdf(
-    dataset: xr.Dataset, path: str | os.PathLike[str], encoding: dict[str, dict[str, Any]] | None = None
-) -> None:
-    """Write a data set as a NetCDF-4 file, which appears when it is complete.
+def _synchronise(partial: Path) -> None:
+    """Have the file on the disk before its name: a power cut must not leave the name without the content."""
+    descriptor = os.open(partial, os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _publish(partial: Path, path: Path, overwrite: bool) -> None:
+    if not overwrite and not os.path.lexists(path):
+        try:
+            os.link(partial, path)  # unlike a renaming it fails where another writer was first
+            return
+        except FileExistsError:
+            check_output(path)
+        except OSError:  # a file system without hard links
+            check_output(path)
+    os.replace(partial, path)
+
+
+@contextmanager
+def atomic_netcdf(
+    path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()
+) -> Iterator[tuple[h5netcdf.File, Sink]]:
+    """Open a NetCDF-4 file to be filled piece by piece, which appears when it is complete.
 
     Parameters
     ----------
-    dataset : xarray.Dataset
-        The data set.
-    path : path-like
-        The file to write, in a folder that exists.
-    encoding : dict, optional
-        Encoding by variable, as `xarray.Dataset.to_netcdf` takes it.
+    path, overwrite, inputs
+        As of `atomic_file`.
+
+    Yields
+    ------
+    file : h5netcdf.File
+        The file, open for writing.
+    sink : Sink
+        What it writes to; its method `check` ends a long computation where the disk is full.
 
     Raises
     ------
     DataError
-        If the folder does not exist.
+        As by `atomic_file`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with atomic_netcdf(f"{folder}/t.nc") as (file, sink):
+    ...         file.dimensions = {"time": 2}
+    ...         file.create_variable("time", ("time",), float)[:] = [0.0, 0.1]
+    ...         sink.check()
+    ...     [item.name for item in Path(folder).iterdir()]
+    ['t.nc']
+    """
+    import h5netcdf  # here, with h5py: few jobs write such files
+
+    with (
+        atomic_file(path, overwrite=overwrite, inputs=inputs) as partial,
+        Sink(partial) as sink,
+        h5netcdf.File(sink, "w") as file,
+    ):
+        yield file, sink
+
+
+def write_netcdf(
+    data: xr.Dataset | xr.DataTree, path: PathLike, encoding: dict[str, Any] | None = None, *, overwrite: bool = False
+) -> None:
+    """Write a data set or a tree of data sets as a NetCDF-4 file, which appears when it is complete.
+
+    Parameters
+    ----------
+    data : xarray.Dataset or xarray.DataTree
+        The data; the files that it has been opened from are not replaced.
+    path : path-like
+        The file to write, in a folder that exists.
+    encoding : dict, optional
+        Encoding by variable, as `to_netcdf` of the data takes it.
+    overwrite : bool
+        Whether to replace a file of this name.
+
+    Raises
+    ------
+    DataError
+        As by `atomic_file`.
 
     Examples
     --------
@@ -116,5 +288,103 @@ def write_netcdf(
     ...     [file.name for file in Path(folder).iterdir()]
     ['empty.nc']
     """
-    with atomic_file(path) as partial:
-        dataset.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
+    with atomic_file(path, overwrite=overwrite, inputs=source_files(data)) as partial, Sink(partial) as sink:
+        data.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
+
+
+def source_files(data: xr.Dataset | xr.DataTree) -> set[str]:
+    """Files from which a data set or a tree of data sets has been opened.
+
+    Parameters
+    ----------
+    data : xarray.Dataset or xarray.DataTree
+        The data.
+
+    Returns
+    -------
+    set of str
+    """
+    nodes = getattr(data, "subtree", (data,))
+    encodings = [holder.encoding for node in nodes for holder in (node, *node.variables.values())]
+    return {encoding["source"] for encoding in encodings if isinstance(encoding.get("source"), str)}
+
+
+def check_readable(path: PathLike) -> None:
+    """Refuse a path from which no file can be read.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Raises
+    ------
+    DataError
+        If there is no such file, it is a folder or a device, or it cannot be opened.
+
+    Examples
+    --------
+    >>> check_readable("nowhere.nc")
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
+    """
+    path = Path(path)
+    try:
+        kind = path.stat().st_mode
+        if not stat.S_ISREG(kind):
+            name = "a folder" if stat.S_ISDIR(kind) else "a device"
+            raise DataError(f"{path}: this is {name}, no file: check the path.")
+        path.open("rb").close()
+    except (FileNotFoundError, NotADirectoryError):
+        if path.is_symlink():
+            raise DataError(f"{path}: this is a link that leads to no file: check the path.") from None
+        raise DataError(f"{path}: there is no such file: check the path.") from None
+    except DataError:
+        raise
+    except (OSError, ValueError) as cause:  # a ValueError for a byte 0 in the path
+        reason = getattr(cause, "strerror", None) or str(cause)
+        raise DataError(f"{path}: the file cannot be opened ({reason}): check the path and the permission.") from cause
+
+
+@contextmanager
+def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path]:
+    """Say in plain words what is wrong with a file of this library that cannot be read in the block.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    kind : str
+        What it holds.
+    remedy : str
+        How to get it again.
+
+    Yields
+    ------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    DataError
+        If there is no such file, or the block raises any error: the libraries raise almost anything on a damaged file.
+
+    Examples
+    --------
+    >>> with readable_file("nowhere.nc", "trial file", "save it again"):
+    ...     pass
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
+    """
+    check_readable(path)
+    try:
+        yield Path(path)
+    except DataError:
+        raise
+    except Exception as cause:
+        reason = f"{type(cause).__name__}: {cause}".partition("\n")[0]
+        raise DataError(
+            f"{Path(path).name}: not a readable {kind} ({reason}): it is damaged, or of another origin: {remedy}."
+        ) from cause

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.records.files import atomic_file
+from ankleloop.records.files import atomic_file, check_output, readable_file, source_files, write_netcdf
 
 __all__ = ["Fields", "read_groups", "write_groups"]
 
@@ -115,7 +115,9 @@ class Fields:
         return text
 
 
-def write_groups(groups: Mapping[str, xr.Dataset], path: str | os.PathLike[str], variable: str) -> None:
+def write_groups(
+    groups: Mapping[str, xr.Dataset], path: str | os.PathLike[str], variable: str, *, overwrite: bool = False
+) -> None:
     """Write groups of variables to one file; it appears when it is complete.
 
     Parameters
@@ -127,11 +129,13 @@ def write_groups(groups: Mapping[str, xr.Dataset], path: str | os.PathLike[str],
     variable : str
         The variable of a MATLAB file: a struct with the attributes of the file, and a struct for each group. There
         attributes are fields beside the variables, vectors are columns, and lists of texts are cells.
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
 
     Raises
     ------
     DataError
-        For another suffix, or if the folder does not exist.
+        For another suffix, if the file exists, or if it cannot be written.
 
     Examples
     --------
@@ -145,7 +149,11 @@ def write_groups(groups: Mapping[str, xr.Dataset], path: str | os.PathLike[str],
     riv 150.0
     riv 150.0
     """
-    _choose({".nc": _write_netcdf, ".mat": _write_mat}, Path(path))(groups, Path(path), variable)
+    path = Path(path)
+    write = _choose({".nc": _write_netcdf, ".mat": _write_mat}, path)
+    inputs = set().union(*(source_files(data) for data in groups.values()))
+    check_output(path, overwrite=overwrite, inputs=inputs)
+    write(groups, path, variable, overwrite)
 
 
 def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields]:
@@ -170,15 +178,8 @@ def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields
     """
     path = Path(path)
     reader = _choose({".nc": _read_netcdf, ".mat": _read_mat}, path)
-    if not path.is_file():
-        raise DataError(f"{path}: there is no such file: check the path.")
-    try:
+    with readable_file(path, f"{path.suffix} file", "restore it from a copy, or write it again"):
         contents = reader(path, variable)
-    except DataError:
-        raise
-    except Exception as cause:  # the libraries raise almost anything on a damaged file
-        reason = f"{type(cause).__name__}: {cause}".partition("\n")[0]
-        raise DataError(f"{path.name}: not a readable {path.suffix} file ({reason}): it is damaged.") from cause
     return {
         group: Fields(f"{path.name}, group {group}" if group else path.name, values)
         for group, values in contents.items()
@@ -191,12 +192,11 @@ def _choose(functions: Mapping[str, Callable[..., Any]], path: Path) -> Callable
     return functions[path.suffix]
 
 
-def _write_netcdf(groups: Mapping[str, xr.Dataset], path: Path, _: str) -> None:
+def _write_netcdf(groups: Mapping[str, xr.Dataset], path: Path, _: str, overwrite: bool) -> None:
     datasets = {f"/{group}": _split_complex(data.drop_encoding()) for group, data in groups.items()}
     # Fill values would change numbers.
     encoding = {group: {name: {"_FillValue": None} for name in data.variables} for group, data in datasets.items()}
-    with atomic_file(path) as partial:
-        xr.DataTree.from_dict(datasets).to_netcdf(partial, engine="h5netcdf", encoding=encoding)
+    write_netcdf(xr.DataTree.from_dict(datasets), path, encoding, overwrite=overwrite)
 
 
 def _split_complex(data: xr.Dataset) -> xr.Dataset:
@@ -220,12 +220,12 @@ def _read_netcdf(path: Path, _: str) -> dict[str, dict[str, Any]]:
     return contents
 
 
-def _write_mat(groups: Mapping[str, xr.Dataset], path: Path, variable: str) -> None:
+def _write_mat(groups: Mapping[str, xr.Dataset], path: Path, variable: str, overwrite: bool) -> None:
     import scipy.io  # here, because its import takes time and workflow jobs do not need it
 
     structs = {group: _as_struct(data) for group, data in groups.items()}
     struct = structs.pop("", {}) | {group: fields or np.empty((0, 0)) for group, fields in structs.items()}
-    with atomic_file(path) as partial:
+    with atomic_file(path, overwrite=overwrite) as partial:
         scipy.io.savemat(partial, {variable: struct}, False, do_compression=True, long_field_names=True)
 
 

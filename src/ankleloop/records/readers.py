@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
+from ankleloop.arguments import check_path
 from ankleloop.errors import DataError
-from ankleloop.records.file_formats import FileContents, read_contents
+from ankleloop.records.channel_files import RATE, RATE_NAMES, TIME, TIME_NAMES
+from ankleloop.records.channel_units import check_unit, time_factor
+from ankleloop.records.channels import Channel
 from ankleloop.records.reading_options import ReadingOptions
-from ankleloop.records.trial import TRUE_TORQUES, as_signal, new_trial
-from ankleloop.signals.sampling import check_same_rate, compute_rate, parse_rate
+from ankleloop.records.reading_process import read_channels
+from ankleloop.records.trial import TRUE_TORQUES, as_signal, check_shape, new_trial
+from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
 
 if TYPE_CHECKING:
     import os
 
-__all__ = ["read_trial"]
+__all__ = ["choose_rate", "parse_options", "read_trial"]
 
-# Upper and lower case count: T is often the torque, not the time.
-RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
-TIME_NAMES = ("time", "time_s", "t", "Time")
+LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
 
 
 def read_trial(
@@ -40,7 +41,8 @@ def read_trial(
 
     The file format follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`. Nested
     variables are named `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files. The true torques of a
-    simulated trial are read too where the file has them beside the torque.
+    simulated trial are read too where the file has them beside the torque. Scale, offset and missing samples are
+    applied as the attributes of the file state them. Another process opens the file, with limits of time and memory.
 
     Parameters
     ----------
@@ -53,7 +55,8 @@ def read_trial(
     sampling_rate : float, optional
         Sampling rate [Hz]. By default it comes from the file: a number called `sampling_rate`, `sample_rate`, `fs` or
         `Fs`, as a variable or an attribute, beside the position or above it; else from a column `time`, `time_s`, `t`
-        or `Time` [s]. A time column must be regular and agree with the rate within 0.1 % in any case.
+        or `Time` [s], `time_ms`, `t_ms` or `time_us`. A time column must be regular and agree with the rate within
+        0.1 % in any case.
     position_unit : {"rad", "deg"}
         The unit of position and reference in the file.
     position_sign, torque_sign : {1, -1}
@@ -68,9 +71,9 @@ def read_trial(
     Raises
     ------
     DataError
-        If the file cannot be read, lacks a variable or a sampling rate, has an irregular time column or one that
-        contradicts the sampling rate, states another unit than `position_unit`, or holds no valid trial; or if an
-        option has a wrong value.
+        If the file cannot be read, or not within the limits; if it has more than 20 million samples, lacks a variable
+        or a sampling rate, has an irregular time column or one that contradicts the sampling rate, states another unit
+        than `position_unit` or N·m, or holds no valid trial; or if an option has a wrong value.
 
     Examples
     --------
@@ -83,113 +86,135 @@ def read_trial(
     >>> trial.torque.values.tolist(), trial.attrs["sampling_rate"], trial.attrs["source"]
     ([-0.0, 1.0, 2.0], 100.0, 'trial.csv')
     """
-    path = Path(path)
-    options = _parse_options(
+    path = check_path("read_trial", "path", path)
+    options = parse_options(
         path.name,
         position=position,
         torque=torque,
         reference=reference,
-        sampling_rate=None if sampling_rate is None else parse_rate(sampling_rate, source=path.name),
+        sampling_rate=sampling_rate,
         position_unit=position_unit,
         position_sign=position_sign,
         torque_sign=torque_sign,
     )
-    contents = read_contents(path)
-    signals = {channel: _read_signal(contents, name) for channel, name in options.variables.items()}
-    signals |= _read_true_torques(contents, options.torque)
-    for channel in signals:
-        if channel in ("position", "reference"):
-            _check_unit(contents, options.variables[channel], options.position_unit)
-        signals[channel] *= options.factor(channel)
+    channels = read_channels(path, options, TRUE_TORQUES)
+    time, rate = channels.pop(TIME, None), channels.pop(RATE, None)
+    signals = {}
+    for role, channel in channels.items():
+        check_unit(role, channel.name, channel.unit, options.position_unit, source=path.name)
+        signals[role] = as_signal(np.asarray(channel.values), channel.name, source=path.name) * options.factor(role)
+    stated = options.sampling_rate
+    if stated is None and rate is not None:
+        stated = parse_rate(np.asarray(rate.values).item(), source=path.name)
     return new_trial(
         **signals,
-        sampling_rate=_read_rate(contents, options, signals["position"].size),
+        sampling_rate=choose_rate(
+            stated,
+            time,
+            signals["position"].size,
+            lambda factor: _measure_rate(time, factor, path.name),
+            source=path.name,
+        ),
         source=path.name,
         **{f"{channel}_variable": name for channel, name in options.variables.items()},
         **options.model_dump(include={"position_unit", "position_sign", "torque_sign"}),
     )
 
 
-def _parse_options(source: str, **values: Any) -> ReadingOptions:
+def parse_options(source: str, **values: Any) -> ReadingOptions:
+    """Check the options of reading.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file in error messages.
+    **values
+        Options by name.
+
+    Returns
+    -------
+    ReadingOptions
+
+    Raises
+    ------
+    DataError
+        If a value is wrong.
+    """
+    if values.get("sampling_rate") is not None:
+        values["sampling_rate"] = parse_rate(values["sampling_rate"], source=source)
     try:
         return ReadingOptions.parse(source, **values)
     except ValueError as error:
-        raise DataError(f"{source}: {error}") from None
+        raise DataError(str(error)) from None
 
 
-def _read_true_torques(contents: FileContents, torque: str) -> dict[str, np.ndarray]:
-    """True torques that the file has beside the torque."""
-    parent, separator, _ = contents.find_variable(torque).rpartition(contents.separator)
-    names = {channel: f"{parent}{separator}{channel}" for channel in TRUE_TORQUES}
-    return {channel: _read_signal(contents, name) for channel, name in names.items() if name in contents.variables}
+def _measure_rate(time: Channel | None, factor: float, source: str) -> float:
+    """Sampling rate of a time column of a unit [s]."""
+    assert time is not None
+    times = as_signal(np.asarray(time.values), time.name, source=source)
+    return compute_rate(times if factor == 1.0 else times * factor, source=source, name=time.name)
 
 
-def _read_signal(contents: FileContents, name: str) -> np.ndarray:
-    variable = contents.find_variable(name)
-    values = contents.variables[variable]
-    _check_numbers(contents, variable, values)
-    return as_signal(values, variable, source=contents.path.name)
+def choose_rate(
+    stated: float | None, time: Channel | None, size: int, measure: Callable[[float], float], *, source: str
+) -> float:
+    """Choose the sampling rate: the stated one, else that of the times, which must agree.
 
+    Parameters
+    ----------
+    stated : float or None
+        Sampling rate that the options or the file state [Hz].
+    time : Channel or None
+        The time column.
+    size : int
+        Number of samples of the position.
+    measure : callable
+        Computes the sampling rate [Hz] of the time column, which must be regular, from its unit [s].
+    source : str
+        Name of the file in error messages.
 
-def _check_numbers(contents: FileContents, name: str, values: Any) -> None:
-    if np.asarray(values).dtype.kind not in "OUS":
-        return
-    cells = pd.Series(np.ravel(values))
-    text = cells[pd.to_numeric(cells, errors="coerce").isna() & cells.notna()]
-    if text.size:
-        raise DataError(
-            f"{contents.path.name}: {name} is not a number {contents.locate_sample(text.index[0])} but "
-            f"{text.iloc[0]!r}: correct the file, or choose another variable."
-        )
+    Returns
+    -------
+    float
+        Sampling rate [Hz].
 
-
-def _check_unit(contents: FileContents, name: str, position_unit: str) -> None:
-    stated = contents.find_unit(name)
-    if not stated:
-        return
-    fault = f"{contents.path.name}: {name} is in {stated!r} according to the file"
-    if not stated.startswith(("rad", "deg", "°")):
-        raise DataError(f"{fault}: convert it to rad or deg.")
-    unit = "rad" if stated.startswith("rad") else "deg"
-    if unit != position_unit:
-        raise DataError(
-            f"{fault}, but position_unit is {position_unit!r}: pass position_unit={unit!r}, or correct the file."
-        )
-
-
-def _read_rate(contents: FileContents, options: ReadingOptions, size: int) -> float:
-    """Sampling rate [Hz]: the option, else a number in the file, else the rate of the times, which must agree."""
-    stated = options.sampling_rate
-    if stated is None:
-        stated = _read_stated_rate(contents, options.position)
-    name = contents.find_nearest(TIME_NAMES, options.position, scalar=False)
-    if name is None or name in options.variables.values():
+    Raises
+    ------
+    DataError
+        If there is neither rate nor time, they contradict each other, or the time column cannot be used.
+    """
+    if time is None:
         if stated is None:
             raise DataError(
-                f"{contents.path.name}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column "
+                f"{source}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column "
                 f"({', '.join(TIME_NAMES)}): pass sampling_rate in Hz."
             )
         return stated
-    measured = _read_time_rate(contents, name, size)
+    samples = check_shape(time.shape, time.name, source=source)
+    if samples != size:
+        raise DataError(
+            f"{source}: {time.name} has {format_samples(samples)} but position has {size}: cut both to the same."
+        )
+    factor = time_factor(time.name, time.unit, source=source)
+    measured = measure(1.0 if factor is None else factor)
+    if factor is None:
+        _check_plausible(stated, measured, time.name, source)
     if stated is None:
         return measured
-    check_same_rate(stated, measured, source=contents.path.name, name=name)
+    check_same_rate(stated, measured, source=source, name=time.name)
     return stated
 
 
-def _read_stated_rate(contents: FileContents, position: str) -> float | None:
-    name = contents.find_nearest(RATE_NAMES, position, scalar=True)
-    if name is None:
-        return None
-    return parse_rate(np.ravel((contents.attributes | contents.variables)[name])[0], source=contents.path.name)
-
-
-def _read_time_rate(contents: FileContents, name: str, size: int) -> float:
-    source = contents.path.name
-    unit = contents.find_unit(name)
-    if unit and not unit.startswith("s"):  # "s", "sec", "seconds since …"
-        raise DataError(f"{source}: {name} is in {unit!r} according to the file: write it in seconds.")
-    time = _read_signal(contents, name)
-    if time.size != size:
-        raise DataError(f"{source}: {name} has {time.size} samples but position has {size}: cut both to the same.")
-    return compute_rate(time, source=source, name=name)
+def _check_plausible(stated: float | None, measured: float, name: str, source: str) -> None:
+    """Refuse times in ms or µs, where the file does not state a unit."""
+    for unit, factor in (("ms", 1e3), ("µs", 1e6)):
+        if stated is not None and abs(measured * factor - stated) <= 0.01 * stated:
+            raise DataError(
+                f"{source}: {name} seems to be in {unit}: it runs at {measured:.9g} Hz in s, and the sampling rate is "
+                f"{stated:.9g} Hz: write it in s, or call it time_{unit.replace('µ', 'u')}."
+            )
+    if stated is None and measured < LOWEST_RATE:
+        raise DataError(
+            f"{source}: {name} runs at {measured:.9g} Hz, too slow for a joint: is it in ms? Then call it time_ms; or "
+            "pass sampling_rate in Hz."
+        )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
-from pydantic import field_validator
+from pydantic import field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from ankleloop.options import Options, option
 
@@ -25,7 +26,9 @@ class ReadingOptions(Options):
     position: str = option("position", "name of the position variable in the file")
     torque: str = option("torque", "name of the torque variable in the file")
     reference: str | None = option(None, "name of the command of the servo in the file; null where it was not recorded")
-    sampling_rate: float | None = option(None, "sampling rate; null takes it from the file", unit="Hz", gt=0)
+    sampling_rate: float | None = option(
+        None, "sampling rate; null takes it from the file", unit="Hz", ge=0.001, le=1e9
+    )
     position_unit: Literal["rad", "deg"] = option("rad", "unit of position and reference in the file")
     position_sign: Literal[1, -1] = option(1, "-1 turns position and reference round")
     torque_sign: Literal[1, -1] = option(1, "-1 turns the torque round, so that it opposes stretch (positive K, B, I)")
@@ -34,7 +37,22 @@ class ReadingOptions(Options):
     @classmethod
     def _as_integer(cls, sign: Any) -> Any:
         """Signs from tables are often floating-point numbers."""
-        return int(sign) if isinstance(sign, int | float) and sign in (1, -1) else sign
+        if isinstance(sign, bool):  # which equals 1, but is no sign
+            raise PydanticCustomError("literal_error", "must be 1 or -1", {"expected": "1 or -1"})
+        return int(sign) if type(sign) is float and sign in (1, -1) else sign
+
+    @model_validator(mode="after")
+    def _check_variables(self) -> Self:
+        """A variable that serves as two channels makes every estimate of one by the other perfect, and wrong."""
+        channels: dict[str, str] = {}
+        for channel, name in self.variables.items():
+            other = channels.setdefault(name.strip("/ "), channel)
+            if other != channel:
+                raise ValueError(
+                    f"{other} and {channel} are the same variable, {name!r}: name another one"
+                    f"{', or no reference' * (channel == 'reference')}."
+                )
+        return self
 
     @property
     def variables(self) -> dict[str, str]:

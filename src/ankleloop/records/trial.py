@@ -7,14 +7,15 @@ carries the true parts of its torque, named in `TRUE_TORQUES`.
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
+from ankleloop.arguments import check_flag, check_number, check_path
 from ankleloop.errors import DataError
-from ankleloop.records.files import write_netcdf
+from ankleloop.records.files import check_output, readable_file, source_files, write_netcdf
 from ankleloop.records.validation import CHANNELS, REQUIRED, validate
 from ankleloop.signals.sampling import format_samples, parse_rate
 
@@ -23,7 +24,16 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = ["TRUE_TORQUES", "as_signal", "load_trial", "new_trial", "save_trial", "segment"]
+__all__ = [
+    "TRUE_TORQUES",
+    "as_signal",
+    "check_shape",
+    "check_sizes",
+    "load_trial",
+    "new_trial",
+    "save_trial",
+    "segment",
+]
 
 # Unit and long name of each variable that the library writes.
 VARIABLES = {
@@ -129,16 +139,21 @@ def segment(trial: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     >>> segment(trial, 0.2, 0.5).sizes["time"]
     30
     """
+    if not isinstance(trial, xr.Dataset):
+        raise DataError(f"segment: a trial is an xarray.Dataset, not {type(trial).__name__}: make it with new_trial.")
+    start, stop = (check_number("segment", *edge, "s") for edge in (("start", start), ("stop", stop)))
     time = trial["time"].values
     inside = (time >= start - 1e-9) & (time < stop - 1e-9)
+    source = f"{trial.attrs['source']}: " if "source" in trial.attrs else ""
     if inside.sum() < 2:
         raise DataError(
-            f"the segment from {start:g} to {stop:g} s has no samples: the trial covers {time[0]:g} to {time[-1]:g} s."
+            f"{source}the segment from {start:g} to {stop:g} s has no samples: the trial covers {time[0]:g} to "
+            f"{time[-1]:g} s."
         )
-    return validate(trial.isel(time=inside), source=f"segment {start:g} to {stop:g} s")
+    return validate(trial.isel(time=inside), source=f"{source}segment {start:g} to {stop:g} s")
 
 
-def save_trial(trial: xr.Dataset, path: str | os.PathLike[str]) -> None:
+def save_trial(trial: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Save a trial as a NetCDF-4 file.
 
     The file appears under its name only when it is complete, so that a crash never leaves half a trial.
@@ -148,12 +163,14 @@ def save_trial(trial: xr.Dataset, path: str | os.PathLike[str]) -> None:
     trial : xarray.Dataset
         A trial, shape (N,) per variable.
     path : str or pathlib.Path
-        The file to write, in a folder that exists; a file of this name is replaced.
+        The file to write, in a folder that exists.
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
 
     Raises
     ------
     DataError
-        If the trial is not valid, or the folder does not exist.
+        If the trial is not valid, the file exists, or it cannot be written.
 
     Examples
     --------
@@ -164,9 +181,13 @@ def save_trial(trial: xr.Dataset, path: str | os.PathLike[str]) -> None:
     ...     load_trial(f"{folder}/trial.nc").identical(trial)
     True
     """
-    validate(trial, source=Path(path).name)
+    path = check_path("save_trial", "path", path)
+    check_flag("save_trial", "overwrite", overwrite)
+    validate(trial, source=path.name)
     # Encodings left from another file (packing, fill values) would change the samples.
-    write_netcdf(trial.drop_encoding(), path, {str(name): {"_FillValue": None} for name in trial.variables})
+    check_output(path, overwrite=overwrite, inputs=source_files(trial))
+    encoding = {str(name): {"_FillValue": None} for name in trial.variables}
+    write_netcdf(trial.drop_encoding(), path, encoding, overwrite=overwrite)
 
 
 def load_trial(path: str | os.PathLike[str]) -> xr.Dataset:
@@ -194,17 +215,12 @@ def load_trial(path: str | os.PathLike[str]) -> xr.Dataset:
       ...
     ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise DataError(f"{path}: there is no such file: check the path.")
-    try:
+    path = check_path("load_trial", "path", path)
+    with readable_file(path, "NetCDF-4 file", "restore it from a copy, or write it with save_trial") as path:
         # Decoding by the CF conventions could change samples and attributes.
         trial = xr.load_dataset(path, engine="h5netcdf", decode_cf=False).drop_encoding()
-    except Exception as cause:  # the HDF5 libraries raise almost anything on a damaged file
-        reason = str(cause).partition("\n")[0]
-        raise DataError(f"{path.name}: not a readable NetCDF-4 file ({reason}): write it with save_trial.") from cause
-    trial.attrs.update({name: value.item() for name, value in trial.attrs.items() if isinstance(value, np.generic)})
-    return validate(trial, source=path.name)
+        trial.attrs.update({name: value.item() for name, value in trial.attrs.items() if isinstance(value, np.generic)})
+        return validate(trial, source=path.name)
 
 
 def as_signal(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
@@ -236,11 +252,40 @@ def as_signal(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
         raise DataError(f"{source}: {name} is empty: record it, or choose another variable.")
     if array.dtype.kind not in "iuf":
         raise DataError(f"{source}: {name} is of type {array.dtype}, not real numbers: convert it, or choose another.")
-    if array.ndim == 2 and 1 in array.shape:
-        array = array.ravel()
-    if array.ndim != 1:
-        raise DataError(f"{source}: {name} has shape {array.shape}, not one sample per time: pass a single channel.")
-    return np.ma.filled(array.astype(float), np.nan)
+    check_shape(array.shape, name, source=source)
+    return np.ma.filled(array.ravel().astype(float), np.nan)
+
+
+def check_shape(shape: tuple[int, ...], name: str, *, source: str) -> int:
+    """Check that an array holds a single channel, and count its samples.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape of the array.
+    name, source : str
+        Names of the variable and of the data in error messages.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    DataError
+        If the array is empty, or has more than one channel.
+
+    Examples
+    --------
+    >>> check_shape((1, 500), "torque", source="trial")
+    500
+    """
+    size = int(np.prod(shape))
+    if size == 0:
+        raise DataError(f"{source}: {name} is empty: record it, or choose another variable.")
+    if len(shape) not in (1, 2) or size != max(shape):
+        raise DataError(f"{source}: {name} has shape {shape}, not one sample per time: pass a single channel.")
+    return size
 
 
 def _as_masked_array(values: Any) -> np.ma.MaskedArray[Any, Any]:
@@ -273,10 +318,27 @@ def _check_arrays(arrays: dict[str, np.ndarray], source: str) -> None:
     for name in REQUIRED:
         if name not in arrays:
             raise DataError(f"{source}: there is no {name}: pass it as a 1-D array.")
-    size = arrays["position"].size
-    for name, array in arrays.items():
-        if array.size != size:
+    check_sizes({name: array.size for name, array in arrays.items()}, source=source)
+
+
+def check_sizes(sizes: Mapping[str, int], *, source: str) -> None:
+    """Check that all channels have as many samples as the position.
+
+    Parameters
+    ----------
+    sizes : mapping of str to int
+        Number of samples of each channel.
+    source : str
+        Name of the data in error messages.
+
+    Raises
+    ------
+    DataError
+        If a channel has another number.
+    """
+    for name, size in sizes.items():
+        if size != sizes["position"]:
             raise DataError(
-                f"{source}: {name} has {format_samples(array.size)} but position has {size}: cut all variables to the "
-                "same samples."
+                f"{source}: {name} has {format_samples(size)} but position has {sizes['position']}: cut all variables "
+                "to the same samples."
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,19 +13,39 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.records.files import atomic_file, parse_precision
+from ankleloop.records.files import atomic_netcdf, parse_precision, readable_file
 from ankleloop.records.validation import validate
 
 if TYPE_CHECKING:
     import h5netcdf
 
-__all__ = ["TrialChunk", "load_chunks", "load_trial_of", "load_trials", "save_trials"]
+__all__ = ["FailedTrial", "TrialChunk", "load_chunks", "load_trial_of", "load_trials", "save_trials"]
 
 CHUNK = 25  # trials read at a time: each access to the file costs more than the numbers
 ATTRIBUTES = "trial_attributes"  # those in which the trials of a file differ
-INDEX = ("point", "number", ATTRIBUTES)
+FAILURE = "failure"  # why a trial is missing; a file in which none is has no such variable
+INDEX = ("point", "number", ATTRIBUTES, FAILURE)
 
 Path = str | os.PathLike[str]
+
+
+@dataclass(frozen=True)
+class FailedTrial:
+    """What stands in the place of a trial that could not be simulated.
+
+    Parameters
+    ----------
+    point : str
+        Point of the study to which the trial belongs.
+    number : int
+        Number of the trial at its point.
+    reason : str
+        What is wrong with it.
+    """
+
+    point: str
+    number: int
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -41,19 +62,24 @@ class TrialChunk:
         Number of each trial at its point.
     signals : mapping of str to ndarray, shape (trials, samples)
         Variables by name, in double precision, a row for each trial; those that are constant are left out.
+    failures : list of FailedTrial
+        Trials of the same part of the file that could not be simulated.
     """
 
     trials: list[xr.Dataset]
     points: list[str]
     numbers: list[int]
     signals: Mapping[str, np.ndarray]
+    failures: Sequence[FailedTrial] = ()
 
 
 def save_trials(
-    trials: Iterable[xr.Dataset],
+    trials: Iterable[xr.Dataset | FailedTrial],
     path: Path,
     precision: str = "double",
     index: Sequence[tuple[str, int]] | None = None,
+    *,
+    overwrite: bool = False,
 ) -> None:
     """Write trials of equal length and sampling rate to one NetCDF file, which appears when it is complete.
 
@@ -61,8 +87,8 @@ def save_trials(
 
     Parameters
     ----------
-    trials : iterable of xarray.Dataset
-        The trials, each of shape (N,) per variable.
+    trials : iterable of xarray.Dataset or FailedTrial
+        The trials, each of shape (N,) per variable; of a failed one the file holds the reason.
     path : path-like
         File to write.
     precision : {"double", "single"}
@@ -70,11 +96,14 @@ def save_trials(
         converter rounds to 1.5e-5 of its range; trials are double again once loaded.
     index : sequence of (str, int), optional
         Point of a study and number of each trial; by default all trials are of one point, "only".
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
 
     Raises
     ------
     DataError
-        If there are no trials, or they differ in length, variables or sampling rate.
+        If there are no trials, they differ in length, variables or sampling rate, the file exists, or it cannot be
+        written.
     ValueError
         For an unknown precision.
 
@@ -88,23 +117,31 @@ def save_trials(
     ...     [trial.attrs["seed"] for trial in load_trials(f"{folder}/trials.nc")]
     [0, 1]
     """
-    import h5netcdf  # here, with h5py: few users of this module write files
-
     kind = parse_precision(precision)
     if index is None:
         trials = list(trials)
         index = [("only", number) for number in range(len(trials))]
-    with atomic_file(path) as partial, h5netcdf.File(partial, "w") as file:
+    with atomic_netcdf(path, overwrite=overwrite) as (file, sink):
         attributes: list[dict[str, Any]] = []
+        reasons: list[str] = []
+        writer: _ChannelWriter | None = None
         for row, (trial, key) in enumerate(zip(trials, index, strict=True)):
-            if not attributes:
-                writer = _ChannelWriter(file, trial, len(index), kind)
+            if isinstance(trial, FailedTrial):
+                attributes.append({})
+                reasons.append(trial.reason)
+                continue
+            writer = writer or _ChannelWriter(file, trial, len(index), kind)
             writer.write(row, trial, key)
+            sink.check()
             attributes.append(trial.attrs)
+            reasons.append("")
         if not attributes:
             raise DataError(f"{path}: there are no trials to save.")
-        writer.finish()
-        _write_index(file, index, attributes)
+        if writer is None:
+            file.dimensions = {"trial": len(index)}
+        else:
+            writer.finish()
+        _write_index(file, index, attributes, reasons)
 
 
 class _ChannelWriter:
@@ -115,7 +152,7 @@ class _ChannelWriter:
 
     def __init__(self, file: h5netcdf.File, template: xr.Dataset, count: int, kind: type[np.floating]) -> None:
         self._file, self._template, self._kind = file, template, kind
-        self._constants = {str(name): np.empty(count) for name in template.data_vars}
+        self._constants = {str(name): np.full(count, np.nan) for name in template.data_vars}
         file.dimensions = {"trial": count, "time": template.sizes["time"]}
         self._create("time", ("time",), np.float64)[:] = template["time"].values
 
@@ -131,7 +168,7 @@ class _ChannelWriter:
         for name in map(str, trial.data_vars):
             values = trial.variables[name].values
             if name in self._constants:
-                if np.ptp(values) == 0:
+                if values.min() == values.max():
                     self._constants[name][row] = values[0]
                     continue
                 variable = self._create(name, ("trial", "time"), self._kind)
@@ -150,15 +187,21 @@ class _ChannelWriter:
         return variable
 
 
-def _write_index(file: h5netcdf.File, index: Sequence[tuple[str, int]], attributes: list[dict[str, Any]]) -> None:
+def _write_index(
+    file: h5netcdf.File, index: Sequence[tuple[str, int]], attributes: list[dict[str, Any]], reasons: list[str]
+) -> None:
     """Write point, number and attributes of every trial; attributes that all trials share are those of the file."""
     import h5py
 
-    shared = {name: value for name, value in attributes[0].items() if all(a.get(name) == value for a in attributes)}
+    present = [a for a, reason in zip(attributes, reasons, strict=True) if not reason] or [{}]
+    shared = {name: value for name, value in present[0].items() if all(a.get(name) == value for a in present)}
     different = [json.dumps({name: a[name] for name in a if name not in shared}) for a in attributes]
     file.attrs.update(shared)
     file.create_variable("number", ("trial",), np.int64)[:] = [number for _, number in index]
-    for name, texts in (("point", [point for point, _ in index]), (ATTRIBUTES, different)):
+    columns = {"point": [point for point, _ in index], ATTRIBUTES: different}
+    if any(reasons):
+        columns[FAILURE] = reasons
+    for name, texts in columns.items():
         file.create_variable(name, ("trial",), h5py.string_dtype())[:] = np.array(texts, dtype=object)
 
 
@@ -178,14 +221,14 @@ def load_trials(path: Path) -> Iterator[xr.Dataset]:
     Raises
     ------
     DataError
-        If a trial in the file is not valid.
+        If there is no such file, it is damaged, or a trial in it is not valid.
 
     Examples
     --------
     >>> next(load_trials("nowhere.nc"))
     Traceback (most recent call last):
       ...
-    FileNotFoundError: ...
+    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
     """
     for chunk in load_chunks(path):
         yield from chunk.trials
@@ -206,9 +249,9 @@ def load_chunks(path: Path) -> Iterator[TrialChunk]:
     Raises
     ------
     DataError
-        If a trial in the file is not valid.
+        If there is no such file, it is damaged, or a trial in it is not valid.
     """
-    with _open(path) as data:
+    with _readable(path), _open(path) as data:
         for start in range(0, data.sizes["trial"], CHUNK):
             yield _read_chunk(data, slice(start, start + CHUNK), path)
 
@@ -232,7 +275,7 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
     Raises
     ------
     DataError
-        If no file has this trial, or it is not valid.
+        If no file has this trial, it could not be simulated, it is not valid, or a file is missing or damaged.
 
     Examples
     --------
@@ -245,11 +288,18 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
     1
     """
     for path in paths:
-        with _open(path) as data:
+        with _readable(path), _open(path) as data:
             row = np.flatnonzero((data["point"].values == point) & (data["number"].values == number))
             if row.size:
-                return _read_chunk(data, slice(row[0], row[0] + 1), path).trials[0]
+                chunk = _read_chunk(data, slice(row[0], row[0] + 1), path)
+                for failure in chunk.failures:
+                    raise DataError(f"trial {number} of the point {point!r} could not be simulated: {failure.reason}")
+                return chunk.trials[0]
     raise DataError(f"no trial file has trial {number} of the point {point!r}: check the name and the number.")
+
+
+def _readable(path: Path) -> AbstractContextManager[object]:
+    return readable_file(path, "trial file", "delete it, and simulate again (the workflow does so by itself)")
 
 
 def _open(path: Path) -> xr.Dataset:
@@ -257,18 +307,26 @@ def _open(path: Path) -> xr.Dataset:
 
 
 def _read_chunk(data: xr.Dataset, rows: slice, path: Path) -> TrialChunk:
-    part = data.isel(trial=rows).load()
+    part = data.isel(trial=rows)
+    index = list(zip(part["point"].values.astype(str).tolist(), part["number"].values.tolist(), strict=True))
+    reasons = part[FAILURE].values.astype(str).tolist() if FAILURE in part else [""] * len(index)
+    failures = [FailedTrial(*key, reason) for key, reason in zip(index, reasons, strict=True) if reason]
+    if len(failures) == len(index):
+        return TrialChunk([], [], [], {}, failures)
+    if failures:
+        part = part.isel(trial=[row for row, reason in enumerate(reasons) if not reason])
+        index = [key for key, reason in zip(index, reasons, strict=True) if not reason]
+    part = part.load()
     time = part["time"].variable
     shared = {name: value.item() if hasattr(value, "item") else value for name, value in part.attrs.items()}
     variables = {str(name): v for name, v in part.variables.items() if name not in (*INDEX, "time")}
     signals = {name: v.values.astype(float) for name, v in variables.items() if v.ndim > 1}
-    points, numbers = part["point"].values.astype(str).tolist(), part["number"].values.tolist()
     trials = []
-    for row, text in enumerate(part[ATTRIBUTES].values):
+    for row, (text, (point, number)) in enumerate(zip(part[ATTRIBUTES].values, index, strict=True)):
         channels = {
             name: ("time", signals[name][row] if name in signals else np.full(time.size, float(v[row])), v.attrs)
             for name, v in variables.items()
         }
         trial = xr.Dataset(channels, coords={"time": time}, attrs=shared | json.loads(str(text)))
-        trials.append(validate(trial, source=f"{path}, trial {numbers[row]} of {points[row]}"))
-    return TrialChunk(trials, points, numbers, signals)
+        trials.append(validate(trial, source=f"{path}, trial {number} of {point}"))
+    return TrialChunk(trials, [point for point, _ in index], [number for _, number in index], signals, failures)

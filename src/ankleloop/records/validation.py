@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 import numpy as np
 import xarray as xr
 from numba import njit
 
 from ankleloop.errors import DataError
+from ankleloop.records.channel_units import check_unit
 from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
 
-__all__ = ["CHANNELS", "REQUIRED", "check_speed", "validate"]
+__all__ = [
+    "CHANNELS",
+    "REQUIRED",
+    "check_spread",
+    "peak_speed",
+    "refuse_missing",
+    "refuse_speed",
+    "speed_margin",
+    "validate",
+]
 
 CHANNELS = ("position", "torque", "reference")
 REQUIRED = ("position", "torque")
 
+SMALLEST, LARGEST = 1e-15, 1e15  # of a channel, rad or N·m
 MAX_SPEED = 20.0  # rad/s: no joint moves faster; a position that does is usually in degrees
 
 
@@ -35,9 +48,10 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
     Raises
     ------
     DataError
-        If a variable is missing, not float64, not over time, or not finite; if the position, torque or reference is
-        constant; if the time has gaps or contradicts the sampling rate; if the position moves faster than 20 rad/s,
-        as positions in degrees do. The message names the variable, the sample and its time, and what to do.
+        If a variable is missing, not float64, not over time, in another unit by its attribute, or not finite; if the
+        position, torque or reference is constant; if the time has gaps or contradicts the sampling rate; if the
+        position moves faster than 20 rad/s, as positions in degrees do. The message names the variable, the sample and
+        its time, and what to do.
 
     Examples
     --------
@@ -53,43 +67,39 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
     """
     _check_presence(trial, source)
     _check_types(trial, source)
+    _check_units(trial, source)
     _check_time(trial, source)
     for name in trial.data_vars:
         _check_finite(trial, str(name), source)
     for name in CHANNELS:
         if name in trial:
             _check_variation(trial, name, source)
-    check_speed(trial, source=source)
+    _check_speed(trial, source)
     return trial
 
 
-def check_speed(trial: xr.Dataset, *, source: str, first: int = 0) -> None:
-    """Refuse a position that moves faster than a joint can, as a position in degrees does.
+def refuse_speed(speed: float, sample: int, time: float, *, source: str) -> None:
+    """Refuse a largest speed of the position that no joint reaches.
 
     Parameters
     ----------
-    trial : xarray.Dataset
-        Position [rad] over time [s], of a trial or of a chunk of one, and the sampling rate [Hz].
+    speed : float
+        The speed [rad/s].
+    sample : int
+        Number of its sample.
+    time : float
+        Time of that sample [s].
     source : str
         Name of the data in error messages.
-    first : int
-        Number of the first sample of the chunk.
 
     Raises
     ------
     DataError
-        If the speed exceeds 20 rad/s; the message names the sample.
-
-    Examples
-    --------
-    >>> from ankleloop.records.trial import new_trial
-    >>> check_speed(new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0), source="trial")
+        If it exceeds 20 rad/s.
     """
-    sample, speed = _peak_speed(trial.variables["position"].values, float(trial.attrs["sampling_rate"]))
     if not speed <= MAX_SPEED:
-        time = trial.variables["time"].values[sample]
         raise DataError(
-            f"{source}: position moves at {speed:.4g} rad/s at sample {first + sample} ({time:g} s), above "
+            f"{source}: position moves at {speed:.4g} rad/s at sample {sample} ({time:g} s), above "
             f"{MAX_SPEED:g} rad/s: is the position in degrees? pass position_unit='deg', or convert it to rad; "
             "otherwise look for a spike there."
         )
@@ -124,6 +134,21 @@ def _check_types(trial: xr.Dataset, source: str) -> None:
             )
 
 
+def _check_units(trial: xr.Dataset, source: str) -> None:
+    """Refuse a channel whose attribute says that it is in another unit than that of the contract."""
+    for name in map(str, trial.data_vars):
+        stated = trial.variables[name].attrs.get("units", "")
+        if stated and (name in CHANNELS or name.startswith("torque")):
+            try:
+                check_unit(name, name, str(stated), "rad", source=source)
+            except DataError:
+                unit = "N·m" if name.startswith("torque") else "rad"
+                raise DataError(
+                    f"{source}: {name} is in {stated!r} by its attribute units, and a trial has {unit}: convert the "
+                    "samples, or correct the attribute."
+                ) from None
+
+
 def _check_time(trial: xr.Dataset, source: str) -> None:
     stated = parse_rate(trial.attrs["sampling_rate"], source=source)
     check_same_rate(stated, compute_rate(trial.variables["time"].values, source=source), source=source)
@@ -133,33 +158,130 @@ def _check_finite(trial: xr.Dataset, name: str, source: str) -> None:
     values = trial.variables[name].values
     if not np.isfinite(values).all():
         bad = np.flatnonzero(~np.isfinite(values))
-        raise DataError(
-            f"{source}: {name} is not finite at sample {bad[0]} ({trial['time'].to_numpy()[bad[0]]:g} s), "
-            f"{format_samples(bad.size)} in all: cut the trial there or repair the channel."
-        )
+        refuse_missing(name, int(bad[0]), trial["time"].to_numpy()[bad[0]], bad.size, source=source)
 
 
 def _check_variation(trial: xr.Dataset, name: str, source: str) -> None:
     values = trial.variables[name].values
-    low, high = values.min(), values.max()
+    check_spread(name, values.min(), values.max(), values[0], values.size, source=source)
+
+
+def refuse_missing(name: str, sample: int, time: float, count: int, *, source: str) -> NoReturn:
+    """Refuse a channel of which samples are not finite.
+
+    Parameters
+    ----------
+    name : str
+        The channel.
+    sample, time : int, float
+        Number and time [s] of the first of these samples.
+    count : int
+        Number of all of them.
+    source : str
+        Name of the data in error messages.
+
+    Raises
+    ------
+    DataError
+        Always.
+    """
+    raise DataError(
+        f"{source}: {name} is not finite at sample {sample} ({time:g} s), {format_samples(count)} in all: cut the "
+        "trial there or repair the channel."
+    )
+
+
+def check_spread(name: str, low: float, high: float, first: float, count: int, *, source: str) -> None:
+    """Refuse a channel that is constant.
+
+    Parameters
+    ----------
+    name : str
+        The channel.
+    low, high, first : float
+        Its smallest, largest and first sample.
+    count : int
+        Number of its samples.
+    source : str
+        Name of the data in error messages.
+
+    Raises
+    ------
+    DataError
+        If the channel is constant but for rounding, or varies by less than 1e-15 or reaches more than 1e15.
+    """
     with np.errstate(over="ignore"):
         spread = high - low
     # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
     if spread > 1e-12 * max(-low, high):
+        _check_magnitude(name, spread, max(-low, high), source)
         return
     remedy = "check the channel"
     if name == "reference":
         remedy = "it carries no information: leave it out, or check the channel"
-    raise DataError(f"{source}: {name} is constant ({values[0]:g} at all {format_samples(values.size)}): {remedy}.")
+    raise DataError(f"{source}: {name} is constant ({first:g} at all {format_samples(count)}): {remedy}.")
 
 
-def _peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
-    """Sample at which the position moves fastest, and its speed there [rad/s].
+def _check_magnitude(name: str, spread: float, largest: float, source: str) -> None:
+    """Refuse numbers whose squares computers cannot hold with all digits; no joint has them, in no unit."""
+    if spread < SMALLEST or largest > LARGEST:
+        fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {largest:.3g}"
+        raise DataError(
+            f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale; if the file is "
+            "damaged, copy it again."
+        )
+
+
+def _check_speed(trial: xr.Dataset, source: str) -> None:
+    sample, speed = peak_speed(trial.variables["position"].values, float(trial.attrs["sampling_rate"]))
+    refuse_speed(speed, sample, trial.variables["time"].values[sample], source=source)
+
+
+def speed_margin(rate: float) -> int:
+    """Samples on each side of one that its speed is computed of.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    int
+
+    Examples
+    --------
+    >>> speed_margin(1000.0)
+    3
+    """
+    return max(1, round(0.003 * rate))
+
+
+def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
+    """Sample at which the position moves fastest, and its speed there.
 
     Speed is the change between the mean of the 3 ms before a sample and the mean of the 3 ms after it: a difference of
     neighbours at 1 kHz would turn a noise of 0.02 rad into 20 rad/s and more.
+
+    Parameters
+    ----------
+    position : ndarray, shape (N,)
+        Position [rad].
+    rate : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    sample : int
+    speed : float
+        Its size [rad/s].
+
+    Examples
+    --------
+    >>> peak_speed(np.array([0.0, 0.0, 0.1, 0.1]), 100.0)
+    (1, 5.0)
     """
-    half = min(max(1, round(0.003 * rate)), (position.size - 1) // 2)
+    half = min(speed_margin(rate), (position.size - 1) // 2)
     sample, change = _largest_change(np.ascontiguousarray(position), half)
     return sample, change * rate
 

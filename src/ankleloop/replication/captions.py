@@ -1,11 +1,9 @@
-"""Words for captions: names and values of settings, settings that points share, points by their values, warnings."""
+"""Words for captions: names and values of settings, settings that points share, points by their values."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from typing import Any
-
-import pandas as pd
 
 from ankleloop.quantities import QUANTITIES
 from ankleloop.replication.results import true_values
@@ -13,7 +11,6 @@ from ankleloop.simulation.settings import SimulationSettings
 
 __all__ = [
     "describe_settings",
-    "describe_warnings",
     "format_point",
     "format_setting",
     "format_truths",
@@ -269,41 +266,3 @@ def format_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str
 def _list_truths(points: Mapping[str, Mapping[str, Any]], name: str) -> list[float]:
     """True value of a parameter at each point."""
     return [true_values(settings, [name])[name] for settings in points.values()]
-
-
-def describe_warnings(parameters: pd.DataFrame, labels: Mapping[str, str] | None = None) -> str:
-    """How many estimates came with a warning; means count them like the others.
-
-    Parameters
-    ----------
-    parameters : pandas.DataFrame
-        One row for each trial and method: `method`, and `warnings` and `failure` where there are any.
-    labels : dict of str to str, optional
-        Readable names of the methods; without them the methods are not listed.
-
-    Returns
-    -------
-    str
-        The first half of a sentence.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame({"method": ["riv", "riv", "pr-moesp"], "warnings": ["a pole", None, None]})
-    >>> describe_warnings(table, {"riv": "RIV"})
-    '1 of 3 estimates came with a warning (RIV 1) and counts like the others'
-    >>> describe_warnings(table.tail(2))
-    'none of 2 estimates came with a warning'
-    """
-    table = parameters.reindex(columns=list(dict.fromkeys([*parameters, "warnings", "failure"])))
-    failures = int(table["failure"].notna().sum())
-    words = "identification failed and is" if failures == 1 else "identifications failed and are"
-    end = f"; {failures} {words} left out" if failures else ""
-    table = table[table["failure"].isna()]
-    counts = table["warnings"].notna().groupby(table["method"], sort=False).sum()
-    total = int(counts.sum())
-    if not total:
-        return f"none of {len(table)} estimates came with a warning{end}"
-    by_method = ", ".join(f"{(labels or {}).get(name, name)} {count}" for name, count in counts[counts > 0].items())
-    details = f" ({by_method})" if labels else ""
-    verb = "counts" if total == 1 else "count"
-    return f"{total} of {len(table)} estimates came with a warning{details} and {verb} like the others{end}"

@@ -55,7 +55,7 @@ def describe_costs(table: pd.DataFrame, truths: Mapping[str, float]) -> list[str
         phrases = phrases or ["costs nothing that this study can show"]
         failures = int(rows["failures"].sum())
         if failures:
-            phrases.append(f"{failures} of {int(rows['trials'].sum()) + failures} identifications failed")
+            phrases.append(f"{failures} of {int(rows['trials'].sum())} identifications failed")
         largest = max((cost.value for cost in costs), default=0.0)
         texts.append((np.inf if failures else largest, f"**{step}**: {'; '.join(phrases)}."))
     return [text for _, text in sorted(texts, key=lambda pair: -pair[0])]

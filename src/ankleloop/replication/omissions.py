@@ -11,6 +11,7 @@ import pandas as pd
 from ankleloop.methods.omitted_steps import OMITTED_STEPS, describe_omission
 from ankleloop.replication.comparisons import format_mean
 from ankleloop.replication.results import join_scores
+from ankleloop.replication.trial_counts import count_outcomes
 from ankleloop.signals.vaf import confidence_margin
 
 __all__ = ["COMPLETE", "STEP_LABELS", "describe_changes", "tabulate_omissions"]
@@ -60,15 +61,15 @@ def tabulate_omissions(
         intrinsic and reflex VAF [%], K, B, I, the largest magnitude of the poles (`spectral_radius`) and their largest
         distance from the true ones (`pole_error`): `{name}_mean`, `{name}_margin`, `{name}_cost` (the mean without the
         step less the mean with all steps) and `{name}_cost_margin`; margins are half of a 95 % interval. Costs are
-        paired by trial, except those of the anti-aliasing filter, whose trials are others. `trials` that were
-        identified, `warnings` (trials with a warning besides that about the step) and `failures` (trials that could not
-        be identified).
+        paired by trial, except those of the anti-aliasing filter, whose trials are others. `trials`, `failures`
+        (trials that could not be identified) and `warnings` (trials with a warning besides that about the step).
     """
     parameters = parameters.reindex(columns=list(dict.fromkeys([*parameters, "pole_error", "failure", "warnings"])))
-    table = join_scores(parameters, scores)
+    parameters = parameters.assign(warnings=_remove_omissions(parameters["warnings"].fillna("")))
+    table = join_scores(parameters[parameters["failure"].isna()], scores)
     keys = [table["point"], table["method"]]
     results = {place: rows.set_index("trial")[COLUMNS].astype(float) for place, rows in table.groupby(keys)}
-    details = dict(iter(parameters.groupby([parameters["point"], parameters["method"]])))
+    counts = count_outcomes(parameters, ["point", "method"]).set_index(["point", "method"])
     nothing = pd.DataFrame(columns=COLUMNS, dtype=float)
     rows = []
     for omission in _list_omissions(points, labels):
@@ -76,7 +77,7 @@ def tabulate_omissions(
         row: dict[str, Any] = {"condition": omission.condition, "method": labels[omission.method]}
         row["omitted_step"] = omission.step
         row |= _summarise(values, complete, paired=omission.place[0] == omission.complete[0])
-        rows.append(row | {"trials": len(values), **_count_faults(details[omission.place])})
+        rows.append(row | counts.loc[omission.place].to_dict())
     return pd.DataFrame(rows)
 
 
@@ -120,15 +121,14 @@ def _summarise(values: pd.DataFrame, complete: pd.DataFrame, *, paired: bool) ->
 
 def _estimate_mean(values: pd.Series) -> tuple[float, float]:
     """Mean and half of its 95 % interval."""
-    return float(values.mean()), float(confidence_margin(values.std(), len(values)))
+    return float(values.mean()), float(confidence_margin(values.std(), values.count()))
 
 
-def _count_faults(details: pd.DataFrame) -> dict[str, int]:
-    """How many trials have a warning that is not about the step, and how many could not be identified."""
-    warnings = details["warnings"].fillna("")
+def _remove_omissions(warnings: pd.Series) -> pd.Series:
+    """Warnings without those that say which step is left out."""
     for step in OMITTED_STEPS:
         warnings = warnings.str.replace(describe_omission(step), "", regex=False)
-    return {"warnings": int((warnings.str.strip() != "").sum()), "failures": int(details["failure"].notna().sum())}
+    return warnings
 
 
 def describe_changes(rows: pd.DataFrame, quantities: Mapping[str, tuple[str, float, str, float]]) -> str:

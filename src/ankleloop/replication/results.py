@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ankleloop.errors import DataError
+from ankleloop.replication.trial_counts import count_outcomes
+
 __all__ = [
     "KEYS",
-    "count_trials",
     "describe_condition",
-    "describe_failures",
     "format_columns",
     "format_pairs",
     "join_scores",
@@ -49,49 +53,43 @@ def read_results(paths: Iterable[str | os.PathLike[str]]) -> pd.DataFrame:
     pandas.DataFrame
         Their rows, numbered from 0. Names of recordings, subjects, conditions and trials of a laboratory are text, as
         they were written: 007 and NA, too.
+
+    Raises
+    ------
+    DataError
+        If a file is missing, or damaged: cut off in a row. Missing rows are seen by
+        `ankleloop.replication.completeness.check_study`.
     """
     tables = [_read_table(path) for path in paths]
     return pd.concat([table for table in tables if len(table)] or tables, ignore_index=True)
 
 
 def _read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
-    table = pd.read_csv(path, low_memory=False)
+    try:
+        text = Path(path).read_bytes().decode("utf-8")
+        damage = _find_damage(text)
+        table = pd.DataFrame() if damage else pd.read_csv(io.StringIO(text, newline=""), low_memory=False)
+    except (OSError, ValueError, csv.Error) as error:
+        damage = str(error)
+    if damage:
+        raise DataError(f"{path}: the table is damaged ({damage}): delete it, and run again: it is made anew.")
     if "recording" in table:
-        texts = pd.read_csv(path, dtype=str, keep_default_na=False)
+        texts = pd.read_csv(io.StringIO(text, newline=""), dtype=str, keep_default_na=False)
         texts = texts.where(texts != "")
         table = table.assign(**{name: texts[name] for name in TEXTS if name in table})
     return table
 
 
-def describe_failures(parameters: pd.DataFrame) -> str:
-    """Say how many identifications failed, and why; means leave them out.
-
-    Parameters
-    ----------
-    parameters : pandas.DataFrame
-        One row for each estimate: columns `point`, `method`, `trial`, and `failure` where any failed.
-
-    Returns
-    -------
-    str
-        A sentence for each method at each point; empty if none failed.
-
-    Examples
-    --------
-    >>> key = {"point": "only", "method": "riv", "trial": [0, 1, 2]}
-    >>> describe_failures(pd.DataFrame(key | {"failure": [None, "Singular matrix", None]}))
-    '1 of 3 identifications failed; means leave them out. riv at only, 1 of 3 trials: Singular matrix'
-    """
-    if "failure" not in parameters or not parameters["failure"].notna().any():
-        return ""
-    parts = []
-    for (point, method), rows in parameters.groupby(["point", "method"], sort=False):
-        reasons = rows["failure"].dropna()
-        if len(reasons):
-            reason = reasons.value_counts().index[0].rstrip(".")
-            parts.append(f"{method} at {point}, {len(reasons)} of {len(rows)} trials: {reason}")
-    count = int(parameters["failure"].notna().sum())
-    return f"{count} of {len(parameters)} identifications failed; means leave them out. {'. '.join(parts)}"
+def _find_damage(text: str) -> str:
+    """What a CSV file that is cut off in a row lacks; of a whole file nothing."""
+    if not text.endswith("\n"):
+        return "it has no end"
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    columns = len(next(reader))
+    for row in reader:
+        if len(row) != columns:
+            return f"line {reader.line_num} has {len(row)} of {columns} cells"
+    return ""
 
 
 def join_scores(parameters: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
@@ -107,7 +105,7 @@ def join_scores(parameters: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        `parameters`, with a column `vaf_{torque}_{against}` for each score.
+        `parameters`, with a column `vaf_{torque}_{against}` for each score; empty for an identification that failed.
 
     Examples
     --------
@@ -118,7 +116,7 @@ def join_scores(parameters: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
     """
     columns = "vaf_" + scores["torque"] + "_" + scores["against"]
     vaf = scores.assign(column=columns).pivot_table("vaf", KEYS, "column").rename_axis(columns=None)
-    return parameters.merge(vaf.reset_index(), on=KEYS)
+    return parameters.merge(vaf.reset_index(), how="left", on=KEYS)
 
 
 def summarise_columns(
@@ -143,22 +141,18 @@ def summarise_columns(
     Returns
     -------
     pandas.DataFrame
-        Columns `by`, and `{name}_{statistic}` for each name and statistic.
+        Columns `by`, `{name}_{statistic}` for each name and statistic, and those of
+        `ankleloop.replication.trial_counts.count_outcomes`.
 
     Examples
     --------
-    >>> table = pd.DataFrame({"method": "riv", "K": [150.0, 152.0]})
+    >>> table = pd.DataFrame({"method": "riv", "trial": [0, 1], "K": [150.0, 152.0]})
     >>> summarise_columns(table, ["method"], ["K"], ["mean", "count"]).to_dict("records")
-    [{'method': 'riv', 'K_mean': 151.0, 'K_count': 2}]
+    [{'method': 'riv', 'K_mean': 151.0, 'K_count': 2, 'trials': 2, 'failures': 0, 'warnings': 0}]
     """
     summary = table.groupby(list(by), sort=False)[list(names)].agg(list(statistics))
     summary.columns = pd.Index([f"{name}_{statistic}" for name, statistic in summary.columns])
-    return summary.reset_index()
-
-
-def count_trials(parameters: pd.DataFrame) -> int:
-    """Largest number of trials that a method has at a point."""
-    return int(parameters.groupby(["point", "method"]).size().max())
+    return summary.reset_index().merge(count_outcomes(table, by), how="left", on=list(by))
 
 
 def true_values(settings: Mapping[str, Any], names: Iterable[str] = tuple(SETTINGS)) -> dict[str, float]:
@@ -227,6 +221,13 @@ def describe_condition(name: str, value: Any) -> str:
     return CONDITIONS.get(name, {}).get(value, f"{name} {value}")
 
 
+class _Number(float):
+    """A number whose text is a dash if it does not exist."""
+
+    def __format__(self, spec: str) -> str:
+        return "–" if np.isnan(self) else super().__format__(spec)
+
+
 def format_pairs(first: Iterable[float], second: Iterable[float], template: str = "{:.1f} ± {:.1f}") -> list[str]:
     """Pairs of numbers as text, such as means with standard deviations, or the ends of intervals.
 
@@ -235,7 +236,7 @@ def format_pairs(first: Iterable[float], second: Iterable[float], template: str 
     first, second : iterable of float
         The numbers.
     template : str
-        Format of a pair.
+        Format of a pair; a dash stands for a number that does not exist, such as the spread of a single trial.
 
     Returns
     -------
@@ -243,10 +244,10 @@ def format_pairs(first: Iterable[float], second: Iterable[float], template: str 
 
     Examples
     --------
-    >>> format_pairs([150.0], [2.25])
-    ['150.0 ± 2.2']
+    >>> format_pairs([150.0, 149.0], [2.25, np.nan])
+    ['150.0 ± 2.2', '149.0 ± –']
     """
-    return [template.format(*pair) for pair in zip(first, second, strict=True)]
+    return [template.format(*map(_Number, pair)) for pair in zip(first, second, strict=True)]
 
 
 def format_columns(table: pd.DataFrame, names: Iterable[str], template: str) -> pd.DataFrame:
@@ -259,7 +260,7 @@ def format_columns(table: pd.DataFrame, names: Iterable[str], template: str) -> 
     names : iterable of str
         Columns.
     template : str
-        Format of a number.
+        Format of a number; a dash stands for one that does not exist.
 
     Returns
     -------
@@ -271,4 +272,4 @@ def format_columns(table: pd.DataFrame, names: Iterable[str], template: str) -> 
     >>> format_columns(pd.DataFrame({"K": [150.25]}), ["K"], "{:.1f}")["K"].tolist()
     ['150.2']
     """
-    return table.assign(**{name: table[name].map(template.format) for name in names})
+    return table.assign(**{name: [template.format(_Number(value)) for value in table[name]] for name in names})

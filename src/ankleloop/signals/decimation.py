@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
 
+from ankleloop.arguments import check_integer, check_number
 from ankleloop.errors import DataError
 
 __all__ = [
@@ -32,6 +33,7 @@ PASSBAND, STOPBAND = 0.38, 0.50
 # Band of the velocity at the input of the static nonlinearity [Hz]; less where the sampling rate is low.
 VELOCITY_PASSBAND, VELOCITY_STOPBAND = 150.0, 250.0
 ATTENUATION_DB = 90.0
+LARGEST_FACTOR = 10_000  # of the decimation: the design of its kernel takes memory in proportion, 10 kB each
 
 
 def decimation_factor(sampling_rate: float, identification_rate: float) -> int:
@@ -49,21 +51,29 @@ def decimation_factor(sampling_rate: float, identification_rate: float) -> int:
     Raises
     ------
     DataError
-        If the sampling rate is not a whole multiple of the identification rate.
+        If the sampling rate is not a whole multiple of the identification rate, or more than 10 000 times as high.
+    ValueError
+        If a rate is not a positive number.
 
     Examples
     --------
     >>> decimation_factor(1000.0, 100.0)
     10
     """
-    if not (np.isfinite(identification_rate) and identification_rate > 0):
-        raise DataError(f"identification_rate must be positive and finite, got {identification_rate} Hz.")
-    ratio = sampling_rate / identification_rate
+    rate = check_number("decimation", "identification_rate", identification_rate, "Hz", gt=0)
+    sampling_rate = check_number("decimation", "sampling_rate", sampling_rate, "Hz", gt=0)
+    ratio = sampling_rate / rate
+    if ratio > LARGEST_FACTOR + 0.5:
+        raise DataError(
+            f"the sampling rate ({sampling_rate:g} Hz) is {ratio:.6g} times the identification rate ({rate:g} Hz), but "
+            f"must be at most {LARGEST_FACTOR} times: raise identification_rate, for example "
+            f"{sampling_rate / LARGEST_FACTOR:.12g} Hz, or resample the record."
+        )
     factor = round(ratio)
     if factor < 1 or abs(ratio - factor) > 1e-6 * factor:
         raise DataError(
             f"the sampling rate ({sampling_rate:g} Hz) is not a whole multiple of the identification rate "
-            f"({identification_rate:g} Hz): choose an identification_rate that divides it, "
+            f"({rate:g} Hz): choose an identification_rate that divides it, "
             f"for example {sampling_rate / max(1, int(np.ceil(ratio - 1e-9))):.12g} Hz, or resample the record."
         )
     return factor
@@ -125,7 +135,7 @@ def decimation_margin(factor: int) -> int:
     >>> decimation_margin(10) % 10
     0
     """
-    return _decimation_taps(factor, 1)[1]
+    return _decimation_taps(check_integer("decimation", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR), 1)[1]
 
 
 def decimate(
@@ -158,6 +168,8 @@ def decimate(
     ------
     DataError
         If the record is too short for these samples.
+    ValueError
+        For an argument of another type or out of its range.
 
     Examples
     --------
@@ -166,6 +178,10 @@ def decimate(
     >>> np.allclose(v, 2 * t[[500, 510, 520]])
     True
     """
+    factor = check_integer("decimate", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR)
+    first, count = check_integer("decimate", "first", first, "samples"), check_integer("decimate", "count", count)
+    rate = check_number("decimate", "rate", rate, "Hz", gt=0)
+    derivative = check_integer("decimate", "derivative", derivative, ge=0, le=2)
     signal = np.asarray(x, dtype=float)
     taps, half = _decimation_taps(factor, derivative)
     start, stop = first - half, first + factor * (count - 1) + half + 1
@@ -231,6 +247,7 @@ def lowpass(x: ArrayLike, factor: int) -> np.ndarray:
     >>> bool(np.abs(lowpass(np.ones(2000), 10)).max() < 1e-12)
     True
     """
+    factor = check_integer("lowpass", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR)
     x = np.asarray(x, dtype=float)
     taps, half = _decimation_taps(factor, 0)
     return convolve(x - x.mean(), taps)[half : half + x.size]
@@ -267,6 +284,13 @@ def _velocity_taps(rate: float, shift: float) -> tuple[np.ndarray, int]:
     return _design_lowpass(float(rate), passband, stopband, 1, float(shift))
 
 
+def _check_rate_and_delay(rate: float, delay: float) -> tuple[float, float]:
+    return (
+        check_number("differentiate", "rate", rate, "Hz", gt=0, le=1e9),
+        check_number("differentiate", "delay", delay, "s", ge=-1000, le=1000),
+    )
+
+
 def differentiation_margin(rate: float, delay: float = 0.0) -> tuple[int, int]:
     """Recorded samples that `differentiate` needs before and after each sample of its result.
 
@@ -288,6 +312,7 @@ def differentiation_margin(rate: float, delay: float = 0.0) -> tuple[int, int]:
     >>> before - after
     80
     """
+    rate, delay = _check_rate_and_delay(rate, delay)
     half = _velocity_taps(rate, 0.0)[1]
     whole = round(delay * rate)
     return half + whole, half - whole
@@ -325,6 +350,7 @@ def differentiate(x: ArrayLike, rate: float, delay: float = 0.0) -> np.ndarray:
     >>> np.allclose(v[500], 20 * np.cos(20 * (t[500] - 0.0405)), rtol=1e-4)
     True
     """
+    rate, delay = _check_rate_and_delay(rate, delay)
     x = np.asarray(x, dtype=float)
     whole = round(delay * rate)
     taps, half = _velocity_taps(rate, round(delay * rate - whole, 9))
@@ -363,6 +389,7 @@ def filter_kernels(rate: float, identification_rate: float, delay: float) -> dic
     >>> round(float(kernels["velocity_kernel"] @ x[n - kernels["velocity_lag"]]), 4)
     1.0
     """
+    rate, delay = _check_rate_and_delay(rate, delay)
     factor = decimation_factor(rate, identification_rate)
     half = decimation_margin(factor)
     rows = [_decimation_taps(factor, derivative) for derivative in range(3)]

@@ -98,7 +98,8 @@ def _exponential(M: np.ndarray) -> np.ndarray:
     """Matrix exponential; the states of a fast filter differ by many powers of ten, and are scaled alike for it."""
     if np.abs(M).max() < LARGEST:
         return linalg.expm(M)
-    balanced, (scale, _) = linalg.matrix_balance(M, permute=False, separate=True)
+    with np.errstate(invalid="ignore"):  # SciPy converts scales to the numbers of a permutation, which is not used here
+        balanced, (scale, _) = linalg.matrix_balance(M, permute=False, separate=True)
     return linalg.expm(balanced) * scale[:, None] / scale
 
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
+
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
 
-__all__ = ["check_same_rate", "compute_rate", "format_samples", "parse_rate"]
+__all__ = ["check_same_rate", "compute_rate", "compute_rate_of_parts", "format_samples", "parse_rate"]
 
+MOST_STEPS = 20_000_000  # whose median is computed
+LOWEST_RATE, HIGHEST_RATE = 0.001, 1e9  # Hz
 RATE_TOLERANCE = 1e-3  # two statements of one sampling rate may differ by this fraction
 
 
@@ -31,7 +36,7 @@ def parse_rate(value: ArrayLike, *, source: str) -> float:
     Raises
     ------
     DataError
-        If it is not a single positive number.
+        If it is not a single number between 0.001 and 1e9 Hz.
 
     Examples
     --------
@@ -39,11 +44,15 @@ def parse_rate(value: ArrayLike, *, source: str) -> float:
     1000.0
     """
     try:
-        rate = float(np.asarray(value).item())
-    except (TypeError, ValueError):
-        raise DataError(f"{source}: sampling_rate is {value!r}: pass a single number in Hz.") from None
-    if not (np.isfinite(rate) and rate > 0):
-        raise DataError(f"{source}: sampling_rate is {rate:g} Hz: pass a positive number of samples per second.")
+        number = np.asarray(value).item()
+        rate = np.nan if isinstance(number, bool) else float(number)
+    except (TypeError, ValueError, OverflowError):
+        raise DataError(f"{source}: sampling_rate is {show_value(value)}: pass a single number in Hz.") from None
+    if not LOWEST_RATE <= rate <= HIGHEST_RATE:
+        limits = describe_limits("Hz", ge=LOWEST_RATE, le=HIGHEST_RATE)
+        raise DataError(
+            f"{source}: sampling_rate must be a number of samples per second {limits}, got {show_value(value)}."
+        )
     return rate
 
 
@@ -74,27 +83,101 @@ def compute_rate(time: np.ndarray, *, source: str, name: str = "time") -> float:
     """
     if time.size < 2:
         raise DataError(f"{source}: {name} has {time.size} sample: a trial needs at least 2.")
-    faults = np.flatnonzero(~np.isfinite(time))
-    if faults.size:
+    return compute_rate_of_parts(lambda: [time], time.size, (time[0], time[-1]), source=source, name=name)
+
+
+def compute_rate_of_parts(
+    parts: Callable[[], Iterable[np.ndarray]],
+    size: int,
+    ends: tuple[float, float],
+    *,
+    source: str,
+    name: str = "time",
+) -> float:
+    """Compute the sampling rate of regular times that are read in parts: the same rate, and the same faults.
+
+    Parameters
+    ----------
+    parts : callable
+        Reads the times from the first to the last and returns them in parts [s]. It is called once, and
+        twice more if a step differs much from the mean.
+    size : int
+        Number of all times, at least 2.
+    ends : tuple of float
+        First and last time [s].
+    source, name : str
+        Names of the data and of the times in error messages.
+
+    Returns
+    -------
+    float
+        Sampling rate [Hz].
+
+    Raises
+    ------
+    DataError
+        As `compute_rate`. In more than 20,000,000 times the usual step is the median of a regular choice of steps.
+
+    Examples
+    --------
+    >>> time = np.arange(1000) / 500.0
+    >>> compute_rate_of_parts(lambda: np.array_split(time, 7), 1000, (time[0], time[-1]), source="trial.h5")
+    500.0
+    """
+    mean = (ends[1] - ends[0]) / (size - 1)
+    end, faults, first, deviation = 0, 0, -1, 0.0
+    for start, times in _join(parts()):
+        finite = np.isfinite(times)
+        if not finite.all():
+            bad = start + np.flatnonzero(~finite)
+            bad = bad[bad >= end]  # the part before has counted the time that it shares
+            first = int(bad[0]) if bad.size and not faults else first
+            faults += bad.size
+        elif not faults:
+            deviation = max(deviation, _irregularity(times, mean))
+        end = start + times.size
+    if faults:
         raise DataError(
-            f"{source}: {name} is not finite at sample {faults[0]} ({format_samples(faults.size)} in all): repair it."
+            f"{source}: {name} is not finite at sample {first} ({format_samples(faults)} in all): repair it."
         )
-    mean = (time[-1] - time[0]) / (time.size - 1)
     # Times in single precision are off by up to N·eps steps; half a step or more is a fault all the same.
-    tolerance = min(0.01 + float(np.finfo(np.float32).eps) * time.size, 0.5)
-    if mean > 0 and _irregularity(time, mean) < 0.49 * tolerance * mean:
-        return _round_rate(1.0 / mean)  # if all steps are that close to the mean, they are close to the median, too
-    steps = np.diff(time)
-    median = float(np.median(steps))
-    faults = np.flatnonzero((np.abs(steps - median) > tolerance * abs(median)) | (steps <= 0))
-    if faults.size:
-        first = faults[0] + 1
-        raise DataError(
-            f"{source}: {name} is irregular at sample {first} ({time[first]:g} s): it steps by {steps[first - 1]:g} s "
-            f"where {median:g} s is usual ({format_samples(faults.size)} in all): cut the trial there or resample it; "
-            "if the times are only rounded, write them with more digits."
-        )
+    tolerance = min(0.01 + float(np.finfo(np.float32).eps) * size, 0.5)
+    # If all steps are close to their mean, they are close to the median, too.
+    if not (mean > 0 and deviation < 0.49 * tolerance * mean):
+        _check_steps(parts, size, tolerance, source, name)
     return _round_rate(1.0 / mean)
+
+
+def _join(parts: Iterable[np.ndarray]) -> Iterator[tuple[int, np.ndarray]]:
+    """Parts with the last time of the part before, and the number of their first time."""
+    start, last = 0, np.empty(0)
+    for part in parts:
+        yield start - last.size, np.concatenate([last, part]) if last.size else part
+        start, last = start + part.size, part[-1:].copy() if part.size else last
+
+
+def _check_steps(
+    parts: Callable[[], Iterable[np.ndarray]], size: int, tolerance: float, source: str, name: str
+) -> None:
+    """Refuse times of which a step differs from their median by more than a tolerance."""
+    stride = -(-size // MOST_STEPS)
+    median = float(
+        np.median(np.concatenate([np.diff(times)[-start % stride :: stride] for start, times in _join(parts())]))
+    )
+    faults, first = 0, (0, 0.0, 0.0)
+    for start, times in _join(parts()):
+        steps = np.diff(times)
+        bad = np.flatnonzero((np.abs(steps - median) > tolerance * abs(median)) | (steps <= 0))
+        if bad.size and not faults:
+            first = (start + int(bad[0]) + 1, times[bad[0] + 1], steps[bad[0]])
+        faults += bad.size
+    if faults:
+        sample, time, step = first
+        raise DataError(
+            f"{source}: {name} is irregular at sample {sample} ({time:g} s): it steps by {step:g} s where {median:g} s "
+            f"is usual ({format_samples(faults)} in all): cut the trial there or resample it; if the times are only "
+            "rounded, write them with more digits."
+        )
 
 
 def _round_rate(rate: float) -> float:

@@ -8,6 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ankleloop.arguments import check_integer
+
 __all__ = ["Band", "segment_spectra", "smooth"]
 
 TAPER_SHARE = 0.1  # of the record, half of it at either end
@@ -132,6 +134,8 @@ def segment_spectra(x: ArrayLike, length: int, step: int) -> np.ndarray:
     >>> segment_spectra(np.ones(100), 20, 10).shape
     (9, 11)
     """
+    length = check_integer("segment_spectra", "length", length, "samples", ge=1)
+    step = check_integer("segment_spectra", "step", step, "samples", ge=1)
     segments = np.lib.stride_tricks.sliding_window_view(np.asarray(x, dtype=float), length)[::step]
     return np.fft.rfft((segments - segments.mean(axis=1, keepdims=True)) * np.hanning(length), axis=1)
 

@@ -7,10 +7,13 @@ from numba import njit
 from numpy.typing import ArrayLike
 from scipy import special
 
+from ankleloop.arguments import check_integer, check_number
 from ankleloop.errors import DataError
+from ankleloop.signals.arrays import as_real
 
 __all__ = ["TWO_SIDED", "confidence_margin", "long_run_variance", "vaf", "vaf_interval", "vaf_with_interval"]
 
+SMALLEST, LARGEST = 1e-150, 1e150  # variances beyond these are computed of scaled signals
 TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %
 
 
@@ -38,6 +41,7 @@ def confidence_margin(sd: ArrayLike, n: ArrayLike, level: float = 0.95) -> np.nd
     >>> round(float(confidence_margin(1.0, 100)), 4)
     0.1984
     """
+    level = check_number("confidence_margin", "level", level, gt=0, lt=1)
     sd, n = np.asarray(sd, dtype=float), np.asarray(n)
     freedom = np.where(n > 1, n - 1, 1)
     return np.where(n > 1, special.stdtrit(freedom, 0.5 + level / 2) * sd / np.sqrt(n), np.nan)
@@ -71,21 +75,37 @@ def vaf(measured: ArrayLike, estimated: ArrayLike) -> float:
     >>> float(round(vaf([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 4.0]), 6))
     85.0
     """
-    signal, estimate = _as_signals(measured, estimated)
-    error, variance, _ = _variances(signal, estimate, 1)
-    _check_variances(signal, estimate, error, variance)
+    error, variance, _ = _finite_variances(*_as_signals(measured, estimated), 1)
     return 100.0 * (1.0 - error / variance)
 
 
 def _as_signals(measured: ArrayLike, estimated: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Signal and estimate as arrays of one length."""
-    measured, estimated = np.ascontiguousarray(measured, dtype=float), np.ascontiguousarray(estimated, dtype=float)
-    if measured.ndim != 1 or measured.shape != estimated.shape:
+    signals = as_real(measured, "measured signal"), as_real(estimated, "estimated signal")
+    if signals[0].ndim != 1 or signals[0].shape != signals[1].shape:
         raise DataError(
-            f"VAF needs two 1-D signals of equal length, got shapes {measured.shape} and {estimated.shape}: "
-            "cut both to the same samples."
+            f"VAF needs two 1-D signals of equal length, got measured of shape {signals[0].shape} and estimated of "
+            f"shape {signals[1].shape}: cut both to the same samples."
         )
-    return measured, estimated
+    if signals[0].size < 2:
+        raise DataError(f"VAF needs signals of at least 2 samples, got {signals[0].size}.")
+    return np.ascontiguousarray(signals[0]), np.ascontiguousarray(signals[1])
+
+
+def _finite_variances(measured: np.ndarray, estimated: np.ndarray, width: int) -> tuple[float, float, float]:
+    """What `_variances` gives; of signals whose squares overflow or vanish, after division by a power of two.
+
+    The VAF does not depend on the unit.
+    """
+    result = _variances(measured, estimated, width)
+    if not SMALLEST < result[1] <= result[0] + result[1] < LARGEST:
+        size = float(np.max(np.abs(measured), initial=0.0))
+        if 0.0 < size < np.inf:
+            scale = 2.0 ** -np.floor(np.log2(size))
+            measured, estimated = measured * scale, estimated * scale
+            result = _variances(measured, estimated, width)
+    _check_variances(measured, estimated, *result[:2])
+    return result
 
 
 def _check_variances(measured: np.ndarray, estimated: np.ndarray, error: float, variance: float) -> None:
@@ -97,6 +117,8 @@ def _check_variances(measured: np.ndarray, estimated: np.ndarray, error: float, 
                 raise DataError(
                     f"the {name} signal is not finite at sample {faults[0]} ({faults.size} samples in all)."
                 )
+        if np.isinf(error):
+            raise DataError("the estimated signal is 1e150 times as large as the measured one: check its unit.")
     # A constant differs from its mean by rounding only, so its variance is compared with the size of the signal.
     if not variance > (np.finfo(float).eps * np.max(np.abs(measured), initial=0.0)) ** 2:
         raise DataError("the measured signal is constant, so it has no variance to account for.")
@@ -165,7 +187,7 @@ def long_run_variance(x: ArrayLike, lags: int) -> float:
 
 def _width(size: int, lags: int) -> int:
     """Length of the moving window for a longest lag, no longer than the signal."""
-    return min(int(lags), size - 1) + 1
+    return min(check_integer("vaf_interval", "lags", lags, "samples", ge=0), size - 1) + 1
 
 
 def vaf_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> tuple[float, float]:
@@ -224,8 +246,7 @@ def vaf_with_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> t
         As `vaf` does.
     """
     signal, estimate = _as_signals(measured, estimated)
-    error, variance, spread = _variances(signal, estimate, _width(signal.size, lags))
-    _check_variances(signal, estimate, error, variance)
+    error, variance, spread = _finite_variances(signal, estimate, _width(signal.size, lags))
     if error == 0.0:
         return 100.0, 100.0, 100.0
     deviation, share = TWO_SIDED * np.sqrt(spread / signal.size), error / variance

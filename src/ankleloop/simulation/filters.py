@@ -25,6 +25,7 @@ __all__ = [
 ]
 
 ANTIALIAS_ORDER = 4
+VOLUNTARY_WARMUP = 5.0  # periods of its cutoff until the low-pass of the voluntary torque has settled
 
 
 class DiscreteFilter(NamedTuple):
@@ -166,6 +167,6 @@ def voluntary_filter(rate: float, cutoff: float) -> tuple[DiscreteFilter, int, f
     b, a = constant * np.array([1.0, 2.0, 1.0]) / a[0], a / a[0]
     A = np.array([[-a[1], 1.0], [-a[2], 0.0]])
     system = DiscreteFilter(A, b[1:] - a[1:] * b[0], np.array([1.0, 0.0]), float(b[0]))
-    warmup = int(np.ceil(5 * rate / cutoff))
+    warmup = int(np.ceil(VOLUNTARY_WARMUP * rate / cutoff))
     response = run_filter(*system, np.eye(1, 2 * warmup + 1))
     return system, warmup, float(np.linalg.norm(response))

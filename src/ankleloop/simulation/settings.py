@@ -15,6 +15,8 @@ from ankleloop.options import Options, option
 
 __all__ = ["SimulationSettings"]
 
+MOST_STEPS = 1000  # integration steps over a recorded sample: the loop has a matrix of as many rows
+
 
 class SimulationSettings(Options):
     """Settings of a simulated experiment.
@@ -32,15 +34,15 @@ class SimulationSettings(Options):
     """
 
     # Intrinsic stiffness: TQ_I = K·P + B·Ṗ + I·P̈.
-    stiffness: float = option(150.0, "intrinsic elastic stiffness K", unit="N·m/rad", ge=0)
+    stiffness: float = option(150.0, "intrinsic elastic stiffness K", unit="N·m/rad", ge=0, le=1e6)
     stiffness_drift: float = option(
         0.0,
         "relative change of K over the record, in a straight line; `stiffness` is its value in the middle",
         ge=-2,
         le=2,
     )
-    viscosity: float = option(0.8, "intrinsic viscosity B", unit="N·m·s/rad", ge=0)
-    inertia: float = option(0.015, "intrinsic inertia I", unit="kg·m²", ge=0)
+    viscosity: float = option(0.8, "intrinsic viscosity B", unit="N·m·s/rad", ge=0, le=1e5)
+    inertia: float = option(0.015, "intrinsic inertia I", unit="kg·m²", ge=0, le=1e4)
 
     # Reflex stiffness: delayed velocity, half-wave rectified, through a low-pass of order 2 or 3.
     reflex_gain: float = option(
@@ -48,43 +50,54 @@ class SimulationSettings(Options):
         "reflex gain G; assumed: the gain of Table 1 is not published, and Eq. 17 as printed says 2",
         unit="N·m·s/rad",
         ge=0,
+        le=1e5,
     )
     reflex_threshold: float = option(
-        0.0, "velocity below which the reflex does not respond; the rectifier begins there", unit="rad/s", ge=0
+        0.0,
+        "velocity below which the reflex does not respond; the rectifier begins there",
+        unit="rad/s",
+        ge=0,
+        le=1000,
     )
-    omega_n: float = option(40.0, "natural frequency of the reflex low-pass", unit="rad/s", gt=0)
-    zeta: float = option(1.0, "damping ratio of the reflex low-pass", gt=0)
-    delay: float = option(0.040, "reflex delay; at least one recorded sample", unit="s", gt=0)
+    omega_n: float = option(40.0, "natural frequency of the reflex low-pass", unit="rad/s", ge=0.01, le=1e5)
+    zeta: float = option(1.0, "damping ratio of the reflex low-pass", ge=0.001, le=1000)
+    delay: float = option(0.040, "reflex delay; at least one recorded sample", unit="s", gt=0, le=1)
     pole: float | None = option(
-        None, "extra real pole p of the third-order form (Eq. 2); null: second order", unit="rad/s", gt=0
+        None, "extra real pole p of the third-order form (Eq. 2); null: second order", unit="rad/s", ge=0.01, le=1e5
     )
 
     # Impedance-controlled load.
-    load_inertia: float = option(1.1, "inertia I_L of the simulated load; assumed", unit="kg·m²", gt=0)
-    load_viscosity: float = option(7.1, "viscosity B_L of the simulated load; assumed", unit="N·m·s/rad", ge=0)
-    load_stiffness: float = option(250.0, "stiffness K_L of the simulated load; assumed", unit="N·m/rad", ge=0)
+    load_inertia: float = option(1.1, "inertia I_L of the simulated load; assumed", unit="kg·m²", ge=1e-6, le=1e6)
+    load_viscosity: float = option(7.1, "viscosity B_L of the simulated load; assumed", unit="N·m·s/rad", ge=0, le=1e7)
+    load_stiffness: float = option(250.0, "stiffness K_L of the simulated load; assumed", unit="N·m/rad", ge=0, le=1e12)
 
     # Position servo of second order between the command and the joint.
-    actuator_frequency: float = option(20.0, "natural frequency of the servo; assumed", unit="Hz", gt=0)
-    actuator_damping: float = option(0.8, "damping ratio of the servo; assumed", gt=0)
+    actuator_frequency: float = option(20.0, "natural frequency of the servo; assumed", unit="Hz", ge=0.01, le=1e4)
+    actuator_damping: float = option(0.8, "damping ratio of the servo; assumed", ge=0.001, le=1000)
 
     # Position command, the reference.
     perturbation: Literal["prbs", "pulses"] = option(
         "prbs", "kind of the position command: pseudorandom binary sequence, or short pulses"
     )
-    amplitude: float = option(0.04, "peak-to-peak amplitude of the position command", unit="rad", gt=0)
+    amplitude: float = option(0.04, "peak-to-peak amplitude of the position command", unit="rad", ge=1e-9, le=1000)
     switching_interval: float = option(
-        0.1, "interval at whose multiples the PRBS may switch, or a pulse may begin", unit="s", gt=0
+        0.1, "interval at whose multiples the PRBS may switch, or a pulse may begin", unit="s", gt=0, le=1000
     )
     pulse_length: float = option(
-        0.02, "length of the pulses; well below the delay, it decorrelates the two paths", unit="s", gt=0
+        0.02,
+        "length of the pulses, at most switching_interval; well below the delay, it decorrelates the two paths",
+        unit="s",
+        gt=0,
+        le=1000,
     )
 
     # Disturbances, both of which are fed back through the load.
     voluntary: float = option(
-        0.05, "standard deviation of the voluntary torque over that of the clean net torque; assumed", ge=0
+        0.05, "standard deviation of the voluntary torque over that of the clean net torque; assumed", ge=0, le=1e6
     )
-    voluntary_cutoff: float = option(2.0, "-3 dB frequency of its second-order Bessel low-pass", unit="Hz", gt=0)
+    voluntary_cutoff: float = option(
+        2.0, "-3 dB frequency of its second-order Bessel low-pass", unit="Hz", ge=0.01, le=1e5
+    )
     snr_db: float | None = option(
         10.0,
         "clean net torque over measurement noise, in the recorded signal; null: no noise",
@@ -92,24 +105,27 @@ class SimulationSettings(Options):
         ge=-100,
         le=300,
     )
-    noise_rate: float = option(100.0, "rate at which white measurement noise is drawn and held", unit="Hz", gt=0)
+    noise_rate: float = option(
+        100.0, "rate at which white measurement noise is drawn and held", unit="Hz", ge=0.1, le=1e5
+    )
 
     # Anti-aliasing filter and sampler of every channel.
-    recording_rate: float = option(1000.0, "sampling rate of the record", unit="Hz", gt=0)
+    recording_rate: float = option(1000.0, "sampling rate of the record", unit="Hz", ge=1, le=1e5)
     antialias_cutoff: float | None = option(
         200.0,
         "-3 dB frequency of the fourth-order Bessel anti-aliasing filter; assumed; null: no filter, every channel is "
         "sampled as it is",
         unit="Hz",
-        gt=0,
+        ge=0.01,
+        le=1e5,
     )
 
     # Run.
-    duration: float = option(50.0, "length of the record", unit="s", gt=0)
-    settling: float = option(5.0, "time simulated ahead of the record, and dropped", unit="s", ge=0)
-    integration_rate: float = option(10000.0, "rate of the exact discretisation of the loop", unit="Hz", gt=0)
+    duration: float = option(50.0, "length of the record", unit="s", gt=0, le=1e6)
+    settling: float = option(5.0, "time simulated ahead of the record, and dropped", unit="s", ge=0, le=1e5)
+    integration_rate: float = option(10000.0, "rate of the exact discretisation of the loop", unit="Hz", ge=1, le=1e7)
     closed_loop: bool = option(True, "false: stiff servo, torque does not move the joint")
-    position_limit: float = option(1.0, "a loop that leaves ± this is declared unstable", unit="rad", gt=0)
+    position_limit: float = option(1.0, "a loop that leaves ± this is declared unstable", unit="rad", ge=1e-9, le=1e6)
 
     @classmethod
     def parse(cls, owner: str, /, *, load: Sequence[float] | None = None, **values: Any) -> Self:
@@ -142,7 +158,7 @@ class SimulationSettings(Options):
         >>> SimulationSettings.parse("simulate", load_inertia=0.0)
         Traceback (most recent call last):
           ...
-        ValueError: load_inertia must be above 0 kg·m², got 0.0.
+        ValueError: simulate: load_inertia must be between 1e-6 and 1e6 kg·m², got 0.0.
         """
         if load is None:
             return super().parse(owner, **values)
@@ -167,6 +183,14 @@ class SimulationSettings(Options):
         ):
             if abs(ratio - round(ratio)) > 1e-6 or (round(ratio) < 1 and not name.startswith("settling")):
                 raise ValueError(f"{name} must be a whole number, got {ratio:g}.")
+        steps = self.integration_rate / rate
+        if steps > MOST_STEPS + 0.5:
+            raise ValueError(f"integration_rate / recording_rate must be at most {MOST_STEPS}, got {steps:g}.")
+        if self.perturbation == "pulses" and self.pulse_length > self.switching_interval * (1 + 1e-9):
+            raise ValueError(
+                f"pulse_length must be at most the switching_interval ({self.switching_interval:g} s), got "
+                f"{self.pulse_length!r} s."
+            )
         return self
 
     @model_validator(mode="after")

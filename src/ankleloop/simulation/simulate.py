@@ -10,17 +10,21 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from ankleloop.arguments import as_plain, check_memory, show_value
 from ankleloop.errors import UnstableLoopError
 from ankleloop.options import show_fields
 from ankleloop.records.trial import new_trial
 from ankleloop.simulation.excitation import draw_noise, draw_prbs, draw_pulses, draw_voluntary_torque
-from ankleloop.simulation.filters import antialias
+from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias
 from ankleloop.simulation.loop import Loop, build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
 
 __all__ = ["simulate", "simulate_trials"]
 
 CHUNK = 16  # trials of one pass: more of them take memory and no less time
+CHUNK_MEMORY = 2**31  # bytes of one pass, where the trials are long
+HELD_VALUES = 100  # values of noise over which the anti-aliasing filter settles
+TRIAL_ARRAYS = 16  # arrays over all samples of a trial that are in memory at a time, at least
 
 
 @show_fields(SimulationSettings)
@@ -103,9 +107,27 @@ def simulate_trials(
     [3, 4]
     """
     all_settings = SimulationSettings.parse("simulate", load=load, **settings)
-    loop, remaining = build_loop(all_settings), iter(seeds)
-    while chunk := list(islice(remaining, CHUNK)):
+    size = _count_bytes(all_settings)
+    remedy = "take a shorter duration or settling, a lower recording_rate, or a higher voluntary_cutoff or noise_rate"
+    check_memory("simulate", size, remedy)
+    trials = min(CHUNK, max(1, int(CHUNK_MEMORY // size)))
+    loop, remaining = build_loop(all_settings), map(_check_seed, seeds)
+    while chunk := list(islice(remaining, trials)):
         yield from _simulate_chunk(all_settings, loop, chunk)
+
+
+def _count_bytes(settings: SimulationSettings) -> float:
+    """Memory that one trial needs at least: its signals, the start of the voluntary torque, and one held noise value.
+
+    The last two are in memory while their powers are computed.
+    """
+    rate = settings.recording_rate
+    samples = TRIAL_ARRAYS * (settings.duration + settings.settling) * rate
+    if settings.voluntary > 0:
+        samples += 4 * VOLUNTARY_WARMUP * rate / settings.voluntary_cutoff
+    if settings.snr_db is not None:
+        samples += 3 * HELD_VALUES * rate / settings.noise_rate
+    return 8.0 * samples
 
 
 class _Streams(NamedTuple):
@@ -176,9 +198,17 @@ def _make_trial(
     )
 
 
+def _check_seed(seed: Any) -> int | np.random.SeedSequence:
+    """Refuse what is no seed; None would not be reproducible."""
+    plain = as_plain(seed)
+    if isinstance(plain, np.random.SeedSequence) or (type(plain) is int and plain >= 0):
+        return plain
+    raise ValueError(
+        f"simulate: seed must be a whole number of at least 0 or a numpy.random.SeedSequence, got {show_value(seed)}."
+    )
+
+
 def _seed_sequence(seed: int | np.random.SeedSequence) -> np.random.SeedSequence:
-    if seed is None:
-        raise ValueError("seed must be a number or a SeedSequence: a trial has to be reproducible.")
     return seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
 
 
@@ -225,7 +255,7 @@ def _draw_measurement_noise(
 @lru_cache
 def _recorded_noise_deviation(settings: SimulationSettings, hold: int) -> float:
     """Standard deviation, behind the anti-aliasing filter, of unit white noise that is held for some samples."""
-    pulse = np.zeros(100 * hold)
+    pulse = np.zeros(HELD_VALUES * hold)
     pulse[:hold] = 1.0
     return float(np.sqrt(np.sum(antialias(pulse, settings, "zoh") ** 2) / hold))
 

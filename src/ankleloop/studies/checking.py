@@ -3,21 +3,37 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import ValidationError
 
+from ankleloop.arguments import show_value, suggest_name
 from ankleloop.options import Options, describe_error
 
-__all__ = ["ConfigError", "check", "check_unique_keys"]
+__all__ = ["ConfigError", "check", "expand_path"]
 
-MERGE = "tag:yaml.org,2002:merge"  # of the key <<, which may stand several times
+VARIABLE = re.compile(r"\$(?:\$|\{(\w+)\}|(\w+))")
+NUMBER = re.compile(r"\s*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*")
 
 
 class ConfigError(ValueError):
-    """A configuration with an unknown key or an impossible value: the message names the key."""
+    """A configuration with an unknown key or an impossible value.
+
+    Parameters
+    ----------
+    message : str
+        Sentence that names the key.
+    keys : sequence of str
+        Keys that lead to it, from the top level of the configuration; none where it is no part of that.
+    """
+
+    def __init__(self, message: str, keys: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.keys = tuple(keys)
 
 
 def check(model: type[Options], values: Mapping[str, Any], *place: str) -> Any:
@@ -30,7 +46,7 @@ def check(model: type[Options], values: Mapping[str, Any], *place: str) -> Any:
     values : mapping
         Values by key.
     *place : str
-        Keys under which the values stand, for error messages.
+        For error messages: what the values are part of, and the keys under which they stand there.
 
     Returns
     -------
@@ -52,77 +68,104 @@ def check(model: type[Options], values: Mapping[str, Any], *place: str) -> Any:
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise ConfigError(_describe(error, model, place)) from None
+        message, keys = _describe(error, model, place)
+        raise ConfigError(message, (*place[1:], *keys)) from None
 
 
-def check_unique_keys(path: str | os.PathLike[str]) -> None:
-    r"""Refuse a YAML file with a key that stands twice: a reader of YAML takes the last one and says nothing.
+def expand_path(text: str, place: str) -> Path:
+    """A path of the configuration, with environment variables and ~ replaced.
 
     Parameters
     ----------
-    path : path-like
-        The file.
+    text : str
+        The path; $NAME and ${NAME} stand for environment variables, $$ for a dollar sign, ~ for the home folder.
+    place : str
+        Where it stands, for the error message.
+
+    Returns
+    -------
+    pathlib.Path
 
     Raises
     ------
     ConfigError
-        The message names the key and both lines.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder, "config.yaml")
-    ...     _ = path.write_text("run: [table1]\nrun: [table2]\n")
-    ...     check_unique_keys(path)
-    Traceback (most recent call last):
-      ...
-    ankleloop.studies.checking.ConfigError: ...config.yaml: the key 'run' in line 2 stands in line 1, too.
+        If an environment variable is not set, or is empty.
     """
-    import yaml
 
-    with open(path, encoding="utf-8") as file:
-        pending, seen = [yaml.compose(file)], set()
-    while pending:
-        node = pending.pop()
-        if node is None or id(node) in seen:  # an alias is the node of its anchor
-            continue
-        seen.add(id(node))
-        if isinstance(node, yaml.SequenceNode):
-            pending += node.value
-        elif isinstance(node, yaml.MappingNode):
-            lines: dict[str, int] = {}
-            for key, value in node.value:
-                line = key.start_mark.line + 1
-                if key.value in lines and key.tag != MERGE:
-                    raise ConfigError(
-                        f"{path}: the key {key.value!r} in line {line} stands in line {lines[key.value]}, too."
-                    )
-                lines[str(key.value)] = line
-                pending.append(value)
+    def read_variable(match: re.Match[str]) -> str:
+        name = match[1] or match[2]
+        if name is None:
+            return "$"
+        value = os.environ.get(name, "")
+        if not value.strip():
+            state = "empty" if name in os.environ else "not set"
+            raise ConfigError(
+                f"{place} is {text}, but the environment variable {name} is {state}. Set it to the folder, for "
+                f"example: export {name}=/folder/of/your/recordings (a dollar sign in the name of a folder is $$)."
+            )
+        return value
+
+    return Path(os.path.expanduser(VARIABLE.sub(read_variable, text)))
 
 
-def _describe(error: ValidationError, model: type[Options], place: Sequence[str]) -> str:
-    """Sentence about the first fault; a misspelt key comes before a missing one."""
+def _describe(error: ValidationError, model: type[Options], place: Sequence[str]) -> tuple[str, list[str]]:
+    """Sentence about the first fault, and the keys that lead to it; a misspelt key comes before a missing one."""
     first = min(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     keys, owner = _locate(model, first["loc"])
     key = keys[-1] if keys else ""
-    field = owner.model_fields.get(key) if owner else None
-    unit = f" [{owner.unit(key)}]" if owner and field and _is_number(field.annotation) else ""
-    parents, name = " → ".join([*place, *keys[:-1]]), " → ".join([*place, *keys])
     if first["type"] == "extra_forbidden":
-        return f"{parents}: unknown key {key!r}; known here: {', '.join(_keys(owner))}."
+        close = suggest_name(key, _keys(owner))
+        sentence = f"unknown key {_cut(key)!r}{close}; known here: {', '.join(_keys(owner))}"
+        return f"{_join(place, keys[:-1])}: {sentence}.", keys
     if first["type"] == "missing":
-        return f"{parents}: the key {key!r} is missing."
+        return f"{_join(place, keys[:-1])}: the key {key!r} is missing.", keys[:-1]
     if first["type"].startswith("union_tag"):
         expected, tag = first["ctx"]["discriminator"].strip("'"), first["ctx"].get("tag")
         if tag is None:
-            return f"{name}: the key {expected!r} is missing."
-        return f"{name} → {expected}: must be one of {first['ctx']['expected_tags']}; got {tag!r}."
-    if first["type"] in ("dict_type", "model_type", "model_attributes_type"):
-        return f"{name}: must be a mapping of keys to values, got {first['input']!r}."
-    return f"{name}{unit}: {describe_error(first).rstrip('.')}."
+            return f"{_join(place, keys)}: the key {expected!r} is missing.", keys
+        keys = [*keys, expected]
+        names = re.findall(r"'([^']*)'", first["ctx"]["expected_tags"])
+        sentence = f"must be one of {first['ctx']['expected_tags']}{suggest_name(tag, names)}; got {show_value(tag)}"
+        return f"{_join(place, keys)}: {sentence}.", keys
+    field = owner.model_fields.get(key) if owner else None
+    unit = f" [{owner.unit(key)}]" if owner and field and _is_number(field.annotation) else ""
+    limits = owner.limits(key) if owner else {}
+    return f"{_join(place, keys)}{unit}: {_describe_value(first, limits).rstrip('.')}.", keys
+
+
+def _describe_value(fault: Mapping[str, Any], limits: Mapping[str, float]) -> str:
+    """What is wrong with a value or a name, and what to write instead."""
+    kind, value, context = fault["type"], fault["input"], fault.get("ctx", {})
+    if kind in ("dict_type", "model_type", "model_attributes_type"):
+        return f"must be a mapping of keys to values, got {show_value(value)}"
+    if kind == "list_type":
+        example = value if isinstance(value, str) and 0 < len(value) <= 40 else "a, b"
+        return f"must be a list in brackets, such as [{example}]; got {show_value(value)}"
+    if kind in ("too_short", "string_too_short"):
+        return "must not be empty"
+    if kind == "string_too_long":
+        return f"must have at most {context['max_length']} characters, because it is part of paths; it has {len(value)}"
+    if kind == "string_pattern_mismatch":
+        signs = "_ - ." if "." in context["pattern"] else "_ -"
+        signs = f"letters A-Z a-z, digits and {signs}"
+        return f"must consist of {signs}, and begin with a letter or digit; got {_cut(value)!r}"
+    remedy = ""
+    if kind == "string_type" and value is not None and not isinstance(value, (list, Mapping)):
+        remedy = ": put it in quotes"
+    elif isinstance(value, str) and kind in ("int_type", "float_type") and NUMBER.fullmatch(value):
+        remedy = (
+            ", which is text: write it without quotes, powers of ten as 1.0e+3, and numbers of --config that stand in "
+            "braces in a file for --configfile"
+        )
+    return describe_error(fault, limits=limits) + remedy
+
+
+def _join(place: Sequence[str], keys: Sequence[str]) -> str:
+    return " → ".join(_cut(part) for part in (*place, *keys))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= 120 else f"{text[:110]}…"
 
 
 def _locate(model: type[Options], location: Sequence[int | str]) -> tuple[list[str], type[Options] | None]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter
-from collections.abc import Mapping
-from functools import reduce
-from operator import or_
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
@@ -14,14 +14,16 @@ from pydantic import (
     Field,
     StringConstraints,
     WithJsonSchema,
-    create_model,
     model_validator,
 )
 
+from ankleloop.arguments import show_value, suggest_name
 from ankleloop.methods.registry import METHODS
 from ankleloop.options import Options, option
 from ankleloop.records.reading_options import ReadingOptions
 from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.studies.method_settings import MethodSettings, union_of_methods
+from ankleloop.studies.notebooks import NOTEBOOKS
 
 __all__ = [
     "NOTEBOOKS",
@@ -31,40 +33,21 @@ __all__ = [
     "Recording",
     "RecordingsStudy",
     "SimulationStudy",
+    "check_recording_names",
     "point_name",
 ]
 
 SETTINGS = tuple(SimulationSettings.model_fields)
 
-# Notebooks of studies, and the figures that each draws beside its page and its table.
-NOTEBOOKS = {
-    "table1": ("figure3", "order"),
-    "figure4": ("figure4", "passes"),
-    "passes": ("passes",),
-    "table2": ("figure5",),
-    "comparison": ("stiffness", "vaf"),
-    "traces": ("traces",),
-    "sensitivity": ("map",),
-    "efficiency": ("efficiency", "intervals"),
-    "choosing": ("choosing",),
-    "obstacles": ("obstacles",),
-    "recordings": ("group",),
-}
+MAX_POINTS = 100_000  # of a study
+MAX_JOBS = 100_000  # of a rule, for one study
+MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
 
-Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)]
 RECORDING_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 
 
-def _refuse_number(value: Any) -> Any:
-    """Refuse what YAML has not read as text: it reads 007 as 7, 12_3 as 123, 1:30 as 90 and no as false."""
-    if value is not None and not isinstance(value, str):
-        raise ValueError(f"must be text, got {value!r}: put it in quotes, since YAML changes 007 to 7 and 12_3 to 123")
-    return value
-
-
-# Text that may look like a number.
-Text = Annotated[str, BeforeValidator(_refuse_number)]
-RecordingName = Annotated[str, StringConstraints(pattern=RECORDING_NAME)]
+RecordingName = Annotated[str, StringConstraints(pattern=RECORDING_NAME, max_length=MAX_NAME)]
 
 
 def point_name(settings: Mapping[str, Any]) -> str:
@@ -81,14 +64,14 @@ def point_name(settings: Mapping[str, Any]) -> str:
 def _list_points(points: Any) -> list[dict[str, Any]]:
     """The points of a study as a list; values by name give all their combinations."""
     if isinstance(points, Mapping):
-        if not all(isinstance(values, list) and values for values in points.values()):
-            raise ValueError("each setting must have a list of values")
+        for name, values in points.items():
+            if not isinstance(values, list) or not values:
+                raise ValueError(f"each setting must have a list of values, got {name}: {show_value(values)}")
+        _check_count(math.prod(map(len, points.values())))
         points = [dict(zip(points, values, strict=True)) for values in itertools.product(*points.values())]
     if not isinstance(points, list) or not points or not all(isinstance(point, Mapping) for point in points):
         raise ValueError("must be lists of values by setting, or a list of points with their settings")
-    for name in itertools.chain.from_iterable(points):
-        if name not in SETTINGS:
-            raise ValueError(f"{name!r} is not a setting of the simulation; known: {', '.join(SETTINGS)}")
+    _check_count(len(points))
     points = [{name: _as_setting(name, value) for name, value in point.items()} for point in points]
     for name, count in Counter(map(point_name, points)).items():
         if count > 1:
@@ -96,11 +79,22 @@ def _list_points(points: Any) -> list[dict[str, Any]]:
     return points
 
 
+def _check_count(count: int) -> None:
+    if count > MAX_POINTS:
+        raise ValueError(f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies")
+
+
 def _as_setting(name: str, value: Any) -> Any:
     """A value as the simulation has it, so that 13 and 13.0, 0.0 and -0.0 make one point with one name and one seed."""
+    if name not in SETTINGS:
+        close = suggest_name(name, SETTINGS)
+        raise ValueError(f"{name!r} is not a setting of the simulation{close}; known: {', '.join(SETTINGS)}")
+    if isinstance(value, (list, Mapping)):
+        raise ValueError(f"{name}: each value must be a single one, got {show_value(value)}")
     annotation = SimulationSettings.model_fields[name].annotation
     if float in (get_args(annotation) or (annotation,)) and type(value) in (int, float):
-        return float(value) + 0.0
+        with suppress(OverflowError):  # of a whole number beyond all floats, which the model refuses
+            return float(value) + 0.0
     return value
 
 
@@ -130,71 +124,19 @@ Points = Annotated[
 class FigureSettings(Options):
     """The trial and the window that figures of torques show."""
 
-    methods: list[str] | None = option(None, "methods that are drawn, a column each; null draws all")
+    methods: Annotated[list[str], Field(min_length=1)] | None = option(
+        None, "methods that are drawn, a column each; null draws all"
+    )
     trial: int = option(0, "number of the trial, from 0", ge=0)
     start: float = option(10.0, "start of the window", unit="s", ge=0)
     length: float = option(5.0, "length of the window", unit="s", gt=0)
-
-
-class MethodSettings(Options):
-    """A method of a study: its name, its label and its options."""
-
-    method: str = option(description="identification method")
-    label: str | None = option(None, "name in tables and legends; null for the key")
-    options: Options = option(description="options of the method; those left out have their defaults")
-    select: dict[str, Annotated[list[Any], Field(min_length=1)]] = option(
-        {}, "options to select on data that were not fitted, each with its candidates from simple to complex"
-    )
-    criterion: Literal["instrumental", "cross-validation"] | None = option(
-        None, "criterion of that selection; null for instrumental with a reference, cross-validation without"
-    )
-
-    @model_validator(mode="after")
-    def _check_candidates(self) -> Self:
-        for name, candidates in self.select.items():
-            for value in candidates:
-                try:
-                    type(self.options).parse(f"method {self.method!r}", **{name: value})
-                except (TypeError, ValueError) as error:
-                    raise ValueError(f"select: {error}") from None
-        return self
-
-    @property
-    def fixed_options(self) -> dict[str, Any]:
-        """Options with their defaults, without those that are to be selected."""
-        return {name: value for name, value in self.options if name not in self.select}
-
-    @property
-    def identify_options(self) -> dict[str, Any]:
-        """All options that `ankleloop.identify` takes, the candidates of a selection among them."""
-        selection = {"select": self.select, "criterion": self.criterion} if self.select else {}
-        return {**self.fixed_options, **selection}
-
-
-def _union_of_methods() -> Any:
-    """One model of `MethodSettings` for each set of options; the name of the method tells them apart."""
-    names: dict[type[Options], list[str]] = {}
-    for name, entry in METHODS.items():
-        names.setdefault(entry.options, []).append(name)
-    method, field = (MethodSettings.model_fields[name].description or "" for name in ("method", "options"))
-    models: list[Any] = [
-        create_model(
-            options.__name__.replace("Options", "Settings"),
-            __base__=MethodSettings,
-            __doc__=f"A method with {options.__name__}.",
-            method=(Literal[tuple(members)], option(description=method)),  # type: ignore[arg-type] # of the registry
-            options=(options, option(description=field, default_factory=options)),
-        )
-        for options, members in names.items()
-    ]
-    return Annotated[reduce(or_, models), Field(discriminator="method")]
 
 
 if TYPE_CHECKING:
     Methods = dict[str, MethodSettings]
     SimulationNotebook = str
 else:
-    Methods = dict[Name, _union_of_methods()]
+    Methods = dict[Name, union_of_methods()]
     SimulationNotebook = Literal[tuple(name for name in NOTEBOOKS if name != "recordings")]
 
 
@@ -233,8 +175,8 @@ class SimulationStudy(Options):
     )
     failures: Literal["stop", "count"] = option(
         "count",
-        "what a trial that a method cannot identify does: count as a result, which is a row of the parameters with the "
-        "error as `failure` and no scores, or stop the job with its error",
+        "what a trial does that cannot be simulated, or that a method cannot identify: count as a result, which is a "
+        "row of the parameters with the error as `failure` and no scores, or stop the job with its error",
     )
     precision: Literal["single", "double"] = option(
         "double",
@@ -254,25 +196,46 @@ class SimulationStudy(Options):
     methods: Methods = _methods_option()
 
     @model_validator(mode="after")
+    def _check_study(self) -> Self:
+        _check_methods(self.methods, self.figure)
+        if self.figure.trial >= self.trials:
+            raise ValueError(
+                f"figure: trial: there is no trial {self.figure.trial}; those of {self.trials} trials are 0 to "
+                f"{self.trials - 1}"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_chunks(self) -> Self:
         if self.trials_per_chunk is not None and self.points_per_chunk > 1:
             raise ValueError(
                 "a chunk is some points, or part of the trials of one point: set points_per_chunk: 1 to use "
                 f"trials_per_chunk, got points_per_chunk: {self.points_per_chunk}"
             )
+        jobs = len(self.points) * -(-self.trials // (self.trials_per_chunk or self.trials))
+        if jobs > MAX_JOBS:
+            raise ValueError(f"{jobs:,} chunks are more than {MAX_JOBS:,}: increase trials_per_chunk")
         return self
 
 
 class Recording(ReadingOptions):
     """A recording: its file, how it is read, and which part of it is used."""
 
-    file: str = option(description="path of the file below the folder of the study (.csv, .csv.gz, .mat, .h5, .nc)")
-    subject: Text = option("", "subject; groups the figures")
-    condition: Text = option("", "condition; groups the figures")
-    trial: Text = option("", "repetition")
+    file: str = option(
+        description="path of the file below the folder of the study (.csv, .csv.gz, .mat, .h5, .nc)", min_length=1
+    )
+    subject: str = option("", "subject; groups the figures")
+    condition: str = option("", "condition; groups the figures")
+    trial: str = option("", "repetition")
     start: float | None = option(None, "start of the segment that is used; null for the beginning", unit="s", ge=0)
     stop: float | None = option(None, "end of the segment that is used; null for the end", unit="s", gt=0)
     drift: int = option(0, "degree of the polynomial that is taken out of the torque; 0 takes the mean", ge=0, le=10)
+
+    @model_validator(mode="after")
+    def _check_segment(self) -> Self:
+        if self.stop is not None and self.stop <= (self.start or 0.0):
+            raise ValueError(f"stop ({self.stop:g} s) must be after start ({self.start or 0.0:g} s)")
+        return self
 
 
 class RecordingsStudy(Options):
@@ -316,13 +279,57 @@ class RecordingsStudy(Options):
         return {**values, "files": complete}
 
     @model_validator(mode="after")
-    def _check_labels(self) -> Self:
-        """Results of a recording are told apart by the labels of their methods."""
-        labels = Counter(method.label or name for name, method in self.methods.items())
-        for label, count in labels.items():
-            if count > 1:
-                raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
+    def _check_study(self) -> Self:
+        _check_methods(self.methods, self.figure)
+        check_recording_names("files", self.files)
         return self
+
+
+def check_recording_names(key: str, names: Collection[str]) -> None:
+    """Refuse names of recordings whose results would have the same paths.
+
+    Raises
+    ------
+    ValueError
+        If names differ in capitals only, or one is the name of the page of another.
+    """
+    _check_cases(key, names)
+    for name in names:
+        if f"{name}.html" in names:
+            raise ValueError(f"{key}: {name}.html is the page of the recording {name}: choose another name")
+
+
+def _check_methods(methods: Mapping[str, MethodSettings], figure: FigureSettings) -> None:
+    """Refuse names and labels by which results could be taken for those of another method, and unknown ones."""
+    _check_cases("methods", methods)
+    for name, method in methods.items():
+        if name in METHODS and name != method.method:
+            raise ValueError(f"methods: {name} is the name of another method than {method.method}: choose another name")
+    labels = Counter(method.label or name for name, method in methods.items())
+    for label, count in labels.items():
+        if count > 1:
+            raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
+    _check_list("figure: methods", figure.methods or (), "method", methods)
+
+
+def _check_list(key: str, names: Sequence[str], kind: str, known: Collection[str]) -> None:
+    """Refuse names in a list that are unknown, or stand twice."""
+    for name, count in Counter(names).items():
+        if name not in known:
+            raise ValueError(
+                f"{key}: there is no {kind} {show_value(name)}{suggest_name(name, known)}; there are {', '.join(known)}"
+            )
+        if count > 1:
+            raise ValueError(f"{key}: {name!r} is listed twice")
+
+
+def _check_cases(key: str, names: Iterable[str]) -> None:
+    """Refuse names that are one to a file system that does not tell capitals from small letters."""
+    first: dict[str, str] = {}
+    for name in names:
+        other = first.setdefault(name.lower(), name)
+        if other != name:
+            raise ValueError(f"{key}: {other!r} and {name!r} differ in capitals only, which some file systems ignore")
 
 
 StudySettings = SimulationStudy | RecordingsStudy
@@ -355,12 +362,28 @@ class Config(Options):
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
-        for key, names in (("run", self.run or ()), ("article", self.article)):
-            for name in names:
-                if name not in self.studies:
-                    raise ValueError(f"{key}: there is no study {name!r}; there are {', '.join(self.studies)}")
+        _check_cases("studies", self.studies)
+        if "economy" in self.studies:
+            raise ValueError("studies: 'economy' has another table, results/tables/economy.csv: give it another name")
+        if self.run is not None and not self.run:
+            raise ValueError("run: names no study; there are " + ", ".join(self.studies))
+        _check_list("run", self.run or (), "study", self.studies)
+        _check_list("article", self.article, "study", self.studies)
         for name in self.article_names:
             study = self.studies[name]
             if not isinstance(study, SimulationStudy) or study.notebook is None:
                 raise ValueError(f"article: the study {name!r} is not simulated, or has no notebook")
+        if self.article_names:
+            self._check_economy()
         return self
+
+    def _check_economy(self) -> None:
+        """Refuse an article for which the economy of the methods cannot be measured."""
+        if "table1" not in self.article:
+            raise ValueError(
+                "article: needs the study 'table1', on whose trials the economy of the methods is measured; name it, "
+                "or set article: [] to make none"
+            )
+        for name in ("pr-moesp", "eiv-moesp"):
+            if name in (methods := self.studies["table1"].methods) and methods[name].select:
+                raise ValueError(f"article: {name} of the study 'table1' must not have select: its economy is measured")

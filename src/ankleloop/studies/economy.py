@@ -14,10 +14,12 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.moesp import MEMBERS, REGRESSION_TOLERANCE, MoespOptions
 from ankleloop.replication.judgement import Mean
+from ankleloop.studies.failures import describe_error
 from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.moesp import moesp
 
@@ -47,37 +49,55 @@ def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[
     pandas.DataFrame
         Columns `quantity`, `value`, `n` (trials), and `low` and `high`, the ends of the 95 % interval of a mean over
         trials. Of each method rows of instruments, time [ms] and peak memory [MB]; ratios of the two (EIV-MOESP over
-        PR-MOESP: geometric mean over the trials); numbers of block rows and directions.
+        PR-MOESP: geometric mean over the trials); numbers of block rows and directions. Trials that a method cannot
+        identify are left out.
+
+    Raises
+    ------
+    DataError
+        If there is no trial that both methods identify.
     """
     models = {method: MoespOptions.parse(method, **options.get(method, {})) for method in COMPARED}
     times: dict[str, list[float]] = {method: [] for method in COMPARED}
     memory: dict[str, list[float]] = {method: [] for method in COMPARED}
     rows: list[dict[str, Any]] = []
     for number, trial in enumerate(trials):
-        prepared = prepare(trial)
-        regressors = {
-            method: prepared.regressors(
-                delay=model.delay,
-                basis=model.basis or "chebyshev",
-                degree=model.degree,
-                identification_rate=model.identification_rate,
-                reference=model.reference,
-            )
-            for method, model in models.items()
-        }
-        runs: Runs = {method: partial(_run, method, models[method], regressors[method]) for method in COMPARED}
-        if not number:
-            rows = _count_rows(runs, models["pr-moesp"], regressors["pr-moesp"])  # the first runs are not timed
-        for method, value in _time_runs(runs).items():
+        try:
+            runs, regressors = _prepare_runs(trial, models)
+            if not rows:  # the first runs are not timed
+                rows = _count_rows(runs, models["pr-moesp"], regressors["pr-moesp"])
+            seconds = _time_runs(runs)
+        except NUMERICAL_ERRORS as error:
+            log.warning("trial %d is left out: %s", number, describe_error(error))
+            continue
+        for method, value in seconds.items():
             times[method].append(1e3 * value)
-        if number < MEMORY_TRIALS:
+        if len(memory[COMPARED[0]]) < MEMORY_TRIALS:
             for method, run in runs.items():
                 memory[method].append(_peak_memory(run) / 1e6)
         log.info("measured trial %d", number)
+    if not times[COMPARED[0]]:
+        raise DataError("there is no trial that both methods identify: see the failures of the study.")
     for quantity, values in (("milliseconds", times), ("megabytes", memory)):
         rows += [_summarise(f"{method}_{quantity}", values[method]) for method in COMPARED]
         rows.append(_summarise_ratio(f"{quantity}_ratio", values))
     return pd.DataFrame(rows)
+
+
+def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> tuple[Runs, dict[str, Regressors]]:
+    """Runs of both methods on a trial, and their regressors."""
+    prepared = prepare(trial)
+    regressors = {
+        method: prepared.regressors(
+            delay=model.delay,
+            basis=model.basis or "chebyshev",
+            degree=model.degree,
+            identification_rate=model.identification_rate,
+            reference=model.reference,
+        )
+        for method, model in models.items()
+    }
+    return {method: partial(_run, method, models[method], regressors[method]) for method in COMPARED}, regressors
 
 
 def _summarise(quantity: str, values: list[float]) -> dict[str, Any]:

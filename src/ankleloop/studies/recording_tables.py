@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 import re
 from collections import Counter
@@ -11,9 +12,11 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, get_args
 
+from ankleloop.arguments import show_value
 from ankleloop.options import option
 from ankleloop.studies.checking import ConfigError, check
-from ankleloop.studies.config import RECORDING_NAME, Recording
+from ankleloop.studies.config import MAX_NAME, RECORDING_NAME, Recording, check_recording_names
+from ankleloop.studies.config_files import read_text
 
 __all__ = ["read_recordings"]
 
@@ -33,13 +36,13 @@ class _Row(Recording):
         return self.batch or self.name or "-".join(parts) or Path(self.file).name
 
 
-def read_recordings(table: str, defaults: Mapping[str, Any]) -> dict[str, list[Recording]]:
+def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -> dict[str, list[Recording]]:
     """Read a table of recordings.
 
     Parameters
     ----------
-    table : str
-        CSV file; ${NAME} in its path stands for an environment variable.
+    path : path-like
+        CSV file.
     defaults : mapping
         Values for every recording that does not give its own.
 
@@ -53,9 +56,9 @@ def read_recordings(table: str, defaults: Mapping[str, Any]) -> dict[str, list[R
     ConfigError
         If there is no table, or a row has a mistake; the message names the table and the line.
     """
-    path = Path(os.path.expandvars(table))
-    if not path.exists():
-        raise ConfigError(f"there is no table {path}.")
+    path = Path(path)
+    if not os.path.exists(path):
+        raise ConfigError(f"there is no table {os.path.abspath(path)}.")
     recordings: dict[str, list[Recording]] = {}
     batches: set[str] = set()
     for line, cells in _read_rows(path):
@@ -64,37 +67,55 @@ def read_recordings(table: str, defaults: Mapping[str, Any]) -> dict[str, list[R
         _add(recordings, batches, row, place)
     if not recordings:
         raise ConfigError(f"the table {path} has no rows.")
+    _check_names(path, recordings)
     return recordings
 
 
 def _read_rows(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
-    """Line and cells of each row, as text without spaces around it; empty cells are left out."""
+    """Line and cells of each row, as text without spaces around it; empty cells and empty rows are left out."""
+    text = read_text(path)
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    keys: list[str] = []
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, strict=True)
-            keys = [key.strip() for key in next(reader, [])]
-            for key, count in Counter(keys).items():
-                if key and count > 1:
-                    raise ConfigError(f"{path}: {count} columns are called {key!r}.")
-            for row in reader:
-                line = reader.line_num
-                texts = [text.strip() for text in row]
-                spare = [text for key, text in zip_longest(keys, texts, fillvalue="") if text and not key]
-                if spare:
-                    raise ConfigError(
-                        f"{path}, line {line}: {spare[0]!r} is in no named column; put a text with a comma in quotes."
-                    )
-                cells = {key: text for key, text in zip(keys, texts, strict=False) if text}
-                if cells:
-                    yield line, cells
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} is no CSV file in UTF-8: {error}.") from None
+        for row in reader:
+            place = f"{path}, line {reader.line_num}"
+            texts = [text.strip() for text in row]
+            if not any(texts):
+                continue
+            if not keys:
+                keys = _check_header(place, texts)
+                continue
+            spare = [text for key, text in zip_longest(keys, texts, fillvalue="") if text and not key]
+            if spare:
+                raise ConfigError(f"{place}: {spare[0]!r} is in no named column; put a text with a comma in quotes.")
+            if len(texts) < len(keys):
+                raise ConfigError(
+                    f"{place}: the row has {len(texts)} cells of {len(keys)}; is the table cut off? Empty cells at the "
+                    "end of a row need their commas, too."
+                )
+            yield reader.line_num, {key: text for key, text in zip(keys, texts, strict=False) if text}
+    except csv.Error as error:
+        raise ConfigError(f"{path}, line {reader.line_num}: this is not CSV: {error}.") from None
+
+
+def _check_header(place: str, keys: list[str]) -> list[str]:
+    """Names of the columns."""
+    for name, sign in (("semicolons", ";"), ("tabulators", "\t")):
+        if sign in "".join(keys):
+            raise ConfigError(f"{place}: the columns are separated by {name}: save the table with commas between them.")
+    for key, count in Counter(keys).items():
+        if key and count > 1:
+            raise ConfigError(f"{place}: {count} columns are called {key!r}.")
+    return keys
 
 
 def _add(recordings: dict[str, list[Recording]], batches: set[str], row: _Row, place: str) -> None:
     name = row.recording_name
-    if not re.match(RECORDING_NAME, name):
-        raise ConfigError(f"{place}: the name {name!r} does not match {RECORDING_NAME}.")
+    if not re.fullmatch(RECORDING_NAME.strip("^$"), name) or len(name) > MAX_NAME:
+        raise ConfigError(
+            f"{place}: the name {show_value(name)} must consist of at most {MAX_NAME} letters A-Z a-z, digits and "
+            "_ - ., and begin with a letter or digit: write another one into the column name."
+        )
     if name in recordings and not (row.batch and name in batches):
         raise ConfigError(f"{place}: the name {name!r} is taken; give each row, and each batch, a name of its own.")
     if row.batch:
@@ -104,6 +125,13 @@ def _add(recordings: dict[str, list[Recording]], batches: set[str], row: _Row, p
     if any((part.file, part.start, part.stop) == (recording.file, recording.start, recording.stop) for part in parts):
         raise ConfigError(f"{place}: the same part of {recording.file} is in the batch {name!r} already.")
     parts.append(recording)
+
+
+def _check_names(path: Path, recordings: Mapping[str, object]) -> None:
+    try:
+        check_recording_names("names", recordings)
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}.") from None
 
 
 def _cast(key: str, text: str) -> Any:

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from typing import Any, Literal
 
 import xarray as xr
 from numpy.random import SeedSequence
 
-from ankleloop.errors import UnstableLoopError
-from ankleloop.records.trial_files import save_trials
-from ankleloop.simulation.simulate import simulate_trials
+from ankleloop.errors import NUMERICAL_ERRORS
+from ankleloop.records.trial_files import FailedTrial, save_trials
+from ankleloop.simulation.simulate import CHUNK, simulate, simulate_trials
+from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.studies.seeds import trial_entropy
 
 __all__ = ["simulate_chunk"]
 
 log = logging.getLogger(__name__)
+
+Trials = Iterator[xr.Dataset | FailedTrial]
 
 
 def simulate_chunk(
@@ -26,13 +30,14 @@ def simulate_chunk(
     seed: int,
     points: Mapping[str, Mapping[str, Any]],
     precision: str = "double",
-) -> None:
-    """Simulate the trials of a chunk, and write them to one file.
+    failures: Literal["stop", "count"] = "count",
+) -> list[FailedTrial]:
+    """Simulate the trials of a chunk, and write them to one file as they are made.
 
     Parameters
     ----------
     path : path-like
-        File to write.
+        File to write; a file of this name is replaced.
     study : str
         Name of the study.
     seed : int
@@ -42,29 +47,68 @@ def simulate_chunk(
         `stop`.
     precision : {"double", "single"}
         Floating-point numbers on disk.
+    failures : {"stop", "count"}
+        What a trial that cannot be simulated does, because its loop is unstable: raise its error, so that there is no
+        file, or leave its reason in the file, and let all others go on.
+
+    Returns
+    -------
+    list of FailedTrial
+        Trials that could not be simulated.
 
     Raises
     ------
-    UnstableLoopError
-        If a loop diverges; the message names the point and the trial. Then there is no file, also not of the other
-        points of the chunk: a study without some of its points would have other means than it says.
+    ValueError, ArithmeticError
+        If a trial cannot be simulated, and failures stop; the message names study, point and trial.
     """
+    failed: list[FailedTrial] = []
     index = [(point, number) for point, part in points.items() for number in range(part["first"], part["stop"])]
-    save_trials(_simulate(study, seed, points), path, precision, index)
+    trials = (trial for point, part in points.items() for trial in _simulate_point(seed, study, point, part, failures))
+    with locate_errors(str(path)):
+        save_trials(_list_failures(trials, failed), path, precision, index, overwrite=True)
+    return failed
 
 
-def _simulate(study: str, seed: int, points: Mapping[str, Mapping[str, Any]]) -> Iterator[xr.Dataset]:
-    for point, part in points.items():
-        numbers = range(part["first"], part["stop"])
-        seeds = [SeedSequence(trial_entropy(seed, study, point, number)) for number in numbers]
-        trials = simulate_trials(seeds, **part["settings"])
-        for number in numbers:
-            try:
-                trial = next(trials)
-            except UnstableLoopError as error:
-                raise UnstableLoopError(
-                    f"study {study}, point {point}, trial {number}: {error} Nothing of this chunk is written: change "
-                    "the settings of the point, or leave it out."
-                ) from None
+def _list_failures(trials: Trials, failed: list[FailedTrial]) -> Trials:
+    for trial in trials:
+        if isinstance(trial, FailedTrial):
+            log.warning("%s: trial %d failed: %s", trial.point, trial.number, trial.reason)
+            failed.append(trial)
+        yield trial
+
+
+def _simulate_point(seed: int, study: str, point: str, part: Mapping[str, Any], failures: str) -> Trials:
+    """Simulate the trials of a point."""
+    numbers = range(part["first"], part["stop"])
+    seeds = [SeedSequence(trial_entropy(seed, study, point, number)) for number in numbers]
+    done = 0
+    while done < len(seeds):
+        trials = _simulate_to_error(seeds[done:], part["settings"])
+        alone = iter(range(CHUNK))
+        while done < len(seeds):
+            with locate_errors(f"study {study}, point {point}, trial {numbers[done]}"):
+                trial: xr.Dataset | FailedTrial | None = next(trials, None)
+                if trial is None:  # several trials ran together: which of them failed shows where each runs alone
+                    if next(alone, None) is None:
+                        break
+                    trial = _simulate_alone(point, numbers[done], seeds[done], part["settings"], failures)
             yield trial
-            log.info("%s: simulated trial %d", point, number)
+            log.info("%s: simulated trial %d", point, numbers[done])
+            done += 1
+
+
+def _simulate_to_error(seeds: Sequence[SeedSequence], settings: Mapping[str, Any]) -> Iterator[xr.Dataset]:
+    """Trials up to the first ones that run together and one of which fails."""
+    with suppress(*NUMERICAL_ERRORS):
+        yield from simulate_trials(seeds, **settings)
+
+
+def _simulate_alone(
+    point: str, number: int, seed: SeedSequence, settings: Mapping[str, Any], failures: str
+) -> xr.Dataset | FailedTrial:
+    try:
+        return simulate(seed=seed, **settings)
+    except NUMERICAL_ERRORS as error:
+        if failures == "stop":
+            raise
+        return FailedTrial(point, number, describe_error(error))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.checking import ConfigError, check
+from ankleloop.studies.checking import ConfigError, check, expand_path
 from ankleloop.studies.config import Config, MethodSettings, Recording, RecordingsStudy, SimulationStudy, point_name
 from ankleloop.studies.recording_tables import read_recordings
 
@@ -97,7 +97,9 @@ class SimulatedStudy(Study):
         for point, settings in points.items():
             other = first.setdefault(tuple(settings.values()), point)
             if other != point:
-                raise ConfigError(f"study {self.name}: the points {other} and {point} have the same settings.")
+                raise ConfigError(
+                    f"study {self.name}: the points {other} and {point} have the same settings.", place[1:]
+                )
         return points
 
     @property
@@ -164,16 +166,21 @@ class RecordedStudy(Study):
         """
         recordings = {name: [recording] for name, recording in self.settings.files.items()}
         if self.settings.table:
-            listed = read_recordings(self.settings.table, self.settings.shared)
+            path = expand_path(self.settings.table, f"study {self.name}: the table of its recordings")
+            listed = read_recordings(path, self.settings.shared)
             for name in recordings:
                 if name in listed:
                     raise ConfigError(
                         f"study {self.name}: the recording {name!r} is under files ({recordings[name][0].file}) and in "
-                        f"the table {self.settings.table} ({listed[name][0].file}): give one of them another name."
+                        f"the table {self.settings.table} ({listed[name][0].file}): give one of them another name.",
+                        ("studies", self.name, "files", name),
                     )
             recordings |= listed
         if not recordings:
-            raise ConfigError(f"study {self.name}: name its recordings under files, or a table that lists them.")
+            raise ConfigError(
+                f"study {self.name}: name its recordings under files, or a table that lists them.",
+                ("studies", self.name),
+            )
         return recordings
 
     @cached_property
@@ -194,16 +201,33 @@ class RecordedStudy(Study):
         Raises
         ------
         ConfigError
-            If it is named by an environment variable that is not set.
+            If it is named by an environment variable that is not set, or is empty.
         """
-        folder = os.path.expandvars(self.settings.folder)
-        if "$" in folder:
-            raise ConfigError(
-                f"study {self.name}: the folder of its recordings is {self.settings.folder}, but that environment "
-                "variable is not set. Set it to the folder that holds them, for example: "
-                "export ANKLELOOP_RECORDINGS=/folder/of/your/recordings"
-            )
-        return Path(folder)
+        return expand_path(self.settings.folder, f"study {self.name}: the folder of its recordings")
+
+    def check_files(self) -> None:
+        """Refuse a folder that does not exist or has none of the files, and paths that Snakemake cannot use.
+
+        Raises
+        ------
+        ConfigError
+            The message names the folder.
+        """
+        keys = ("studies", self.name, "folder")
+        folder = Path(os.path.abspath(self.folder))
+        place = f"study {self.name}: the folder of its recordings, {folder},"
+        if not os.path.isdir(folder):
+            what = "is a file" if os.path.exists(folder) else "does not exist"
+            raise ConfigError(f"{place} {what}: check the key folder, or the variable that it names.", keys)
+        paths = [path for name in self.recordings for path in self.paths(name)]
+        for path in paths:
+            if "{" in path or "}" in path:
+                raise ConfigError(
+                    f"study {self.name}: the path {path} has braces, which Snakemake takes for a wildcard: rename it.",
+                    ("studies", self.name),
+                )
+        if not any(map(os.path.exists, paths)):
+            raise ConfigError(f"{place} has none of its {len(paths)} files; the first would be {paths[0]}.", keys)
 
     def paths(self, name: str) -> list[str]:
         """Paths of all files of a recording."""
@@ -211,7 +235,7 @@ class RecordedStudy(Study):
 
     def existing_paths(self, chunk: int) -> list[str]:
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
-        return [path for name in self.chunks[chunk] for path in self.paths(name) if Path(path).exists()]
+        return [path for name in self.chunks[chunk] for path in self.paths(name) if os.path.exists(path)]
 
     @property
     def analysed_methods(self) -> dict[str, dict[str, Any]]:
@@ -258,6 +282,8 @@ def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
         name: SimulatedStudy(name, settings) if isinstance(settings, SimulationStudy) else RecordedStudy(name, settings)
         for name, settings in checked.studies.items()
     }
-    for study in studies.values():
-        study.chunks  # noqa: B018 # the settings of every point, and every row of a table, are checked here
+    for name, study in studies.items():
+        # The settings of every point are checked here, and every row of a table, which only its own run needs.
+        if isinstance(study, SimulatedStudy) or name in checked.run_names:
+            study.chunks  # noqa: B018
     return checked, studies

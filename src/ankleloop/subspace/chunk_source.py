@@ -8,12 +8,13 @@ from itertools import tee
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ankleloop.arguments import show_value
 from ankleloop.errors import DataError
 from ankleloop.subspace.hankel_factor import update_factor
 from ankleloop.subspace.hankel_rows import HankelRows
 from ankleloop.subspace.input_matrices import InputMatrices, OutputRegression, solve_least_squares
 from ankleloop.subspace.options import SubspaceOptions
-from ankleloop.subspace.records import refuse_constant
+from ankleloop.subspace.records import refuse_constant, refuse_range
 
 __all__ = ["Chunk", "ChunkSource"]
 
@@ -43,14 +44,21 @@ class ChunkSource:
         self, chunks: Callable[[], Iterable[Chunk]], dynamic: ArrayLike | None, options: SubspaceOptions
     ) -> None:
         self._chunks, self.dynamic, self.options = chunks, dynamic, options
+        if not callable(chunks):
+            raise TypeError(
+                f"moesp_chunks: chunks must be a function that returns an iterator, got {show_value(chunks)}."
+            )
         first = next(iter(chunks()), None)
         if first is None:
             raise DataError("the record has no chunks.")
         u, y, reference = first
         self.sizes = u.shape[1], y.shape[1], 0 if reference is None else reference.shape[1]
         start = _stack_channels(first)
-        self.mean, self.scale = start.mean(axis=0), start.std(axis=0)
-        self.scale[self.scale == 0] = 1.0
+        with np.errstate(over="ignore", invalid="ignore"):  # of what is refused below, or in the first pass
+            self.mean, self.scale = start.mean(axis=0), start.std(axis=0)
+            self.scale[start.max(axis=0) == start.min(axis=0)] = 1.0
+        if np.isfinite(start).all():
+            self._check_scale()
 
     @property
     def scales(self) -> tuple[np.ndarray, np.ndarray]:
@@ -86,10 +94,20 @@ class ChunkSource:
         """Take over the moments of the whole record; returns the factors by which the scales have changed."""
         deviation = np.sqrt(np.maximum(mean_squares - shift**2, 0.0))
         self.mean, self.scale = self.mean + shift * self.scale, self.scale * deviation
-        edges = np.cumsum([0, *self.sizes])
-        for name, start, stop in zip(("input", "output", "reference"), edges, edges[1:], strict=False):
-            refuse_constant(self.scale[start:stop], np.abs(self.mean[start:stop]), name)
+        for name, part in self._groups():
+            refuse_constant(self.scale[part], np.abs(self.mean[part]), name)
+        self._check_scale()
         return deviation
+
+    def _groups(self) -> Iterator[tuple[str, slice]]:
+        """Names of the signals and their channels side by side."""
+        edges = np.cumsum([0, *self.sizes])
+        yield from zip(("input", "output", "reference"), map(slice, edges, edges[1:]), strict=True)
+
+    def _check_scale(self) -> None:
+        """Refuse channels whose squares overflow or vanish."""
+        for name, part in self._groups():
+            refuse_range(self.scale[part], name)
 
     def factor_rows(self, rows: HankelRows) -> np.ndarray:
         """Triangular factor of the Hankel rows, chunk after chunk."""

@@ -21,11 +21,40 @@ from ankleloop.subspace.projection import (
     subtract_fit,
 )
 
-__all__ = ["project_gram"]
+__all__ = ["expect_accuracy", "project_gram"]
 
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
 ACCURACY = 1e-4  # of the outputs less their fit; a bound that adds magnitudes, a hundred times the size of the errors
+MARGIN = 10.0  # between a limit and a smallest eigenvalue, for the error of its estimate
+WINDOWS = 3  # of the inputs that show their condition
 LARGEST_ANGLE = 1e-5  # rad by which rounding may turn the subspace of the order; a bound, many times the error
+
+
+def expect_accuracy(inputs: np.ndarray, window: int, rank_tolerance: float) -> bool:
+    """Whether inner products of the Hankel rows of some inputs may be accurate enough for the ordinary form.
+
+    Where all inputs are in a narrow band, the first windows of their sum show that they are not, in a small part of the
+    time of `project_gram`.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (N, m)
+        The inputs.
+    window : int
+        Samples of a column of the Hankel matrices.
+    rank_tolerance : float
+        As `project_gram` takes it.
+
+    Returns
+    -------
+    bool
+    """
+    if rank_tolerance**2 >= window * ROUNDING:  # directions below the tolerance do not count, however inaccurate
+        return True
+    piece = inputs[: WINDOWS * window].sum(axis=1)
+    columns = np.lib.stride_tricks.sliding_window_view(piece - piece.mean(), window)
+    space = _factor_rows(columns.T @ columns, 0.0)
+    return space is not None and space.exceeds(0.0, MARGIN)
 
 
 def project_gram(
@@ -167,6 +196,10 @@ class _RowSpace:
         """Error of inner products along unit directions."""
         return ROUNDING * self.largest
 
+    def exceeds(self, limit: float, margin: float) -> bool:
+        """Whether all eigenvalues are above a limit and rounding; the margin allows for the error of the estimate."""
+        return self.smallest / margin > max(limit, self.rank * self.rounding)
+
     def compute_components(self, products: np.ndarray) -> np.ndarray:
         """Components of other rows along unit directions, from their inner products with the rows."""
         if self.values is None or self.vectors is None:
@@ -203,12 +236,12 @@ def _find_row_space(gram: np.ndarray, rank_tolerance: float, total: np.ndarray |
     bound of the condition shows that all count, a Cholesky factor is enough and takes a twentieth of the time.
     """
     bound = _bound_eigenvalues(gram if total is None else total)
-    space = _factor_rows(gram, rank_tolerance**2 * bound)
-    if space is not None:
+    limit, rounding = rank_tolerance**2, len(gram) * ROUNDING
+    space = _factor_rows(gram, limit * bound)
+    if space is not None and space.exceeds(limit * bound, margin=len(gram)):
         return space
-    rounding = len(gram) * ROUNDING
-    if rank_tolerance**2 < rounding:  # then all count, or rounding leaves it open: eigenvectors would show no more
-        return _factor_rows(gram, rounding * bound, margin=10.0)
+    if limit < rounding:  # then all count, or rounding leaves it open: eigenvectors would show no more
+        return space if space is not None and space.exceeds(rounding * bound, margin=MARGIN) else None
     values, vectors = np.linalg.eigh(gram)
     largest = values[-1] if total is None else float(np.linalg.eigvalsh(total)[-1])
     rank = _count_directions(values, rank_tolerance, largest)
@@ -219,7 +252,9 @@ def _find_row_space(gram: np.ndarray, rank_tolerance: float, total: np.ndarray |
 
 def _find_rank(gram: np.ndarray, rank_tolerance: float) -> int | None:
     """How many directions of rows count; None if rounding leaves it open."""
-    if _factor_rows(gram, rank_tolerance**2 * _bound_eigenvalues(gram)) is not None:
+    limit = rank_tolerance**2 * _bound_eigenvalues(gram)
+    space = _factor_rows(gram, limit)
+    if space is not None and space.exceeds(limit, margin=len(gram)):
         return len(gram)
     values = np.linalg.eigvalsh(gram)
     return _count_directions(values, rank_tolerance, values[-1])
@@ -238,17 +273,11 @@ def _bound_eigenvalues(gram: np.ndarray) -> float:
     return np.abs(gram).sum(axis=0).max()
 
 
-def _factor_rows(gram: np.ndarray, limit: float, margin: float | None = None) -> _RowSpace | None:
-    """All directions by a Cholesky factor, if its estimated condition shows that every eigenvalue is above a limit.
-
-    The margin allows for the error of the estimate; by default it is the number of rows.
-    """
+def _factor_rows(gram: np.ndarray, limit: float) -> _RowSpace | None:
+    """All directions by a Cholesky factor, with their estimated condition; None where a pivot is not above a limit."""
     factor, info = lapack.dpotrf(gram, lower=1)
     if info or np.min(np.diag(factor)) ** 2 <= limit:  # no eigenvalue is above the smallest pivot
         return None
     norm = _bound_eigenvalues(gram)
     reciprocal, _ = lapack.dpocon(factor, norm, uplo="L")
-    smallest = reciprocal * norm
-    if smallest / (margin or len(gram)) <= max(limit, len(gram) * ROUNDING * norm):
-        return None
-    return _RowSpace(len(gram), float(smallest), float(norm), factor)
+    return _RowSpace(len(gram), float(reciprocal * norm), float(norm), factor)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ankleloop.arguments import check_integer
 from ankleloop.errors import DataError
 
 __all__ = ["block_hankel"]
@@ -34,7 +35,7 @@ def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarra
     Raises
     ------
     DataError
-        If the signal is too short.
+        If the signal is too short, or the numbers of rows and columns are not positive.
 
     Examples
     --------
@@ -42,6 +43,8 @@ def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarra
     array([[1., 2., 3.],
            [2., 3., 4.]])
     """
+    rows, columns = (check_integer("block_hankel", name, n) for name, n in (("rows", rows), ("columns", columns)))
+    first = check_integer("block_hankel", "first", first)
     x = np.asarray(x, dtype=float)
     x = x[:, None] if x.ndim == 1 else x
     if min(rows, columns) < 1 or first < 0 or first + rows + columns - 1 > x.shape[0]:

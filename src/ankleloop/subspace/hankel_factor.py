@@ -23,6 +23,7 @@ __all__ = ["HankelFactor", "combine_factors", "factor_products", "update_factor"
 
 NEGLIGIBLE = 1e-30  # part of the square of a row beside those before it: rounding of the row itself
 LANES = 8  # doubles of the longest vector
+CHUNK = 16  # columns: the longer a sum is, the more is rounded of what it rounds away
 BLOCK = 16  # columns of a panel: narrow ones leave most of the work to matrix products
 
 
@@ -62,17 +63,19 @@ class HankelFactor(HankelProducts):
             self._high, self._low = np.zeros((2, channels + 1, self.block_rows * channels))
         _sum_products(x, columns, lags, self._high, self._low)
 
-    def matrix(self, rows: np.ndarray | None = None) -> np.ndarray:
+    def matrix(self, rows: np.ndarray | None = None, count: int | None = None) -> np.ndarray:
         """The factor of the samples added so far.
 
         Parameters
         ----------
         rows : ndarray of int, optional
             Rows of the Hankel matrix to take, in this order; all by default.
+        count : int, optional
+            Rows of the factor to compute; all by default.
 
         Returns
         -------
-        ndarray, shape (rows, rows)
+        ndarray, shape (count, rows)
             Upper triangular. Row i of the Hankel matrix holds channel i % channels at lag i // channels.
 
         Raises
@@ -94,7 +97,9 @@ class HankelFactor(HankelProducts):
         )
         # A constant offset is one more input whose Hankel rows are all alike: a row of ones before all others takes it.
         first = int(not self.subtract_means)
-        return factor_products(products[0, first:, first:], products[1, first:, first:])[1 - first :, 1 - first :]
+        rest = 1 - first
+        count = rows.size if count is None else count
+        return factor_products(products[0, first:, first:], products[1, first:, first:], rest + count)[rest:, rest:]
 
 
 def _compile_fused_product(typing_context, a, b, c):
@@ -127,17 +132,28 @@ def _multiply(a_high, a_low, b_high, b_low):
 @njit(cache=True)
 def _sum_products(x, columns, lags, high, low):
     """Products with the first block row: sums over t of x(t) times x(t) … x(t + lags - 1), and sums of x(t)."""
-    channels = x.shape[1]
+    channels, width = x.shape[1], high.shape[1]
     flat = x.ravel()
-    for at in range(0, columns * channels, channels):
+    sums, rests = np.empty((channels, width)), np.empty((channels, width))
+    # A sum that begins with a number far above all products takes half of the operations to find what it rounds away.
+    start = 2.0 ** np.ceil(np.log2(4.0 * CHUNK * np.abs(flat).max() ** 2))
+    for first in range(0, columns, CHUNK):
+        sums[:], rests[:] = start, 0.0
+        for at in range(first * channels, min(first + CHUNK, columns) * channels, channels):
+            for i in range(channels):
+                a, row, rest = flat[at + i], sums[i], rests[i]
+                numbers = flat[at : at + lags[i] * channels]
+                for k in range(len(numbers)):
+                    product = a * numbers[k]
+                    error = _fuse(a, numbers[k], -product)
+                    total = row[k] + product
+                    rest[k] += (product - (total - row[k])) + error
+                    row[k] = total
         for i in range(channels):
-            a, sums, rest = flat[at + i], high[i], low[i]
-            numbers = flat[at : at + lags[i] * channels]
-            for k in range(len(numbers)):
-                product = a * numbers[k]
-                error = _fuse(a, numbers[k], -product)
-                sums[k], rounding = _add(sums[k], product)
-                rest[k] += rounding + error
+            for k in range(lags[i] * channels):
+                high[i, k], rounding = _add(high[i, k], sums[i, k] - start)
+                low[i, k] += rounding + rests[i, k]
+    for at in range(0, columns * channels, channels):
         for i in range(channels):
             high[channels, i], rounding = _add(high[channels, i], flat[at + i])
             low[channels, i] += rounding
@@ -153,21 +169,22 @@ def _displace_products(high, low, head, tail, rows, places, columns):
     channels, width = len(high) - 1, high.shape[1]
     size, count = rows.size, 0
     last_high, last_low = high.copy(), low.copy()
+    row, rest = np.empty(width), np.empty(width)
     sums_high, sums_low = high[channels].copy(), low[channels].copy()
     gram = np.zeros((2, size + 1, size + 1))
     gram[0, 0, 0] = columns
     for i in range(width):
-        row, rest = last_high[i % channels], last_low[i % channels]
+        last_row, last_rest = last_high[i % channels], last_low[i % channels]
         if i >= channels:
             k = i - channels
             before, after = -head[k], tail[k]
-            for j in range(width - 1, i - 1, -1):
-                at = j - channels
-                p, p_error = _multiply(after, 0.0, tail[at], 0.0)
-                q, q_error = _multiply(before, 0.0, head[at], 0.0)
-                total, p_rounding = _add(row[at], p)
+            for j in range(np.uint64(k), np.uint64(width - channels)):
+                p, p_error = _multiply(after, 0.0, tail[j], 0.0)
+                q, q_error = _multiply(before, 0.0, head[j], 0.0)
+                total, p_rounding = _add(last_row[j], p)
                 total, q_rounding = _add(total, q)
-                row[j], rest[j] = _add(total, rest[at] + (p_error + q_error + p_rounding + q_rounding))
+                row[j], rest[j] = _add(total, last_rest[j] + (p_error + q_error + p_rounding + q_rounding))
+            last_row[i:], last_rest[i:] = row[k : width - channels], rest[k : width - channels]
             total, rounding = _add(sums_high[k], after)
             total, more = _add(total, before)
             sums_high[i], sums_low[i] = _add(total, sums_low[k] + rounding + more)
@@ -176,7 +193,7 @@ def _displace_products(high, low, head, tail, rows, places, columns):
             gram[0, 0, place], gram[1, 0, place] = sums_high[i], sums_low[i]
             for k in range(count, size):
                 first, second = min(place, places[k] + 1), max(place, places[k] + 1)
-                gram[0, first, second], gram[1, first, second] = row[rows[k]], rest[rows[k]]
+                gram[0, first, second], gram[1, first, second] = last_row[rows[k]], last_rest[rows[k]]
             count += 1
     return gram
 
@@ -196,7 +213,7 @@ def _subtract_rows(flat, flat_low, factors, target, first, second, count):
 
 
 @njit(cache=True)
-def factor_products(high, low):
+def factor_products(high, low, count):
     """Triangular factor R of the sum of two matrices, RᵀR = high + low, by Cholesky's method with twice the digits.
 
     A row that depends on those before it is left with rounding alone. It is set to zero.
@@ -205,18 +222,20 @@ def factor_products(high, low):
     ----------
     high, low : ndarray, shape (k, k)
         Inner products, and what they round away: upper triangles.
+    count : int
+        Rows of the factor to compute.
 
     Returns
     -------
-    ndarray, shape (k, k)
+    ndarray, shape (count, k)
         Upper triangular.
     """
     n = len(high)
     stride = (n + LANES - 1) // LANES * LANES  # so that every row consists of whole vectors
-    factor, rests = np.zeros((n, stride)), np.zeros((n, stride))
-    factor[:, :n], rests[:, :n] = high, low
+    factor, rests = np.zeros((count, stride)), np.zeros((count, stride))
+    factor[:, :n], rests[:, :n] = high[:count], low[:count]
     flat, flat_low = factor.ravel(), rests.ravel()
-    for j in range(n):
+    for j in range(count):
         row, rest = factor[j], rests[j]
         limit = NEGLIGIBLE * row[j]
         first = j // LANES * LANES  # entries before the diagonal take part, and are set to zero at the end
@@ -224,7 +243,9 @@ def factor_products(high, low):
             second = min(i + 1, j - 1)  # twice the same row where one is left over: then the second one counts zero
             part = 1.0 if second > i else 0.0
             factors = -factor[i, j], -rests[i, j], -part * factor[second, j], -part * rests[second, j]
-            _subtract_rows(flat, flat_low, factors, j * stride + first, i * stride + first, second * stride + first, stride - first)
+            _subtract_rows(
+                flat, flat_low, factors, j * stride + first, i * stride + first, second * stride + first, stride - first
+            )
         pivot, pivot_low = _add(row[j], rest[j])
         if not pivot > limit:
             row[:] = 0.0
@@ -255,6 +276,8 @@ def combine_factors(factors: Sequence[np.ndarray]) -> np.ndarray:
     -------
     ndarray, shape (k, k)
     """
+    if len(factors) == 1:
+        return factors[0]
     combined = np.array(factors[0], order="F")
     for factor in factors[1:]:
         combined = update_factor(combined, np.array(factor, order="F"))

@@ -40,6 +40,11 @@ class HankelRows:
     leads: int
 
     @property
+    def channels(self) -> int:
+        """Channels of the records: the reference is among them only where the instruments consist of it."""
+        return max(self.inputs + self.outputs, int(self.instruments.max(initial=-1)) + 1)
+
+    @property
     def window(self) -> int:
         """Samples that one column reaches over."""
         return self.past + self.block_rows
@@ -77,8 +82,10 @@ class HankelRows:
 
     def list_indices(self, channels: int) -> np.ndarray:
         """Rows of U, Z and Y in the Hankel matrix of a record with this number of channels over the window."""
-        every = np.arange(self.window * channels).reshape(self.window, channels)
-        return np.concatenate([every[first : first + count, part].ravel() for part, first, count in self.matrices])
+        rows = [
+            (part + channels * np.arange(first, first + count)[:, None]).ravel() for part, first, count in self.matrices
+        ]
+        return np.concatenate(rows)
 
     def count_products(self, channels: int, columns: int) -> int:
         """Products that the inner products take, of records with this number of channels."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 from scipy.linalg import blas
 
+from ankleloop.arguments import check_flag, check_number, show_value
 from ankleloop.errors import DataError
 from ankleloop.subspace.records import are_merged, list_records
 
@@ -106,6 +107,11 @@ def simulate_response(
     -------
     ndarray, shape (N, p)
 
+    Raises
+    ------
+    ValueError
+        If A, B and the initial state differ in their number of states.
+
     Examples
     --------
     >>> A, B, C, D = (np.array([[value]]) for value in (0.5, 1.0, 1.0, 0.0))
@@ -113,6 +119,8 @@ def simulate_response(
     array([0. , 1. , 0.5])
     """
     x0 = np.zeros(A.shape[0]) if x0 is None else np.asarray(x0, dtype=float)
+    if x0.shape != A.shape[:1] or A.shape != (B.shape[0],) * 2:  # compiled code does not check its indices
+        raise ValueError(f"A {A.shape}, B {B.shape} and x0 {x0.shape} must have one number of states.")
     return continue_response(A, B, C, D, u, x0)[0]
 
 
@@ -159,6 +167,23 @@ def _propagate_rows(A, u, c, states, out):
                 states[k * count + j] = total
 
 
+@njit(cache=True)
+def _fill_regressors(A, C, u, dynamic_inputs, offset, states, regressors):
+    """Responses of every output to each unknown; `states`, free and forced, become those that follow."""
+    samples, inputs = u.shape
+    (p, n), (free, forced) = C.shape, states
+    d_end = inputs * p
+    b_end = d_end + forced.shape[1]
+    no_input = np.zeros((samples, 1))
+    for i in range(p):
+        for t in range(samples):
+            for k in range(inputs):
+                regressors[t, i, k * p + i] = u[t, k]
+            regressors[t, i, b_end + n + i] = offset
+        _propagate_rows(A, dynamic_inputs, C[i], forced[i], regressors[:, i, d_end:b_end])
+        _propagate_rows(A, no_input, C[i], free[i], regressors[:, i, b_end : b_end + n])
+
+
 class OutputRegression:
     """Regression of the outputs on their responses to the entries of D and B, the initial state and the offset.
 
@@ -179,7 +204,7 @@ class OutputRegression:
     ) -> None:
         self.offset = 1.0 if offsets else 0.0
         self.A, self.C, self.inputs = np.ascontiguousarray(A), np.ascontiguousarray(C), inputs
-        self.dynamic = np.arange(inputs) if dynamic is None else np.flatnonzero(np.asarray(dynamic, dtype=bool))
+        self.dynamic = np.arange(inputs) if dynamic is None else _list_dynamic(dynamic, inputs)
         p, n = C.shape
         self.edges = [inputs * p, inputs * p + n * self.dynamic.size]  # the unknowns of D end here, and those of B
         self.unknowns = self.edges[1] + n + p
@@ -201,7 +226,7 @@ class OutputRegression:
             Memory that the next chunk uses again.
         """
         A, C = self.A, self.C
-        p, n = C.shape
+        p = len(C)
         d_end, b_end = self.edges
         # Free and forced responses at the first sample of a chunk: C Aᵗ, and the rows of all dynamic inputs.
         free, forced = C.copy(), np.zeros((p, b_end - d_end))
@@ -209,13 +234,9 @@ class OutputRegression:
         for u in chunks:
             if len(u) > len(memory):
                 memory = np.zeros((len(u), p, self.unknowns))
-            phi, no_input = memory[: len(u)], np.zeros((len(u), 1))
-            dynamic_inputs = np.ascontiguousarray(u if self.dynamic.size == self.inputs else u[:, self.dynamic])
-            for i in range(p):
-                phi[:, i, i:d_end:p] = u
-                _propagate_rows(A, dynamic_inputs, C[i], forced[i], phi[:, i, d_end:b_end])
-                _propagate_rows(A, no_input, C[i], free[i], phi[:, i, b_end : b_end + n])
-                phi[:, i, i - p] = self.offset
+            phi, u = memory[: len(u)], np.ascontiguousarray(u)
+            dynamic_inputs = u if self.dynamic.size == self.inputs else np.ascontiguousarray(u[:, self.dynamic])
+            _fill_regressors(A, C, u, dynamic_inputs, self.offset, (free, forced), phi)
             free[np.abs(free) < NEGLIGIBLE] = 0.0
             yield phi.reshape(-1, self.unknowns)
 
@@ -248,6 +269,14 @@ class OutputRegression:
         B[:, self.dynamic] = b.reshape(n, self.dynamic.size)
         rest = rest.reshape((records, n + p) if records > 1 else n + p)
         return InputMatrices(B, d.reshape(self.inputs, p).T, rest[..., :n], rest[..., n:], rank, condition)
+
+
+def _list_dynamic(dynamic: ArrayLike, inputs: int) -> np.ndarray:
+    """Numbers of the inputs that drive the state."""
+    flags = dynamic if isinstance(dynamic, np.ndarray) else np.array(dynamic, dtype=object)
+    if flags.shape != (inputs,) or not all(isinstance(flag, (bool, np.bool_)) for flag in flags):
+        raise ValueError(f"dynamic must be {inputs} flags, True or False for each input, got {show_value(dynamic)}.")
+    return np.flatnonzero(flags)
 
 
 def estimate_input_matrices(
@@ -291,8 +320,10 @@ def estimate_input_matrices(
     DataError
         If there are fewer samples than unknowns.
     """
+    rank_tolerance = check_number("estimate_input_matrices", "rank_tolerance", rank_tolerance, ge=0, lt=1)
+    offsets = check_flag("estimate_input_matrices", "offsets", offsets)
     merged = are_merged(u)
-    inputs, outputs = list_records(u, merged), list_records(y, merged)
+    inputs, outputs = list_records(u, merged, "input"), list_records(y, merged, "output")
     regression = OutputRegression(A, C, inputs[0].shape[1], dynamic, offsets=offsets)
     if instrument_inputs is None and len(inputs) == 1:
         solution = _solve_normal_equations(regression, inputs[0], outputs[0], rank_tolerance)
@@ -305,7 +336,7 @@ def estimate_input_matrices(
     if instrument_inputs is None:
         solution = solve_least_squares(phi, target, rank_tolerance)
     else:
-        psi = regression.merge_regressors(list_records(instrument_inputs, merged))
+        psi = regression.merge_regressors(list_records(instrument_inputs, merged, "instrument_inputs"))
         solution = _solve_instruments(phi, target, psi, rank_tolerance)
     return regression.unpack(solution, len(inputs))
 

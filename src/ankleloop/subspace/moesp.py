@@ -7,7 +7,7 @@ in memory or in chunks. A source has its `sizes`, `scales`, `open_loop` and `inp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ankleloop.arguments import check_memory, show_value
 from ankleloop.options import show_fields
 from ankleloop.subspace.chunk_source import Chunk, ChunkSource
 from ankleloop.subspace.gram_projection import project_gram
@@ -198,15 +199,17 @@ def moesp_chunks(
 
 def _identify(source: Source, options: SubspaceOptions) -> SubspaceEstimate:
     """The body of the family: project the Hankel rows, realise A and C, estimate B and D."""
+    _check_names(options.names, source.sizes)
     rows = _select_rows(source, options)
+    # The Gram matrix, a copy in the order of the projection, and its eigenvectors.
+    check_memory("moesp", 3 * 8.0 * rows.total**2, "use fewer block_rows, instrument_rows or instrument_leads")
     projection, compression = _project(source, rows, options)
     largest = (options.block_rows - 1) // 2
     order = choose_order(projection.singular_values, largest) if options.order is None else options.order
-    A, C, unstable_radius = realise(projection.observability, rows.outputs, order)
+    A, C, poles, unstable_radius = realise(projection.observability, rows.outputs, order)
     inputs = source.estimate_input_matrices(A, C)
     u_scale, y_scale = source.scales[0], source.scales[1][:, None]
     matrices = Matrices(A, inputs.B / u_scale, y_scale * C, y_scale * inputs.D / u_scale, options.dt, options.names)
-    poles = np.linalg.eigvals(A)
     stable = unstable_radius is None
     diagnostics = {
         "order": order,
@@ -226,6 +229,13 @@ def _identify(source: Source, options: SubspaceOptions) -> SubspaceEstimate:
         "warnings": [] if stable else [UNSTABLE.format(radius=unstable_radius, order=order)],
     }
     return SubspaceEstimate(matrices, projection.singular_values, inputs.initial_state, diagnostics)
+
+
+def _check_names(names: tuple[Sequence[str], Sequence[str]] | None, sizes: tuple[int, int, int]) -> None:
+    """Refuse names of another number of inputs or outputs."""
+    for kind, group, size in zip(("inputs", "outputs"), names or (), sizes, strict=False):
+        if len(group) != size:
+            raise ValueError(f"names must have {size} names of {kind}, got {show_value(list(group))}.")
 
 
 def _select_rows(source: Source, options: SubspaceOptions) -> HankelRows:

@@ -18,19 +18,23 @@ ProjectionForm = Literal["ordinary", "correlation"]
 class SubspaceOptions(Options):
     """Options of an identification, wherever its data are."""
 
-    block_rows: int = option(description="block rows of the future, more than the order")
-    order: int | None = option(description="order; None takes the largest drop of the singular values", ge=1)
+    block_rows: int = option(description="block rows of the future, more than the order", ge=2, le=10000)
+    order: int | None = option(description="order; None takes the largest drop of the singular values", ge=1, le=1000)
     instruments: Instruments = option(description="instrumental variables")
     projection: ProjectionForm = option(description="form of the projection")
-    dt: float = option(description="sampling interval", unit="s", gt=0)
+    dt: float = option(description="sampling interval", unit="s", ge=1e-9, le=1e9)
     instrument_rows: int | None = option(
-        None, "block rows of the past; None for block_rows, or for as many as the correlation form needs", ge=1
+        None,
+        "block rows of the past; None for block_rows, or for as many as the correlation form needs",
+        ge=1,
+        le=10000,
     )
     instrument_leads: int = option(
         0,
         "block rows by which the reference reaches into the future as well, at most block_rows: any shift of an "
         "external reference is a valid instrument, shifts of inputs and outputs into the future are not",
         ge=0,
+        le=10000,
     )
     rank_tolerance: float = option(
         1e-8,
@@ -58,7 +62,8 @@ class SubspaceOptions(Options):
             raise ValueError(f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}.")
         if leads and self.instruments != "past-reference":
             raise ValueError(
-                f"instrument_leads need instruments made of the reference, not {self.instruments!r}: use 0."
+                f"instrument_leads must be 0 unless instruments are made of the reference: with {self.instruments!r} "
+                f"they would not be valid, got {leads}."
             )
         return self
 

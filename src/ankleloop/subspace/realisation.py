@@ -30,7 +30,9 @@ def choose_order(singular_values: np.ndarray, largest: int) -> int:
     return int(np.argmax(values[:-1] / np.maximum(values[1:], np.finfo(float).tiny))) + 1
 
 
-def realise(observability: np.ndarray, outputs: int, order: int) -> tuple[np.ndarray, np.ndarray, float | None]:
+def realise(
+    observability: np.ndarray, outputs: int, order: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float | None]:
     """A and C by shift invariance of the extended observability matrix, stable in any case.
 
     Where least squares gives an unstable A, the shifted matrix is extended by a block of zeros instead: with
@@ -49,14 +51,18 @@ def realise(observability: np.ndarray, outputs: int, order: int) -> tuple[np.nda
     -------
     A : ndarray, shape (n, n)
     C : ndarray, shape (p, n)
+    poles : ndarray, shape (n,)
+        Eigenvalues of A.
     unstable_radius : float or None
         Spectral radius of the unstable A that had to be replaced; None if least squares gave a stable one.
     """
     columns = observability[:, :order]
     A = np.linalg.lstsq(columns[:-outputs], columns[outputs:], rcond=None)[0]
-    radius = float(np.max(np.abs(np.linalg.eigvals(A))))
+    poles = np.linalg.eigvals(A)
+    radius = float(np.max(np.abs(poles)))
     C = columns[:outputs]
     if radius < 1.0:
-        return A, C, None
+        return A, C, poles, None
     shifted = np.vstack([columns[outputs:], np.zeros((outputs, order))])
-    return columns.T @ shifted, C, radius
+    A = columns.T @ shifted
+    return A, C, np.linalg.eigvals(A), radius

@@ -8,10 +8,22 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
+from ankleloop.signals.arrays import as_real
 from ankleloop.subspace.hankel import block_hankel
 
-__all__ = ["are_merged", "list_records", "merge_hankel", "refuse_constant", "remove_means", "scale_records"]
+__all__ = [
+    "are_merged",
+    "list_records",
+    "merge_hankel",
+    "refuse_constant",
+    "refuse_range",
+    "remove_means",
+    "scale_records",
+]
+
+SMALLEST, LARGEST = 1e-100, 1e100  # standard deviations whose squares neither vanish nor overflow
 
 
 def are_merged(x: Any) -> bool:
@@ -29,7 +41,7 @@ def are_merged(x: Any) -> bool:
     return isinstance(x, (list, tuple)) and len(x) > 0 and all(np.ndim(record) == 2 for record in x)
 
 
-def list_records(x: Any, merged: bool | None = None) -> list[np.ndarray]:
+def list_records(x: Any, merged: bool | None = None, name: str = "signal") -> list[np.ndarray]:
     """List the records of a signal as two-dimensional arrays.
 
     Parameters
@@ -38,6 +50,8 @@ def list_records(x: Any, merged: bool | None = None) -> list[np.ndarray]:
         One record, or several.
     merged : bool, optional
         Whether x is a list of records. By default it is, if its items are two-dimensional.
+    name : str
+        Signal, for the error.
 
     Returns
     -------
@@ -46,7 +60,7 @@ def list_records(x: Any, merged: bool | None = None) -> list[np.ndarray]:
     Raises
     ------
     DataError
-        If there are no records, or they differ in their number of channels.
+        If there are no records, they are not real numbers, or they differ in their number of channels.
 
     Examples
     --------
@@ -56,7 +70,9 @@ def list_records(x: Any, merged: bool | None = None) -> list[np.ndarray]:
     [(3, 1)]
     """
     merged = are_merged(x) if merged is None else merged
-    records = [np.asarray(record, dtype=float) for record in (x if merged else [x])]
+    if merged and not isinstance(x, (list, tuple)):
+        raise DataError(f"the {name} must be a list of records as the inputs are, got {show_value(x)}.")
+    records = [as_real(record, name) for record in (x if merged else [x])]
     if not records:
         raise DataError("there are no records.")
     records = [record[:, None] if record.ndim == 1 else record for record in records]
@@ -64,8 +80,8 @@ def list_records(x: Any, merged: bool | None = None) -> list[np.ndarray]:
     for k, width in enumerate(widths):
         if width != widths[0] or width < 0:
             raise DataError(
-                f"record {k} has shape {records[k].shape}, record 0 {records[0].shape}: every record must be "
-                "(samples, channels), with the same channels."
+                f"record {k} of the {name} has shape {records[k].shape}, record 0 {records[0].shape}: every record "
+                "must be (samples, channels), with the same channels."
             )
     return records
 
@@ -109,14 +125,16 @@ def scale_records(
     Raises
     ------
     DataError
-        If a channel is constant or has a value that is not finite.
+        If a channel is constant, has a value that is not finite, or is too small or too large to be squared.
     """
     samples = sum(record.shape[0] for record in records)
     deviations, means, squares = zip(*(_remove_means(np.ascontiguousarray(record)) for record in records), strict=True)
     scale = np.sqrt(sum(squares) / max(samples, 1))
-    if not np.isfinite(scale).all():
+    if not (scale.min(initial=1.0) >= SMALLEST and scale.max(initial=1.0) <= LARGEST):
         _refuse_not_finite(records, name)
-    refuse_constant(scale, np.max(np.abs(means), axis=0), name)
+        varies = np.any([np.ptp(record, axis=0) > 0 for record in records if len(record)], axis=0)
+        refuse_range(np.where(varies | (scale > SMALLEST), scale, 1.0), name)
+    refuse_constant(scale, np.abs(means).max(axis=0), name)
     if not scaling:
         scale = np.ones_like(scale)
     if not subtract_means:
@@ -157,9 +175,32 @@ def refuse_constant(scale: np.ndarray, size: np.ndarray, name: str) -> None:
     DataError
         For the first such channel.
     """
-    constant = np.flatnonzero(scale <= 1e-13 * size)
-    if constant.size:
-        raise DataError(f"{name} {constant[0]} is constant and carries no information: leave it out.")
+    constant = scale <= 1e-13 * size
+    if constant.any():
+        raise DataError(f"{name} {constant.argmax()} is constant and carries no information: leave it out.")
+
+
+def refuse_range(scale: np.ndarray, name: str) -> None:
+    """Refuse channels whose squares overflow or vanish.
+
+    Parameters
+    ----------
+    scale : ndarray, shape (m,)
+        Standard deviation of each channel.
+    name : str
+        Signal, for the error.
+
+    Raises
+    ------
+    DataError
+        For the first such channel.
+    """
+    faults = np.flatnonzero(~((scale >= SMALLEST) & (scale <= LARGEST)))
+    if faults.size:
+        raise DataError(
+            f"{name} {faults[0]} has a standard deviation of {scale[faults[0]]:g}, which must be "
+            f"{describe_limits(ge=SMALLEST, le=LARGEST)}: express it in another unit."
+        )
 
 
 def _refuse_not_finite(records: Sequence[np.ndarray], name: str) -> None:

@@ -270,7 +270,7 @@ def test_truths_can_be_ignored():
     table = evaluate(trial, estimate, against="measured")
     pd.testing.assert_frame_equal(table, evaluate(recording, estimate))
     assert set(table["against"]) == {"measured"}
-    with pytest.raises(ValueError, match="against must be 'measured' or None"):
+    with pytest.raises(ValueError, match="against must be one of 'measured' or None"):
         evaluate(trial, estimate, against="true")
 
 

@@ -31,8 +31,8 @@ def assert_same_torque(loaded, saved):
     assert loaded.torque.attrs["identification_rate"] == saved.torque.attrs["identification_rate"]
 
 
-def save(estimates, path, precision="double"):
-    save_estimates({"pr-moesp": EstimateCollection(estimates, precision)}, path)
+def save(estimates, path, precision="double", **options):
+    save_estimates({"pr-moesp": EstimateCollection(estimates, precision)}, path, **options)
 
 
 def load(path):
@@ -101,7 +101,7 @@ def test_loaded_estimates_predict(tmp_path, method):
 def test_reflex_parameters_that_one_trial_lacks(tmp_path):
     with_gain, without = (make_estimate(reflex=reflex) for reflex in ({"delay": 0.04, "G": 13.0}, {"delay": 0.05}))
     for estimates in ([with_gain, without], [without, with_gain]):
-        save(estimates, tmp_path / "estimates.nc")
+        save(estimates, tmp_path / "estimates.nc", overwrite=True)
         assert [e.reflex for e in load(tmp_path / "estimates.nc")] == [e.reflex for e in estimates]
 
 
@@ -127,8 +127,11 @@ def test_the_file_is_plain_netcdf_with_units(tmp_path):
     ("change", "message"),
     [
         (lambda path: path.unlink(), r"estimates.nc: there is no such file"),
-        (lambda path: path.write_bytes(path.read_bytes()[:3000]), r"estimates.nc: no readable estimate file"),
-        (lambda path: path.write_text("torques"), r"estimates.nc: no readable estimate file with the group 'pr-moesp'"),
+        (
+            lambda path: path.write_bytes(path.read_bytes()[:3000]),
+            r"estimates.nc: not a readable estimate file \(.*: delete it",
+        ),
+        (lambda path: path.write_text("torques"), r"estimates.nc: not a readable estimate file \(.*: delete it"),
         (
             lambda path: xr.Dataset({"net": 1.0}).to_netcdf(path, group="pr-moesp", engine="h5netcdf"),
             r"estimates.nc: there is no variable 'diagnostics': identify again, or load another file",
@@ -147,7 +150,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path, change, message):
 
 def test_another_group_is_refused(tmp_path):
     save([make_estimate()], tmp_path / "estimates.nc")
-    with pytest.raises(DataError, match=r"estimates.nc: no readable estimate file with the group 'riv'"):
+    with pytest.raises(DataError, match=r"estimates.nc: there is no group 'riv'; it has pr-moesp"):
         load_estimates(tmp_path / "estimates.nc", "riv")
 
 
@@ -193,10 +196,9 @@ def _fail(*_, **__):
     raise OSError("disk full")
 
 
-def _half(dataset, path, **_):
-    """What a full disk leaves: the first bytes, and an error."""
-    with open(path, "wb") as file:
-        file.write(b"\x89HDF\r\n")
+def _half(_, group):
+    """What a full disk leaves: part of a group, and an error."""
+    group.attrs["method"] = "half"
     raise OSError("disk full")
 
 
@@ -209,11 +211,11 @@ def test_a_failed_save_leaves_nothing_half_written(tmp_path, monkeypatch, existi
     before = path.read_bytes() if existing else None
     with monkeypatch.context() as patch:
         if stage == "writing":
-            patch.setattr(xr.Dataset, "to_netcdf", _half)
+            patch.setattr(EstimateCollection, "write", _half)
         else:
-            patch.setattr(files.os, "replace", _fail)
-        with pytest.raises(OSError, match="disk full"):
-            save([make_estimate(1)], path)
+            patch.setattr(files.os, "replace" if existing else "fsync", _fail)
+        with pytest.raises(DataError, match=r"estimates.nc: the file cannot be written \(disk full\)"):
+            save([make_estimate(1)], path, overwrite=True)
     assert os.listdir(tmp_path) == (["estimates.nc"] if existing else [])
     if existing:
         assert path.read_bytes() == before
@@ -232,6 +234,8 @@ def test_a_missing_folder(tmp_path):
 
 def test_saving_replaces_and_leaves_nothing_else(tmp_path):
     (tmp_path / "estimates.nc").write_text("old")
-    save([make_estimate()], tmp_path / "estimates.nc")
+    with pytest.raises(DataError, match=r"estimates.nc: the file exists already"):
+        save([make_estimate()], tmp_path / "estimates.nc")
+    save([make_estimate()], tmp_path / "estimates.nc", overwrite=True)
     assert os.listdir(tmp_path) == ["estimates.nc"]
     assert len(load(tmp_path / "estimates.nc")) == 1

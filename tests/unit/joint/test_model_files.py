@@ -140,7 +140,7 @@ def test_values_that_are_not_finite_survive(trial, tmp_path):
 def test_products_along_common_dimensions_are_products_of_matrices(trial, tmp_path):
     for method in ("pr-moesp", "riv"):
         estimate = identify(trial, method, basis="spline")
-        save_estimate(estimate, tmp_path / "e.nc")
+        save_estimate(estimate, tmp_path / "e.nc", overwrite=True)
         with xr.open_dataset(tmp_path / "e.nc", group="model", engine="h5netcdf") as model:
             m = estimate.matrices
             rng = np.random.default_rng(0)
@@ -241,7 +241,7 @@ def test_foreign_and_truncated_files_are_refused(trial, tmp_path, container):
         with pytest.raises(DataError, match=r"e.mat: a MATLAB v7.3 file: save it with -v7"):
             load_estimate(path)
     if container == ".nc":
-        save_trial(trial, path)
+        save_trial(trial, path, overwrite=True)
         message = "e.nc: no estimate file"
     else:
         scipy.io.savemat(path, {"position": np.ones(3)})
@@ -294,8 +294,8 @@ def test_a_failed_save_leaves_the_file_as_it_was(trial, tmp_path, monkeypatch, c
             patch.setattr(xr.DataTree, "to_netcdf", fail)
         else:
             patch.setattr(scipy.io, "savemat", fail)
-        with pytest.raises(OSError, match="disk full"):
-            save_estimate(identify(trial, "riv"), path)
+        with pytest.raises(DataError, match=r"the file cannot be written \(disk full\)"):
+            save_estimate(identify(trial, "riv"), path, overwrite=True)
     assert os.listdir(tmp_path) == [path.name]
     assert path.read_bytes() == before
 

@@ -1,12 +1,17 @@
 """Identification chunk by chunk against identification in memory."""
 
+from functools import cache
+
 import h5py
 import numpy as np
 import pytest
+from hypothesis import Phase, example, given, settings
+from hypothesis import strategies as st
 
 import ankleloop
 from ankleloop import DataError, LongRecord, identify_file
 from ankleloop.joint.prepared import prepare
+from ankleloop.methods import long_records
 
 
 @pytest.fixture(scope="module")
@@ -14,10 +19,16 @@ def trial():
     return ankleloop.simulate(seed=3, duration=30.0)
 
 
-@pytest.fixture
-def saved(trial, tmp_path):
-    ankleloop.save_trial(trial, tmp_path / "trial.nc")
-    return tmp_path / "trial.nc"
+@pytest.fixture(scope="module")
+def saved(trial, tmp_path_factory):
+    path = tmp_path_factory.mktemp("records") / "trial.nc"
+    ankleloop.save_trial(trial, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def wholes(trial):
+    return cache(lambda method: ankleloop.identify(trial, method))
 
 
 @pytest.mark.parametrize("chunk", [333, 50_000])
@@ -33,7 +44,7 @@ def test_the_estimate_is_that_in_memory(trial, saved, tmp_path, method, chunk):
         chunk=chunk,
         progress=lambda name, share: passes.append(name) if share == 1 else None,
     )
-    assert passes == ["basis", "pass 1", "pass 2", "torques"]
+    assert passes == ["checks", "basis", "pass 1", "pass 2", "torques"]
     for name, value in whole.stiffness.items():
         assert estimate.stiffness[name] == pytest.approx(value, rel=1e-5)
     for name, value in whole.reflex.items():
@@ -74,39 +85,73 @@ def test_invalid_records_are_refused(trial, saved, tmp_path):
         LongRecord(tmp_path / "trial.csv")
     path = tmp_path / "broken.h5"
     write_record(path, trial, torque=np.zeros(5))
-    with pytest.raises(DataError, match=r"torque has shape \(5,\)"):
+    with pytest.raises(DataError, match=r"torque has 5 samples but position has 30000"):
         LongRecord(path, 1000.0)
-    with pytest.raises(DataError, match="states no sampling_rate"):
-        LongRecord(path, torque="position")
+    with pytest.raises(DataError, match=r"there is no sampling rate \(sampling_rate, .*: pass sampling_rate in Hz"):
+        LongRecord(path)
     with pytest.raises(DataError, match="position_sign must be one of 1 or -1; got 2"):
         LongRecord(saved, position_sign=2)
 
 
 def test_methods_and_options_without_use_for_long_records_are_refused(saved, tmp_path):
     torques = tmp_path / "torques.nc"
-    with pytest.raises(DataError, match=r"long records are identified by pr-moesp, .*, not by 'riv'"):
+    with pytest.raises(DataError, match=r"long records are identified by pr-moesp, .*, not by the method 'riv'"):
         identify_file(LongRecord(saved), torques, "riv")
     with pytest.raises(DataError, match="needs a reference"):
         identify_file(LongRecord(saved, reference=None), torques)
     with pytest.raises(TypeError, match="method 'pr-moesp' of long records has no option 'free_b'; it has order, "):
         identify_file(LongRecord(saved), torques, free_b=True)
-    with pytest.raises(ValueError, match=r"^block_rows must be at least 3 samples, got 2\.$"):
+    with pytest.raises(ValueError, match=r"block_rows must be .* 3 .*samples, got 2\.$"):
         identify_file(LongRecord(saved), torques, block_rows=2)
+    for options, message in (
+        ({"chunk": 0}, r"chunk must be .* 1 .*samples?, got 0"),
+        ({"chunk": -5}, r"chunk must be .* 1 .*samples?, got -5"),
+        ({"chunk": 1e-9}, r"chunk must be a whole number.*, got 1e-09"),
+        ({"chunk": "500"}, r"chunk must be a whole number.*, got '500'"),
+        ({"chunk": None}, r"chunk must be a whole number.*, got None"),
+        ({"overwrite": "no"}, r"overwrite must be true or false, got 'no'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            identify_file(LongRecord(saved), torques, **options)
+    for options, message in (
+        ({"progress": 3}, "progress must be a function of a name and a share, or None, got 3"),
+        ({"memory": 1e-9}, "method 'pr-moesp' of long records has no option 'memory'"),
+    ):
+        with pytest.raises(TypeError, match=message):
+            identify_file(LongRecord(saved), torques, **options)
+    with pytest.raises(TypeError, match=r"record must be an ankleloop.LongRecord, got .*Path: identify takes trials"):
+        identify_file(saved, torques)
     assert not list(tmp_path.glob("*torques*"))
 
 
 def test_invalid_samples_are_refused_wherever_they_are(trial, tmp_path):
-    path, torques = tmp_path / "broken.h5", tmp_path / "torques.nc"
+    path = tmp_path / "broken.h5"
     torque, position = trial["torque"].values.copy(), trial["position"].values.copy()
     torque[20_345] = np.nan
     write_record(path, trial, torque=torque)
     with pytest.raises(DataError, match="torque is not finite at sample 20345"):
-        identify_file(LongRecord(path, 1000.0), torques, chunk=500)
+        LongRecord(path, 1000.0)
     position[20_345] += np.pi
     write_record(path, trial, position=position)
     with pytest.raises(DataError, match=r"^broken.h5: position moves at .* rad/s at sample 2\d{4} .* in degrees"):
-        identify_file(LongRecord(path, 1000.0), torques, chunk=500)
-    assert not list(tmp_path.glob("*torques*"))
+        LongRecord(path, 1000.0)
+
+
+@settings(max_examples=5, deadline=None, phases=[Phase.explicit, Phase.generate])
+@example(chunk=61, method="pr-moesp")  # chunks shorter than the margins of the filters
+@given(chunk=st.integers(100, 3000), method=st.sampled_from(["pr-moesp", "eiv-moesp", "pi-moesp", "moesp"]))
+def test_any_chunk_gives_what_the_whole_record_gives(trial, saved, wholes, chunk, method):
+    """Filters take the mean of a chunk for that of the record, and products are summed chunk by chunk: both round."""
+    whole, output = wholes(method), saved.with_name("torques.nc")
+    estimate = identify_file(LongRecord(saved), output, method, chunk=chunk, overwrite=True)
+    with estimate.torque as torque:
+        for name in ("net", "intrinsic", "reflex"):
+            size = float(np.abs(whole.torque[name]).max())
+            np.testing.assert_allclose(torque[name], whole.torque[name], atol=1e-5 * size)
+    assert estimate.stiffness == pytest.approx(dict(whole.stiffness), rel=1e-5)
+    assert estimate.reflex == pytest.approx(dict(whole.reflex), rel=1e-4)
+    values = whole.diagnostics["singular_values"]
+    np.testing.assert_allclose(estimate.diagnostics["singular_values"], values, atol=1e-5 * values[0])
 
 
 def test_a_part_of_a_record(trial, saved):
@@ -118,3 +163,16 @@ def test_a_part_of_a_record(trial, saved):
     np.testing.assert_allclose(part["time"], trial["time"][100:200], atol=1e-12)
     assert set(record.read(29_990, 30_100).data_vars) == {"position", "torque", "reference"}
     assert record.read(29_990, 30_100).sizes["time"] == 10
+
+
+def test_faults_of_the_data_are_warnings_with_the_times_of_their_part(tmp_path, monkeypatch):
+    """What identify says of a trial, a long record says of its parts."""
+    monkeypatch.setattr(long_records, "CHECKED_SAMPLES", 1000)
+    data = ankleloop.simulate(seed=1, duration=30.0)
+    data["torque"][15_000] += 50.0 * float(data["torque"].std())
+    ankleloop.save_trial(data, tmp_path / "record.nc")
+    estimate = identify_file(LongRecord(tmp_path / "record.nc"), tmp_path / "torques.nc")
+    (warning,) = [text for text in estimate.diagnostics["warnings"] if "spike" in text]
+    first, _, last = warning.partition(" s: ")[0].split()
+    assert float(first) < 15.0 < float(last) < 25.0
+    assert estimate.diagnostics["data_warnings"] == estimate.diagnostics["warnings"]

@@ -1,5 +1,6 @@
 """Options of every method: defaults, bounds, types, documentation."""
 
+import operator
 import re
 from typing import Literal, get_args, get_origin
 
@@ -68,46 +69,62 @@ DEFAULTS = {
 }
 # Values at a bound and beyond it: class, option, accepted value, refused value, and the sentence about the latter.
 BOUNDS = [
-    (MoespModelOptions, "order", 1, 0, "must be at least 1, got 0"),
-    (MoespModelOptions, "order", 20, 21, "must be at most 20, got 21"),
-    (MoespModelOptions, "block_rows", 3, 2, "must be at least 3 samples, got 2"),
-    (MoespModelOptions, "block_rows", 200, 201, "must be at most 200 samples, got 201"),
-    (MoespModelOptions, "delay", 0.0, -1e-9, "must be at least 0 s, got -1e-09"),
-    (MoespModelOptions, "delay", 1.0, 1.1, "must be at most 1 s, got 1.1"),
-    (MoespModelOptions, "degree", 1, 0, "must be at least 1, got 0"),
-    (MoespModelOptions, "degree", 30, 31, "must be at most 30, got 31"),
-    (MoespModelOptions, "identification_rate", 1e-3, 0.0, "must be above 0 Hz, got 0.0"),
-    (MoespModelOptions, "instrument_rows", 1, 0, "must be at least 1 samples, got 0"),
-    (MoespModelOptions, "instrument_rows", 1000, 1001, "must be at most 1000 samples, got 1001"),
-    (MoespModelOptions, "instrument_leads", 0, -1, "must be at least 0 samples, got -1"),
-    (MoespModelOptions, "instrument_leads", 200, 201, "must be at most 200 samples, got 201"),
-    (MoespModelOptions, "rank_tolerance", 0.0, -1e-9, "must be at least 0, got -1e-09"),
-    (MoespModelOptions, "rank_tolerance", 0.999, 1.0, "must be below 1, got 1.0"),
-    (ParallelCascadeOptions, "delay", 0.0, -0.01, "must be at least 0 s, got -0.01"),
-    (ParallelCascadeOptions, "delay", 1.0, 1.1, "must be at most 1 s, got 1.1"),
-    (ParallelCascadeOptions, "identification_rate", 1e-3, 0.0, "must be above 0 Hz, got 0.0"),
-    (ParallelCascadeOptions, "max_passes", 1, 0, "must be at least 1, got 0"),
-    (ParallelCascadeOptions, "tolerance", 0.0, -1e-9, "must be at least 0 points of VAF, got -1e-09"),
-    (ParallelCascadeOptions, "intrinsic_lags", 0.0, -0.01, "must be at least 0 s, got -0.01"),
-    (ParallelCascadeOptions, "intrinsic_lags", 1.0, 1.1, "must be at most 1 s, got 1.1"),
-    (ParallelCascadeOptions, "reflex_lags", 1e-3, 0.0, "must be above 0 s, got 0.0"),
-    (ParallelCascadeOptions, "reflex_lags", 5.0, 5.1, "must be at most 5 s, got 5.1"),
-    (ParallelCascadeOptions, "rank_tolerance", 0.0, -1e-9, "must be at least 0, got -1e-09"),
-    (ParallelCascadeOptions, "rank_tolerance", 0.999, 1.0, "must be below 1, got 1.0"),
-    (RealTimeOptions, "delay", 0.0, -0.01, "must be at least 0 s, got -0.01"),
-    (RealTimeOptions, "delay", 1.0, 1.1, "must be at most 1 s, got 1.1"),
-    (RealTimeOptions, "identification_rate", 1e-3, 0.0, "must be above 0 Hz, got 0.0"),
-    (RealTimeOptions, "memory", 1e-3, 0.0, "must be above 0 s, got 0.0"),
-    (RealTimeOptions, "settling", 0.0, -1e-9, "must be at least 0 s, got -1e-09"),
-    (RealTimeOptions, "reflex_lags", 1e-3, -1.0, "must be above 0 s, got -1.0"),
-    (RealTimeOptions, "reflex_lags", 5.0, 5.1, "must be at most 5 s, got 5.1"),
-    (RivOptions, "delay", 0.0, -0.01, "must be at least 0 s, got -0.01"),
-    (RivOptions, "delay", 1.0, 1.1, "must be at most 1 s, got 1.1"),
-    (RivOptions, "degree", 1, 0, "must be at least 1, got 0"),
-    (RivOptions, "degree", 30, 31, "must be at most 30, got 31"),
-    (RivOptions, "identification_rate", 1e-3, 0.0, "must be above 0 Hz, got 0.0"),
-    (RivOptions, "max_iterations", 1, 0, "must be at least 1, got 0"),
-    (RivOptions, "tolerance", 1e-9, 0.0, "must be above 0, got 0.0"),
+    (MoespModelOptions, "order", 1, 0, "must be between 1 and 20, got 0"),
+    (MoespModelOptions, "order", 20, 21, "must be between 1 and 20, got 21"),
+    (MoespModelOptions, "block_rows", 3, 2, "must be between 3 and 200 samples, got 2"),
+    (MoespModelOptions, "block_rows", 200, 201, "must be between 3 and 200 samples, got 201"),
+    (MoespModelOptions, "delay", 0.0, -1e-09, "must be between 0 and 1 s, got -1e-09"),
+    (MoespModelOptions, "delay", 1.0, 1.1, "must be between 0 and 1 s, got 1.1"),
+    (MoespModelOptions, "degree", 1, 0, "must be between 1 and 30, got 0"),
+    (MoespModelOptions, "degree", 30, 31, "must be between 1 and 30, got 31"),
+    (MoespModelOptions, "identification_rate", 1.0, 0.5, "must be between 1 and 10000 Hz, got 0.5"),
+    (MoespModelOptions, "identification_rate", 10000.0, 10001.0, "must be between 1 and 10000 Hz, got 10001.0"),
+    (MoespModelOptions, "instrument_rows", 1, 0, "must be between 1 and 1000 samples, got 0"),
+    (MoespModelOptions, "instrument_rows", 1000, 1001, "must be between 1 and 1000 samples, got 1001"),
+    (MoespModelOptions, "instrument_leads", 0, -1, "must be between 0 and 200 samples, got -1"),
+    (MoespModelOptions, "instrument_leads", 200, 201, "must be between 0 and 200 samples, got 201"),
+    (MoespModelOptions, "rank_tolerance", 0.0, -1e-09, "must be at least 0 and below 1, got -1e-09"),
+    (MoespModelOptions, "rank_tolerance", 0.999, 1.0, "must be at least 0 and below 1, got 1.0"),
+    (ParallelCascadeOptions, "delay", 0.0, -1e-09, "must be between 0 and 1 s, got -1e-09"),
+    (ParallelCascadeOptions, "delay", 1.0, 1.1, "must be between 0 and 1 s, got 1.1"),
+    (ParallelCascadeOptions, "identification_rate", 2.0, 0.5, "must be between 1 and 10000 Hz, got 0.5"),
+    (ParallelCascadeOptions, "identification_rate", 1000.0, 10001.0, "must be between 1 and 10000 Hz, got 10001.0"),
+    (ParallelCascadeOptions, "max_passes", 1, 0, "must be between 1 and 10000, got 0"),
+    (ParallelCascadeOptions, "max_passes", 10000, 10001, "must be between 1 and 10000, got 10001"),
+    (ParallelCascadeOptions, "tolerance", 0.0, -1e-09, "must be between 0 and 100 points of VAF, got -1e-09"),
+    (
+        ParallelCascadeOptions,
+        "tolerance",
+        100.0,
+        101.0,
+        "must be between 0 and 100 points of VAF, got 101.0",
+    ),
+    (ParallelCascadeOptions, "intrinsic_lags", 0.0, -1e-09, "must be between 0 and 1 s, got -1e-09"),
+    (ParallelCascadeOptions, "intrinsic_lags", 1.0, 1.1, "must be between 0 and 1 s, got 1.1"),
+    (ParallelCascadeOptions, "reflex_lags", 0.01, 0.0, "must be between 0.001 and 5 s, got 0.0"),
+    (ParallelCascadeOptions, "reflex_lags", 5.0, 5.5, "must be between 0.001 and 5 s, got 5.5"),
+    (ParallelCascadeOptions, "rank_tolerance", 0.0, -1e-09, "must be at least 0 and below 1, got -1e-09"),
+    (ParallelCascadeOptions, "rank_tolerance", 0.999, 1.0, "must be at least 0 and below 1, got 1.0"),
+    (RealTimeOptions, "delay", 0.0, -1e-09, "must be between 0 and 1 s, got -1e-09"),
+    (RealTimeOptions, "delay", 1.0, 1.1, "must be between 0 and 1 s, got 1.1"),
+    (RealTimeOptions, "identification_rate", 2.0, 0.5, "must be between 1 and 10000 Hz, got 0.5"),
+    (RealTimeOptions, "identification_rate", 1000.0, 10001.0, "must be between 1 and 10000 Hz, got 10001.0"),
+    (RealTimeOptions, "memory", 0.1, 0.099, "must be between 0.1 and 1e6 s, got 0.099"),
+    (RealTimeOptions, "memory", 1000000.0, 1100000.0, "must be between 0.1 and 1e6 s, got 1100000.0"),
+    (RealTimeOptions, "settling", 0.0, -1e-09, "must be between 0 and 1e6 s, got -1e-09"),
+    (RealTimeOptions, "settling", 1000000.0, 1100000.0, "must be between 0 and 1e6 s, got 1100000.0"),
+    (RealTimeOptions, "reflex_lags", 0.01, 0.0, "must be between 0.001 and 5 s, got 0.0"),
+    (RealTimeOptions, "reflex_lags", 5.0, 5.5, "must be between 0.001 and 5 s, got 5.5"),
+    (RivOptions, "delay", 0.0, -1e-09, "must be between 0 and 1 s, got -1e-09"),
+    (RivOptions, "delay", 1.0, 1.1, "must be between 0 and 1 s, got 1.1"),
+    (RivOptions, "degree", 1, 0, "must be between 1 and 30, got 0"),
+    (RivOptions, "degree", 30, 31, "must be between 1 and 30, got 31"),
+    (RivOptions, "identification_rate", 1.0, 0.5, "must be between 1 and 10000 Hz, got 0.5"),
+    (RivOptions, "identification_rate", 10000.0, 10001.0, "must be between 1 and 10000 Hz, got 10001.0"),
+    (RivOptions, "max_iterations", 1, 0, "must be between 1 and 10000, got 0"),
+    (RivOptions, "max_iterations", 10000, 10001, "must be between 1 and 10000, got 10001"),
+    (RivOptions, "tolerance", 1e-09, 0.0, "must be above 0 and at most 1, got 0.0"),
+    (RivOptions, "tolerance", 1.0, 1.1, "must be above 0 and at most 1, got 1.1"),
 ]
 CHOICES = [
     (MoespOptions, "basis", ["chebyshev", "rectifier", "spline"]),
@@ -168,19 +185,17 @@ def test_options_do_not_change_after_parsing():
 @pytest.mark.parametrize(("options", "name", "accepted", "refused", "sentence"), BOUNDS)
 def test_every_bound_is_enforced(options, name, accepted, refused, sentence):
     assert getattr(options.parse("a method", **{name: accepted}), name) == accepted
-    with pytest.raises(ValueError, match=f"^{re.escape(f'{name} {sentence}.')}$"):
+    with pytest.raises(ValueError, match=f"^{re.escape(f'a method: {name} {sentence}.')}$"):
         options.parse("a method", **{name: refused})
 
 
 def test_no_bound_lacks_a_test():
-    keys = {"ge": "at least", "le": "at most", "gt": "above", "lt": "below"}
-    tested = {(options, name, sentence.split("must be ")[1].split(" ")[0]) for options, name, *_, sentence in BOUNDS}
+    violates = {"ge": operator.lt, "gt": operator.le, "le": operator.gt, "lt": operator.ge}
     for options, name in FIELDS:
         owner = MoespModelOptions if name in MoespModelOptions.model_fields and options is MoespOptions else options
-        for bound in options.model_fields[name].metadata:
-            for key, word in keys.items():
-                if hasattr(bound, key):
-                    assert (owner, name, word.split(" ")[0]) in tested, (options.__name__, name, word)
+        refused = [row[3] for row in BOUNDS if row[:2] == (owner, name)]
+        for key, limit in options.limits(name).items():
+            assert any(violates[key](value, limit) for value in refused), (options.__name__, name, key)
     for options, name in FIELDS:
         values = choices(options.model_fields[name].annotation)
         owner = MoespOptions if options is MoespModelOptions else options
@@ -193,7 +208,7 @@ def test_choices_are_enforced(options, name, values):
         assert getattr(options.parse("a method", **{name: value}), name) == value
     *others, last = map(repr, values)
     expected = f"one of {', '.join(others)} or {last}" if others else last
-    sentence = f"{name} must be {expected}; got 'other'."
+    sentence = f"a method: {name} must be {expected}; got 'other'."
     with pytest.raises(ValueError, match=f"^{re.escape(sentence)}$"):
         options.parse("a method", **{name: "other"})
 
@@ -203,7 +218,7 @@ def test_values_of_another_type_are_refused(options, name):
     field = options.model_fields[name]
     (kind,) = [object] if choices(field.annotation) else parts(field.annotation)
     values = {
-        int: [True, 2.5, "2", [2], np.float64(2.5), np.arange(1, 4)],
+        int: [True, 2.5, "2", [2], np.nan, np.float64(2.5), np.arange(1, 4)],
         float: [True, "0.1", np.nan, np.inf, -np.inf, [0.1], 1j, np.array([0.1, 0.2])],
         bool: [1, 0, "true"],
         str: [1, b"reference", ["reference"]],
@@ -214,7 +229,7 @@ def test_values_of_another_type_are_refused(options, name):
     else:
         assert getattr(options.parse("a method", **{name: None}), name) is None
     for value in values:
-        with pytest.raises(ValueError, match=f"^{name} must be "):
+        with pytest.raises(ValueError, match=f"^a method: {name} must be "):
             options.parse("a method", **{name: value})
 
 
@@ -223,13 +238,14 @@ def test_an_unknown_option_is_refused_with_the_known_ones(method):
     with pytest.raises(TypeError) as refusal:
         METHODS[method](None, ordre=3)
     known = ", ".join(METHODS[method].options.model_fields)
-    assert str(refusal.value) == f"method {method!r} has no option 'ordre'; it has {known}."
+    close = " (did you mean 'order'?)" if "order" in known.split(", ") else ""
+    assert str(refusal.value) == f"method {method!r} has no option 'ordre'{close}; it has {known}."
     assert set(known.split(", ")) == set(method_options(method))
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_options_are_checked_before_the_trial(method):
-    with pytest.raises(ValueError, match="identification_rate must be above 0 Hz, got -1"):
+    with pytest.raises(ValueError, match="identification_rate must be between 1 and 10000 Hz, got -1"):
         METHODS[method](None, identification_rate=-1)
 
 
@@ -238,6 +254,8 @@ def test_options_are_checked_before_the_trial(method):
     [
         ("order", np.int32(3), 3),
         ("order", np.array(3), 3),
+        ("order", 3.0, 3),
+        ("order", np.float32(3.0), 3),
         ("delay", np.float32(0.5), 0.5),
         ("delay", np.int64(0), 0.0),
         ("identification_rate", 100, 100.0),
@@ -316,3 +334,4 @@ def test_an_error_without_a_unit():
     error = {"type": "greater_than", "input": -1, "ctx": {"gt": 0}}
     assert describe_error(error) == "must be above 0, got -1"
     assert describe_error(error, "s") == "must be above 0 s, got -1"
+    assert describe_error(error, "s", {"gt": 0, "le": 60}) == "must be above 0 and at most 60 s, got -1"

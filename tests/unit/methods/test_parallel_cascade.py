@@ -78,7 +78,8 @@ def test_passes_of_the_parallel_cascade(cascades, record, passes):
     diagnostics = estimate.diagnostics
     assert diagnostics["passes"] == len(diagnostics["history"]) == passes
     assert not diagnostics["converged"]
-    assert diagnostics["warnings"] == []
+    negative = [f"{name} = " for name, value in estimate.stiffness.items() if value < 0]  # biased in closed loop
+    assert [text[:4] for text in diagnostics["warnings"]] == negative
     np.testing.assert_allclose(diagnostics["history"], history, atol=1e-9)
     np.testing.assert_allclose(estimate.torque["intrinsic"], intrinsic, atol=1e-8)
     np.testing.assert_allclose(estimate.torque["reflex"], reflex, atol=1e-8)
@@ -101,7 +102,7 @@ def test_convergence_that_is_not_reached_is_a_warning(noisy, monkeypatch):
     monkeypatch.setattr(parallel_cascade, "PASS_CEILING", 3)
     diagnostics = identify(noisy, "parallel-cascade", tolerance=0.0).diagnostics
     assert (diagnostics["passes"], diagnostics["converged"]) == (3, False)
-    assert diagnostics["warnings"] == ["no convergence within 3 passes"]
+    assert diagnostics["warnings"][0] == "no convergence within 3 passes"
 
 
 @pytest.mark.parametrize("gain", [2.0, 13.0])
@@ -145,10 +146,10 @@ def test_rank_by_minimum_description_length(cascades):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"rank": "half"}, r"^rank must be one of 'full' or 'mdl'; got 'half'\.$"),
-        ({"basis": "chebyshev"}, r"^basis must be 'rectifier'; got 'chebyshev'\.$"),
-        ({"max_passes": 0}, r"^max_passes must be at least 1, got 0\.$"),
-        ({"reflex_lags": 20.0}, r"^reflex_lags must be at most 5 s, got 20\.0\.$"),
+        ({"rank": "half"}, r"^method '.*': rank must be one of 'full' or 'mdl'; got 'half'\.$"),
+        ({"basis": "chebyshev"}, r"^method '.*': basis must be 'rectifier'; got 'chebyshev'\.$"),
+        ({"max_passes": 0}, r"^method '.*': max_passes must be between 1 and 10000, got 0\.$"),
+        ({"reflex_lags": 20.0}, r"^method '.*': reflex_lags must be between 0\.001 and 5 s, got 20\.0\.$"),
     ],
 )
 def test_invalid_options_of_the_parallel_cascade(noisy, options, message):

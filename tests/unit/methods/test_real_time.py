@@ -105,11 +105,11 @@ def test_pulses_are_symmetric_and_half_of_the_intervals_have_none():
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"memory": 0.0}, ValueError, r"^memory must be above 0 s, got 0\.0\.$"),
-        ({"reflex_lags": -1.0}, ValueError, r"^reflex_lags must be above 0 s, got -1\.0\.$"),
-        ({"settling": -1.0}, ValueError, r"^settling must be at least 0 s, got -1\.0\.$"),
+        ({"memory": 0.0}, ValueError, r"^method '.*': memory must be between 0\.1 and 1e6 s, got 0\.0\.$"),
+        ({"reflex_lags": -1.0}, ValueError, r"^method '.*': reflex_lags must be between 0\.001 and 5 s, got -1\.0\.$"),
+        ({"settling": -1.0}, ValueError, r"^method '.*': settling must be between 0 and 1e6 s, got -1\.0\.$"),
         ({"settling": 59.0}, DataError, "too short for a settling time of 59 s"),
-        ({"basis": "chebyshev"}, ValueError, r"^basis must be 'rectifier'; got 'chebyshev'\.$"),
+        ({"basis": "chebyshev"}, ValueError, r"^method '.*': basis must be 'rectifier'; got 'chebyshev'\.$"),
     ],
 )
 def test_invalid_options_are_refused(options, error, message):

@@ -94,7 +94,7 @@ def test_other_methods_need_no_reference(noisy, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_an_unknown_option_is_refused_with_the_known_ones(noisy, method):
-    with pytest.raises(TypeError, match=f"method '{method}' has no option 'ordre'; it has ") as e:
+    with pytest.raises(TypeError, match=f"method '{method}' has no option 'ordre'.*; it has ") as e:
         identify(noisy, method, ordre=3)
     for name in ankleloop.method_options(method):
         assert name in str(e.value)
@@ -145,10 +145,14 @@ def test_short_records_are_refused(noisy, method, samples):
     ("options", "error", "message"),
     [
         ({"identification_rate": 300.0}, DataError, r"1000 Hz\) is not a whole multiple of the identification rate"),
-        ({"identification_rate": 0.0}, ValueError, r"^identification_rate must be above 0 Hz, got 0\.0\.$"),
-        ({"delay": -0.01}, ValueError, r"^delay must be at least 0 s, got -0\.01\.$"),
-        ({"delay": 1.01}, ValueError, r"^delay must be at most 1 s, got 1\.01\.$"),
-        ({"basis": "fourier"}, ValueError, r"^basis must be .*'rectifier'.*; got 'fourier'\.$"),
+        (
+            {"identification_rate": 0.0},
+            ValueError,
+            r"^method '.*': identification_rate must be between 1 and 10000 Hz, got 0\.0\.$",
+        ),
+        ({"delay": -0.01}, ValueError, r"^method '.*': delay must be between 0 and 1 s, got -0\.01\.$"),
+        ({"delay": 1.01}, ValueError, r"^method '.*': delay must be between 0 and 1 s, got 1\.01\.$"),
+        ({"basis": "fourier"}, ValueError, r"^method '.*': basis must be .*'rectifier'.*; got 'fourier'\.$"),
     ],
 )
 def test_invalid_options_are_refused(noisy, method, options, error, message):

@@ -104,5 +104,5 @@ def test_the_kind_is_an_option(kind):
     assert estimate.diagnostics["intervals"] == kind
     assert parameter_row(trial, estimate)["intervals"] == kind
     assert ("interval_segment" in estimate.diagnostics) == (kind == "robust")
-    with pytest.raises(ValueError, match=r"^intervals must be one of"):
+    with pytest.raises(ValueError, match=r"^method 'riv': intervals must be one of"):
         identify(trial, "riv", intervals="exact")

@@ -109,8 +109,8 @@ def test_estimates_with_a_warning_are_crosses_and_not_in_the_mean():
         }
     )
     figure = group_figure(table, ["K"])
-    points, means, crosses = figure.axes[0].get_lines()
+    points, means, rings, crosses = figure.axes[0].get_lines()
     assert points.get_ydata().tolist() == [100.0, 120.0]
-    assert means.get_ydata().tolist() == [110.0]
+    assert means.get_ydata().tolist() == rings.get_ydata().tolist() == [110.0]
     assert (crosses.get_marker(), crosses.get_ydata().tolist()) == ("x", [900.0])
-    assert legend(figure) == ["S1", "with a warning"]
+    assert legend(figure) == ["S1", "mean without those with a warning", "with a warning"]

@@ -58,7 +58,71 @@ def test_panel_notes_the_lowest_mean_below_its_limit(results):
 def test_curve_of_single_trials_has_no_band(results):
     single = results.groupby(["panel", "series", "x"], as_index=False).first()
     figure = curves_figure(single, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]")
-    assert np.all(np.isfinite(figure.axes[0].collections[0].get_paths()[0].vertices))
+    first = figure.axes[0]
+    assert len(first.get_lines()) == 2
+    assert all(not collection.get_paths() for collection in first.collections)
+
+
+def test_a_band_ends_where_a_single_trial_is_left(results):
+    """No interval is known there: the band must not shrink to a line, as if the mean were exact."""
+    rows = results[(results["x"] != 4.0) | ~results.duplicated(["panel", "series", "x"])]
+    figure = curves_figure(rows, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]")
+    for band in figure.axes[0].collections:
+        assert max(path.vertices[:, 0].max() for path in band.get_paths()) == 2.0
+
+
+def rings(axis):
+    """Places of the symbols with a ring."""
+    lines = [line for line in axis.get_lines() if line.get_label() == "with failures or warnings"]
+    return sorted(
+        (float(x), float(y)) for line in lines for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
+    )
+
+
+def test_rings_mark_means_with_failures_or_warnings(results):
+    rows = results[(results["panel"] == "K") & (results["series"] == "PR-MOESP")].assign(outcome="estimate")
+    panels = {"K": ("K [N·m/rad]", None)}
+    assert not rings(curves_figure(rows, panels, xlabel="gain [1]").axes[0])
+    first = rows.index[rows["x"] == 1.0][0]
+    second = rows.index[rows["x"] == 2.0][0]
+    rows.loc[first, "outcome"] = "warning"
+    rows.loc[second, ["outcome", "value"]] = ["failure", np.nan]
+    rows.loc[rows["x"] == 4.0, "outcome"], rows.loc[rows["x"] == 4.0, "value"] = "failure", np.nan
+    figure = curves_figure(rows, panels, xlabel="gain [1]", limits={"K": (0.0, 100.0)})
+    means = rows.groupby("x")["value"].mean()
+    assert rings(figure.axes[0]) == [(1.0, pytest.approx(means[1.0])), (2.0, pytest.approx(means[2.0]))]
+    crosses = [line for line in figure.axes[0].get_lines() if line.get_label() == "every trial failed"]
+    assert [line.get_xdata().tolist() for line in crosses] == [[4.0]]
+    assert not figure.axes[0].texts  # a cross at the edge is no mean below the limit
+    assert legend(figure) == ["PR-MOESP", "with failures or warnings", "every trial failed"]
+
+
+def test_a_method_without_a_quantity_has_not_failed(results):
+    rows = results.assign(outcome="warning", value=np.nan)
+    figure = curves_figure(rows, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]")
+    assert not {"every trial failed", "with failures or warnings"} & set(legend(figure))
+
+
+def test_rings_mark_ratios_and_estimates_with_failures_or_warnings():
+    table = pd.DataFrame({"panel": "p", "row": ["K", "B"], "series": "m", "ratio": [1.5, 90.0], "fault": [False, True]})
+    ((x, _),) = rings(ratio_figure(table, limit=1.5, largest=50.0).axes[0])
+    assert x == 50.0  # drawn at the edge
+    table = table.assign(value=[10.0, 20.0], margin=[1.0, np.nan])
+    ((x, _),) = rings(estimates_figure(table, {"p": ("VAF [%]", None, (0.0, 100.0))}).axes[0])
+    assert x == 20.0
+    table = table.assign(value=[10.0, np.nan], failed=[False, True])
+    figure = estimates_figure(table, {"p": ("VAF [%]", None, (0.0, 100.0))})
+    assert not rings(figure.axes[0])
+    (cross,) = [line for line in figure.axes[0].get_lines() if line.get_label() == "every trial failed"]
+    assert cross.get_ydata().tolist() == [1.0]
+
+
+def test_an_asterisk_marks_cells_with_failures_or_warnings():
+    table = pd.DataFrame({"x": [1.0, 2.0, 1.0, 2.0], "y": [1.0, 1.0, 2.0, 2.0], "panel": "p"})
+    table = table.assign(value=[1.5, 2.5, np.nan, np.nan], fault=[True, False, True, False])
+    names = {"x": "x", "y": "y", "panel": "panel", "value": "value"}
+    figure = map_figure(table, **names, xlabel="x [1]", ylabel="y [1]", title="{}", limit=1.0)
+    assert [text.get_text() for text in figure.axes[0].texts] == ["1.5*", "2.5", "failed", "unstable"]
 
 
 def test_map_frames_cells_within_the_limit():

@@ -7,9 +7,9 @@ from scipy import stats
 
 from ankleloop import DataError, segment, simulate
 from ankleloop.joint.prepared import prepare
+from ankleloop.joint.reference_projection import project_on_reference, unseen_share
 from ankleloop.recordings.loop_test import LARGEST_BIAS, feedback_test
 from ankleloop.recordings.path_correlation import path_bias, stiffness_beside_reflex
-from ankleloop.recordings.reference_projection import project_on_reference, unseen_share
 
 ASSUMED = np.array([1.1, 7.1, 250.0])
 LOADS = {"assumed": ASSUMED, "light": (0.1, 10.0, 100.0), "stiff": 10 * ASSUMED, "stiffer": 100 * ASSUMED}

@@ -94,6 +94,15 @@ def test_unusable_file_is_refused_with_its_reason(path, tmp_path):
         assert pd.isna(row["key"])
 
 
+@pytest.mark.parametrize("name", ["a" * 300 + ".csv", "a\x00.csv", "folder.csv", "loop.csv"])
+def test_path_that_cannot_be_opened_is_refused_and_stops_no_job(tmp_path, name):
+    (tmp_path / "folder.csv").mkdir()
+    (tmp_path / "loop.csv").symlink_to(tmp_path / "loop.csv")
+    _, analysis = analyse_files([tmp_path / name], [MAPPING], METHODS)
+    assert analysis.check.verdict == "refused"
+    assert "check the path" in analysis.check.reasons[0]
+
+
 def test_nothing_is_exported_of_a_refused_recording(tmp_path):
     export_estimates({}, tmp_path / "A2")
     assert not (tmp_path / "A2").exists()

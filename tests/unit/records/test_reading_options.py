@@ -49,8 +49,8 @@ def test_signs_become_integers(sign):
     ("name", "value", "message"),
     [
         ("position", 3, "position must be text, got 3"),
-        ("sampling_rate", 0.0, "sampling_rate must be above 0 Hz, got 0.0"),
-        ("sampling_rate", math.inf, r"sampling_rate must be a finite number \[Hz\], got inf"),
+        ("sampling_rate", 0.0, "sampling_rate must be between 0.001 and 1e9 Hz, got 0.0"),
+        ("sampling_rate", math.inf, "sampling_rate must be a finite number between 0.001 and 1e9 Hz, got inf"),
         ("position_unit", "grad", "position_unit must be one of 'rad' or 'deg'; got 'grad'"),
         ("torque_sign", 2, "torque_sign must be one of 1 or -1; got 2"),
     ],
@@ -63,3 +63,9 @@ def test_wrong_values_are_refused(name, value, message):
 def test_declaration_does_not_import_numpy():
     code = "import sys, ankleloop.records.reading_options; sys.exit('numpy' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("names", [{"torque": "position"}, {"reference": "torque"}, {"position": "/a", "torque": "a"}])
+def test_variable_of_two_channels_is_refused(names):
+    with pytest.raises(ValueError, match=r"are the same variable, .*: name another one"):
+        ReadingOptions.parse("trial.csv", **names)

@@ -177,14 +177,15 @@ _attributes = st.one_of(
 @settings(max_examples=50, deadline=None)
 @given(
     position=hnp.arrays(float, 20, elements=st.floats(-0.1, 0.1), unique=True),
-    torque=hnp.arrays(float, 20, elements=_finite, unique=True),
+    torque=hnp.arrays(float, 20, elements=st.floats(-1e15, 1e15), unique=True),
+    emg=hnp.arrays(float, 22, elements=_finite),
     rate=st.floats(1.0, 30.0),
     attribute=_attributes,
 )
-def test_round_trip_is_bit_exact(tmp_path_factory, position, torque, rate, attribute):
+def test_round_trip_is_bit_exact(tmp_path_factory, position, torque, emg, rate, attribute):
     path = tmp_path_factory.mktemp("trials") / "trial.nc"
     position, torque = [0.0, 0.1, *position], [0.0, 1.0, *torque]
-    trial = new_trial(position, torque, rate, emg=torque, setting=attribute)
+    trial = new_trial(position, torque, rate, emg=emg, setting=attribute)
     save_trial(trial, path)
     loaded = load_trial(path)
     assert loaded.identical(trial)
@@ -222,10 +223,13 @@ def test_file_is_reproducible(trial, tmp_path):
     assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
 
-def test_saving_replaces_the_file(trial, tmp_path):
+def test_saving_replaces_a_file_only_where_it_is_told_to(trial, tmp_path):
     path = tmp_path / "trial.nc"
     path.write_text("old")
-    save_trial(trial, path)
+    with pytest.raises(DataError, match=r"trial.nc: the file exists already: .* or replace it by overwrite=True"):
+        save_trial(trial, path)
+    assert path.read_text() == "old"
+    save_trial(trial, path, overwrite=True)
     assert os.listdir(tmp_path) == ["trial.nc"]
     assert load_trial(path).identical(trial)
 
@@ -239,8 +243,8 @@ def test_failed_save_preserves_the_old_file(trial, tmp_path, monkeypatch):
         raise OSError("disk full")
 
     monkeypatch.setattr(files.os, "replace", fail)
-    with pytest.raises(OSError, match="disk full"):
-        save_trial(trial, path)
+    with pytest.raises(DataError, match=r"trial.nc: the file cannot be written \(disk full\)"):
+        save_trial(trial, path, overwrite=True)
     assert os.listdir(tmp_path) == ["trial.nc"]
     assert path.read_bytes() == before
 
@@ -265,7 +269,7 @@ def test_loading_a_missing_file(tmp_path):
 @pytest.mark.parametrize("content", [b"", b"not a netcdf file", b"\x89HDF\r\n\x1a\n" + bytes(100)])
 def test_loading_other_formats(tmp_path, content):
     (tmp_path / "trial.nc").write_bytes(content)
-    with pytest.raises(DataError, match=r"^trial.nc: not a readable NetCDF-4 file .*: write it with save_trial") as e:
+    with pytest.raises(DataError, match=r"^trial.nc: not a readable NetCDF-4 file .*write it with save_trial") as e:
         load_trial(tmp_path / "trial.nc")
     assert e.value.__cause__ is not None
 

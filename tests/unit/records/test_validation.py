@@ -34,7 +34,7 @@ def test_segment_is_valid(trial):
 
 @pytest.mark.parametrize("rate", [0, -5.0, np.nan, np.inf])
 def test_sampling_rate_must_be_positive_and_finite(trial, rate):
-    with pytest.raises(DataError, match=r"^x: sampling_rate is .* Hz: pass a positive number"):
+    with pytest.raises(DataError, match=r"^x: sampling_rate must be .* between 0.001 and 1e9 Hz, got"):
         validate(trial.assign_attrs(sampling_rate=rate), source="x")
 
 
@@ -128,7 +128,7 @@ def test_position_noise_is_accepted(rate):
 @pytest.mark.parametrize("size", [2, 3, 4, 6, 7, 8, 50])
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 def test_peak_speed_of_a_ramp_is_exact(size, rate):
-    sample, speed = validation._peak_speed(5.0 * np.arange(size) / rate, rate)
+    sample, speed = validation.peak_speed(5.0 * np.arange(size) / rate, rate)
     assert 0 < sample < size
     np.testing.assert_allclose(speed, 5.0, rtol=1e-9)
 
@@ -142,7 +142,7 @@ def test_peak_speed_is_the_largest_difference_of_means(position, rate):
         inside = range(half, position.size - half)
         means = {k: (position[k + 1 : k + half + 1].mean(), position[k - half : k].mean()) for k in inside}
         speeds = {k: abs(after - before) / (half + 1) * rate for k, (after, before) in means.items()}
-    sample, speed = validation._peak_speed(position, rate)
+    sample, speed = validation.peak_speed(position, rate)
     assert speed == pytest.approx(max(speeds.values()), abs=1e-9)
     assert speed == 0.0 or speeds[sample] == pytest.approx(speed, abs=1e-9)
 
@@ -190,3 +190,13 @@ def test_time_must_be_regular(trial, change, message):
 def test_time_in_single_precision_is_regular():
     time = (np.arange(300_000) / RATE).astype(np.float32).astype(float)
     assert compute_rate(time, source="x") == pytest.approx(RATE, rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [1e-18, 1e18])
+@pytest.mark.parametrize("name", ["torque", "reference"])
+def test_numbers_that_no_joint_has_are_refused(factor, name):
+    phase = np.arange(100) / 10
+    channels = {"position": 0.02 * np.sin(phase), "torque": np.cos(phase), "reference": np.sin(phase)}
+    channels[name] = factor * channels[name]
+    with pytest.raises(DataError, match=rf"{name} (varies by|reaches) .*no channel of a joint does: check its unit"):
+        new_trial(**channels, sampling_rate=100.0)

@@ -1,9 +1,7 @@
-import pandas as pd
 import pytest
 
 from ankleloop.replication.captions import (
     describe_settings,
-    describe_warnings,
     format_truths,
     label_setting,
     most_compliant_point,
@@ -72,15 +70,3 @@ def test_a_figure_over_one_setting_refuses_others():
     for varied in ([], ["reflex_gain", "voluntary"]):
         with pytest.raises(ValueError, match=r"one setting, got (none|reflex_gain, voluntary): use the notebook"):
             single_setting(varied)
-
-
-def test_warnings_are_counted_by_method():
-    table = pd.DataFrame({"method": ["a", "b", "b", "b"], "warnings": [None, "unstable", "unstable", None]})
-    assert (
-        describe_warnings(table, {"b": "B"}) == "2 of 4 estimates came with a warning (B 2) and count like the others"
-    )
-    assert describe_warnings(table.drop(columns="warnings")) == "none of 4 estimates came with a warning"
-    failed = table.assign(failure=["no order fits", None, None, None])
-    text = describe_warnings(failed)
-    assert text.startswith("2 of 3 estimates")
-    assert text.endswith("; 1 identification failed and is left out")

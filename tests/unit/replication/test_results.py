@@ -4,7 +4,6 @@ import pytest
 
 from ankleloop.quantities import QUANTITIES
 from ankleloop.replication.results import (
-    count_trials,
     describe_condition,
     format_columns,
     format_pairs,
@@ -47,6 +46,10 @@ def test_each_estimate_has_the_scores_of_its_own(parameters):
     assert table["vaf_net_true"].tolist() == (90.0 + np.arange(8.0)).tolist()
     assert set(table["vaf_reflex_measured"]) == {10.0}
     assert list(table[parameters.columns]) == list(parameters.columns)
+    failed = scores[(scores["point"] != "gain=5") | (scores["method"] != "riv") | (scores["trial"] != 1)]
+    reduced = join_scores(parameters, failed)
+    assert np.isnan(reduced["vaf_net_true"].iloc[1])
+    assert reduced["vaf_net_true"].drop(1).tolist() == table["vaf_net_true"].drop(1).tolist()
 
 
 def test_summary_has_the_order_of_the_rows_and_leaves_out_missing_values(parameters):
@@ -56,10 +59,7 @@ def test_summary_has_the_order_of_the_rows_and_leaves_out_missing_values(paramet
     assert summary.loc[0, ["K_mean", "K_count", "G_count"]].tolist() == [150.5, 2, 0]
     assert summary.loc[0, "K_std"] == pytest.approx(np.sqrt(0.5))
     assert np.isnan(summary.loc[0, "G_mean"])
-
-
-def test_trials_are_counted_for_each_method(parameters):
-    assert count_trials(parameters) == 2
+    assert summary[["trials", "failures", "warnings"]].values.tolist() == [[2, 0, 0]] * 4
 
 
 def test_every_true_value_is_that_of_the_simulation():
@@ -88,6 +88,8 @@ def test_numbers_become_text():
     table = pd.DataFrame({"method": ["riv"], "K": [150.25]})
     assert format_columns(table, ["K"], "{:.4g}").to_dict("records") == [{"method": "riv", "K": "150.2"}]
     assert table["K"].tolist() == [150.25]  # unchanged
+    assert format_pairs([150.0, np.nan], [np.nan, np.nan]) == ["150.0 ± –", "– ± –"]
+    assert format_columns(pd.DataFrame({"K": [np.nan]}), ["K"], "{:.1f}")["K"].tolist() == ["–"]
     with pytest.raises(ValueError, match="shorter"):
         format_pairs([1.0, 2.0], [1.0])
 

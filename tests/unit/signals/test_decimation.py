@@ -159,7 +159,17 @@ def test_the_suggested_rate_divides_the_sampling_rate(rate, identification_rate)
         assert decimation_factor(rate, suggestion) >= 1
 
 
-@pytest.mark.parametrize("identification_rate", [0.0, -100.0, float("nan")])
+@pytest.mark.parametrize("identification_rate", [0.0, -100.0, float("nan"), float("inf"), True, "100", None])
 def test_the_rate_must_be_positive(identification_rate):
-    with pytest.raises(DataError, match="identification_rate must be positive"):
+    with pytest.raises(ValueError, match=r"identification_rate must be .*above 0 Hz"):
         decimation_factor(1000.0, identification_rate)
+
+
+def test_a_factor_whose_kernel_would_take_the_memory_is_refused():
+    assert decimation_factor(1e6, 100.0) == 10_000
+    with pytest.raises(
+        DataError, match=r"1e\+06 Hz\) is 1e\+15 times the identification rate \(1e-09 Hz\), but must be at"
+    ):
+        decimation_factor(1e6, 1e-9)
+    with pytest.raises(ValueError, match="factor must be between 1 and 10000 samples, got 1000000"):
+        decimation_margin(10**6)

@@ -53,7 +53,7 @@ def test_at_most_hundred_and_less_for_any_other_shape(data):
         ([1.0, np.nan], [1.0, 2.0], "measured signal is not finite at sample 1"),
         ([1.0, 2.0], [np.inf, 2.0], "estimated signal is not finite at sample 0"),
         ([0.1, 0.1, 0.1], [1.0, 2.0, 3.0], "constant"),
-        ([], [], "constant"),
+        ([], [], "at least 2 samples, got 0"),
     ],
 )
 def test_signals_without_a_vaf(measured, estimated, message):
@@ -74,3 +74,22 @@ def test_the_value_with_its_interval_is_that_of_each_alone(data, lags):
 def test_a_perfect_estimate_has_no_interval():
     measured = np.array([0.0, 1.0, 3.0])
     assert vaf_with_interval(measured, measured + 2.0, 5) == (100.0, 100.0, 100.0)
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-160, 1e-80, 1e80, 1e160, 1e300])
+def test_a_scale_at_which_squares_overflow_or_vanish_does_not_change_the_vaf(scale):
+    signal, error = np.random.default_rng(0).standard_normal((2, 1000))
+    expected = vaf_with_interval(signal, signal + 0.3 * error, 20)
+    assert vaf(scale * signal, scale * (signal + 0.3 * error)) == pytest.approx(expected[0], rel=1e-12)
+    assert vaf_with_interval(scale * signal, scale * (signal + 0.3 * error), 20) == pytest.approx(expected, rel=1e-9)
+
+
+def test_an_estimate_of_another_scale_has_no_vaf():
+    with pytest.raises(DataError, match="1e150 times as large as the measured one: check its unit"):
+        vaf([1.0, 2.0, 4.0], [1e300, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("signal", ["no", [True, False], [1j, 2.0], [[1.0], [1.0, 2.0]], None])
+def test_a_vaf_needs_real_numbers(signal):
+    with pytest.raises(DataError, match="the measured signal must be an array of real numbers"):
+        vaf(signal, [1.0, 2.0])

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from ankleloop import simulate
+from ankleloop import arguments, simulate
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate_trials
 
@@ -15,57 +15,153 @@ from ankleloop.simulation.simulate import simulate_trials
 @pytest.mark.parametrize(
     ("settings", "kind", "message"),
     [
-        ({"stiffnes": 150.0}, TypeError, r"^simulate has no option 'stiffnes'; it has stiffness, .*position_limit\.$"),
-        ({"inertia": -0.1}, ValueError, r"^inertia must be at least 0 kg·m², got -0\.1\.$"),
-        ({"snr_db": 301.0}, ValueError, r"^snr_db must be at most 300 dB, got 301\.0\.$"),
-        ({"pole": 0.0}, ValueError, r"^pole must be above 0 rad/s, got 0\.0\.$"),
-        ({"perturbation": "sine"}, ValueError, r"^perturbation must be one of 'prbs' or 'pulses'; got 'sine'\.$"),
-        ({"delay": 0.0005}, ValueError, r"^delay must be at least one recorded sample \(0\.001 s\), got 0\.0005 s\.$"),
+        (
+            {"stiffnes": 150.0},
+            TypeError,
+            r"^simulate has no option 'stiffnes' \(did you mean 'stiffness'\?\); it has stiffness, .*position_limit\.$",
+        ),
+        ({"inertia": -0.1}, ValueError, r"^simulate: inertia must be between 0 and 10000 kg·m², got -0\.1\.$"),
+        ({"snr_db": 301.0}, ValueError, r"^simulate: snr_db must be between -100 and 300 dB, got 301\.0\.$"),
+        ({"pole": 0.0}, ValueError, r"^simulate: pole must be between 0\.01 and 100000 rad/s, got 0\.0\.$"),
+        (
+            {"perturbation": "sine"},
+            ValueError,
+            r"^simulate: perturbation must be one of 'prbs' or 'pulses'; got 'sine'\.$",
+        ),
+        (
+            {"delay": 0.0005},
+            ValueError,
+            r"^simulate: delay must be at least one recorded sample \(0\.001 s\), got 0\.0005 s\.$",
+        ),
         (
             {"switching_interval": 0.0105},
             ValueError,
-            r"^switching_interval × recording_rate .*whole number, got 10\.5",
+            r"^simulate: switching_interval × recording_rate .*whole number, got 10\.5",
         ),
-        ({"pulse_length": 0.0001}, ValueError, r"^pulse_length × recording_rate must be a whole number, got 0\.1\.$"),
-        ({"duration": 1.0005}, ValueError, r"^duration × recording_rate must be a whole number, got 1000\.5\.$"),
-        ({"settling": 0.0001}, ValueError, r"^settling × recording_rate must be a whole number, got 0\.1\.$"),
-        ({"noise_rate": 300.0}, ValueError, r"^recording_rate / noise_rate must be a whole number, got 3\.33333\.$"),
+        (
+            {"pulse_length": 0.0001},
+            ValueError,
+            r"^simulate: pulse_length × recording_rate must be a whole number, got 0\.1\.$",
+        ),
+        (
+            {"duration": 1.0005},
+            ValueError,
+            r"^simulate: duration × recording_rate must be a whole number, got 1000\.5\.$",
+        ),
+        ({"settling": 0.0001}, ValueError, r"^simulate: settling × recording_rate must be a whole number, got 0\.1\.$"),
+        (
+            {"noise_rate": 300.0},
+            ValueError,
+            r"^simulate: recording_rate / noise_rate must be a whole number, got 3\.33333\.$",
+        ),
         (
             {"integration_rate": 1500.0},
             ValueError,
-            r"^integration_rate / recording_rate .*whole number, got 1\.5",
+            r"^simulate: integration_rate / recording_rate .*whole number, got 1\.5",
         ),
         (
             {"integration_rate": 100.0},
             ValueError,
-            r"^integration_rate / recording_rate .*whole number, got 0\.1",
+            r"^simulate: integration_rate / recording_rate .*whole number, got 0\.1",
         ),
-        ({"voluntary": "much"}, ValueError, r"^voluntary must be a finite number, got 'much'\.$"),
-        ({"omega_n": float("nan")}, ValueError, r"^omega_n must be a finite number \[rad/s\], got nan\.$"),
-        ({"stiffness": float("inf")}, ValueError, r"^stiffness must be a finite number \[N·m/rad\], got inf\.$"),
-        ({"stiffness": True}, ValueError, r"^stiffness must be a finite number \[N·m/rad\], got True\.$"),
-        ({"stiffness": None}, ValueError, r"^stiffness must be a finite number \[N·m/rad\], got None\.$"),
-        ({"closed_loop": "yes"}, ValueError, r"^closed_loop must be true or false, got 'yes'\.$"),
-        ({"closed_loop": 1}, ValueError, r"^closed_loop must be true or false, got 1\.$"),
-        ({"duration": 0.0}, ValueError, r"^duration must be above 0 s, got 0\.0\.$"),
-        ({"load": (0.0, 7.1, 250.0)}, ValueError, r"^load_inertia must be above 0 kg·m², got 0\.0\.$"),
+        (
+            {"voluntary": "much"},
+            ValueError,
+            r"^simulate: voluntary must be a finite number between 0 and 1e6, got 'much'\.$",
+        ),
+        (
+            {"omega_n": float("nan")},
+            ValueError,
+            r"^simulate: omega_n must be a finite number between 0\.01 and 100000 rad/s, got nan\.$",
+        ),
+        (
+            {"stiffness": float("inf")},
+            ValueError,
+            r"^simulate: stiffness must be a finite number between 0 and 1e6 N·m/rad, got inf\.$",
+        ),
+        (
+            {"stiffness": True},
+            ValueError,
+            r"^simulate: stiffness must be a finite number between 0 and 1e6 N·m/rad, got True\.$",
+        ),
+        (
+            {"stiffness": None},
+            ValueError,
+            r"^simulate: stiffness must be a finite number between 0 and 1e6 N·m/rad, got None\.$",
+        ),
+        ({"closed_loop": "yes"}, ValueError, r"^simulate: closed_loop must be true or false, got 'yes'\.$"),
+        ({"closed_loop": 1}, ValueError, r"^simulate: closed_loop must be true or false, got 1\.$"),
+        ({"duration": 0.0}, ValueError, r"^simulate: duration must be above 0 and at most 1e6 s, got 0\.0\.$"),
+        (
+            {"load": (0.0, 7.1, 250.0)},
+            ValueError,
+            r"^simulate: load_inertia must be between 1e-6 and 1e6 kg·m², got 0\.0\.$",
+        ),
         (
             {"load": (1.1, 7.1)},
             ValueError,
             r"^load must be three numbers .*stiffness\), got \(1\.1, 7\.1\)\.$",
         ),
         ({"load": 1.1}, ValueError, r"^load must be three numbers \(inertia, viscosity, stiffness\), got 1\.1\.$"),
-        ({"inertia": 1j}, ValueError, r"^inertia must be a finite number \[kg·m²\], got 1j\.$"),
+        (
+            {"inertia": 1j},
+            ValueError,
+            r"^simulate: inertia must be a finite number between 0 and 10000 kg·m², got 1j\.$",
+        ),
+        (
+            {"perturbation": "pulses", "pulse_length": 0.2},
+            ValueError,
+            r"^simulate: pulse_length must be at most the switching_interval \(0\.1 s\), got 0\.2 s\.$",
+        ),
+        (
+            {"integration_rate": 2e6},
+            ValueError,
+            r"^simulate: integration_rate / recording_rate must be at most 1000, got 2000\.$",
+        ),
         (
             {"voluntary_cutoff": 600.0},
             ValueError,
-            r"^voluntary_cutoff must be below half .*\(500 Hz\), got 600\.0 Hz",
+            r"^simulate: voluntary_cutoff must be below half .*\(500 Hz\), got 600\.0 Hz",
         ),
     ],
 )
 def test_wrong_settings_are_refused_by_name(settings, kind, message):
     with pytest.raises(kind, match=message):
         simulate(seed=1, **settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "size"),
+    [
+        ({"duration": 1e6}, "128 GB"),
+        ({"duration": 1e6, "recording_rate": 1e5, "integration_rate": 1e6}, "12.8 TB"),
+        ({"duration": 1.0, "settling": 1e5}, "12.8 GB"),
+        ({"duration": 1.0, "recording_rate": 1e5, "integration_rate": 1e6, "voluntary_cutoff": 0.01}, "1.68 GB"),
+        ({"duration": 1.0, "recording_rate": 1e5, "integration_rate": 1e6, "noise_rate": 0.1}, "2.48 GB"),
+    ],
+)
+def test_a_simulation_beyond_the_memory_is_refused_before_it_begins(monkeypatch, settings, size):
+    monkeypatch.setattr(arguments, "_find_memory", lambda: 10**9)
+    monkeypatch.setattr(sys.modules["ankleloop.simulation.simulate"], "build_loop", None)  # nothing is computed
+    with pytest.raises(
+        ValueError, match=rf"^simulate: this would need {size} of memory, and the machine has 1 GB: take a"
+    ):
+        simulate(seed=1, **settings)
+
+
+def test_long_trials_share_a_pass_only_as_far_as_memory_goes(monkeypatch):
+    settings = {"duration": 2.0, "settling": 1.0}
+    together = list(simulate_trials(range(3), **settings))
+    monkeypatch.setattr(sys.modules["ankleloop.simulation.simulate"], "CHUNK_MEMORY", 1)
+    for trial, alone in zip(together, simulate_trials(range(3), **settings), strict=True):
+        assert trial.identical(alone)
+
+
+@pytest.mark.parametrize("cutoff", [0.01, 1e5])
+def test_filters_far_from_the_rates_give_finite_signals(cutoff):
+    settings = {"antialias_cutoff": cutoff, "stiffness_drift": 2, "actuator_frequency": 1e4, "duration": 2.0}
+    trial = simulate(seed=1, settling=0.0, closed_loop=False, **settings)
+    assert all(np.isfinite(signal).all() for signal in trial.values())
 
 
 def test_defaults_of_the_paper():

@@ -1,15 +1,20 @@
 """Results do not depend on chunks: of one point, of several, of part of the trials of a point."""
 
 import itertools
+import re
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 from ankleloop import DataError, UnstableLoopError, evaluate, identify, simulate
-from ankleloop.joint.estimate_files import find_estimates, load_estimates_of, save_estimates
-from ankleloop.records.trial_files import load_trial_of
-from ankleloop.replication.results import describe_failures, read_results
+from ankleloop.joint.estimate_files import find_estimates, load_estimates, load_estimates_of
+from ankleloop.records.trial_files import load_chunks, load_trial_of
+from ankleloop.replication.results import read_results
+from ankleloop.replication.trial_counts import describe_failures
+from ankleloop.simulation import simulate as simulation
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.identification import identify_chunk
 from ankleloop.studies.seeds import trial_entropy
@@ -40,6 +45,15 @@ CHUNKS = {
 }
 
 
+def identify_to(folder, trials, study, points, methods, name="0", **options):
+    """Identify a chunk; it gives the tables, as they are in their files, and the path of the estimates."""
+    files = {"estimates": folder / f"estimates-{name}.nc"}
+    files |= {table: folder / f"{table}-{name}.csv" for table in ("scores", "parameters")}
+    identify_chunk(trials, files, study, points, methods, **options)
+    tables = {table: pd.read_csv(files[table], dtype={"warnings": object}) for table in ("scores", "parameters")}
+    return SimpleNamespace(**tables, estimates=files["estimates"])
+
+
 @pytest.fixture(scope="module", params=["double", "single"])
 def results(request, tmp_path_factory):
     """Files and tables of the study for each division into chunks."""
@@ -52,10 +66,8 @@ def results(request, tmp_path_factory):
         for chunk in range(len(study.chunks)):
             trials = folder / f"trials-{chunk}.nc"
             simulate_chunk(trials, "small", 3, study.simulated_points(chunk), request.param)
-            found = identify_chunk(
-                trials, "small", study.varied_settings(chunk), study.identified_methods, precision=request.param
-            )
-            save_estimates(found.estimates, folder / f"estimates-{chunk}.nc")
+            points, methods = study.varied_settings(chunk), study.identified_methods
+            found = identify_to(folder, trials, "small", points, methods, chunk, precision=request.param)
             scores.append(found.scores)
             parameters.append(found.parameters)
         return study, folder, pd.concat(scores, ignore_index=True), pd.concat(parameters, ignore_index=True)
@@ -144,11 +156,16 @@ ERRORS = {
 }
 
 
+@pytest.fixture(scope="module")
+def expected(chunk, tmp_path_factory):
+    """Results of the chunk where nothing fails."""
+    return identify_to(tmp_path_factory.mktemp("expected"), *chunk)
+
+
 @pytest.mark.parametrize("reason", ERRORS)
-def test_a_failure_is_a_row_and_loses_no_other_result(chunk, fail, reason):
-    expected = identify_chunk(*chunk)
+def test_a_failure_is_a_row_and_loses_no_other_result(chunk, expected, fail, reason, tmp_path):
     fail("pr-moesp", {1, 5}, ERRORS[reason])
-    results = identify_chunk(*chunk)
+    results = identify_to(tmp_path, *chunk)
     rows = results.parameters
     failed = rows["failure"].notna()
     points = list(chunk[2])
@@ -160,81 +177,135 @@ def test_a_failure_is_a_row_and_loses_no_other_result(chunk, fail, reason):
     pd.testing.assert_frame_equal(rows[~failed][expected.parameters.columns], expected.parameters[~failed])
     scores = expected.scores.merge(rows[~failed][key], on=key)
     pd.testing.assert_frame_equal(results.scores, scores)
-    assert [len(results.estimates[name]) for name in ("pr", "cascade")] == [4, 6]
+    assert [len(load_estimates(results.estimates, name)) for name in ("pr", "cascade")] == [4, 6]
     sentence = describe_failures(rows)
     assert sentence.startswith("2 of 12 identifications failed; means leave them out. ")
     assert f"pr at {points[0]}, 1 of 3 trials: {reason}" in sentence
     assert describe_failures(expected.parameters) == ""
 
 
-def test_estimates_keep_the_number_of_their_trial(chunk, fail, tmp_path):
+def test_estimates_keep_the_number_of_their_trial(chunk, expected, fail, tmp_path):
     """The second estimate of a method that failed on trial 1 is that of trial 2."""
-    expected = identify_chunk(*chunk).parameters.query("method == 'pr'").set_index(["point", "trial"])["K"]
+    stiffness = expected.parameters.query("method == 'pr'").set_index(["point", "trial"])["K"]
     fail("pr-moesp", {1}, ERRORS["the record is too short"])
-    save_estimates(identify_chunk(*chunk).estimates, tmp_path / "0.nc")
+    results = identify_to(tmp_path, *chunk)
     first, second = chunk[2]
-    estimates = find_estimates([tmp_path / "0.nc"], first, "pr")
+    estimates = find_estimates([results.estimates], first, "pr")
     assert {number: estimate.stiffness["K"] for number, estimate in estimates.items()} == {
-        number: expected[first, number] for number in (0, 2)
+        number: stiffness[first, number] for number in (0, 2)
     }
-    assert list(find_estimates([tmp_path / "0.nc"], second, "pr")) == [0, 1, 2]
+    assert list(find_estimates([results.estimates], second, "pr")) == [0, 1, 2]
 
 
-def test_estimates_that_cannot_be_scored_are_failures(chunk, monkeypatch):
+def test_estimates_that_cannot_be_scored_are_failures(chunk, monkeypatch, tmp_path):
     def refuse(*_, **__):
         raise DataError("nothing is left to score")
 
     monkeypatch.setattr("ankleloop.studies.identification.score_rows", refuse)
-    results = identify_chunk(*chunk)
+    results = identify_to(tmp_path, *chunk)
     assert (results.parameters["failure"] == "nothing is left to score").all()
-    assert results.estimates == {}
+    assert find_estimates([results.estimates], next(iter(chunk[2])), "pr") == {}
 
 
-def test_a_chunk_in_which_all_fails_has_rows_and_no_scores(chunk, fail, tmp_path):
+def test_a_chunk_in_which_all_fails_has_rows_and_no_scores(chunk, expected, fail, tmp_path):
     path, study, points, methods = chunk
     fail("pr-moesp", range(6), ERRORS["the record is too short"])
-    results = identify_chunk(path, study, points, {"pr": methods["pr"]})
+    results = identify_to(tmp_path, path, study, points, {"pr": methods["pr"]})
     assert (results.parameters["failure"] == "the record is too short").all()
     assert len(results.parameters) == 6
-    save_estimates(results.estimates, tmp_path / "estimates.nc")
-    results.scores.to_csv(tmp_path / "scores.csv", index=False)
-    empty = read_results([tmp_path / "scores.csv"])
-    assert list(empty.columns) == list(identify_chunk(*chunk).scores.columns)
+    empty = read_results([tmp_path / "scores-0.csv"])
+    assert list(empty.columns) == list(expected.scores.columns)
     assert len(empty) == 0
     with pytest.raises(DataError, match=r"no estimate file has the point .* by 'pr'"):
-        load_estimates_of([tmp_path / "estimates.nc"], next(iter(points)), "pr")
+        load_estimates_of([results.estimates], next(iter(points)), "pr")
 
 
-def test_estimates_of_other_chunks_are_read_where_a_method_failed_in_one(chunk, fail, tmp_path):
-    save_estimates(identify_chunk(*chunk).estimates, tmp_path / "0.nc")
+def test_estimates_of_other_chunks_are_read_where_a_method_failed_in_one(chunk, expected, fail, tmp_path):
     fail("pr-moesp", range(6), ERRORS["the record is too short"])
-    save_estimates(identify_chunk(*chunk).estimates, tmp_path / "1.nc")
-    estimates = load_estimates_of([tmp_path / "1.nc", tmp_path / "0.nc"], next(iter(chunk[2])), "pr")
+    results = identify_to(tmp_path, *chunk)
+    estimates = load_estimates_of([results.estimates, expected.estimates], next(iter(chunk[2])), "pr")
     assert len(estimates) == 3
 
 
+PLACE = r"study small, point reflex_gain=10.0,voluntary=0.0, trial 1, method pr, .*trials\.nc"
+
+
 @pytest.mark.parametrize("error", [TypeError("no such option"), KeyError("delay"), AttributeError("torque")])
-def test_mistakes_in_the_program_stop_the_job(chunk, fail, error):
+def test_mistakes_in_the_program_stop_the_job(chunk, fail, error, tmp_path):
     fail("pr-moesp", {1}, error)
-    with pytest.raises(type(error)):
-        identify_chunk(*chunk)
-
-
-def test_failures_can_stop_the_job(chunk, fail):
-    fail("pr-moesp", {1}, ERRORS["LinAlgError: Singular matrix"])
-    with pytest.raises(np.linalg.LinAlgError):
-        identify_chunk(*chunk, failures="stop")
-
-
-def test_an_unstable_point_is_named(tmp_path):
-    """The file of a chunk is complete or does not appear."""
-    settings = SimulationSettings(duration=10.0).model_dump()
-    unstable = settings | {"reflex_gain": 30.0, "load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0}
-    points = {
-        "good": {"settings": settings, "first": 0, "stop": 2},
-        "reflex_gain=30.0": {"settings": unstable, "first": 0, "stop": 2},
-    }
-    message = r"study small, point reflex_gain=30.0, trial 0: .* Nothing of this chunk is written"
-    with pytest.raises(UnstableLoopError, match=message):
-        simulate_chunk(tmp_path / "trials.nc", "small", 3, points)
+    with pytest.raises(type(error)) as caught:
+        identify_to(tmp_path, *chunk)
+    assert re.fullmatch(PLACE, caught.value.__notes__[0])
     assert not list(tmp_path.iterdir())
+
+
+def test_failures_can_stop_the_job(chunk, fail, tmp_path):
+    fail("pr-moesp", {1}, np.linalg.LinAlgError("Singular matrix"))
+    with pytest.raises(np.linalg.LinAlgError) as caught:
+        identify_to(tmp_path, *chunk, failures="stop")
+    assert re.fullmatch(PLACE, caught.value.__notes__[0])
+
+
+# --- trials that cannot be simulated
+
+STABLE = SimulationSettings(duration=8.0).model_dump()
+UNSTABLE = STABLE | {"reflex_gain": 30.0, "load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0}
+
+
+def chunk_of(**settings):
+    return {point: {"settings": values, "first": 0, "stop": 3} for point, values in settings.items()}
+
+
+def test_an_unstable_point_stops_the_job_if_failures_stop(tmp_path):
+    """The file of a chunk is complete or does not appear."""
+    with pytest.raises(UnstableLoopError, match="the closed loop is unstable") as caught:
+        simulate_chunk(tmp_path / "trials.nc", "small", 3, chunk_of(good=STABLE, bad=UNSTABLE), failures="stop")
+    assert caught.value.__notes__[0] == "study small, point bad, trial 0"
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("order", "count"), [(("first", "bad", "last"), 3), (("bad", "first"), 3), (("bad",), 3)])
+def test_an_unstable_point_becomes_failures_and_the_others_go_on(tmp_path, order, count):
+    settings = {"first": STABLE, "bad": UNSTABLE, "last": STABLE | {"reflex_gain": 5.0}}
+    path = tmp_path / "trials.nc"
+    failed = simulate_chunk(path, "small", 3, chunk_of(**{point: settings[point] for point in order}))
+    assert [(trial.point, trial.number) for trial in failed] == [("bad", number) for number in range(count)]
+    for point in set(order) - {"bad"}:
+        alone = tmp_path / f"{point}.nc"
+        simulate_chunk(alone, "small", 3, chunk_of(**{point: settings[point]}))
+        xr.testing.assert_identical(load_trial_of([path], point, 1), load_trial_of([alone], point, 1))
+    with pytest.raises(DataError, match="trial 1 of the point 'bad' could not be simulated: the closed loop is"):
+        load_trial_of([path], "bad", 1)
+
+    methods = {"pr": {"method": "pr-moesp", "options": {"basis": "rectifier"}}}
+    results = identify_to(tmp_path, path, "small", {point: {"gain": 1.0} for point in order}, methods)
+    rows = results.parameters
+    assert rows[["point", "trial"]].values.tolist() == [[point, number] for point in order for number in range(3)]
+    assert (rows["failure"].notna() == (rows["point"] == "bad")).all()
+    reason = rows.query("point == 'bad'")["failure"].iloc[0]
+    assert reason.startswith("the trial could not be simulated: the closed loop is unstable")
+    assert set(results.scores["point"]) == set(order) - {"bad"}
+
+
+def test_one_trial_that_fails_among_others_of_its_point(tmp_path, monkeypatch):
+    """Trials of a point run several at a time: the error of one of them names it, and loses no other."""
+    run_loop = simulation.run_loop
+
+    def run_or_diverge(loop, settings, command, *torques):
+        record, divergence = run_loop(loop, settings, command, *torques)
+        return record, 5000 if (np.abs(command - marked).max(axis=1) == 0).any() else divergence
+
+    points = {"p": {"settings": STABLE, "first": 0, "stop": 20}}
+    simulate_chunk(tmp_path / "all.nc", "small", 3, points)
+    commands = []
+    monkeypatch.setattr(simulation, "run_loop", lambda *args: commands.append(args[2]) or run_loop(*args))
+    simulate_chunk(tmp_path / "all.nc", "small", 3, points)
+    marked = commands[0][7]
+    monkeypatch.setattr(simulation, "run_loop", run_or_diverge)
+    (failed,) = simulate_chunk(tmp_path / "some.nc", "small", 3, points)
+    assert (failed.point, failed.number) == ("p", 7)
+    (chunk,) = load_chunks(tmp_path / "some.nc")
+    (whole,) = load_chunks(tmp_path / "all.nc")
+    assert chunk.numbers == [number for number in range(20) if number != 7]
+    for name, values in chunk.signals.items():
+        np.testing.assert_array_equal(values, np.delete(whole.signals[name], 7, axis=0))

@@ -1,11 +1,9 @@
 """The configuration: defaults from the library, and errors that name the key."""
 
-from pathlib import Path
-
 import pytest
 
 from ankleloop.methods.omitted_steps import OMITTED_STEPS
-from ankleloop.studies.checking import ConfigError, check, check_unique_keys
+from ankleloop.studies.checking import ConfigError, check
 from ankleloop.studies.config import Config
 from ankleloop.studies.study import read_studies
 
@@ -41,18 +39,34 @@ def test_defaults_are_filled_in(config):
 @pytest.mark.parametrize(
     ("keys", "value", "message"),
     [
-        (["studdies"], {}, "config: unknown key 'studdies'; known here: run, article, studies."),
-        (["studies"], {}, r"config → studies: .* at least 1 item"),
+        (
+            ["studdies"],
+            {},
+            r"config: unknown key 'studdies' \(did you mean 'studies'\?\); known here: run, article, studies\.",
+        ),
+        (["studies"], {}, "config → studies: must not be empty"),
         (["studies", "table1"], 3, "config → studies → table1: must be a mapping of keys to values, got 3."),
-        (["studies", "table 1"], {"kind": "simulation"}, r"studies → table 1: string should match pattern"),
+        (
+            ["studies", "table 1"],
+            {"kind": "simulation"},
+            "studies → table 1: must consist of letters A-Z a-z, digits and _ -, and",
+        ),
         (["studies", "x"], {"kind": "simulation"}, "studies → x: the key 'seed' is missing"),
         (["studies", "x"], {"seed": 1}, "studies → x: the key 'kind' is missing"),
-        (["studies", "table1", "trails"], 3, r"config → studies → table1: unknown key 'trails'; known here: .*trials"),
-        (["studies", "table1", "trials"], 0, r"config → studies → table1 → trials \[1\]: must be at least 1, got 0\."),
-        (["studies", "table1", "seed"], "x", r"table1 → seed \[1\]: must be a whole number, got 'x'"),
+        (["studies", "table1", "trails"], 3, r"config → studies → table1: unknown key 'trails' .*known here: .*trials"),
+        (["studies", "table1", "trials"], 0, r"config → studies → table1 → trials \[1\]: must be .* 1 .*, got 0\."),
+        (["studies", "table1", "seed"], "x", r"table1 → seed \[1\]: must be a whole number .*, got 'x'"),
         (["studies", "table1", "title"], 3, "table1 → title: must be text, got 3"),
-        (["studies", "table1", "simulation", "stifness"], 1, "simulation: unknown key 'stifness'; known here: stiff"),
-        (["studies", "table1", "simulation", "duration"], -1, r"simulation → duration \[s\]: must be above 0, got -1"),
+        (
+            ["studies", "table1", "simulation", "stifness"],
+            1,
+            r"simulation: unknown key 'stifness' \(did you mean 'stiffness'\?\); known here: stiff",
+        ),
+        (
+            ["studies", "table1", "simulation", "duration"],
+            -1,
+            r"simulation → duration \[s\]: must be above 0 .*, got -1",
+        ),
         (["studies", "table1", "simulation", "duration"], 0.0015, "simulation: duration × recording_rate must be a wh"),
         (["studies", "table1", "points", "gain"], [1], "points: 'gain' is not a setting of the simulation; known: st"),
         (["studies", "table1", "points"], [{"gain": 1.0}], "points: 'gain' is not a setting of the simulation"),
@@ -62,24 +76,24 @@ def test_defaults_are_filled_in(config):
         (
             ["studies", "table1", "points", "reflex_gain"],
             [-2.0],
-            r"studies → table1 → points → reflex_gain=-2.0 → reflex_gain \[N·m·s/rad\]: must be at least 0, got -2.0",
+            r"studies → table1 → points → reflex_gain=-2.0 → reflex_gain \[N·m·s/rad\]: must be .* 0 .*, got -2.0",
         ),
         (METHOD, {"options": {}}, "methods → a: the key 'method' is missing"),
         (METHOD, {"method": "pr-moes"}, "a → method: must be one of 'pr-moesp', .*; got 'pr-moes'"),
         (METHOD, {"method": "pr-moesp", "options": {"passes": 1}}, "a → options: unknown key 'passes'"),
-        (METHOD, {"method": "pr-moesp", "options": {"order": 0}}, r"options → order \[1\]: must be at least 1, got 0"),
+        (METHOD, {"method": "pr-moesp", "options": {"order": 0}}, r"options → order \[1\]: must be .* 1 .*, got 0"),
         (
             METHOD,
             {"method": "parallel-cascade", "options": {"order": 2}},
             "a → options: unknown key 'order'; known here: delay",
         ),
-        (["studies", "table1", "figure", "lenght"], 1, "figure: unknown key 'lenght'; known here: methods, trial"),
-        (["studies", "table1", "kind"], "recording", "kind: must be one of 'simulation', 'recordings'; got 'record"),
+        (["studies", "table1", "figure", "lenght"], 1, "figure: unknown key 'lenght' .*known here: methods, trial"),
+        (["studies", "table1", "kind"], "recording", "kind: must be one of 'simulation', 'recordings' .*; got 'record"),
         (["studies", "table1", "precision"], "half", "precision: must be one of 'single' or 'double'; got 'half'"),
         (["studies", "table1", "notebook"], "table3", "notebook: must be one of 'table1', .*; got 'table3'"),
         (["studies", "figure4", "trials_per_chunk"], 10, "figure4: a chunk is some points, or part of the trials of"),
-        (["run"], ["table3"], "config: run: there is no study 'table3'; there are table1, "),
-        (["article"], ["table3"], "config: article: there is no study 'table3'; there are table1, "),
+        (["run"], ["table3"], "config: run: there is no study 'table3' .*; there are table1, "),
+        (["article"], ["table3"], "config: article: there is no study 'table3' .*; there are table1, "),
         (["studies", "table1", "notebook"], None, "config: article: the study 'table1' is not simulated, or has no no"),
     ],
 )
@@ -92,11 +106,11 @@ def test_candidates_of_a_selection_must_be_options(change):
     def read(**method):
         return read_studies(change(*METHOD, value=method))[1]["table1"]
 
-    with pytest.raises(ConfigError, match=r"methods → a: select: order must be at least 1, got 0"):
+    with pytest.raises(ConfigError, match=r"methods → a: select: .*order must be .* 1 .*, got 0"):
         read(method="pr-moesp", select={"order": [1, 0]})
     with pytest.raises(ConfigError, match="a: select: method 'riv' has no option 'block_rows'; it has order"):
         read(method="riv", select={"block_rows": [10]})
-    with pytest.raises(ConfigError, match=r"select → order: .* at least 1 item"):
+    with pytest.raises(ConfigError, match=r"select → order: must not be empty"):
         read(method="riv", select={"order": []})
     study = read(method="riv", select={"order": [2, 3]})
     options = study.identified_methods["a"]["options"]
@@ -123,35 +137,3 @@ def test_names_of_the_study_on_steps_are_those_of_the_steps_left_out(config):
     steps = [name.partition("-without-")[2] for name in methods]
     assert len(methods) == 4 * 6
     assert sorted(steps) == sorted([*OMITTED_STEPS, ""] * 4)
-
-
-# --- keys that stand twice
-
-
-@pytest.mark.parametrize("name", ["config.yaml", "beyond.yaml", "ci.yaml", "recordings.example.yaml"])
-def test_no_key_of_the_configurations_stands_twice(name):
-    check_unique_keys(Path(__file__).parents[3] / "config" / name)
-
-
-@pytest.mark.parametrize(
-    ("text", "key", "lines"),
-    [
-        ("a: 1\nb: 2\na: 3\n", "a", (3, 1)),
-        ("studies:\n  files:\n    S1: {file: a.mat}\n    S1: {file: b.mat}\n", "S1", (4, 3)),
-        ("list:\n- {x: 1, y: 2,\n   x: 3}\n", "x", (3, 2)),
-    ],
-)
-def test_a_key_that_stands_twice_is_refused(tmp_path, text, key, lines):
-    path = tmp_path / "config.yaml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigError, match=rf"the key '{key}' in line {lines[0]} stands in line {lines[1]}, too"):
-        check_unique_keys(path)
-
-
-def test_keys_of_other_mappings_and_of_anchors_may_be_equal(tmp_path):
-    path = tmp_path / "config.yaml"
-    text = "a: &x {k: 1}\nb: &y {k: 2}\nc: {<<: *x, k: 3}\nd: {<<: *x, <<: *y}\ne: [*x, *x]\n"
-    path.write_text(text, encoding="utf-8")
-    check_unique_keys(path)
-    (tmp_path / "empty.yaml").touch()
-    check_unique_keys(tmp_path / "empty.yaml")

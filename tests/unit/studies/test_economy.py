@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ankleloop import simulate
+from ankleloop import DataError, simulate
 from ankleloop.studies import economy
 from ankleloop.studies.economy import measure_economy
 
@@ -57,3 +57,12 @@ def test_runs_alternate():
     pairs = [set(order[k : k + 2]) for k in range(0, len(order), 2)]
     assert all(pair == set(economy.COMPARED) for pair in pairs)
     assert len(set(order[::2])) == 2  # neither is always the first
+
+
+def test_a_trial_that_a_method_cannot_identify_is_left_out(trials):
+    short = trials[0].isel(time=slice(0, 600))
+    table = measure_economy([short, *trials[:2]], {}).set_index("quantity")
+    assert table.loc["milliseconds_ratio", "n"] == 2
+    for none in ([short], []):
+        with pytest.raises(DataError, match="there is no trial that both methods identify"):
+            measure_economy(none, {})

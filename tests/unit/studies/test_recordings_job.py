@@ -1,28 +1,33 @@
 """The job of a chunk of recordings: what fails numerically is refused with its reason, the others finish."""
 
 import logging
+import os
 import runpy
+import signal
+import struct
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.io
 
 from ankleloop import save_trial, simulate
-from ankleloop.pages import recordings as pages
 from ankleloop.recordings import files
 from ankleloop.replication.results import read_results
+from ankleloop.studies import recordings as job_of_recordings
 from ankleloop.studies.study import read_studies
 
 SCRIPTS = Path(__file__).parents[3] / "workflow" / "scripts"
-NAMES = ("good", "bad")
+NAMES = ("good", "bad")  # of the recordings of a job
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recordings")
-    for seed, name in enumerate(NAMES):
+    for seed, name in enumerate((*NAMES, "after")):
         save_trial(simulate(seed=seed, duration=20.0), folder / f"{name}.nc")
     return folder
 
@@ -31,11 +36,14 @@ def folder(tmp_path_factory):
 def run_job(folder, tmp_path, monkeypatch):
     """Run the script of the rule `recordings` on two recordings; it gives the table and the folder of the pages."""
 
-    def run():
+    def run(*names):
         settings = {
             "kind": "recordings",
             "folder": str(folder),
-            "files": {name: {"file": f"{name}.nc", "subject": "007", "reference": "reference"} for name in NAMES},
+            "files": {
+                name: {"file": name if "." in name else f"{name}.nc", "subject": "007", "reference": "reference"}
+                for name in names or NAMES
+            },
             "methods": {"riv": {"method": "riv"}},
         }
         study = read_studies({"studies": {"laboratory": settings}})[1]["laboratory"]
@@ -47,6 +55,7 @@ def run_job(folder, tmp_path, monkeypatch):
             ),
             output=SimpleNamespace(folder=str(tmp_path / "pages"), table=str(tmp_path / "table.csv")),
             log=str(tmp_path / "job.log"),
+            rule="recordings",
             wildcards={"study": "laboratory", "chunk": "0"},
         )
         monkeypatch.syspath_prepend(str(SCRIPTS))
@@ -61,20 +70,22 @@ def run_job(folder, tmp_path, monkeypatch):
 
 
 def fail_on_bad(function, error):
-    """The function, which fails at its second call, that for the second recording, and never again."""
+    """The function, which at its second call, that for the second recording, raises an error or gets a signal."""
     calls = []
 
     def change(*args, **options):
         calls.append(None)
         if len(calls) == 2:
-            raise error
+            if isinstance(error, Exception):
+                raise error
+            os.kill(os.getpid(), error)
         return function(*args, **options)
 
     return change
 
 
 @pytest.mark.parametrize("error", [np.linalg.LinAlgError("SVD did not converge"), FloatingPointError("overflow")])
-@pytest.mark.parametrize(("module", "name"), [(files, "analyse"), (pages, "embed_recording_figures")])
+@pytest.mark.parametrize(("module", "name"), [(files, "analyse"), (job_of_recordings, "embed_recording_figures")])
 def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, module, name, error):
     monkeypatch.setattr(module, name, fail_on_bad(getattr(module, name), error))
     table, folder = run_job()
@@ -89,7 +100,40 @@ def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, m
     assert (table["subject"] == "007").all()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere processes cannot be forked safely")
+def test_a_killed_process_refuses_one_recording(run_job, monkeypatch, capsys):
+    monkeypatch.setattr(files, "analyse", fail_on_bad(files.analyse, signal.SIGKILL))
+    table, folder = run_job("good", "bad", "after")
+    by_name = table.set_index("recording")
+    reason = "the process of its analysis came to no end (it was killed by SIGKILL): most often memory was short"
+    assert by_name.loc["bad", "reasons"].startswith(reason)
+    assert f"bad refused: {reason}" in capsys.readouterr().err
+    assert {path.name for path in folder.iterdir()} == {*("good", "after"), *(f"{n}.html" for n in by_name.index)}
+    assert by_name.loc[["good", "after"], "K"].notna().all()
+
+
+def test_a_file_that_crashes_its_reader_refuses_one_recording(run_job, folder):
+    """The byte of the type of the samples is wrong, which scipy takes as an index in memory."""
+    time = np.arange(12_000) / 1000.0
+    channels = {"position": 0.02 * np.sin(9.0 * time), "torque": np.cos(9.0 * time), "reference": np.sin(8.0 * time)}
+    scipy.io.savemat(folder / "crash.mat", channels)
+    content = bytearray((folder / "crash.mat").read_bytes())
+    content[content.index(struct.pack("<II", 9, 8 * time.size)) + 1] ^= 1 << 7
+    (folder / "crash.mat").write_bytes(content)
+    table, pages_folder = run_job("good", "crash.mat", "after")
+    by_name = table.groupby("recording")["verdict"].first()
+    assert by_name["crash.mat"] == "refused"
+    assert "refused" not in (by_name["good"], by_name["after"])
+    reason = table.set_index("recording").loc["crash.mat", "reasons"]
+    assert reason.startswith("crash.mat: cannot be read as .mat (")
+    assert "check that the file is whole" in (pages_folder / "crash.mat.html").read_text(encoding="utf-8")
+    assert {path.name for path in pages_folder.glob("*.html")} == {"good.html", "crash.mat.html", "after.html"}
+
+
 def test_mistakes_in_the_program_stop_the_job(run_job, monkeypatch):
     monkeypatch.setattr(files, "analyse", fail_on_bad(files.analyse, TypeError("no such option")))
-    with pytest.raises(SystemExit, match="TypeError in study laboratory, chunk 0: no such option"):
+    message = (
+        r"rule recordings, study laboratory, chunk 0; recording bad, .*bad\.nc: TypeError: no such option \(The log"
+    )
+    with pytest.raises(SystemExit, match=message):
         run_job()

@@ -36,6 +36,7 @@ def test_settings_have_their_bounds_and_units():
         "default": 0.04,
         "description": "",
         "exclusiveMinimum": 0,
+        "maximum": 1,
         "type": "number",
         "unit": "s",
     }

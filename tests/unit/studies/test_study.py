@@ -74,7 +74,9 @@ def test_points_with_the_same_settings_under_two_names_are_refused(table1):
         table1(points=[{}, {"load_inertia": 1.1}])
 
 
-@pytest.mark.parametrize(("value", "message"), [(True, "finite number"), ("13", "finite number"), (-1, "at least 0")])
+@pytest.mark.parametrize(
+    ("value", "message"), [(True, "finite number"), ("13", "finite number"), (-1, "must be .* 0 ")]
+)
 def test_values_of_points_are_checked_as_they_are_given(table1, value, message):
     with pytest.raises(ConfigError, match=rf"points → reflex_gain={value}.* → reflex_gain .*{message}"):
         table1(points={"reflex_gain": [value]})
@@ -227,15 +229,15 @@ def test_chunks_of_recordings(tabulate):
     [
         ("file,torque_sign\na.mat,2\n", r"line 2 → torque_sign.* must be one of 1 or -1; got 2"),
         ("file,torque_sign\na.mat,down\n", r"line 2 → torque_sign.* must be one of 1 or -1; got 'down'"),
-        ("file,start\na.mat,late\n", r"line 2 → start \[s\]: must be a finite number, got 'late'"),
+        ("file,start\na.mat,late\n", r"line 2 → start \[s\]: must be a finite number.*, got 'late'"),
         ("file,color\na.mat,red\n", "line 2: unknown key 'color'; known here: .*name, batch"),
         ("name,file\nx,a.mat\nx,b.mat\n", "line 3: the name 'x' is taken"),
         ("name,file\nx,a.mat\n\nx,b.mat\n", "line 4: the name 'x' is taken"),
-        ("name,file\na/b,a.mat\n", "line 2: the name 'a/b' does not match"),
+        ("name,file\na/b,a.mat\n", "line 2: the name 'a/b' must consist of at most 100 letters"),
         ("name,file\n", "has no rows"),
         ("name,subject\nx,S1\n", "line 2: the key 'file' is missing"),
-        ("file,start\na.mat,1_0\n", r"line 2 → start \[s\]: must be a finite number, got '1_0'"),
-        ("file,start\na.mat,nan\n", r"line 2 → start \[s\]: must be a finite number, got 'nan'"),
+        ("file,start\na.mat,1_0\n", r"line 2 → start \[s\]: must be a finite number.*, got '1_0'"),
+        ("file,start\na.mat,nan\n", r"line 2 → start \[s\]: must be a finite number.*, got 'nan'"),
         ("file,subject\nleft, loaded.mat,S1\n", "line 2: 'S1' is in no named column; put a text with a comma"),
         ("file,subject,file\na.mat,S1,b.mat\n", "2 columns are called 'file'"),
         ("batch,name,file\n,B1,a.mat\nB1,,b.mat\n", "line 3: the name 'B1' is taken; give each row, and each batch"),
@@ -295,5 +297,5 @@ def test_what_would_replace_results_silently_is_refused(tabulate):
 def test_a_table_that_is_no_text_is_refused(tabulate, tmp_path):
     config = tabulate("name,file\ny,b.mat\n")
     (tmp_path / "list.csv").write_bytes(b"name,file\n\xff\xfe,b.mat\n")
-    with pytest.raises(ConfigError, match=r"list\.csv is no CSV file in UTF-8"):
+    with pytest.raises(ConfigError, match=r"list\.csv, line 2: this is not UTF-8"):
         recorded(config)

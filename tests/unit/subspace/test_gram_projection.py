@@ -2,13 +2,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import signal
 
 from ankleloop import simulate
 from ankleloop.errors import DataError
 from ankleloop.joint.models import simulate_torques
 from ankleloop.joint.prepared import prepare
 from ankleloop.subspace import moesp, simulate_response
-from ankleloop.subspace.gram_projection import project_gram
+from ankleloop.subspace.gram_projection import expect_accuracy, project_gram
+from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.projection import project
 
 
@@ -267,3 +269,17 @@ def test_a_small_problem_is_factorised_at_once():
     u, y = open_loop_data()
     assert moesp(u[:200], y[:200], 5, 1).diagnostics["compression"] == "qr"
     assert moesp(u, y, 12, 1).diagnostics["compression"] == "gram"
+
+
+@pytest.mark.parametrize("band", [0.05, 0.1, 0.15, 0.4, None])
+def test_inputs_in_a_narrow_band_show_that_inner_products_do_not_suffice(band):
+    rng = np.random.default_rng(8)
+    u = rng.standard_normal((2500, 2))
+    u = signal.sosfilt(signal.butter(4, band, output="sos"), u, axis=0)[500:] if band else u
+    u /= u.std(axis=0)
+    y = u[:, :1] + 0.5 * np.roll(u[:, 1:], 1, axis=0) + 0.1 * rng.standard_normal((len(u), 1))
+    U, Z, Y = block_hankel(u, 20, 20, 1900), block_hankel(u, 0, 20, 1900), block_hankel(y, 20, 20, 1900)
+    expected = expect_accuracy(u, 40, 1e-8)
+    assert expected == (band is None or band > 0.2)
+    assert (project_twice(U, Z, Y, "ordinary")[0] is not None) == expected
+    assert expect_accuracy(u, 40, 1e-3)  # then directions that rounding hides do not count

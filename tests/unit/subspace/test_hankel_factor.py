@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from ankleloop.errors import DataError
 from ankleloop.subspace import moesp, simulate_response
 from ankleloop.subspace.hankel import block_hankel
-from ankleloop.subspace.hankel_factor import HankelFactor, combine_factors, factor_products, update_factor
+from ankleloop.subspace.hankel_factor import (
+    HankelFactor,
+    _sum_products,
+    combine_factors,
+    factor_products,
+    update_factor,
+)
 
 
 def accumulate(x, rows, chunks=None, lags=None, **options):
@@ -99,12 +105,12 @@ def test_a_dependent_row_is_left_out():
     A = rng.standard_normal((20, 5))
     A[:, 3] = A[:, 0] - 2.0 * A[:, 1]
     G = A.T @ A
-    R = factor_products(G.copy(), np.zeros_like(G))
+    R = factor_products(G.copy(), np.zeros_like(G), len(G))
     # The products themselves are rounded to 16 digits, so what is left of the row is their rounding.
     assert np.abs(R[3]).max() < 1e-6
     np.testing.assert_allclose(R.T @ R, G, atol=1e-12)
     np.testing.assert_allclose(np.abs(np.diag(R))[[0, 1, 2]], np.abs(np.diag(np.linalg.qr(A, mode="r")))[[0, 1, 2]])
-    zero = factor_products(np.diag([1.0, 0.0, 4.0]), np.zeros((3, 3)))
+    zero = factor_products(np.diag([1.0, 0.0, 4.0]), np.zeros((3, 3)), 3)
     np.testing.assert_array_equal(zero, np.diag([1.0, 0.0, 2.0]))
 
 
@@ -152,3 +158,21 @@ def test_poles_without_noise(order, inputs, outputs, samples, seed):
     estimate = moesp(u, y, 8, order, "past-input-output")
     assert estimate.diagnostics["compression"] == "qr"
     np.testing.assert_allclose(np.sort(estimate.diagnostics["poles"].real), poles, atol=1e-10)
+
+
+def test_the_first_rows_alone():
+    x = np.random.default_rng(4).standard_normal((90, 2))
+    for subtract_means in (True, False):
+        factor = accumulate(x, 5, subtract_means=subtract_means)
+        np.testing.assert_array_equal(factor.matrix(count=4), factor.matrix()[:4])
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e9])
+def test_products_have_twice_the_digits(size):
+    """Against exact rational numbers, over more columns than are summed at a time."""
+    x = size * np.random.default_rng(5).standard_normal((201, 1))
+    high, low = np.zeros((2, 2, 2))
+    _sum_products(x, 200, np.array([2]), high, low)
+    exact = sum(Fraction(a) * Fraction(b) for a, b in zip(x[:200, 0], x[1:, 0], strict=True))
+    error = Fraction(high[0, 1]) + Fraction(low[0, 1]) - exact
+    assert abs(float(error)) < 4e-30 * 200 * size**2

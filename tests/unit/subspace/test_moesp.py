@@ -320,7 +320,9 @@ def test_leads_are_rows_of_the_reference_in_the_future():
     assert abs(upper_pole(leads) - PLANT_POLE) < 0.1
     with pytest.raises(ValueError, match=r"instrument_leads must be between 0 and block_rows \(6\), got 7"):
         moesp(u, y, 6, 2, "past-reference", "correlation", r, instrument_leads=7)
-    with pytest.raises(ValueError, match="instrument_leads need instruments made of the reference, not 'past-input'"):
+    with pytest.raises(
+        ValueError, match="instrument_leads must be 0 unless instruments are made of the reference: with 'past-input'"
+    ):
         moesp(u, y, 6, 2, instrument_leads=1)
 
 
@@ -398,11 +400,11 @@ def test_a_missing_reference():
         ({"input_matrices": "guess"}, "input_matrices must be one of 'least-squares' or 'instruments'; got 'guess'"),
         ({"order": 5}, r"block_rows must be larger than the order \(5\), got 5"),
         ({"order": 9}, r"block_rows must be larger than the order \(9\), got 5"),
-        ({"order": 0}, "order must be at least 1, got 0"),
-        ({"order": None, "block_rows": 1}, r"block_rows must be larger than the order \(1\), got 1"),
-        ({"instrument_rows": 0}, "instrument_rows must be at least 1, got 0"),
-        ({"dt": 0.0}, "dt must be above 0 s, got 0.0"),
-        ({"rank_tolerance": 1.0}, "rank_tolerance must be below 1, got 1.0"),
+        ({"order": 0}, "order must be between 1 and 1000, got 0"),
+        ({"order": None, "block_rows": 1}, "block_rows must be between 2 and 10000, got 1"),
+        ({"instrument_rows": 0}, "instrument_rows must be between 1 and 10000, got 0"),
+        ({"dt": 0.0}, "dt must be between 1e-9 and 1e9 s, got 0.0"),
+        ({"rank_tolerance": 1.0}, "rank_tolerance must be at least 0 and below 1, got 1.0"),
     ],
 )
 def test_impossible_options(options, message):
@@ -414,7 +416,7 @@ def test_impossible_options(options, message):
 def test_unknown_options_are_refused():
     _, u, y, _ = simulate_with_reference(samples=300)
     known = "block_rows, order, instruments, projection, dt, instrument_rows, .*names"
-    with pytest.raises(TypeError, match=f"moesp has no option 'tolerance'; it has {known}, input_matrices, compress"):
+    with pytest.raises(TypeError, match=f"no option 'tolerance' .*; it has {known}, input_matrices, compress"):
         moesp(u, y, 5, 2, tolerance=1e-3)
     with pytest.raises(TypeError, match=f"moesp_chunks has no option 'compression'; it has {known}\\."):
         moesp_chunks(lambda: iter([(u, y, None)]), 5, 2, compression="qr")
@@ -465,3 +467,26 @@ def test_an_unstable_estimate_is_replaced_and_reported():
     (warning,) = estimate.diagnostics["warnings"]
     assert warning.startswith("least squares gave an unstable A (spectral radius 1.0500) at order 1")
     assert "Lower the order" in warning
+
+
+def test_a_projection_beyond_the_memory_is_refused_before_it_begins(monkeypatch):
+    monkeypatch.setattr("ankleloop.arguments._find_memory", lambda: 10**9)
+    u, y = np.random.default_rng(0).standard_normal((2, 100_000, 1))
+    with pytest.raises(ValueError, match=r"^moesp: this would need 3\.84 GB of memory, .* 1 GB: use fewer block_rows"):
+        moesp(u, y, block_rows=4000, order=2, instruments="past-input", instrument_rows=4649)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-120, 1e120, 1e200])
+def test_signals_whose_squares_overflow_or_vanish_are_refused(scale):
+    u, y = np.random.default_rng(0).standard_normal((2, 400, 1))
+    for name, pair in (("input", (scale * u, y)), ("output", (u, scale * y))):
+        with pytest.raises(DataError, match=f"{name} 0 has a standard deviation of .* between 1e-100 and 1e100"):
+            moesp(*pair, 5, 1)
+        with pytest.raises(DataError, match=f"{name} 0 has a standard deviation of .* between 1e-100 and 1e100"):
+            moesp_chunks(lambda pair=pair: [(*pair, None)], 5, 1)
+
+
+def test_simulated_responses_refuse_states_of_another_number():
+    A, B, C, D = np.eye(2), np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1))
+    with pytest.raises(ValueError, match="must have one number of states"):
+        simulate_response(A, B, C, D, np.ones((5, 1)), [1.0])

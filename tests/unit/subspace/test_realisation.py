@@ -42,7 +42,7 @@ def test_exact_observability_matrix(order, outputs, spare, more, radius, seed):
     # The left singular vectors of a projection: the column space, and then directions of the noise.
     noise = rng.standard_normal((exact.shape[0], min(more, exact.shape[0] - order)))
     columns = np.linalg.qr(np.column_stack([exact, noise]))[0]
-    A_estimate, C_estimate, unstable_radius = realise(columns, outputs, order)
+    A_estimate, C_estimate, _, unstable_radius = realise(columns, outputs, order)
     assert unstable_radius is None
     np.testing.assert_allclose(np.poly(A_estimate), np.poly(A), atol=1e-9)
     # The same system in another basis, whose observability matrix has these columns.
@@ -76,7 +76,7 @@ def test_an_unstable_system_is_replaced_and_reported(order, outputs, spare, radi
     exact = observability(A, C, order + spare)
     assume(np.linalg.cond(exact[:-outputs]) < 1e3)
     columns = np.linalg.qr(exact)[0]
-    A_estimate, C_estimate, unstable_radius = realise(columns, outputs, order)
+    A_estimate, C_estimate, _, unstable_radius = realise(columns, outputs, order)
     assert unstable_radius == pytest.approx(radius, rel=1e-7)
     assert spectral_radius(A_estimate) < 1
     assert np.linalg.norm(A_estimate, 2) <= 1 + 1e-12
@@ -89,7 +89,7 @@ def test_any_column_space_gives_a_stable_system(order, outputs, spare, seed):
     rows = (order + spare) * outputs
     columns = np.linalg.qr(np.random.default_rng(seed).standard_normal((rows, order)))[0]
     least_squares = np.linalg.pinv(columns[:-outputs]) @ columns[outputs:]
-    A, _, unstable_radius = realise(columns, outputs, order)
+    A, _, _, unstable_radius = realise(columns, outputs, order)
     assert spectral_radius(A) < 1
     radius = spectral_radius(least_squares)
     assume(abs(radius - 1) > 1e-9)
@@ -128,3 +128,11 @@ def test_the_order_is_at_the_largest_drop(order, ratios, scale):
 )
 def test_choose_order(values, largest, order):
     assert choose_order(np.array(values), largest) == order
+
+
+def test_poles_are_the_eigenvalues_of_A():
+    rng = np.random.default_rng(3)
+    for radius in (0.9, 1.2):  # stable, and replaced by a stable one
+        columns = np.linalg.qr(observability(*random_system(rng, 3, 2, radius), 8))[0]
+        A, _, poles, _ = realise(columns, 2, 3)
+        np.testing.assert_allclose(np.poly(poles), np.poly(A), atol=1e-12)

@@ -141,7 +141,7 @@ def test_the_error_names_records_that_do_not_agree():
         moesp(u, y[:1], 6, 2)
     with pytest.raises(DataError, match="80 samples of inputs, 79 of the output in record 1"):
         moesp(u, [y[0], y[1][:-1]], 6, 2)
-    with pytest.raises(DataError, match="record 1 has shape"):
+    with pytest.raises(DataError, match="record 1 of the input has shape"):
         moesp([u[0], u[1][:, :1]], y, 6, 2)
     with pytest.raises(DataError, match=r"the record of 9 \+ 8 samples is shorter"):
         moesp([u[0][:9], u[1][:8]], [y[0][:9], y[1][:8]], 6, 2)

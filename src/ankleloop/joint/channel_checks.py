@@ -1,0 +1,267 @@
+"""Faults of single channels, seen in their recorded samples: clipping, stretches at rest, spikes.
+
+Each check costs a few passes over the samples at most, so that every identification can afford it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from ankleloop.joint.findings import Finding
+from ankleloop.joint.prepared import PreparedTrial
+
+__all__ = ["check_channel", "check_clipping", "check_rest", "check_spikes"]
+
+CLIPPED_RUN = 5  # consecutive samples at the very end of the range
+CLIPPED_EXCESS = 5.0  # times as many samples there as at the next values
+MINOR = 1.0  # % of the samples: less clipping is only a warning of the recording check
+REST = 1.0  # s at exactly the same value: noise of a sensor moves any channel sooner
+LONG_REST, REST_SHARE = 2.0, 0.2  # s, and share of the record, where no other channel moves either
+MOVEMENT = {"position": 0.5, "torque": 0.1, "reference": 0.1}  # share of its range by which another channel moves
+SPIKE = 0.003  # s on either side
+PARTS = (5, 10)  # fewest and most parts of the record: a perturbation is in most of them, a spike is not
+SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
+SPIKE_SIZE = 0.5  # standard deviations of the channel
+LANES = 64  # samples at a time
+UNITS = {"position": "rad", "torque": "N·m", "reference": "rad"}
+
+
+def check_channel(trial: PreparedTrial, name: str) -> list[Finding]:
+    """All checks of one channel.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    name : str
+        Name of the channel.
+
+    Returns
+    -------
+    list of Finding
+        Only those that are not ok.
+    """
+    peaks, repeated = _scan(trial, name)
+    findings = [_find_spike(trial, name, peaks)]
+    if repeated:
+        findings += [check_clipping(trial, name), check_rest(trial, name)]
+    return [finding for finding in findings if finding.verdict != "ok"]
+
+
+def _reach(trial: PreparedTrial) -> int:
+    """Samples on either side with which a spike is compared."""
+    return max(1, round(SPIKE * trial.rate))
+
+
+def _scan(trial: PreparedTrial, name: str) -> tuple[np.ndarray, bool]:
+    """Squares of the highest peak of each part of a channel, and whether it may stand still or be clipped.
+
+    Where it does, values come again at once; noise leaves hardly any that do.
+    """
+    x = np.ascontiguousarray(trial.samples(name))
+    parts = min(max(int(x.size / trial.rate), PARTS[0]), PARTS[1])
+    products, repeated = _scan_samples(x, _reach(trial), parts)
+    return products, bool(repeated)
+
+
+@njit(cache=True)
+def _scan_samples(x, reach, parts):
+    """Largest product of the changes before and after a sample in each part, and how many samples repeat the last one.
+
+    Maxima over lanes first, whose number the compiler knows: so it takes several samples at a time.
+    """
+    peaks, lanes, repeated = np.zeros(parts), np.empty(LANES), 0
+    inner = max(x.size - 2 * reach, 0)
+    for part in range(parts):
+        start, stop = part * inner // parts, (part + 1) * inner // parts
+        lanes[:] = 0.0
+        whole = start
+        while whole + LANES <= stop:
+            before, here = x[whole : whole + LANES], x[whole + reach : whole + reach + LANES]
+            after, next_one = x[whole + 2 * reach : whole + 2 * reach + LANES], x[whole + 1 : whole + 1 + LANES]
+            for k in range(LANES):
+                product = (here[k] - before[k]) * (here[k] - after[k])
+                lanes[k] = product if product > lanes[k] else lanes[k]
+                repeated += next_one[k] == before[k]
+            whole += LANES
+        for k in range(whole, stop):
+            product = (x[k + reach] - x[k]) * (x[k + reach] - x[k + 2 * reach])
+            lanes[0] = max(lanes[0], product)
+            repeated += x[k + 1] == x[k]
+        peaks[part] = lanes.max()
+    return peaks, repeated
+
+
+def check_clipping(trial: PreparedTrial, name: str) -> Finding:
+    """A channel that stays at its largest or smallest value has reached the end of its range.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    name : str
+        Name of the channel.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = simulate(seed=1, duration=10.0)
+    >>> trial["torque"] = trial["torque"].clip(max=5.0)
+    >>> check_clipping(PreparedTrial(trial), "torque").verdict
+    'refused'
+    """
+    x = trial.samples(name)
+    low, high = float(x.min()), float(x.max())
+    ends = [_clipped_samples(x, edge) for edge in (low, high)]
+    clipped, first = max(ends, key=lambda end: end[0])
+    if not clipped:
+        return Finding(f"clipping of the {name}", "ok", f"none; it reaches from {low:.4g} to {high:.4g} {UNITS[name]}.")
+    share = 100.0 * clipped / x.size
+    text = (
+        f"{clipped} samples ({share:.3g} %) stand at the end of the range of the {name}, first at "
+        f"{_place(trial, first)}: what lies beyond is lost, and K, B, I and G are off. Record again: widen the range."
+    )
+    return Finding(f"clipping of the {name}", "warning" if share < MINOR else "refused", text)
+
+
+def _clipped_samples(x: np.ndarray, edge: float) -> tuple[int, int]:
+    """Number of samples at an end of the range, if they are too many in a row and compared to the next values.
+
+    The second number is the first sample of the longest run.
+    """
+    at_edge = np.flatnonzero(x == edge)
+    if at_edge.size < CLIPPED_RUN:
+        return 0, 0
+    starts, lengths = _runs(at_edge)
+    longest = int(np.argmax(lengths))
+    if lengths[longest] < CLIPPED_RUN:
+        return 0, 0
+    # As many samples again, the nearest to the end, have more than five other values if it is clipped.
+    distances = np.abs(x - edge)
+    count = min(2 * at_edge.size, x.size)
+    nearest = np.partition(distances, count - 1)[:count]
+    counts = np.unique(nearest[nearest > 0], return_counts=True)[1][:5]
+    nearby = max(float(counts.mean()), 1.0) if counts.size else 1.0
+    return (at_edge.size, int(starts[longest])) if at_edge.size > CLIPPED_EXCESS * nearby else (0, 0)
+
+
+def _runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First sample and length of each run of consecutive samples."""
+    breaks = np.flatnonzero(np.diff(samples) != 1) + 1
+    edges = np.concatenate(([0], breaks, [samples.size]))
+    return samples[edges[:-1]], np.diff(edges)
+
+
+def check_rest(trial: PreparedTrial, name: str) -> Finding:
+    """A channel that keeps one value for a second while another one moves, or together with all others for long.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    name : {"position", "torque"}
+        Name of the channel.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = simulate(seed=1, duration=10.0)
+    >>> trial["torque"][5000:] = 1.0
+    >>> check_rest(PreparedTrial(trial), "torque").text[:60]
+    '5000 samples (50 %) of the torque keep one value, first from'
+    """
+    x = trial.samples(name)
+    repeats = np.flatnonzero(x[1:] == x[:-1])
+    starts, lengths = _runs(repeats) if repeats.size else (repeats, repeats)
+    long = lengths >= REST * trial.rate - 1
+    rests = [(int(start), int(start + length) + 1) for start, length in zip(starts[long], lengths[long], strict=True)]
+    witness = "position" if name == "torque" else "reference" if "reference" in trial.trial else "torque"
+    dead = [rest for rest in rests if _moves(trial.samples(witness), rest, _movement(name, witness))]
+    common = [rest for rest in rests if rest[1] - rest[0] >= LONG_REST * trial.rate]
+    if sum(stop - start for start, stop in common) > REST_SHARE * x.size:
+        dead = sorted({*dead, *common})
+    if not dead:
+        return Finding(f"rest of the {name}", "ok", f"the {name} does not stand still for {REST:g} s.")
+    samples = sum(stop - start for start, stop in dead)
+    start, stop = dead[0]
+    time = trial.samples("time")
+    text = (
+        f"{samples} samples ({100.0 * samples / x.size:.3g} %) of the {name} keep one value, first from {start} to "
+        f"{stop - 1} ({time[start]:.6g} … {time[stop - 1]:.6g} s): the channel was dead or the record is padded there, "
+        "and K, B, I and G mix that with the joint. Cut the record there (segment)."
+    )
+    return Finding(f"rest of the {name}", "refused", text)
+
+
+def _movement(name: str, witness: str) -> float:
+    """Share of its range by which another channel has to move, so that this one should have moved as well.
+
+    A position that stands still while the torque moves may be a perturbation that pauses.
+    """
+    return MOVEMENT["position"] if (name, witness) == ("position", "torque") else MOVEMENT[witness]
+
+
+def _moves(x: np.ndarray, rest: tuple[int, int], share: float) -> bool:
+    part = x[slice(*rest)]
+    return bool(np.ptp(part) > share * np.ptp(x))
+
+
+def check_spikes(trial: PreparedTrial, name: str) -> Finding:
+    """A peak of a few milliseconds that stands out from all that the rest of the record has.
+
+    The height of a peak is the geometric mean of the two changes from 3 ms before it and to 3 ms after it; it is
+    compared with the median of the largest peaks of ten parts of the record.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    name : str
+        Name of the channel.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = simulate(seed=1, duration=10.0)
+    >>> trial["torque"][4321] += 80.0
+    >>> check_spikes(PreparedTrial(trial), "torque").text[:56]
+    'the torque has a spike of about 80 N·m at sample 4321 (4'
+    """
+    return _find_spike(trial, name, _scan(trial, name)[0])
+
+
+def _find_spike(trial: PreparedTrial, name: str, peaks: np.ndarray) -> Finding:
+    ok = Finding(f"spikes of the {name}", "ok", f"no peak of {1000 * SPIKE:g} ms stands out.")
+    # Parts at rest have no peaks.
+    largest, usual = float(peaks.max()), float(np.median(peaks[peaks > 0.0])) if peaks.any() else 0.0
+    if not largest > SPIKE_EXCESS**2 * usual:
+        return ok
+    x, reach, height = trial.samples(name), _reach(trial), np.sqrt(largest)
+    if not height > SPIKE_SIZE * float(np.std(x)):
+        return ok
+    here = x[reach:-reach]
+    sample = int(np.argmax((here - x[: -2 * reach]) * (here - x[2 * reach :]))) + reach
+    excess = f", {height / np.sqrt(usual):.2g} times as high as other peaks of this length" if usual > 0 else ""
+    text = (
+        f"the {name} has a spike of about {height:.2g} {UNITS[name]} at "
+        f"{_place(trial, sample)}{excess}: it acts on K, B, I and G like a blow that nobody "
+        "gave. Repair the sample, or cut the record there (segment)."
+    )
+    return Finding(f"spikes of the {name}", "refused", text)
+
+
+def _place(trial: PreparedTrial, sample: int) -> str:
+    return f"sample {sample} ({float(trial.samples('time')[sample]):.6g} s)"

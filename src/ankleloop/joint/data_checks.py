@@ -1,0 +1,193 @@
+"""What every identification checks of its data: faults become warnings; what says nothing at all is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ankleloop.errors import DataError
+from ankleloop.joint.channel_checks import check_channel
+from ankleloop.joint.findings import Finding
+from ankleloop.joint.movement_checks import (
+    CERTAIN,
+    COPY,
+    MOTION,
+    MotionProducts,
+    check_excitation,
+    check_reference,
+    check_relation,
+    check_scale,
+    check_sign,
+    check_size,
+    fit_stiffness_by_instruments,
+    reference_correlations,
+)
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.reference_projection import project_on_reference
+from ankleloop.joint.regressors import Grid, Regressors
+from ankleloop.records.validation import REQUIRED
+
+__all__ = ["DataUse", "check_data"]
+
+
+@dataclass(frozen=True)
+class DataUse:
+    """What an identification takes from its data.
+
+    Parameters
+    ----------
+    delay : float
+        Reflex delay [s].
+    identification_rate : float
+        Rate of the identification [Hz].
+    order, block_rows : int
+        Order and block rows for which the movement has to be persistently exciting.
+    reference : str or None
+        Variable whose leads or lags are instruments; None for a method that uses none.
+    """
+
+    delay: float = 0.04
+    identification_rate: float = 100.0
+    order: int = 2
+    block_rows: int = 15
+    reference: str | None = None
+
+
+def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
+    """Check the data of an identification.
+
+    The checks are: scale, clipping, stretches at rest and spikes of position and torque; whether the torque has to do
+    with the movement, and opposes it; persistent excitation; and the strength of the reference, if it is used. They are
+    those of `ankleloop.recordings.checks.check_trial` that cost little.
+
+    Parameters
+    ----------
+    trials : sequence of PreparedTrial
+        The trial, or several that are merged.
+    use : DataUse
+        What the identification takes from them.
+
+    Returns
+    -------
+    list of str
+        Warnings; with the number of the trial where several are merged.
+
+    Raises
+    ------
+    DataError
+        If a channel is of a size that cannot be computed with, or has nothing in the band of the identification; if a
+        trial is too short; or if the reference explains nothing of the position, or is the torque.
+
+    Examples
+    --------
+    >>> from ankleloop.joint.prepared import prepare
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = simulate(seed=1, duration=20.0)
+    >>> check_data([prepare(trial)], DataUse(reference="reference"))
+    []
+    >>> trial["torque"][8000:] = 0.0
+    >>> [text[:38] for text in check_data([prepare(trial)], DataUse())]
+    ['12000 samples (60 %) of the torque kee']
+    """
+    warnings = []
+    for number, trial in enumerate(trials, 1):
+        findings = _check_trial(trial, use)
+        place = f"trial {number} of {len(trials)}: " if len(trials) > 1 else ""
+        warnings += [f"{place}{finding.text}" for finding in findings]
+    warnings += [finding.text for finding in _check_references(trials, use)]
+    if not warnings:  # what a fault of a channel excites, or does not, says little
+        warnings += [finding.text for finding in [_check_excitation(trials, use)] if finding.verdict != "ok"]
+    return warnings
+
+
+def _grid(trial: PreparedTrial, use: DataUse) -> Grid:
+    return trial.grid(use.identification_rate, use.delay)
+
+
+def _motion(trial: PreparedTrial, use: DataUse) -> MotionProducts:
+    grid = _grid(trial, use)
+    return trial.memoise(("motion products", grid), lambda: MotionProducts(trial, grid))
+
+
+def _check_trial(trial: PreparedTrial, use: DataUse) -> list[Finding]:
+    """Findings about one trial that are not ok; each is computed once for all methods that take it."""
+    reference = use.reference or "reference"
+    return trial.memoise(("data findings", _grid(trial, use), reference), lambda: _find_faults(trial, use, reference))
+
+
+def _find_faults(trial: PreparedTrial, use: DataUse, reference: str) -> list[Finding]:
+    motion = _motion(trial, use)
+    scale = check_scale(motion)
+    if scale.verdict == "refused":
+        raise DataError(scale.text)
+    faults = [finding for name in REQUIRED for finding in check_channel(trial, name)]
+    others = [check_size(motion), check_relation(motion), _check_sign(trial, motion, use, reference)]
+    return [*faults, *(finding for finding in others if finding.verdict != "ok")]
+
+
+def _check_sign(trial: PreparedTrial, motion: MotionProducts, use: DataUse, reference: str) -> Finding:
+    """Sign of the torque by least squares, and where that is negative by what the reference explains."""
+    finding = check_sign(motion.stiffness, motion.explained)
+    if finding.verdict == "ok" or reference == "position" or reference not in trial.trial:
+        return finding
+    record = _regressors(trial, use, reference)
+    if check_reference([record]).verdict != "ok":
+        return finding
+    projection = project_on_reference([record], [motion.signals.T])
+    signals, explained = projection.signals[0], projection.signals[0] - projection.residuals[0]
+    return check_sign(*fit_stiffness_by_instruments(signals[:, :MOTION], signals[:, MOTION], explained[:, :MOTION]))
+
+
+def _regressors(trial: PreparedTrial, use: DataUse, reference: str) -> Regressors:
+    return trial.regressors(
+        delay=use.delay, basis="rectifier", identification_rate=use.identification_rate, reference=reference
+    )
+
+
+def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Finding]:
+    """Findings about the reference that are not ok; of one that explains nothing the identification is refused."""
+    name = use.reference
+    if name is None or name == "position" or not all(name in trial.trial for trial in trials):
+        return []  # without the variable the method says so itself
+    weak, findings = [], []
+    for trial in trials:
+        later, position, torque = _correlate(trial, use, name)
+        if torque > 1.0 - COPY:
+            raise DataError(
+                f"{name} is the torque itself, which is no instrument: give the command of the servo as reference."
+            )
+        if position > 1.0 - COPY**2:
+            text = (
+                f"{name} is a copy of the position, so the results hold only if the loop is open: give the command of "
+                "the servo as reference, or say reference='position'."
+            )
+            findings.append(Finding("reference", "warning", text))
+        if not later > CERTAIN:
+            weak.append(_regressors(trial, use, name))
+    for record in weak:
+        finding = check_reference([record])
+        if finding.verdict == "warning" and len(trials) > 1:  # too short alone
+            finding = check_reference([_regressors(trial, use, name) for trial in trials])
+        if finding.verdict == "refused":
+            raise DataError(finding.text)
+        findings += [finding] if finding.verdict == "warning" else []
+    return list(dict.fromkeys(findings))
+
+
+def _correlate(trial: PreparedTrial, use: DataUse, name: str) -> tuple[float, float, float]:
+    grid = _grid(trial, use)
+    return trial.memoise(
+        ("reference correlations", name, grid),
+        lambda: reference_correlations(_motion(trial, use), trial.channel(name, grid)),
+    )
+
+
+def _check_excitation(trials: Sequence[PreparedTrial], use: DataUse) -> Finding:
+    """Excitation of all trials together; whether they are long enough the method says itself."""
+    velocities = [trial.motion(_grid(trial, use))[1] for trial in trials]
+    if max(velocity.size for velocity in velocities) < 2 * (2 * use.block_rows + use.order):
+        return Finding("excitation", "ok", "")
+    key = ("excitation", _grid(trials[0], use), use.order, use.block_rows)
+    if len(trials) > 1:
+        return check_excitation(velocities, use.order, use.block_rows)
+    return trials[0].memoise(key, lambda: check_excitation(velocities, use.order, use.block_rows))

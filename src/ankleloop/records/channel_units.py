@@ -1,0 +1,129 @@
+"""Units that a file states for its channels, by an attribute or by the name of a variable."""
+
+from __future__ import annotations
+
+import re
+
+from ankleloop.errors import DataError
+
+__all__ = ["check_unit", "find_unit_in_name", "time_factor"]
+
+TORQUE_UNITS = ("nm", "newtonmeter", "newtonmetre", "newtonmeters", "newtonmetres")
+TIME_UNITS = {
+    "s": 1.0,
+    "sec": 1.0,
+    "secs": 1.0,
+    "second": 1.0,
+    "seconds": 1.0,
+    "ms": 1e-3,
+    "msec": 1e-3,
+    "msecs": 1e-3,
+    "millisecond": 1e-3,
+    "milliseconds": 1e-3,
+    "us": 1e-6,
+    "µs": 1e-6,
+    "μs": 1e-6,
+    "usec": 1e-6,
+    "microsecond": 1e-6,
+    "microseconds": 1e-6,
+}
+ANGLES = {"deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "rad": "rad", "radian": "rad", "radians": "rad"}
+
+
+def find_unit_in_name(name: str, units: tuple[str, ...]) -> str:
+    """Unit at the end of a name, behind an underscore or in brackets, or the empty string.
+
+    Examples
+    --------
+    >>> find_unit_in_name("time_ms", ("s", "ms")), find_unit_in_name("angle [deg]", ("deg",))
+    ('ms', 'deg')
+    """
+    match = re.search(r"(?:_|[\[(])\s*([^\W_]+|°)\s*[\])]?\s*$", name)
+    unit = match.group(1).lower() if match else ""
+    return unit if unit in units else ""
+
+
+def check_unit(role: str, name: str, stated: str, position_unit: str, *, source: str) -> None:
+    """Refuse a channel whose unit, as the file states it, is another one than it is read with.
+
+    Parameters
+    ----------
+    role : str
+        `position`, `reference`, `torque` or the name of a true torque, which begins with `torque`.
+    name : str
+        Its variable in the file; a unit at its end counts where no other one is stated.
+    stated : str
+        Unit that the file states, or the empty string.
+    position_unit : {"rad", "deg"}
+        Unit in which position and reference are read.
+    source : str
+        Name of the file in error messages.
+
+    Raises
+    ------
+    DataError
+        If the unit is another one.
+
+    Examples
+    --------
+    >>> check_unit("torque", "moment", "N m", "rad", source="trial.h5")
+    >>> check_unit("torque", "moment", "N mm", "rad", source="trial.h5")
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: trial.h5: moment is in 'N mm' according to the file: convert it to N·m.
+    """
+    if role.startswith("torque"):
+        if stated and re.sub(r"[\s·.*⋅•×_-]", "", stated).lower() not in TORQUE_UNITS:
+            raise DataError(f"{source}: {name} is in {stated!r} according to the file: convert it to N·m.")
+        return
+    unit = stated.lower() or find_unit_in_name(name, tuple(ANGLES))
+    if not unit:
+        return
+    fault = f"{source}: {name} is in {unit!r} according to the file"
+    if unit not in ANGLES:
+        raise DataError(f"{fault}: convert it to rad or deg.")
+    unit = ANGLES[unit]
+    if unit != position_unit:
+        raise DataError(
+            f"{fault}, but position_unit is {position_unit!r}: pass position_unit={unit!r}, or correct the file."
+        )
+
+
+def time_factor(name: str, stated: str, *, source: str) -> float | None:
+    """Seconds per unit of a time column; None if neither the file nor the name of the column states its unit.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column.
+    stated : str
+        Unit that the file states, for example "ms" or "seconds since 2026-01-31"; or the empty string.
+    source : str
+        Name of the file in error messages.
+
+    Returns
+    -------
+    float or None
+
+    Raises
+    ------
+    DataError
+        For a unit that is not s, ms or µs, or one that contradicts the name.
+
+    Examples
+    --------
+    >>> time_factor("time_ms", "", source="trial.csv"), time_factor("time", "seconds since 1970", source="trial.nc")
+    (0.001, 1.0)
+    """
+    of_name = find_unit_in_name(name, tuple(TIME_UNITS))
+    unit = stated.lower().split(" since ")[0].strip()
+    if not unit:
+        return TIME_UNITS[of_name] if of_name else None
+    if unit not in TIME_UNITS:
+        raise DataError(f"{source}: {name} is in {stated!r} according to the file: write it in seconds, ms or µs.")
+    if of_name and TIME_UNITS[of_name] != TIME_UNITS[unit]:
+        raise DataError(
+            f"{source}: {name} is in {stated!r} according to the file, but its name says {of_name}: correct the one "
+            "that is wrong."
+        )
+    return TIME_UNITS[unit]

@@ -1,0 +1,65 @@
+"""Channels of a recording as they come from a file, and how many samples of one are read at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ankleloop.errors import DataError
+
+__all__ = ["MAX_SAMPLES", "Channel", "check_size"]
+
+MAX_SAMPLES = 20_000_000  # 160 MB in double precision
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A variable of a file that serves as a channel of a trial.
+
+    Parameters
+    ----------
+    name : str
+        Full name of the variable or attribute in the file.
+    unit : str
+        Unit that the file states, or the empty string.
+    shape : tuple of int
+        Its shape in the file.
+    values : ndarray of float, shape `shape`, or None
+        Its samples; None where they were not read.
+    """
+
+    name: str
+    unit: str
+    shape: tuple[int, ...]
+    values: np.ndarray | None = None
+
+
+def check_size(samples: int, name: str) -> None:
+    """Refuse more samples than are read at once.
+
+    Parameters
+    ----------
+    samples : int
+        Number of samples.
+    name : str
+        Names of the file and of the variable.
+
+    Raises
+    ------
+    DataError
+        If there are more than `MAX_SAMPLES`.
+
+    Examples
+    --------
+    >>> check_size(10**12, "trial.h5: position")
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: trial.h5: position has 1,000,000,000,000 samples by its size in the file; at most ...
+    """
+    if samples > MAX_SAMPLES:
+        raise DataError(
+            f"{name} has {samples:,} samples by its size in the file; at most {MAX_SAMPLES:,} are read as a trial "
+            f"({MAX_SAMPLES / 3.6e6:.1f} h at 1 kHz): read a long record by ankleloop.LongRecord from HDF5 or NetCDF; "
+            "if the record is short, the file is damaged."
+        )

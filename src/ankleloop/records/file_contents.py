@@ -1,0 +1,178 @@
+"""Variables and attributes of an open file, whatever its format."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from ankleloop.errors import DataError
+
+__all__ = ["Contents", "Variable", "raise_type", "take_samples"]
+
+LISTED = 100  # names of variables that an error message lists
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of a file, whose samples are read when they are asked for.
+
+    Parameters
+    ----------
+    name : str
+        Its full name.
+    shape : tuple of int
+        Its shape in the file.
+    read : callable
+        Gives all samples, or those of a slice, as an array of any type.
+    attributes : mapping of str to object
+        Its attributes.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    read: Callable[[slice | None], Any]
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        """Number of its samples, by its shape."""
+        return math.prod(self.shape)
+
+
+class Contents(ABC):
+    """Variables and attributes of an open file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    """
+
+    separator = "/"  # joins the names of groups or structs
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @abstractmethod
+    def find(self, name: str) -> Variable | None:
+        """Variable of a full name; None if there is none."""
+
+    @abstractmethod
+    def names(self) -> Iterator[str]:
+        """Full names of the variables, for messages."""
+
+    def find_attribute(self, owner: str, name: str) -> Any:
+        """Attribute of a variable, a group, or of the file, whose name is empty; None if there is none."""
+        return None
+
+    def load(self, names: Sequence[str]) -> None:  # noqa: B027 # most formats have nothing to prepare
+        """Prepare to read variables, where a pass over the file reads several."""
+
+    def locate_sample(self, sample: int) -> str:
+        """Describe where a sample is in the file."""
+        return f"at sample {sample}"
+
+    def close(self) -> None:  # noqa: B027 # nor to close
+        """Close the file."""
+
+    def require(self, name: str) -> Variable:
+        """Variable of a name; a leading slash, as HDF5 tools show it, does not matter.
+
+        Raises
+        ------
+        DataError
+            If the file has no such variable; the message lists those that it has.
+        """
+        for candidate in dict.fromkeys((name, name.lstrip("/"))):
+            variable = self.find(candidate)
+            if variable is not None:
+                return variable
+        known = [known for known, _ in zip(self.names(), range(LISTED + 1), strict=False)]
+        known = [name if name.isprintable() else repr(name) for name in known]  # those of a damaged file
+        listed = ", ".join(known[:LISTED]) + (" and more" if len(known) > LISTED else "")
+        raise DataError(
+            f"{self.path.name}: there is no variable {name!r}; the file has: {listed or 'none'}. Name one of these."
+        )
+
+    def find_nearest(self, names: Sequence[str], variable: str, *, scalar: bool) -> Variable | None:
+        """First variable or attribute of these names: at a variable, beside it, or further up.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names without groups, the preferred one first.
+        variable : str
+            Full name of the variable where the search begins.
+        scalar : bool
+            Look for a single number, which may be an attribute; otherwise for a variable of more values.
+
+        Returns
+        -------
+        Variable or None
+        """
+        groups = variable.split(self.separator)
+        for depth in range(len(groups), -1, -1):
+            owner = self.separator.join(groups[:depth])
+            for name in names:
+                full = self.separator.join([*groups[:depth], name])
+                candidate = self.find_number(owner, name, full) if scalar else self.find(full)
+                if candidate is not None and (scalar or candidate.size != 1):
+                    return candidate
+        return None
+
+    def find_number(self, owner: str, name: str, full: str) -> Variable | None:
+        """Variable of a single value, or else attribute; None if there is neither.
+
+        Parameters
+        ----------
+        owner : str
+            Full name of the group or variable to which the attribute belongs.
+        name : str
+            Name of the attribute.
+        full : str
+            Full name of the variable.
+
+        Returns
+        -------
+        Variable or None
+        """
+        variable = self.find(full)
+        if variable is None and (value := self.find_attribute(owner, name)) is not None:
+            variable = Variable(full, np.shape(value), lambda _: value)
+        return variable if variable is not None and variable.size == 1 else None
+
+
+def take_samples(samples: Any, part: slice | None) -> Any:
+    """Samples of a slice along the only axis that has several; all, without a slice.
+
+    Examples
+    --------
+    >>> take_samples(np.array([[1, 2, 3]]), slice(1, 3))
+    array([2, 3])
+    """
+    if part is None:
+        return samples[...]
+    return samples[0, part] if len(samples.shape) == 2 and samples.shape[0] == 1 else samples[part]
+
+
+def raise_type(source: str, name: str, kind: object) -> NoReturn:
+    """Refuse a variable that is not of real numbers.
+
+    Parameters
+    ----------
+    source, name : str
+        Names of the file and of the variable.
+    kind : object
+        Its type.
+
+    Raises
+    ------
+    DataError
+    """
+    raise DataError(f"{source}: {name} is of type {kind}, not real numbers: convert it, or choose another variable.")

@@ -1,0 +1,351 @@
+"""Files of a laboratory are opened by another process, with limits of time and memory: see `records.reading_server`.
+
+A file that is damaged in a way that kills or halts the library of its format gives a `DataError`, and nothing else
+happens. The other process is started for the first file, and serves all that follow.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from ankleloop.errors import DataError
+from ankleloop.records.channels import MAX_SAMPLES, Channel
+from ankleloop.records.file_formats import SUFFIXES, find_suffix
+from ankleloop.records.files import check_readable
+from ankleloop.records.reading_options import ReadingOptions
+
+__all__ = ["describe_channels", "read_channels", "read_samples", "stop"]
+
+START_SECONDS = 120.0  # until the process is ready, on a machine that is busy or has a slow disk
+SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # for a file
+BYTES, BYTES_PER_BYTE = 1 << 30, 4  # of memory for a file
+LONGEST_MESSAGE = 1 << 20
+LIBRARY = Path(__file__).parents[2]
+PROGRAM = (
+    "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.records.reading_server import main; main(sys.argv[2:])"
+)
+WHOLE = "check that the file is whole and its suffix right"
+
+
+def read_channels(
+    path: str | os.PathLike[str], options: ReadingOptions, extras: Sequence[str] = ()
+) -> dict[str, Channel]:
+    """Read the channels of a trial from a file, with its times and its sampling rate.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    options : ReadingOptions
+        Names of its variables. Units and signs are not applied here.
+    extras : sequence of str
+        Channels that are read if the file has them beside the torque.
+
+    Returns
+    -------
+    dict of str to Channel
+        Channels by their names in a trial; "time", if there is a time column, and "sampling_rate" [Hz], shape (1,),
+        if the file states it and the options do not. Scale and offset are applied, missing samples are nan.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, lacks a variable, has more than `MAX_SAMPLES` samples; or if reading it takes more
+        time (10 s and 1 s for each MB of the file) or memory (1 GB and 4 times the size of the file) than a whole file
+        needs, or kills the process that reads it.
+    """
+    return _request(path, options, extras=list(extras))
+
+
+def describe_channels(
+    path: str | os.PathLike[str], options: ReadingOptions, extras: Sequence[str] = ()
+) -> dict[str, Channel]:
+    """Describe the channels of a trial in a file of any size: names, units and shapes, and the sampling rate.
+
+    Parameters
+    ----------
+    path, options, extras
+        As for `read_channels`.
+
+    Returns
+    -------
+    dict of str to Channel
+        As from `read_channels`, but without samples; only "sampling_rate" has its value.
+
+    Raises
+    ------
+    DataError
+        As `read_channels`, but for any number of samples.
+    """
+    return _request(path, options, extras=list(extras), with_samples=False)
+
+
+def read_samples(
+    path: str | os.PathLike[str], options: ReadingOptions, start: int, stop: int, channels: Sequence[str] | None = None
+) -> dict[str, Channel]:
+    """Read a piece of the channels of a long record, for HDF5 and NetCDF in a time that does not depend on its length.
+
+    Parameters
+    ----------
+    path, options
+        As for `read_channels`.
+    start, stop : int
+        Samples, along the axis that has several.
+    channels : sequence of str, optional
+        Which channels, "time" among them; all, by default.
+
+    Returns
+    -------
+    dict of str to Channel
+        As from `read_channels`.
+
+    Raises
+    ------
+    DataError
+        As `read_channels`; the number of samples counts for the piece alone.
+    """
+    return _request(path, options, part=[int(start), int(stop)], roles=None if channels is None else list(channels))
+
+
+def _check_file(path: Path) -> int:
+    """Size of a file [bytes], which must be there, readable, and not empty."""
+    check_readable(path)
+    if find_suffix(path) is None:
+        raise DataError(f"{path.name}: unknown kind of file: convert it to one of {', '.join(SUFFIXES)}.")
+    size = path.stat().st_size
+    if size == 0:
+        raise DataError(f"{_fault(path.name)} (it is empty, 0 bytes): {WHOLE}.")
+    return size
+
+
+def _fault(source: str) -> str:
+    return f"{source}: cannot be read as {find_suffix(Path(source))}"
+
+
+def _request(path: str | os.PathLike[str], options: ReadingOptions, **changes: Any) -> dict[str, Channel]:
+    path = Path(path)
+    size = _check_file(path)
+    limit = SECONDS + SECONDS_PER_MEGABYTE * size / 1e6
+    message = {
+        "path": str(path.absolute()),
+        "variables": options.variables,
+        "extras": [],
+        "has_rate": options.sampling_rate is not None,
+        "part": None,
+        "with_samples": True,
+        "roles": None,
+        "seconds": limit,
+        "memory": BYTES + BYTES_PER_BYTE * size,
+        **changes,
+    }
+    return _server().ask(path.name, message)
+
+
+class _Server:
+    """The process that opens files; it answers one request after the other."""
+
+    def __init__(self, *, is_forking: bool | None = None) -> None:
+        self.owner = os.getpid()
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._suffixes: set[str | None] = set()  # of the formats whose libraries it has
+        # Forks are safe where no system library has started threads of its own, as those of macOS do.
+        self._arguments = ["fork"] if (sys.platform == "linux" if is_forking is None else is_forking) else []
+
+    def ask(self, source: str, message: dict[str, Any]) -> dict[str, Channel]:
+        """Send a request; receive the channels."""
+        with self._lock:
+            if self._process is None or self._process.poll() is not None:
+                self._start()
+            try:
+                return self._ask(source, message)
+            except DataError:
+                raise
+            except BaseException:  # the answer may be half read, after Ctrl-C for example
+                self.stop()
+                raise
+
+    def _end(self) -> int | None:
+        """End the process; its status, if it had ended before."""
+        process, code = self._process, None
+        if process is not None:
+            with suppress(subprocess.TimeoutExpired):
+                code = process.wait(1.0)
+        self.stop()
+        return code
+
+    def stop(self) -> None:
+        """End the process."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        _kill(process)
+        process.wait()
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                with suppress(OSError):  # what was not sent is lost with the process
+                    pipe.close()
+
+    def _start(self) -> None:
+        self.stop()
+        self._suffixes.clear()
+        # -P: files of the current folder that have the name of a module are not imported.
+        command = [sys.executable, "-P", "-c", PROGRAM, str(LIBRARY), *self._arguments]
+        variables = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **variables},
+            start_new_session=True,
+            pipesize=1 << 20,
+        )
+        with _Deadline(self._process, START_SECONDS):
+            line = _pipe(self._process.stdout).readline(LONGEST_MESSAGE)
+        if json.loads(line or b"{}").get("kind") != "ready":
+            self.stop()
+            raise RuntimeError(
+                f"the process that reads files did not start: {' '.join(command[:4])} ... failed. Run this program by "
+                "the Python of its environment."
+            )
+
+    def _ask(self, source: str, message: dict[str, Any]) -> dict[str, Channel]:
+        process, limit = self._process, message["seconds"]
+        assert process is not None
+        start = time.monotonic()
+        channels: dict[str, Channel] = {}
+        # A fork ends itself by then; the first file of a format waits for its libraries.
+        suffix = find_suffix(Path(source))
+        extra = (5.0 if self._arguments else 0.0) + (0.0 if suffix in self._suffixes else START_SECONDS)
+        with _Deadline(process, limit + extra) as deadline:
+            try:
+                _pipe(process.stdin).write(json.dumps(message).encode() + b"\n")
+                _pipe(process.stdin).flush()
+                end = _receive(_pipe(process.stdout), channels)
+                self._suffixes.add(suffix)
+            except (OSError, EOFError, ValueError, KeyError):  # no whole answer
+                end = {"kind": "slow" if deadline.is_over else "died", "code": self._end()}
+        if not self._arguments and end["kind"] in ("failed", "memory"):
+            self.stop()  # it ends by itself, but perhaps after the next request
+        _refuse(source, end, message, time.monotonic() - start)
+        for text in end.get("warnings", ()):
+            warnings.warn(text, UserWarning, stacklevel=6)  # of the caller of read_trial
+        return channels
+
+
+def _receive(pipe: IO[bytes], channels: dict[str, Channel]) -> dict[str, Any]:
+    """Receive channels until the last message, which is returned."""
+    while True:
+        line = pipe.readline(LONGEST_MESSAGE)
+        if not line.endswith(b"\n"):
+            raise EOFError
+        message: dict[str, Any] = json.loads(line)
+        if message["kind"] != "channel":
+            return message
+        shape = tuple(int(size) for size in message["shape"])
+        values = None
+        if message["bytes"] is not None:
+            values = np.empty(message["bytes"] // 8, dtype="<f8")
+            if values.size > MAX_SAMPLES or pipe.readinto(values.view(np.uint8)) != message["bytes"]:  # type: ignore[attr-defined]
+                raise EOFError
+            values = values.reshape(shape)
+        channels[message["role"]] = Channel(message["name"], message["unit"], shape, values)
+
+
+def _refuse(source: str, end: dict[str, Any], request: dict[str, Any], seconds: float) -> None:
+    """Raise the error that an answer stands for."""
+    kind = end["kind"]
+    if kind == "refused":
+        raise DataError(end["text"])
+    fault = _fault(source)
+    if kind == "failed":
+        raise DataError(f"{fault} ({end['text']}): {WHOLE}.")
+    if kind == "memory":
+        raise DataError(
+            f"{fault} (it needs more than {request['memory'] / 1e9:.1f} GB of memory): {WHOLE}; a long record is read "
+            "from HDF5 or NetCDF with ankleloop.LongRecord."
+        )
+    if kind == "slow":
+        raise DataError(
+            f"{fault} (stopped after {seconds:.0f} s, {request['seconds']:.0f} s is the limit for its size): {WHOLE}."
+        )
+    if kind == "died":
+        raise DataError(f"{fault} (it crashed the process that reads it{_name_signal(end.get('code'))}): {WHOLE}.")
+
+
+def _name_signal(code: int | None) -> str:
+    if code is None or code >= 0:
+        return ""
+    try:
+        return f", {signal.Signals(-code).name}"
+    except ValueError:
+        return f", signal {-code}"
+
+
+class _Deadline:
+    """Kills a process that is not done in time, which ends the wait for its answer."""
+
+    def __init__(self, process: subprocess.Popen[bytes], seconds: float) -> None:
+        self.is_over = False
+        self._process = process
+        self._timer = threading.Timer(min(seconds, threading.TIMEOUT_MAX), self._end)
+        self._timer.daemon = True
+
+    def _end(self) -> None:
+        self.is_over = True
+        _kill(self._process)
+
+    def __enter__(self) -> _Deadline:
+        self._timer.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._timer.cancel()
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process with its forks."""
+    if process.poll() is not None:
+        return
+    try:
+        os.killpg(process.pid, signal.SIGKILL)  # it leads a group of its own
+    except (AttributeError, OSError):
+        process.kill()
+
+
+def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
+    assert pipe is not None
+    return pipe
+
+
+_current: _Server | None = None
+
+
+def _server() -> _Server:
+    """The server of this process: a fork of the process that started it takes one of its own."""
+    global _current
+    if _current is None or _current.owner != os.getpid():
+        _current = _Server()
+        atexit.register(_current.stop)
+    return _current
+
+
+def stop() -> None:
+    """End the process that reads files; the next file starts it again."""
+    if _current is not None and _current.owner == os.getpid():
+        _current.stop()

@@ -1,0 +1,89 @@
+"""The checks of a trial for a record that is read in blocks: rules and words are those of `records.validation`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from ankleloop.records.validation import CHANNELS, check_spread, peak_speed, refuse_missing, refuse_speed, speed_margin
+
+__all__ = ["check_blocks"]
+
+
+def check_blocks(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, *, source: str) -> None:
+    """Check the samples of a record.
+
+    Parameters
+    ----------
+    blocks : iterable of mapping of str to ndarray
+        Position [rad], torque [N·m] and perhaps reference [rad] of one block of the record after the other.
+    rate : float
+        Sampling rate [Hz].
+    source : str
+        Name of the file in error messages.
+
+    Raises
+    ------
+    DataError
+        If a sample is not finite, a channel is constant, or the position moves faster than 20 rad/s.
+
+    Examples
+    --------
+    >>> position = np.array([0.0, 0.01, np.nan, 0.02])
+    >>> check_blocks([{"position": position[:2]}, {"position": position[2:]}], 100.0, source="trial.h5")
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: trial.h5: position is not finite at sample 2 (0.02 s), 1 sample in all: cut the trial \
+there or repair the channel.
+    """
+    channels: dict[str, _Channel] = {}
+    speed = _Speed(rate)
+    for block in blocks:
+        for name, values in block.items():
+            channels.setdefault(name, _Channel()).add(values)
+        if not channels["position"].missing:
+            speed.add(block["position"])
+    for name, channel in channels.items():
+        if channel.missing:
+            refuse_missing(name, channel.sample, channel.sample / rate, channel.missing, source=source)
+    for name in CHANNELS:
+        if name in channels:
+            channel = channels[name]
+            check_spread(name, channel.low, channel.high, channel.first, channel.samples, source=source)
+    refuse_speed(speed.largest, speed.sample, speed.sample / rate, source=source)
+
+
+class _Channel:
+    """Statistics of a channel."""
+
+    def __init__(self) -> None:
+        self.samples, self.missing, self.sample = 0, 0, -1  # `sample` is the first one that is missing
+        self.first, self.low, self.high = np.nan, np.inf, -np.inf
+
+    def add(self, values: np.ndarray) -> None:
+        """Take in the next samples."""
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size and not self.missing:
+            self.sample = self.samples + int(bad[0])
+        self.missing += bad.size
+        self.first = values[0] if not self.samples else self.first
+        self.low, self.high = min(self.low, values.min()), max(self.high, values.max())
+        self.samples += values.size
+
+
+class _Speed:
+    """Largest speed of the position, and its sample."""
+
+    def __init__(self, rate: float) -> None:
+        self.rate, self.samples, self.sample, self.largest = rate, 0, 0, 0.0
+        self._last = np.empty(0)
+
+    def add(self, position: np.ndarray) -> None:
+        """Take in the next samples."""
+        joined = np.concatenate([self._last, position]) if self._last.size else position
+        sample, speed = peak_speed(joined, self.rate)
+        if not speed <= self.largest:
+            self.sample, self.largest = self.samples - self._last.size + sample, speed
+        self.samples += position.size
+        self._last = joined[-2 * speed_margin(self.rate) :].copy()

@@ -1,0 +1,111 @@
+"""The recordings of a chunk: checks, methods, exported estimates and a page of each."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from ankleloop.errors import NUMERICAL_ERRORS, DataError
+from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
+from ankleloop.recordings.analysis import Analysis
+from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
+from ankleloop.recordings.recommendation import recommend
+from ankleloop.records.files import atomic_file
+from ankleloop.studies.failures import locate_errors
+from ankleloop.studies.worker import Worker, WorkerKilledError
+
+__all__ = ["analyse_recordings"]
+
+log = logging.getLogger(__name__)
+
+Results = tuple[pd.DataFrame, list[str]]
+
+
+def analyse_recordings(
+    points: Mapping[str, Mapping[str, Any]],
+    methods: Mapping[str, Mapping[str, Any]],
+    folder: Path,
+    window: Mapping[str, Any],
+) -> Iterator[tuple[str, pd.DataFrame, list[str]]]:
+    """Analyse recordings one after the other, and write their pages and estimates.
+
+    A recording that cannot be used, that fails numerically, or whose process is killed, has a page that says so; all
+    others go on.
+
+    Parameters
+    ----------
+    points : mapping of str to mapping
+        Mapping of each recording by its name, with `paths` and `parts`, those of all its files.
+    methods : mapping of str to mapping
+        Methods by key, with label, options and selection.
+    folder : path-like
+        Folder of the pages, in which each recording has a folder of its estimates.
+    window : mapping
+        `start` and `length` [s] of the torques that figures show.
+
+    Yields
+    ------
+    name : str
+        Name of the recording.
+    table : pandas.DataFrame
+        Its rows of the table of parameters.
+    refusals : list of str
+        Why it was refused, if it was.
+
+    Raises
+    ------
+    Exception
+        Mistakes in the program, such as a `TypeError`; their notes name the recording.
+    """
+    job = _Job(Path(folder), methods, window)
+    with Worker(job.analyse) as worker:
+        for name, mapping in points.items():
+            with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
+                try:
+                    results = worker.call(name, mapping)
+                except WorkerKilledError as error:
+                    reason = (
+                        f"the process of its analysis came to no end ({error}): most often memory was short; free "
+                        "memory, or take a shorter part of the recording (start, stop)."
+                    )
+                    results = job.refuse(name, mapping, DataError(reason))
+            yield (name, *results)
+
+
+class _Job:
+    """What the recordings of a chunk share."""
+
+    def __init__(self, folder: Path, methods: Mapping[str, Mapping[str, Any]], window: Mapping[str, Any]) -> None:
+        self._folder, self._window = folder, window
+        self._keys = {method["label"] or key: key for key, method in methods.items()}
+        self._methods = {label: methods[key] for label, key in self._keys.items()}
+
+    def analyse(self, name: str, mapping: Mapping[str, Any]) -> Results:
+        """Analyse a recording, and write its files."""
+        try:
+            trials, analysis = analyse_files(mapping["paths"], mapping["parts"], self._methods)
+            return self._write(name, mapping, trials[0] if trials else None, analysis)
+        except (*NUMERICAL_ERRORS, MemoryError) as error:  # of a figure or an export
+            return self.refuse(name, mapping, error)
+
+    def refuse(self, name: str, mapping: Mapping[str, Any], error: Exception) -> Results:
+        """Write the page of a recording whose analysis failed, and nothing else of it."""
+        shutil.rmtree(self._folder / name, ignore_errors=True)
+        return self._write(name, mapping, None, refuse_recording(error))
+
+    def _write(self, name: str, mapping: Mapping[str, Any], trial: xr.Dataset | None, analysis: Analysis) -> Results:
+        log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
+        table = tabulate_analysis(name, mapping, analysis, self._keys)
+        records = {self._keys[label]: estimates for label, estimates in analysis.records.items()}
+        export_estimates(records, self._folder / name, overwrite=True)
+        figures = embed_recording_figures(trial, analysis, **self._window)
+        page = render_recording_page(name, mapping, analysis, recommend(analysis), figures)
+        with atomic_file(self._folder / f"{name}.html", overwrite=True) as path:
+            path.write_text(page, encoding="utf-8")
+        return table, [finding.text for finding in analysis.check.findings if finding.verdict == "refused"]

@@ -1,0 +1,122 @@
+import datetime
+import json
+import os
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+from runs import STUDY, Run, list_differences, read_results
+
+ROOT = Path(__file__).parents[2]
+SUMMARY = ROOT / "results" / "reliability" / "faults.json"
+
+
+@pytest.fixture(scope="session")
+def repository(copy_repository):
+    """A copy of the repository without results."""
+    return copy_repository()
+
+
+@pytest.fixture(scope="session")
+def study_file(tmp_path_factory):
+    """Configuration of one small study."""
+    path = tmp_path_factory.mktemp("config") / "study.yaml"
+    path.write_text(yaml.safe_dump(STUDY), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def start(repository, study_file, tmp_path):
+    """Start a run of the study in a folder."""
+    runs = []
+
+    def start(folder, *arguments, **environment):
+        arguments = arguments or ("--configfile", str(study_file))
+        run = Run(repository, folder, tmp_path / f"run{len(runs)}.log", *arguments, **environment)
+        runs.append(run)
+        return run
+
+    yield start
+    for run in runs:
+        if run.process.poll() is None:
+            run.kill(jobs=True)
+
+
+@pytest.fixture
+def finish(start, study_file):
+    """Unlock a folder and run the study to its end, as the documentation says; return the results."""
+
+    def finish(folder, *, unlock=True):
+        arguments = ("--configfile", str(study_file))
+        if unlock:
+            run = start(folder, *arguments, "--unlock")
+            assert run.wait() == 0, run.text
+        run = start(folder, *arguments, "--rerun-incomplete")
+        assert run.wait() == 0, run.text
+        return read_results(folder)
+
+    return finish
+
+
+@pytest.fixture(scope="session")
+def undisturbed(repository, study_file, tmp_path_factory):
+    """Results of a run that nothing disturbs, and the time that it takes [s].
+
+    A first run compiles the kernels of the copy; the second has the same results and is measured.
+    """
+    results = []
+    for name in ("first", "second"):
+        folder = tmp_path_factory.mktemp(name)
+        begin = time.monotonic()
+        run = Run(repository, folder, folder.with_suffix(".log"), "--configfile", str(study_file))
+        assert run.wait() == 0, run.text
+        results.append(read_results(folder))
+    assert not list_differences(*results)
+    return results[-1], time.monotonic() - begin
+
+
+@pytest.fixture(scope="session")
+def unfinished(repository, study_file, undisturbed, tmp_path_factory):
+    """A folder in which every trial is identified, and nothing is reported yet."""
+    folder = tmp_path_factory.mktemp("unfinished")
+    run = Run(repository, folder, folder.with_suffix(".log"), "--configfile", str(study_file), "--until", "identify")
+    assert run.wait() == 0, run.text
+    return folder
+
+
+@pytest.fixture
+def record(request):
+    """Add counts of a test to its entry of the summary."""
+    counts = {}
+    request.node.stash[COUNTS] = counts
+    return counts.update
+
+
+COUNTS = pytest.StashKey[dict]()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    report = yield
+    if report.when == "call" or (report.when == "setup" and not report.passed):
+        _write_entry(item, report)
+    return report
+
+
+def _write_entry(item, report):
+    """Outcome, duration and counts of a test, in the file that docs/reliability.md is written from."""
+    summary = json.loads(SUMMARY.read_text(encoding="utf-8")) if SUMMARY.exists() else {}
+    entry = {
+        "outcome": report.outcome,
+        "seconds": round(report.duration, 1),
+        "date": datetime.date.today().isoformat(),
+        **item.stash.get(COUNTS, {}),
+    }
+    if report.skipped:
+        entry["reason"] = str(report.longrepr[2])
+    summary[f"{item.path.stem}::{item.name}"] = entry
+    SUMMARY.parent.mkdir(parents=True, exist_ok=True)
+    partial = SUMMARY.with_name(f"{SUMMARY.name}.part")
+    partial.write_text(json.dumps(summary, indent=1, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8")
+    os.replace(partial, SUMMARY)

@@ -1,0 +1,93 @@
+"""Runs of the workflow that a test can kill, and comparisons of what they leave."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+
+PROGRAM = Path(sys.executable).with_name("snakemake")
+# One study of two points in four chunks, two methods, and its notebook: every kind of job that a study has.
+STUDY = {
+    "run": ["study"],
+    "studies": {
+        "study": {
+            "kind": "simulation",
+            "notebook": "table1",
+            "trials": 2,
+            "seed": 1,
+            "trials_per_chunk": 1,
+            "simulation": {"duration": 12.0},
+            "points": {"reflex_gain": [13.0, 2.0]},
+            "methods": {"pr-moesp": {"method": "pr-moesp"}, "riv": {"method": "riv"}},
+        }
+    },
+}
+CHUNKS = 4
+
+
+class Run:
+    """Snakemake in a folder, in a process group of its own.
+
+    Its output goes to a file outside of the folder, which may be full or read-only.
+    """
+
+    def __init__(self, repository, folder, log, *arguments, **environment):
+        self.log = Path(log)
+        inherited = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
+        path = f"{PROGRAM.parent}{os.pathsep}{os.environ['PATH']}"
+        with self.log.open("w") as file:
+            self.process = subprocess.Popen(
+                [str(PROGRAM), "--cores", "2", "--snakefile", str(repository / "Snakefile"), *arguments],
+                cwd=folder,
+                env={**inherited, "PYTHONPATH": str(repository / "src"), "PATH": path, **environment},
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def wait(self, timeout=600):
+        """Return code; the text of the output stands in `text`."""
+        return self.process.wait(timeout)
+
+    @property
+    def text(self):
+        """Output so far."""
+        return self.log.read_text(encoding="utf-8", errors="replace")
+
+    def kill(self, *, jobs):
+        """End Snakemake by SIGKILL, with all of its jobs or without them, which then go on as orphans."""
+        children = psutil.Process(self.process.pid).children(recursive=True) if self.process.poll() is None else []
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+        for child in children if jobs else []:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                child.kill()
+        if jobs:
+            psutil.wait_procs(children, timeout=20)
+        return children
+
+    def wait_for(self, condition, timeout=300):
+        """Wait until a condition holds while the run goes on."""
+        end = time.monotonic() + timeout
+        while not condition():
+            assert self.process.poll() is None, f"the run ended before the condition held:\n{self.text}"
+            assert time.monotonic() < end, f"the condition did not hold within {timeout} s:\n{self.text}"
+            time.sleep(0.02)
+
+
+def read_results(folder):
+    """Content of every file below `results`, by its path."""
+    root = Path(folder) / "results"
+    files = [path for path in sorted(root.rglob("*")) if path.is_file() and path.name != ".snakemake_timestamp"]
+    return {str(path.relative_to(root)): path.read_bytes() for path in files}
+
+
+def list_differences(expected, results):
+    """Files that are missing, that are new, or whose bytes differ."""
+    names = sorted(set(expected) | set(results))
+    return [name for name in names if expected.get(name) != results.get(name)]

@@ -1,0 +1,61 @@
+"""The same results on any number of cores, in any chunks, and to a stated tolerance on any kind of processor."""
+
+import copy
+import runpy
+from pathlib import Path
+
+import pytest
+import yaml
+from runs import STUDY
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+CHUNKS = {
+    "one core": ({"trials_per_chunk": 2}, "1"),
+    "two cores": ({"trials_per_chunk": 2}, "2"),
+    "a chunk for each trial": ({"trials_per_chunk": 1}, "2"),
+    "a chunk for each point": ({"trials_per_chunk": None}, "2"),
+    "several points in a chunk": ({"trials_per_chunk": None, "points_per_chunk": 2}, "2"),
+}
+
+
+@pytest.fixture(scope="module")
+def tables(repository, snakemake, tmp_path_factory):
+    """Tables of the study, as bytes, for each number of cores and each division into chunks."""
+
+    def make(chunks, cores):
+        folder = tmp_path_factory.mktemp("run")
+        config = copy.deepcopy(STUDY)
+        config["studies"]["study"] |= chunks
+        path = folder / "config.yaml"
+        path.write_text(yaml.safe_dump(config), encoding="utf-8")
+        snakefile = str(repository / "Snakefile")
+        snakemake(repository, "--snakefile", snakefile, "--configfile", str(path), "--cores", cores, folder=folder)
+        return {file.name: file.read_bytes() for file in (folder / "results" / "tables").iterdir()}
+
+    return {name: make(*arguments) for name, arguments in CHUNKS.items()}
+
+
+@pytest.mark.parametrize("name", list(CHUNKS)[1:])
+def test_tables_depend_neither_on_cores_nor_on_chunks(tables, name):
+    expected, found = tables["one core"], tables[name]
+    assert {"study.csv", "study.md"} <= set(expected)
+    assert set(found) == set(expected)
+    assert [file for file in expected if found[file] != expected[file]] == []
+
+
+def test_kinds_of_processor_give_the_same_results_to_the_stated_tolerance():
+    processors = runpy.run_path(str(BENCHMARKS / "processors.py"))
+    results = processors["run_kinds"]()
+    if len(results) < 2:
+        pytest.skip("OpenBLAS has kernels for no other kind of processor here.")
+    differences = processors["compare"](results)
+    counts = {name: row.pop("count") for name, row in differences.items()}
+    assert not any(counts.values()), counts
+    too_large = {
+        (name, quantity): value
+        for name, row in differences.items()
+        for quantity, value in row.items()
+        if value > processors["LIMIT"]
+    }
+    assert too_large == {}
+    assert any(value > 0 for row in differences.values() for value in row.values())  # the kernels do differ

@@ -1,0 +1,143 @@
+"""Disks that are full or read-only, jobs without memory, files that are damaged."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+from contextlib import contextmanager, suppress
+
+import psutil
+import pytest
+from runs import CHUNKS, list_differences, read_results
+
+
+@contextmanager
+def mount(*arguments, folder):
+    """Mount a file system on a folder; skip where that is not allowed."""
+    process = subprocess.run(["mount", *arguments, str(folder)], capture_output=True, text=True)
+    if process.returncode:
+        pytest.skip(f"this user may not mount a file system: {process.stderr.strip()}")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+def test_a_full_disk_is_named_and_with_more_space_the_run_ends_as_undisturbed(
+    start, finish, undisturbed, tmp_path, record
+):
+    expected, _ = undisturbed
+    folder = tmp_path / "small"
+    folder.mkdir()
+    size = sum(map(len, expected.values()))
+    messages = {}
+    for share in (0.25, 0.5, 0.75):
+        with mount("-t", "tmpfs", "-o", f"size={int(share * size)}", "tmpfs", folder=folder):
+            run = start(folder)
+            assert run.wait() != 0
+            messages[share] = "No space left on device" in run.text
+            assert messages[share], run.text
+            subprocess.run(["mount", "-o", f"remount,size={8 * size}", str(folder)], check=True)
+            assert not list_differences(expected, finish(folder))
+    record({"disks": len(messages)})
+
+
+def test_a_read_only_folder_is_named(start, finish, undisturbed, tmp_path):
+    expected, _ = undisturbed
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    with mount("--bind", str(folder), folder=folder):
+        process = subprocess.run(["mount", "-o", "remount,bind,ro", str(folder)], capture_output=True, text=True)
+        if process.returncode:
+            pytest.skip(f"this user may not mount a folder read-only: {process.stderr.strip()}")
+        run = start(folder)
+        assert run.wait() != 0
+        assert "Read-only file system" in run.text
+        assert str(folder) in run.text
+    assert not list_differences(expected, finish(folder, unlock=False))
+
+
+LIMIT = """
+import os, resource, sys
+if sys.orig_argv[-1].endswith(".identify.py"):
+    try:
+        os.close(os.open(os.environ["FIRST_JOB"], os.O_CREAT | os.O_EXCL))
+    except FileExistsError:
+        pass
+    else:
+        import h5netcdf, h5py, numpy, scipy.linalg
+        import ankleloop.replication.results, ankleloop.replication.trial_counts
+        import ankleloop.studies.failures, ankleloop.studies.identification
+        used = int(open("/proc/self/statm").read().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+        resource.setrlimit(resource.RLIMIT_AS, (used + 2**22, used + 2**22))
+"""
+
+
+def test_a_job_without_memory_says_so_and_the_others_finish(repository, start, finish, undisturbed, tmp_path):
+    """The first job of `identify` may take next to no more address space than its imports have."""
+    expected, _ = undisturbed
+    (tmp_path / "limit").mkdir()
+    (tmp_path / "limit" / "sitecustomize.py").write_text(LIMIT, encoding="utf-8")
+    folder = tmp_path / "work"
+    folder.mkdir()
+    path = os.pathsep.join([str(repository / "src"), str(tmp_path / "limit")])
+    run = start(folder, PYTHONPATH=path, FIRST_JOB=str(tmp_path / "first"))
+    assert run.wait() != 0
+    assert (tmp_path / "first").exists()
+    (message,) = re.findall(r"^.*\bMemoryError.*|^.*ArrayMemoryError.*", run.text.split("Logfile ")[0], re.MULTILINE)
+    assert "study study, chunk" in message
+    assert len(list(folder.glob("results/scores/study/*.csv"))) == CHUNKS - 1
+    assert not list(folder.rglob("*.part"))
+    assert not list_differences(expected, finish(folder, unlock=False))
+
+
+def test_a_job_that_the_system_ends_for_want_of_memory_is_named(start, finish, undisturbed, tmp_path):
+    """As the Linux kernel does: SIGKILL to one job."""
+    expected, _ = undisturbed
+    run = start(tmp_path)
+    jobs = []
+
+    def find_job():
+        for process in psutil.Process(run.process.pid).children(recursive=True):
+            with suppress(psutil.NoSuchProcess):
+                if process.cmdline()[-1:] and process.cmdline()[-1].endswith(".identify.py"):
+                    jobs.append(process)
+        return jobs
+
+    run.wait_for(find_job)
+    jobs[0].send_signal(signal.SIGKILL)
+    assert run.wait() != 0
+    assert "Error in rule identify:" in run.text
+    assert len(list(tmp_path.glob("results/scores/study/*.csv"))) == CHUNKS - 1
+    assert not list_differences(expected, finish(tmp_path, unlock=False))
+
+
+DAMAGES = {
+    "half": lambda content: content[: len(content) // 2],
+    "empty": lambda content: b"",
+    "without the last lines": lambda content: b"\n".join(content.split(b"\n")[:-4]) + b"\n",
+    "other bytes": lambda content: content[:1000] + bytes(1000) + content[2000:],
+}
+
+
+BINARY = [(name, damage) for name in ("trials", "estimates") for damage in ("half", "empty", "other bytes")]
+TABLES = [(name, damage) for name in ("scores", "parameters") for damage in ("half", "empty", "without the last lines")]
+
+
+@pytest.mark.parametrize(("name", "damage"), [*BINARY, *TABLES])
+def test_a_damaged_file_is_named_and_deleting_it_mends_it(
+    start, finish, undisturbed, unfinished, tmp_path, name, damage
+):
+    expected, _ = undisturbed
+    folder = tmp_path / "work"
+    shutil.copytree(unfinished, folder)  # times of the files, too
+    suffix = "nc" if name in ("trials", "estimates") else "csv"
+    path = folder / "results" / name / "study" / f"1.{suffix}"
+    path.write_bytes(DAMAGES[damage](path.read_bytes()))
+    run = start(folder)
+    assert run.wait() != 0, f"nobody noticed; different: {list_differences(expected, read_results(folder))}"
+    logs = "".join(file.read_text(encoding="utf-8") for file in folder.glob("logs/*/study*") if file.is_file())
+    assert f"results/{name}/study/1.{suffix}" in run.text.split("Error in rule")[0] + logs
+    path.unlink(missing_ok=True)
+    assert not list_differences(expected, finish(folder, unlock=False))

@@ -1,0 +1,58 @@
+"""`make setup` that ends at random moments, and what the next one makes of what it leaves."""
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+
+ROOT = Path(__file__).parents[2]
+KILLS = 3
+SEED = 2008
+FILES = ("Makefile", "environment.lock", "pyproject.toml", "README.md", "LICENSE", "src")
+
+
+def make(folder, log, *targets):
+    """Start make in a process group of its own, with the Python that this environment was made of."""
+    variables = {name: value for name, value in os.environ.items() if name not in ("VIRTUAL_ENV", "PYTHONPATH")}
+    python = Path(sys.base_prefix, "bin", f"python{sys.version_info[0]}.{sys.version_info[1]}")
+    command = ["make", f"PYTHON={python}", *targets]
+    return subprocess.Popen(
+        command, cwd=folder, env=variables, stdout=log, stderr=subprocess.STDOUT, start_new_session=True
+    )
+
+
+def test_a_set_up_that_was_killed_is_finished_by_the_next(tmp_path, record):
+    folder = tmp_path / "repository"
+    folder.mkdir()
+    for name in FILES:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(ROOT / name, folder / name)
+    generator = random.Random(SEED)
+    during = 0
+    with open(tmp_path / "make.log", "w") as log:
+        for _ in range(KILLS):
+            process = make(folder, log, "setup")
+            time.sleep(generator.uniform(2.0, 60.0))
+            during += process.poll() is None
+            children = psutil.Process(process.pid).children(recursive=True) if process.poll() is None else []
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            psutil.wait_procs(children, timeout=20)
+        assert make(folder, log, "setup").wait() == 0, (tmp_path / "make.log").read_text()
+        again = make(folder, log, "--question", "setup")
+        assert again.wait() == 0  # nothing is left to do
+    python = folder / ".venv" / "bin" / "python"
+    check = subprocess.run([python, "-m", "pip", "check"], capture_output=True, text=True)
+    assert check.returncode == 0, check.stdout
+    code = "import ankleloop; print(ankleloop.__file__, ankleloop.identify(ankleloop.simulate(seed=1, duration=12.0)))"
+    answer = subprocess.run([python, "-c", code], capture_output=True, text=True, cwd=tmp_path)
+    assert answer.stdout.startswith(str(folder)), answer.stderr
+    record({"kills": KILLS, "during_the_set_up": during})

@@ -1,0 +1,51 @@
+"""Reading of files that are not to be trusted: the tests that take long."""
+
+import gzip
+import os
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+import scipy.io
+
+from ankleloop.errors import DataError
+from ankleloop.records.reading_options import ReadingOptions
+from ankleloop.records.reading_process import read_channels
+
+OPTIONS = ReadingOptions()
+
+
+def test_a_bomb_of_gzip_is_refused(tmp_path):
+    with gzip.open(tmp_path / "a.csv.gz", "wb", compresslevel=9) as file:
+        file.write(b"time,position,torque\n")
+        for _ in range(50):
+            file.write(b"0,0,0\n" * 500_000)
+    with pytest.raises(DataError, match=r"a.csv.gz: the table has [\d,]+ samples .* at most 20,000,000"):
+        read_channels(tmp_path / "a.csv.gz", OPTIONS)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_fork_of_the_program_takes_a_process_of_its_own(tmp_path):
+    good = tmp_path / "a.mat"
+    scipy.io.savemat(good, {"position": np.arange(300.0), "torque": np.arange(300.0), "fs": 500.0})
+    script = f"""
+        import os, sys
+        from ankleloop.records.reading_options import ReadingOptions
+        from ankleloop.records.reading_process import read_channels, stop
+        def read(): return float(read_channels({str(good)!r}, ReadingOptions())["position"].values.sum())
+        expected = read()
+        children = []
+        for _ in range(3):
+            child = os.fork()
+            if child == 0:
+                equal = all(read() == expected for _ in range(5))
+                stop()
+                os._exit(0 if equal else 1)
+            children.append(child)
+        equal = all(read() == expected for _ in range(5))
+        statuses = [os.waitpid(child, 0)[1] for child in children]
+        sys.exit(statuses != [0, 0, 0] or not equal)
+    """
+    assert subprocess.run([sys.executable, "-c", textwrap.dedent(script)], timeout=60).returncode == 0

@@ -1,0 +1,93 @@
+"""Movement, torque and reference of a record against plain computations."""
+
+import numpy as np
+import pytest
+
+from ankleloop import simulate
+from ankleloop.joint.movement_checks import (
+    MotionProducts,
+    check_excitation,
+    check_reference,
+    check_relation,
+    check_sign,
+    check_size,
+    fit_stiffness_by_instruments,
+    reference_correlations,
+)
+from ankleloop.joint.prepared import prepare
+
+
+@pytest.fixture(scope="module")
+def trial():
+    return simulate(seed=1, duration=20.0)
+
+
+def products(trial):
+    prepared = prepare(trial)
+    return MotionProducts(prepared, prepared.grid(100.0, 0.04))
+
+
+def test_least_squares_by_products_is_least_squares(trial):
+    motion = products(trial)
+    signals = motion.signals.T
+    values, residual, *_ = np.linalg.lstsq(signals[:, :3], signals[:, 3], rcond=None)
+    np.testing.assert_allclose(motion.stiffness, values, rtol=1e-8)
+    assert motion.explained == pytest.approx(1.0 - residual[0] / np.sum(signals[:, 3] ** 2), abs=1e-9)
+    by_instruments, explained = fit_stiffness_by_instruments(signals[:, :3], signals[:, 3], signals[:, :3])
+    np.testing.assert_allclose(by_instruments, values, rtol=1e-8)
+    assert explained == pytest.approx(motion.explained, abs=1e-9)
+
+
+def test_a_torque_without_noise_is_explained():
+    """Without reflex and noise K, B and I are the truth."""
+    motion = products(simulate(seed=1, duration=20.0, reflex_gain=0.0, snr_db=None, voluntary=0.0))
+    np.testing.assert_allclose(motion.stiffness, [150.0, 0.8, 0.015], rtol=0.01)
+    assert motion.explained > 0.9999
+    assert check_relation(motion).verdict == check_size(motion).verdict == "ok"
+
+
+@pytest.mark.parametrize("sinusoids", [1, 2, 4])
+def test_q_sinusoids_excite_2q_directions(sinusoids):
+    t = np.arange(3000) / 100.0
+    velocity = sum(np.sin(2 * np.pi * (1.3 + 4.1 * k) * t + k) for k in range(sinusoids))
+    rows = np.lib.stride_tricks.sliding_window_view(velocity, 32)
+    assert np.linalg.matrix_rank(rows, tol=1e-3 * np.linalg.norm(rows, 2)) == 2 * sinusoids
+    finding = check_excitation([velocity], 2, 15)
+    assert f"excites {2 * sinusoids} of 24 directions" in finding.text
+    assert finding.verdict == ("refused" if sinusoids < 5 else "warning")
+
+
+def test_records_excite_together():
+    t = np.arange(3000) / 100.0
+    parts = [np.sin(2 * np.pi * (1.0 + 2.3 * k) * t) for k in range(16)]
+    assert check_excitation(parts, 2, 15).verdict == "ok"
+    assert check_excitation([np.random.default_rng(1).standard_normal(3000)], 2, 15).verdict == "ok"
+    assert "too few" in check_excitation([t[:60]], 2, 15).text
+
+
+def test_correlations_of_the_reference_against_numpy(trial):
+    motion = products(trial)
+    reference = motion.trial.channel("reference", motion.grid)
+    later, position, torque = reference_correlations(motion, reference)
+    matrix = np.corrcoef([reference, motion.signals[0], motion.signals[3]]) ** 2
+    assert (position, torque) == pytest.approx((matrix[0, 1], matrix[0, 2]), abs=1e-9)
+    shifted = [np.corrcoef(reference[:-lag], motion.signals[0, lag:])[0, 1] ** 2 for lag in range(1, 11)]
+    assert later == pytest.approx(max(position, *shifted), abs=0.02)
+
+
+def test_an_unrelated_reference_is_refused_at_any_length():
+    options = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0, "reference": "reference"}
+    for duration in (12.0, 30.0):
+        for seed in range(4):
+            trial = simulate(seed=seed, duration=duration)
+            assert check_reference([prepare(trial).regressors(**options)]).verdict == "ok"
+            other = simulate(seed=seed + 50, duration=duration)["reference"]
+            finding = check_reference([prepare(trial.assign(reference=other)).regressors(**options)])
+            assert finding.verdict == "refused"
+
+
+def test_signs():
+    assert check_sign(np.array([100.0, 1.0, 0.01]), 0.9).verdict == "ok"
+    assert check_sign(np.array([-100.0, 1.0, 0.01]), 0.1).verdict == "ok"
+    assert check_sign(np.array([-100.0, 1.0, 0.01]), 0.5).verdict == "refused"
+    assert check_sign(np.array([-100.0, -1.0, -0.01]), 0.1).verdict == "refused"

@@ -1,0 +1,85 @@
+"""Files of the configuration: nothing that YAML changes or leaves out passes without a word."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from ankleloop.studies.checking import ConfigError
+from ankleloop.studies.config_files import check_config_file, find_key
+
+FOLDER = Path(__file__).parents[3] / "config"
+
+
+@pytest.fixture
+def check_text(tmp_path):
+    """Check a file of this text."""
+
+    def check(text, name="config.yaml"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        check_config_file(path)
+
+    return check
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "beyond.yaml", "ci.yaml", "recordings.example.yaml"])
+def test_the_configurations_of_the_repository_pass(name):
+    check_config_file(FOLDER / name)
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "lines"),
+    [
+        ("a: 1\nb: 2\na: 3\n", "a", (3, 1)),
+        ("studies:\n  files:\n    S1: {file: a.mat}\n    S1: {file: b.mat}\n", "S1", (4, 3)),
+        ("list:\n- {x: 1, y: 2,\n   x: 3}\n", "x", (3, 2)),
+    ],
+)
+def test_a_key_that_stands_twice_is_refused(check_text, text, key, lines):
+    with pytest.raises(ConfigError, match=rf"the key '{key}' in line {lines[0]} stands in line {lines[1]}, too"):
+        check_text(text)
+
+
+def test_keys_of_other_mappings_and_of_anchors_may_be_equal(check_text):
+    check_text("a: &x {k: 1}\nb: &y {k: 2}\nc: {<<: *x, k: 3}\nd: {<<: *x, <<: *y}\ne: [*x, *x]\n")
+
+
+@pytest.mark.parametrize("number", ["12", "-3", "+4", "0", "1.", ".5", "2.50", "1.0e+3", "-.INF", ".nan"])
+def test_numbers_that_everybody_reads_alike_pass(check_text, number):
+    check_text(f"a: {number}\nb: [{number}]\n")
+
+
+@pytest.mark.parametrize("written", ["012", "1_2", "1:30", "1:30.5", "0x1F", "0b11", "1_0.5", "-1:30"])
+def test_numbers_that_yaml_reads_otherwise_are_refused(check_text, written):
+    """The oracle is YAML itself: what it makes of the number is not what Python makes of the same letters."""
+    assert isinstance(yaml.safe_load(written), (int, float))
+    assert str(yaml.safe_load(written)) != written
+    with pytest.raises(ConfigError, match=r"line 2: YAML reads .* in quotes if it is text"):
+        check_text(f"b: x\na: {written}\n")
+    check_text(f"a: '{written}'\n")
+
+
+@pytest.mark.parametrize("written", ["7", "1_2", "012", "1.0", "13:30", "no", "on", "2020-01-01", "null", "~"])
+def test_keys_that_yaml_does_not_read_as_text_are_refused(check_text, written):
+    assert list(yaml.safe_load(f"{written}: x")) != [written]
+    with pytest.raises(ConfigError, match=r"config.yaml, line 2: YAML reads the key .* as .*: put it in quotes"):
+        check_text(f"files:\n  {written}: x\n")
+    check_text(f"files:\n  '{written}': x\n")
+
+
+def test_files_of_json_are_checked_too(check_text):
+    check_text('{"a": {\t"b": 1}, "c": [1, 2]}', "config.json")
+    with pytest.raises(ConfigError, match="the key 'b' stands twice"):
+        check_text('{"a": {"b": 1, "b": 2}}', "config.json")
+
+
+def test_the_place_of_a_key_is_that_of_the_last_file_with_it(tmp_path):
+    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
+    first.write_text("base: &base\n  trials: 3\nstudies:\n  s:\n    <<: *base\n    seed: 1\n", encoding="utf-8")
+    second.write_text("studies:\n  s:\n    seed: 2\n", encoding="utf-8")
+    assert find_key(["studies", "s", "seed"], [first, second]) == f"{second}, line 3"
+    assert find_key(["studies", "s", "trials"], [first, second]) == f"{first}, line 2"
+    assert find_key(["studies", "s", "trails"], [first, second]) == f"{second}, line 2"
+    assert find_key(["run"], [first, second]) == ""
+    assert find_key([], [first, second]) == ""

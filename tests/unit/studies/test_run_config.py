@@ -1,0 +1,101 @@
+"""The configuration of a run is checked before its first job: paths, files of recordings, and all that it names."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from ankleloop.studies.checking import ConfigError, expand_path
+from ankleloop.studies.run_config import describe_article, read_run
+from ankleloop.studies.study import read_studies
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Read a run of recordings in a folder."""
+
+    def read(folder, **files):
+        study = {"kind": "recordings", "folder": folder, "methods": {"a": {"method": "riv"}}}
+        study["files"] = {name: {"file": file} for name, file in files.items()}
+        path = tmp_path / "config.yaml"
+        path.write_text(yaml.safe_dump({"studies": {"r": study}}), encoding="utf-8")
+        return read_run(yaml.safe_load(path.read_text(encoding="utf-8")), [path])[1]["r"]
+
+    return read
+
+
+def test_notebooks_show_every_study_of_the_repository(config):
+    """Also those that are not part of the run."""
+    read_run({**config, "run": None}, [])
+
+
+def test_paths_may_have_variables_dollar_signs_and_a_home(monkeypatch):
+    monkeypatch.setenv("FOLDER", "/data/a$b")  # what a variable holds is not expanded again
+    monkeypatch.setenv("HOME", "/home/me")
+    paths = {
+        "$FOLDER/x y": "/data/a$b/x y",
+        "${FOLDER}x": "/data/a$bx",
+        "~/x": "/home/me/x",
+        "/a$$b": "/a$b",
+        "/a$": "/a$",
+        "../x": "../x",
+    }
+    assert {text: str(expand_path(text, "the folder")) for text in paths} == paths
+
+
+@pytest.mark.parametrize(("value", "state"), [(None, "not set"), ("", "empty"), ("  ", "empty")])
+def test_variables_without_a_value_are_refused(monkeypatch, value, state):
+    if value is None:
+        monkeypatch.delenv("FOLDER", raising=False)
+    else:
+        monkeypatch.setenv("FOLDER", value)
+    with pytest.raises(ConfigError, match=f"the folder is .*, but the environment variable FOLDER is {state}. Set it"):
+        expand_path("${FOLDER}/x", "the folder")
+
+
+def test_one_file_of_many_may_be_missing(recorded, tmp_path):
+    """Its job refuses it in its own page, and goes on with the others."""
+    folder = tmp_path / "two words"
+    folder.mkdir()
+    (folder / "a b.csv").touch()
+    study = recorded(str(folder), A="a b.csv", B="missing.csv", C="x" * 300, D="nul\0byte")
+    assert study.existing_paths(0) == [str(folder / "a b.csv")]
+    with pytest.raises(ConfigError, match=r"config.yaml, line 6: study r: .*two words, has none of its 1 files"):
+        recorded(str(folder), B="missing.csv")
+
+
+def test_paths_that_snakemake_would_take_for_wildcards_are_refused(recorded, tmp_path):
+    (tmp_path / "{a}.csv").touch()
+    with pytest.raises(ConfigError, match=r"has braces, which Snakemake takes for a wildcard: rename it"):
+        recorded(str(tmp_path), A="{a}.csv")
+
+
+def test_a_relative_folder_is_below_the_working_directory(recorded, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("data").mkdir()
+    Path("data/a.csv").touch()
+    assert recorded("data", A="a.csv").existing_paths(0) == ["data/a.csv"]
+
+
+def test_recordings_that_are_not_run_need_no_files(config, example):
+    """A configuration may describe the recordings of another machine."""
+    studies = {**config["studies"], **example["studies"]}
+    recordings = {**example["studies"]["recordings"], "folder": "${NO_SUCH_VARIABLE}", "table": "${NO_SUCH_VARIABLE}/t"}
+    read_run({"run": ["table1"], "studies": {**studies, "recordings": recordings}}, [])
+
+
+def test_a_mistake_on_the_command_line_has_no_line(config, tmp_path):
+    path = tmp_path / "config.yaml"
+    path.write_text(yaml.safe_dump(config), encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"^--config: config → run: must be a list in brackets, such as \[table1\]"):
+        read_run({**config, "run": "table1"}, [path], {"run": "table1"})
+    with pytest.raises(ConfigError, match=r"^--config: the key 'run' has no value\.$"):
+        read_run({**config, "run": None}, [path], {"run": None})
+    with pytest.raises(ConfigError, match=r"^.*config.yaml, line \d+: config → run: must be a list"):
+        read_run({**config, "run": "table1"}, [path])
+
+
+def test_a_run_without_the_article_says_so(config):
+    assert describe_article(read_studies(config)[0]) == ""
+    part = read_studies({**config, "run": [name for name in config["article"] if name != "load"]})[0]
+    assert describe_article(part).endswith("because run leaves out studies of article: load.")

@@ -1,0 +1,127 @@
+"""Checks of arguments: their wording, and what counts as a number."""
+
+import numpy as np
+import pytest
+
+from ankleloop import arguments
+from ankleloop.arguments import (
+    as_plain,
+    check_choice,
+    check_flag,
+    check_integer,
+    check_memory,
+    check_number,
+    check_path,
+    check_text,
+    describe_limits,
+    show_value,
+    suggest_name,
+)
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ({}, ""),
+        ({"ge": 0, "le": 1}, "between 0 and 1 s"),
+        ({"gt": 0, "le": 1e6}, "above 0 and at most 1e6 s"),
+        ({"ge": 0, "lt": 1}, "at least 0 and below 1 s"),
+        ({"ge": 1e-9}, "at least 1e-9 s"),
+        ({"le": 100000}, "at most 100000 s"),
+        ({"ge": -100.5, "le": 1e100}, "between -100.5 and 1e100 s"),
+    ],
+)
+def test_limits_in_words(limits, words):
+    assert describe_limits("s", **limits) == words
+    assert describe_limits(**limits) == words.removesuffix(" s")
+
+
+@pytest.mark.parametrize(
+    ("value", "number"), [(2, 2.0), (2.5, 2.5), (np.float32(2.5), 2.5), (np.int16(-3), -3.0), (np.array(4), 4.0)]
+)
+def test_numbers_of_python_and_numpy_are_numbers(value, number):
+    assert check_number("owner", "length", value) == number
+    assert type(check_number("owner", "length", value)) is float
+
+
+@pytest.mark.parametrize("value", [3, 3.0, np.float64(3.0), np.int8(3), np.array(3)])
+def test_a_float_without_a_fraction_is_a_whole_number(value):
+    assert check_integer("owner", "count", value, ge=3, le=3) == 3
+    assert type(check_integer("owner", "count", value)) is int
+
+
+@pytest.mark.parametrize(
+    "value", [True, np.bool_(True), "1", b"1", None, np.nan, np.inf, -np.inf, 1j, [1], np.array([1.0]), 10**400]
+)
+def test_nothing_else_is_a_number(value):
+    for check, kind in ((check_number, "a finite number"), (check_integer, "a whole number")):
+        if isinstance(value, int) and value > 1 and check is check_integer:
+            kind = ""  # a whole number, but out of range
+        with pytest.raises(ValueError, match=f"^owner: count must be {kind} ?between 0 and 9 Hz, got "):
+            check("owner", "count", value, "Hz", ge=0, le=9)
+    with pytest.raises(ValueError, match=r"must be a finite number \[Hz\], got "):
+        check_number("owner", "count", value, "Hz")
+
+
+@pytest.mark.parametrize(("limits", "inside", "outside"), [
+    ({"ge": 1}, 1, 0), ({"gt": 1}, 2, 1), ({"le": 1}, 1, 2), ({"lt": 1}, 0, 1),
+])  # fmt: skip
+def test_limits_hold_at_their_ends(limits, inside, outside):
+    for check in (check_number, check_integer):
+        assert check("owner", "count", inside, **limits) == inside
+        with pytest.raises(ValueError, match=f"^owner: count must be {describe_limits(**limits)}, got {outside}\\.$"):
+            check("owner", "count", outside, **limits)
+
+
+def test_flags_texts_choices_and_paths(tmp_path):
+    assert check_flag("owner", "flag", np.bool_(False)) is False
+    assert check_text("owner", "name", "position") == "position"
+    assert check_choice("owner", "sign", 1, (1, -1)) == 1
+    assert check_choice("owner", "kind", None, ("measured", None)) is None
+    assert check_path("owner", "path", str(tmp_path)) == check_path("owner", "path", tmp_path) == tmp_path
+    for check, wrong in (
+        (lambda value: check_flag("owner", "argument", value), (1, 0, "no", None)),
+        (lambda value: check_text("owner", "argument", value), (1, None, b"text")),
+        (lambda value: check_choice("owner", "argument", value, (1, -1)), (True, 1.5, "1", [])),
+        (lambda value: check_path("owner", "argument", value), (1, None, True, [])),
+    ):
+        for value in wrong:
+            with pytest.raises((ValueError, TypeError), match=r"^owner: argument must be "):
+                check(value)
+
+
+def test_a_name_is_suggested_only_where_one_is_near():
+    assert suggest_name("block_row", ["block_rows", "order"]) == " (did you mean 'block_rows'?)"
+    assert suggest_name("colour", ["block_rows", "order"]) == ""
+    assert suggest_name(None, ["block_rows"]) == ""
+
+
+def test_a_long_value_is_cut():
+    for value in (np.zeros(10**6), list(range(10**6)), "x" * 10**6, 10**4000):
+        assert len(show_value(value)) < 120
+    assert show_value("no") == "'no'"
+    assert as_plain("no") == "no"
+
+
+def test_memory_beyond_the_machine_is_refused_with_the_numbers(monkeypatch, tmp_path):
+    monkeypatch.setattr(arguments, "_find_memory", lambda: 8 * 10**9)
+    check_memory("simulate", 7.9e9, "shorten duration")
+    with pytest.raises(ValueError, match="would need") as refusal:
+        check_memory("simulate", 3.2e12, "shorten duration")
+    assert str(refusal.value) == (
+        "simulate: this would need 3.2 TB of memory, and the machine has 8 GB: shorten duration."
+    )
+
+
+def test_the_memory_of_a_job_counts_where_it_is_less_than_that_of_the_machine(monkeypatch, tmp_path):
+    find = arguments._find_memory.__wrapped__
+    limit = tmp_path / "memory.max"
+    monkeypatch.setattr(arguments, "CONTROL_GROUP", limit)
+    machine = find()
+    assert machine > 10**8
+    limit.write_text("max\n")
+    assert find() == machine
+    limit.write_text("100000000\n")
+    assert find() == 10**8
+    monkeypatch.delattr(arguments.os, "sysconf")
+    assert find() == arguments.LARGEST_MEMORY

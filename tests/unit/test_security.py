@@ -1,0 +1,120 @@
+"""What SECURITY.md says of configurations, recordings and pages."""
+
+import ast
+import pickle
+from pathlib import Path
+
+import nbformat
+import pandas as pd
+import pytest
+import yaml
+from nbconvert import HTMLExporter
+from snakemake.common.configfile import load_configfile
+from snakemake_interface_common.exceptions import WorkflowError
+
+import ankleloop
+from ankleloop.pages.notebooks import render_notebook_page
+from ankleloop.pages.tables import render_table
+from ankleloop.studies.checking import ConfigError
+from ankleloop.studies.config_files import check_config_file
+
+ROOT = Path(__file__).parents[2]
+SOURCES = sorted((ROOT / "src").rglob("*.py")) + sorted((ROOT / "workflow" / "scripts").glob("*.py"))
+# Rows that wait in a temporary file of the same process, and answers of a child of the same process.
+PICKLES = {"joint/estimate_files.py", "studies/table_files.py", "studies/worker.py"}
+RUNS_CODE = {"eval", "exec", "compile", "__import__"}
+UNSAFE = ("yaml.load(", "yaml.unsafe_load(", "allow_pickle=True", "shell=True", "os.system(")
+READS_OBJECTS = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
+
+
+def calls_of(path):
+    """Names of the plain functions that a file calls, and of the modules that it imports."""
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    calls = {node.func.id for node in nodes if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    modules = {alias.name.split(".")[0] for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    modules |= {node.module.split(".")[0] for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
+    return calls, modules
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_file_turns_data_into_code(path):
+    calls, modules = calls_of(path)
+    assert not calls & RUNS_CODE
+    if not any(path.as_posix().endswith(name) for name in PICKLES):
+        assert not modules & READS_OBJECTS
+    text = path.read_text(encoding="utf-8")
+    assert not [words for words in UNSAFE if words in text]
+
+
+class Bomb:
+    """An object that leaves a mark where it is unpickled."""
+
+    def __init__(self, mark):
+        self.mark = mark
+
+    def __reduce__(self):
+        return Path.touch, (self.mark,)
+
+
+@pytest.mark.parametrize("suffix", [".pkl", ".npy", ".csv", ".mat", ".h5", ".nc"])
+def test_a_pickle_is_no_recording_under_any_name(tmp_path, suffix):
+    mark = tmp_path / "mark"
+    path = tmp_path / f"recording{suffix}"
+    path.write_bytes(pickle.dumps(Bomb(mark)))
+    with pytest.raises(ankleloop.DataError):
+        ankleloop.read_trial(path, sampling_rate=1000.0)
+    assert not mark.exists()
+    pickle.loads(path.read_bytes())  # the bomb itself works
+    assert mark.exists()
+
+
+def test_a_tag_of_python_in_a_configuration_is_refused_and_not_run(tmp_path):
+    mark, path = tmp_path / "mark", tmp_path / "config.yaml"
+    path.write_text(f"run: !!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.Path ['{mark}']]\n")
+    with pytest.raises(WorkflowError, match="not valid"):
+        load_configfile(path)
+    assert not mark.exists()
+    with pytest.raises(ConfigError, match="tag"):
+        check_config_file(path)
+
+
+def test_a_template_in_a_configuration_is_refused(tmp_path):
+    """Snakemake runs it before the workflow can look at it: SECURITY.md says so, and this holds the fact."""
+    mark, path = tmp_path / "mark", tmp_path / "config.yaml"
+    content = {"__use_yte__": True, "__definitions__": [f"open({str(mark)!r}, 'w').close()"], "run": ["table1"]}
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"line 1: with the key __use_yte__ Snakemake runs Python code"):
+        check_config_file(path)
+    assert not mark.exists()
+    load_configfile(path)
+    assert mark.exists()
+
+
+SCRIPT = "<script>alert(1)</script><img src=x onerror=alert(1)>"
+
+
+def test_names_in_tables_are_text():
+    table = render_table(pd.DataFrame({SCRIPT: [SCRIPT]}), {SCRIPT: SCRIPT})
+    assert "<script" not in table
+    assert "<img" not in table
+
+
+def test_no_page_can_run_a_script_or_fetch_anything():
+    """Captions are Markdown, in which HTML of a title or label stays HTML: the policy of the page stops it."""
+    output = nbformat.v4.new_output("display_data", {"text/markdown": SCRIPT})
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("1", outputs=[output])])
+    body, _ = HTMLExporter(template_name="basic").from_notebook_node(notebook)
+    head, _ = render_notebook_page(SCRIPT, body).split("</head>")
+    assert "<script" not in head
+    policy = head.split('http-equiv="Content-Security-Policy" content="')[1].split('"')[0]
+    directives = dict(directive.strip().split(" ", 1) for directive in policy.split(";"))
+    assert directives["default-src"] == "'none'"
+    assert directives["img-src"] == "data:"
+    assert "script-src" not in directives
+    assert head.index("Content-Security-Policy") < head.index("<title>")  # what stands before it is not covered
+
+
+def test_security_page_names_the_facts():
+    text = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
+    for name in ("__use_yte__", "make audit", "results/audit", "Content-Security-Policy"):
+        assert name in text
