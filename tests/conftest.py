@@ -18,6 +18,7 @@ def pytest_addoption(parser):
     )
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Where tests run in several processes: one for each file, and one for all tests of the shared reproduction."""
     for item in items:

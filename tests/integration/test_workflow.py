@@ -224,14 +224,14 @@ def test_the_whole_paper_is_there(reproduction):
 
 def test_a_wrong_key_stops_before_any_job(reproduction, snakemake):
     text = snakemake(reproduction, *overlay(reproduction, trails=3), check=False)
-    assert "config → studies → table1: unknown key 'trails'; known here: " in text
+    assert "config → studies → table1: unknown key 'trails' (did you mean 'trials'?); known here: " in text
     assert "rule simulate" not in text
 
 
 def test_an_unstable_point_is_named_and_leaves_nothing(reproduction, snakemake):
     settings = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0, "duration": 20.0}
     points = {"reflex_gain": [13.0, 2.0, 29.0]}
-    arguments = overlay(reproduction, simulation=settings, points=points)
+    arguments = overlay(reproduction, simulation=settings, points=points, failures="stop")
     text = snakemake(reproduction, "results/trials/table1/2.nc", *arguments, check=False)
     assert "the closed loop is unstable" in text
     assert "load_inertia=0.1" in text
