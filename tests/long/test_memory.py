@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-COUNTS = (100, 2000)
+COUNTS = (1000, 2500)  # buffers of the libraries are filled by then
 GROWTH = 20e3  # bytes for each trial, whose signals are 224 kB
 MOST = 500e6  # bytes of a job of 10,000 trials
 
