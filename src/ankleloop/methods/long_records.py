@@ -14,13 +14,13 @@ import xarray as xr
 from ankleloop.arguments import check_path
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
-from ankleloop.joint.data_checks import DataUse, check_data
+from ankleloop.joint.data_checks import check_data
 from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import StateSpaceModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors, decimation_grid, recording_margins
-from ankleloop.methods.method import add_warnings
+from ankleloop.methods.method import add_warnings, data_use
 from ankleloop.methods.moesp import (
     MEMBERS,
     REGRESSION_TOLERANCE,
@@ -200,10 +200,7 @@ class _Chunks:
 
         A part of which nothing can be said is a warning; if the record is a single part, it is refused.
         """
-        o = self.options
-        order = (o.block_rows - 1) // 2 if o.order is None else o.order
-        reference = "reference" if "reference" in self.channels else None
-        use = DataUse(o.delay, self.rate, order, o.block_rows, reference)
+        use = data_use(self.options, "reference" if "reference" in self.channels else None)
         edges = np.linspace(0, self.count, max(1, round(self.count / CHECKED_SAMPLES)) + 1).astype(int).tolist()
         warnings: list[str] = []
         for start, stop in pairwise(edges):

@@ -23,6 +23,7 @@ __all__ = [
     "Trial",
     "add_warnings",
     "check_lags",
+    "data_use",
     "degree_option",
     "delay_option",
     "rate_option",
@@ -138,28 +139,41 @@ class Method:
         chosen = self.options.parse(f"method {self.name!r}", **options)
         if not isinstance(trial, (list, tuple)):
             prepared = prepare(cast(Trial, trial))
-            warnings = check_data([prepared], self._data_use(chosen))
+            warnings = check_data([prepared], data_use(chosen, self.reference(chosen)))
             return add_warnings(self.identify(prepared, chosen), warnings)
         if self.merge is None:
             raise DataError(f"{self.name} identifies one trial at a time.")
         if not trial:
             raise DataError("there are no trials to merge.")
         trials = [prepare(part) for part in trial]
-        warnings = check_data(trials, self._data_use(chosen))
+        warnings = check_data(trials, data_use(chosen, self.reference(chosen)))
         return [add_warnings(estimate, warnings) for estimate in self.merge(trials, chosen)]
 
-    def _data_use(self, options: Any) -> DataUse:
-        """What the method takes from its data under these options; another one than ours may lack some of them."""
-        use = DataUse(reference=self.reference(options))
-        block_rows = getattr(options, "block_rows", use.block_rows)
-        order = getattr(options, "order", use.order)
-        return replace(
-            use,
-            delay=NOMINAL_DELAY if (delay := getattr(options, "delay", None)) is None else delay,
-            identification_rate=getattr(options, "identification_rate", use.identification_rate),
-            order=(block_rows - 1) // 2 if order is None else order,
-            block_rows=block_rows,
-        )
+
+def data_use(options: Any, reference: str | None) -> DataUse:
+    """What a method takes from its data under its options; what they do not have is as in `DataUse`.
+
+    Parameters
+    ----------
+    options : Options
+        Options of the method.
+    reference : str or None
+        Variable whose leads or lags are instruments; None if there are none.
+
+    Returns
+    -------
+    DataUse
+    """
+    use = DataUse(reference=reference)
+    block_rows = getattr(options, "block_rows", use.block_rows)
+    order = getattr(options, "order", use.order)
+    return replace(
+        use,
+        delay=NOMINAL_DELAY if (delay := getattr(options, "delay", None)) is None else delay,
+        identification_rate=getattr(options, "identification_rate", use.identification_rate),
+        order=(block_rows - 1) // 2 if order is None else order,
+        block_rows=block_rows,
+    )
 
 
 def add_warnings(estimate: Estimate, data_warnings: list[str]) -> Estimate:

@@ -25,6 +25,7 @@ __all__ = [
     "simulate_response",
     "simulate_states",
     "solve_least_squares",
+    "solve_regression",
 ]
 
 CHUNK = 1024  # samples
@@ -324,7 +325,42 @@ def estimate_input_matrices(
     offsets = check_flag("estimate_input_matrices", "offsets", offsets)
     merged = are_merged(u)
     inputs, outputs = list_records(u, merged, "input"), list_records(y, merged, "output")
+    instruments = None
+    if instrument_inputs is not None:
+        instruments = list_records(instrument_inputs, merged, "instrument_inputs")
     regression = OutputRegression(A, C, inputs[0].shape[1], dynamic, offsets=offsets)
+    return solve_regression(regression, inputs, outputs, instruments, rank_tolerance)
+
+
+def solve_regression(
+    regression: OutputRegression,
+    inputs: Sequence[np.ndarray],
+    outputs: Sequence[np.ndarray],
+    instrument_inputs: Sequence[np.ndarray] | None,
+    rank_tolerance: float,
+) -> InputMatrices:
+    """B, D, x0 and offset of records that have been checked.
+
+    Parameters
+    ----------
+    regression : OutputRegression
+        The regression.
+    inputs, outputs : sequence of ndarray, shape (N, m), (N, p) each
+        The records.
+    instrument_inputs : sequence of ndarray, shape (N, m) each, or None
+        Predicted noise-free inputs; None for least squares.
+    rank_tolerance : float
+        As `estimate_input_matrices` takes it.
+
+    Returns
+    -------
+    InputMatrices
+
+    Raises
+    ------
+    DataError
+        If there are fewer samples than unknowns.
+    """
     if instrument_inputs is None and len(inputs) == 1:
         solution = _solve_normal_equations(regression, inputs[0], outputs[0], rank_tolerance)
         if solution is not None:
@@ -336,7 +372,7 @@ def estimate_input_matrices(
     if instrument_inputs is None:
         solution = solve_least_squares(phi, target, rank_tolerance)
     else:
-        psi = regression.merge_regressors(list_records(instrument_inputs, merged, "instrument_inputs"))
+        psi = regression.merge_regressors(instrument_inputs)
         solution = _solve_instruments(phi, target, psi, rank_tolerance)
     return regression.unpack(solution, len(inputs))
 
@@ -357,7 +393,7 @@ def _solve_normal_equations(
     scale = np.sqrt(np.diag(gram))
     if scale.size > y.size or not scale.all():
         return None
-    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale), UPLO="U")
+    values, vectors = np.linalg.eigh(gram / (scale[:, None] * scale), UPLO="U")
     # Squares lose twice the digits that the condition takes.
     if not values[0] > max(LEAST_RATIO, 2.0 * rank_tolerance) ** 2 * values[-1]:
         return None

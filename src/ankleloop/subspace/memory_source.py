@@ -13,7 +13,7 @@ from ankleloop.errors import DataError
 from ankleloop.subspace.gram_projection import expect_accuracy
 from ankleloop.subspace.hankel_factor import combine_factors
 from ankleloop.subspace.hankel_rows import HankelRows
-from ankleloop.subspace.input_matrices import InputMatrices, estimate_input_matrices
+from ankleloop.subspace.input_matrices import InputMatrices, OutputRegression, solve_regression
 from ankleloop.subspace.instruments import predict_from_reference
 from ankleloop.subspace.options import MemoryOptions
 from ankleloop.subspace.records import are_merged, list_records, remove_means, scale_records
@@ -77,7 +77,7 @@ class MemorySource:
         """Inner products of the Hankel rows, None if the options exclude them; and the number of columns."""
         columns = rows.count_columns([len(record) for record in self.inputs])
         small = rows.count_products(rows.channels, columns) < SMALL
-        if small or self.options.compression == "qr" or not self.options.offsets or self._is_narrow_band(rows.window):
+        if small or self.options.compression == "qr" or not self.options.offsets or self._is_narrow_band(rows):
             return None, columns
         records = self._stack_channels(rows)
         grams = [rows.start_gram(record.shape[1]) for record in records]
@@ -103,26 +103,19 @@ class MemorySource:
     def estimate_input_matrices(self, A: np.ndarray, C: np.ndarray) -> InputMatrices:
         """B, D and initial states; with instruments, from inputs that the reference predicts."""
         predicted = self._predict_inputs() if self.input_matrices == "instruments" else None
-        return estimate_input_matrices(
-            A,
-            C,
-            self.inputs,
-            self.outputs,
-            self.dynamic,
-            predicted,
-            self.options.regression_tolerance,
-            offsets=self.options.offsets,
-        )
+        regression = OutputRegression(A, C, self.sizes[0], self.dynamic, offsets=self.options.offsets)
+        return solve_regression(regression, self.inputs, self.outputs, predicted, self.options.regression_tolerance)
 
     def _scale(self, records: list[np.ndarray], name: str) -> tuple[list[np.ndarray], np.ndarray]:
         """Records without their means, of unit variance; and the number by which each channel was divided."""
         return scale_records(records, name, scaling=self.options.scaling, subtract_means=self.options.offsets)
 
-    def _is_narrow_band(self, window: int) -> bool:
+    def _is_narrow_band(self, rows: HankelRows) -> bool:
         """Whether the inputs show that inner products will not be accurate enough."""
         if self.options.projection == "correlation":
             return False
-        return not expect_accuracy(self.inputs[0], window, self.options.rank_tolerance)
+        inputs = next(record for record in self.inputs if len(record) >= rows.window)
+        return not expect_accuracy(inputs, rows.window, self.options.rank_tolerance)
 
     def _stack_channels(self, rows: HankelRows) -> list[np.ndarray]:
         """Records of inputs and outputs side by side, and of the reference where the instruments consist of it."""

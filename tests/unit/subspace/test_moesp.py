@@ -173,6 +173,15 @@ def test_units_of_the_data_are_units_of_the_model(gains):
     np.testing.assert_allclose(frequency_response(*matrices(estimate)), expected, rtol=1e-6)
 
 
+def test_a_record_too_short_for_a_column_comes_first():
+    rng = np.random.default_rng(0)
+    u = [rng.standard_normal((samples, 2)) for samples in (15, 3000)]
+    y = [x.sum(axis=1, keepdims=True) + 0.1 * rng.standard_normal((len(x), 1)) for x in u]
+    first, last = (moesp(u[::step], y[::step], 12, 1) for step in (1, -1))
+    assert first.diagnostics["compression"] == last.diagnostics["compression"] == "gram"
+    np.testing.assert_allclose(first.model.poles(), last.model.poles(), rtol=1e-9)
+
+
 def test_static_inputs_have_no_dynamics():
     (A, B, C, D), u, _, _ = simulate_with_reference()
     B = B * [0.0, 1.0]
