@@ -1,6 +1,7 @@
 # make          set up what is missing, then reproduce the paper
 # make test     set up what is missing, then run the tests
 # make test-long  the faults that a run survives: kills, full disks, damaged files
+# make test-cluster  a study on a Slurm of one node, which the test installs and starts (as root, Debian or Ubuntu)
 # make audit    licences, bill of materials and known vulnerabilities of what ankleloop is built on
 # make beyond   the paper, and the studies that go further
 # make unlock   after a run that was killed: take away its lock, so that make can go on; nothing is lost
@@ -10,7 +11,7 @@
 SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := all
-.PHONY: all setup test test-long audit fuzz beyond coverage benchmark expected docs-numbers lint format rulegraph lock unlock clean
+.PHONY: all setup test test-long test-cluster audit fuzz beyond coverage benchmark expected docs-numbers lint format rulegraph lock unlock clean
 
 CORES ?= 2
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
@@ -41,6 +42,10 @@ test: setup
 # Half an hour: kills, full and read-only disks, jobs without memory, damaged files, set-ups that are interrupted.
 test-long: setup
 	python -m pytest tests/long $(ARGS)
+
+# Ten minutes: a study through profiles/slurm, a node that fails, results in a storage; the same as those of one machine.
+test-cluster: setup
+	python -m pytest tests/cluster $(ARGS)
 
 # Damaged files have to be read or refused: 70 minutes; ARGS="--minutes 1 --readers csv hdf5" for less.
 fuzz: setup

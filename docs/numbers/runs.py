@@ -33,9 +33,9 @@ def read_study(name):
     return join_scores(parameters, scores)
 
 
-def copy_figure(name, target):
+def copy_figure(name, target, *, arguments=()):
     """Copy a figure of the workflow to the documentation."""
-    make(f"results/figures/{name}.png")
+    make(f"results/figures/{name}.png", arguments=arguments)
     shutil.copyfile(RESULTS / "figures" / f"{name}.png", ROOT / "docs" / target)
 
 

@@ -19,6 +19,7 @@ SUBJECTS = (
     "writing",
     "configs",
     "recording_tables",
+    "sweeps",
     "functions",
     "data",
     "commands",

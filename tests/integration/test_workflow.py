@@ -42,7 +42,7 @@ ECONOMY = {"economy": 1}
 
 
 def report_jobs(study, figures):
-    return {f"report {study}": 1, f"figure {study}": figures}
+    return {f"small_trial_table {study}": 1, f"report {study}": 1, f"figure {study}": figures}
 
 
 def page(path):

@@ -40,11 +40,13 @@ class Run:
         self.log = Path(log)
         inherited = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
         path = f"{PROGRAM.parent}{os.pathsep}{os.environ['PATH']}"
+        modules = os.pathsep.join(filter(None, [str(repository / "src"), os.environ.get("PYTHONPATH")]))
+        cores = [] if "--workflow-profile" in arguments else ["--cores", "2"]
         with self.log.open("w") as file:
             self.process = subprocess.Popen(
-                [str(PROGRAM), "--cores", "2", "--snakefile", str(repository / "Snakefile"), *arguments],
+                [str(PROGRAM), *cores, "--snakefile", str(repository / "Snakefile"), *arguments],
                 cwd=folder,
-                env={**inherited, "PYTHONPATH": str(repository / "src"), "PATH": path, **environment},
+                env={**inherited, "PYTHONPATH": modules, "PATH": path, **environment},
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,

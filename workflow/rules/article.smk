@@ -27,19 +27,20 @@ rule diagrams:
 
 rule economy:
     input:
-        trials=[
-            path
-            for study in ECONOMY.values()
-            for path in chunk_files("trials", study, "nc")
-        ],
+        trials=[path for study in ECONOMY.values() for path in trial_files(study)],
     output:
         table="results/tables/economy.csv",
     log:
         "logs/economy.log",
+    benchmark:
+        "logs/economy.tsv"
     conda:
         "../envs/ankleloop.yaml"
-    # All cores: a job at its side would change the times.
-    threads: max(1, workflow.cores or 1)
+    # All cores of a local run: a job at its side would change the times.
+    threads: local_cores()
+    resources:
+        mem_mb=table_memory,
+        runtime=table_runtime,
     params:
         options={
             name: study.identified_methods[name]["options"]
@@ -67,9 +68,14 @@ rule verify:
         page="results/verification.md",
     log:
         "logs/verify.log",
+    benchmark:
+        "logs/verify.tsv"
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
+    resources:
+        mem_mb=table_memory,
+        runtime=table_runtime,
     params:
         studies={
             study.name: {
@@ -89,11 +95,12 @@ rule article:
         scores=chunk_files_of_article("scores"),
         parameters=chunk_files_of_article("parameters"),
         reports=[f"results/reports/{study.name}.html" for study in ARTICLE],
+        tables=[f"results/tables/{study.name}.csv" for study in ARTICLE],
         figures=[path for study in ARTICLE for path in figure_files(study)],
         diagrams=[f"results/figures/{name}.png" for name in DIAGRAMS],
         economy="results/tables/economy.csv",
         verification="results/verification.csv",
-        notebook=ROOT / "notebooks/article.ipynb",
+        notebook=repository_file("notebooks/article.ipynb"),
     output:
         page=report(
             "results/article.html",
@@ -102,13 +109,23 @@ rule article:
         ),
     log:
         "logs/article.log",
+    benchmark:
+        "logs/article.tsv"
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
+    resources:
+        mem_mb=table_memory,
+        runtime=table_runtime,
     params:
         parameters=lambda wildcards, input: article_parameters(
             ARTICLE,
-            {study.name: article_files(study) for study in ARTICLE},
+            {
+                study.name: article_files(
+                    study, input.economy.removesuffix("results/tables/economy.csv")
+                )
+                for study in ARTICLE
+            },
             verification=input.verification,
             economy=input.economy,
             diagrams=list(input.diagrams),

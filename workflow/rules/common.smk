@@ -1,16 +1,21 @@
 # The configuration, the studies that it describes, and what several rules take of them.
 import os
 import sys
+from functools import cache
 
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.notebooks import NOTEBOOKS
 from ankleloop.studies.fingerprint import fingerprint
+from ankleloop.studies.job_resources import describe_chunk, describe_tables
 from ankleloop.studies.results import (
+    MOST_TEXT_ROWS,
     article_parameters,
     article_studies,
+    count_rows,
     figure_names,
     report_parameters,
     run_studies,
+    shows_sweep,
 )
 from ankleloop.studies.run_config import describe_article, read_run
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy
@@ -30,7 +35,10 @@ if workflow.is_main_process and describe_article(CONFIG):
     logger.info(describe_article(CONFIG))
 ARTICLE = article_studies(CONFIG, STUDIES)
 DIAGRAMS = ["figure1", "figure2"]
-PUBLISHED = sorted((ROOT / "data" / "published").glob("*.csv"))
+# Files of the repository; `local` says that they are never in the storage of the results.
+PUBLISHED = [
+    local(str(path)) for path in sorted((ROOT / "data" / "published").glob("*.csv"))
+]
 
 
 def alternatives(names):
@@ -38,9 +46,15 @@ def alternatives(names):
     return "|".join(names) or "(?!)"
 
 
-SIMULATED = alternatives(
-    name for name, study in STUDIES.items() if isinstance(study, SimulatedStudy)
-)
+# Studies of simulations by what they keep on disk.
+KEPT = {
+    keep: alternatives(
+        name
+        for name, study in STUDIES.items()
+        if isinstance(study, SimulatedStudy) and study.settings.keep == keep
+    )
+    for keep in ("everything", "estimates", "scores")
+}
 RECORDED = alternatives(
     name for name, study in STUDIES.items() if isinstance(study, RecordedStudy)
 )
@@ -57,6 +71,11 @@ def library(*paths):
     return fingerprint(*(ROOT / path for path in paths))
 
 
+def local_cores():
+    """Cores of a local run; one in the jobs of a cluster, whose scheduler shares out the cores."""
+    return 1 if workflow.remote_exec else max(1, workflow.resource_settings.cores or 1)
+
+
 def study_of(wildcards):
     return STUDIES[wildcards.study]
 
@@ -70,11 +89,6 @@ def chunks(wildcards):
     return range(len(study_of(wildcards).chunks))
 
 
-def simulated_chunks(wildcards):
-    """Numbers of the chunks of a study of simulations; recordings have no trial files and no scores."""
-    return chunks(wildcards) if isinstance(study_of(wildcards), SimulatedStudy) else []
-
-
 def identification_time(wildcards):
     """Time that the methods of a chunk take, in proportion."""
     study = study_of(wildcards)
@@ -83,7 +97,8 @@ def identification_time(wildcards):
 
 def simulation_priority(wildcards):
     """Above that of any identification."""
-    return 1e9 + study_of(wildcards).simulated_time(chunk_of(wildcards))
+    study = study_of(wildcards)
+    return 1e9 + study.simulated_time(chunk_of(wildcards), stored=True)
 
 
 def notebook_of(wildcards):
@@ -91,15 +106,21 @@ def notebook_of(wildcards):
     return f"notebooks/{study_of(wildcards).settings.notebook}.ipynb"
 
 
+def repository_file(path):
+    """A file of the repository, wherever the results are stored."""
+    return local(str(ROOT / path))
+
+
 def title_of(wildcards):
     return study_of(wildcards).settings.title
 
 
 def estimates_of(wildcards):
-    """Estimate files of a study; of recordings the folder of their pages, to which their notebook links."""
+    """Estimate files of a study, if it keeps them; of recordings the folder of their pages, to which their notebook links."""
     study = study_of(wildcards)
     if isinstance(study, SimulatedStudy):
-        return chunk_files("estimates", study, "nc")
+        kept = study.settings.keep != "scores"
+        return chunk_files("estimates", study, "nc") if kept else []
     return f"results/reports/{study.name}"
 
 
@@ -109,6 +130,22 @@ def chunk_files(kind, study, suffix="csv"):
         f"results/{kind}/{study.name}/{chunk}.{suffix}"
         for chunk in range(len(study.chunks))
     ]
+
+
+def trial_files(study):
+    """Trial files of a study; none of recordings, and where no trials are kept."""
+    count = len(study.trial_chunks) if isinstance(study, SimulatedStudy) else 0
+    return [f"results/trials/{study.name}/{number}.nc" for number in range(count)]
+
+
+def trial_files_of(wildcards):
+    return trial_files(study_of(wildcards))
+
+
+def trial_file_of(wildcards):
+    """Trial file that holds the trials of a chunk."""
+    number = study_of(wildcards).trial_chunk_of(chunk_of(wildcards))
+    return f"results/trials/{wildcards.study}/{number}.nc"
 
 
 def chunk_files_of_article(kind):
@@ -121,14 +158,20 @@ def figure_files(study):
     return [f"results/figures/{study.name}-{name}.png" for name in figure_names(study)]
 
 
-def article_files(study):
-    """Files of a study that the article shows."""
-    return {
+def article_files(study, folder):
+    """Files of a study that the article shows; results may be in a folder into which a storage copies them."""
+    files = {
         "scores": chunk_files("scores", study),
         "estimates": chunk_files("parameters", study),
         "table": f"results/tables/{study.name}.csv",
         "report": f"results/reports/{study.name}.html",
         "figures": figure_files(study),
+    }
+    return {
+        name: (
+            folder + item if isinstance(item, str) else [folder + path for path in item]
+        )
+        for name, item in files.items()
     }
 
 
@@ -140,6 +183,43 @@ def targets():
             paths.append(f"results/reports/{study.name}")
         if study.settings.notebook:
             paths += [f"results/reports/{study.name}.html", *figure_files(study)]
-        else:
+        if isinstance(study, SimulatedStudy):
+            paths += trial_table_files(study)
+        elif not study.settings.notebook:
             paths += chunk_files("parameters", study)
     return [*paths, "results/article.html"] if ARTICLE else paths
+
+
+# Memory and time of jobs, for schedulers: a new attempt asks for more.
+@cache
+def chunk_resources(task, study, chunk):
+    return describe_chunk(STUDIES[study], task, chunk)
+
+
+def chunk_memory(task):
+    """Memory of the job of a chunk [MB]."""
+    return lambda wildcards, attempt: chunk_resources(
+        task, wildcards.study, chunk_of(wildcards)
+    ).mem_mb(attempt)
+
+
+def chunk_runtime(task):
+    """Time of the job of a chunk [min]."""
+    return lambda wildcards, attempt: chunk_resources(
+        task, wildcards.study, chunk_of(wildcards)
+    ).runtime(attempt)
+
+
+def read_studies_of(wildcards):
+    """Studies whose tables a job reads: that of its name, or those of the article."""
+    return [study_of(wildcards)] if "study" in wildcards.keys() else ARTICLE
+
+
+def table_memory(wildcards, attempt):
+    """Memory of a job that reads tables [MB]."""
+    return describe_tables(read_studies_of(wildcards)).mem_mb(attempt)
+
+
+def table_runtime(wildcards, attempt):
+    """Time of a job that reads tables [min]."""
+    return describe_tables(read_studies_of(wildcards)).runtime(attempt)

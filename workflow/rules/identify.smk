@@ -1,8 +1,8 @@
 # Identification of all trials of a chunk by every method of their study, and its scores. What methods need alike of a
-# trial is computed once.
+# trial is computed once. Where no trials are kept, `sweep` does this and the simulation in one job.
 rule identify:
     input:
-        trials="results/trials/{study}/{chunk}.nc",
+        trials=trial_file_of,
     output:
         estimates="results/estimates/{study}/{chunk}.nc",
         scores="results/scores/{study}/{chunk}.csv",
@@ -12,14 +12,20 @@ rule identify:
     benchmark:
         "logs/identify/{study}/{chunk}.tsv"
     wildcard_constraints:
-        study=SIMULATED,
+        study=KEPT["everything"],
     # Long jobs first, so that no core waits for one at the end.
     priority: identification_time
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
+    resources:
+        mem_mb=chunk_memory("identify"),
+        runtime=chunk_runtime("identify"),
     params:
-        points=lambda wildcards: study_of(wildcards).varied_settings(
+        points=lambda wildcards: study_of(wildcards).identified_points(
+            chunk_of(wildcards)
+        ),
+        trials=lambda wildcards: study_of(wildcards).identified_trials(
             chunk_of(wildcards)
         ),
         methods=lambda wildcards: study_of(wildcards).identified_methods,

@@ -2,7 +2,10 @@
 # recording does. An unusable recording is refused with its reason; the others go on.
 rule recordings:
     input:
-        files=lambda wildcards: study_of(wildcards).existing_paths(chunk_of(wildcards)),
+        files=lambda wildcards: [
+            local(path)
+            for path in study_of(wildcards).existing_paths(chunk_of(wildcards))
+        ],
     output:
         table="results/parameters/{study}/{chunk}.csv",
         folder=directory("results/recordings/{study}/{chunk}"),
@@ -15,6 +18,9 @@ rule recordings:
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
+    resources:
+        mem_mb=chunk_memory("recordings"),
+        runtime=chunk_runtime("recordings"),
     params:
         points=lambda wildcards: study_of(wildcards).mappings(chunk_of(wildcards)),
         methods=lambda wildcards: study_of(wildcards).analysed_methods,

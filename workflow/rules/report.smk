@@ -1,11 +1,33 @@
 # One notebook for each study: its tables, its figures and a page that needs nothing else.
+def unless_sweep(files):
+    """Files of a study for its notebook; that of a sweep reads the table of all trials alone."""
+    return lambda wildcards: (
+        [] if shows_sweep(study_of(wildcards)) else files(wildcards)
+    )
+
+
+def score_files_of(wildcards):
+    """Scores of a study; recordings have none."""
+    study = study_of(wildcards)
+    return chunk_files("scores", study) if isinstance(study, SimulatedStudy) else []
+
+
+def trial_table_of(wildcards):
+    """Table of all trials of a study; none of recordings."""
+    study = study_of(wildcards)
+    return trial_table_files(study)[:1] if isinstance(study, SimulatedStudy) else []
+
+
 rule report:
     input:
-        trials=collect("results/trials/{{study}}/{chunk}.nc", chunk=simulated_chunks),
-        estimates=estimates_of,
-        scores=collect("results/scores/{{study}}/{chunk}.csv", chunk=simulated_chunks),
-        parameters=collect("results/parameters/{{study}}/{chunk}.csv", chunk=chunks),
-        notebook=lambda wildcards: ROOT / notebook_of(wildcards),
+        trials=unless_sweep(trial_files_of),
+        estimates=unless_sweep(estimates_of),
+        scores=unless_sweep(score_files_of),
+        parameters=unless_sweep(
+            lambda wildcards: chunk_files("parameters", study_of(wildcards))
+        ),
+        table=trial_table_of,
+        notebook=lambda wildcards: repository_file(notebook_of(wildcards)),
         published=PUBLISHED,
     output:
         page=report(
@@ -22,9 +44,14 @@ rule report:
         figures=directory("results/rendered/{study}"),
     log:
         "logs/report/{study}.log",
+    benchmark:
+        "logs/report/{study}.tsv"
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
+    resources:
+        mem_mb=table_memory,
+        runtime=table_runtime,
     params:
         notebook=lambda wildcards: study_of(wildcards).settings.notebook,
         parameters=lambda wildcards, input, output: report_parameters(
@@ -33,6 +60,7 @@ rule report:
             published=str(ROOT / "data" / "published"),
             table_stem=os.path.splitext(output.table)[0],
             figure_stem=f"{output.figures}/{wildcards.study}",
+            table_file="".join(input.table),
         ),
         # Recordings have no number of trials.
         trials=lambda wildcards: getattr(study_of(wildcards).settings, "trials", None),

@@ -1,5 +1,5 @@
-# Simulated trials. A chunk is some points of a study, or part of the trials of one point: starting a job costs as much
-# as some fifty trials do.
+# Simulated trials. A trial file holds those of some conditions of a study, or part of the trials of one: starting a job
+# costs as much as some fifty trials do.
 rule simulate:
     output:
         trials="results/trials/{study}/{chunk}.nc",
@@ -8,16 +8,19 @@ rule simulate:
     benchmark:
         "logs/simulate/{study}/{chunk}.tsv"
     wildcard_constraints:
-        study=SIMULATED,
+        study=KEPT["everything"],
     # Before any identification, and long jobs first, so that no core waits for one at the end.
     priority: simulation_priority
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
+    resources:
+        mem_mb=chunk_memory("simulate"),
+        runtime=chunk_runtime("simulate"),
     params:
         seed=lambda wildcards: study_of(wildcards).settings.seed,
         points=lambda wildcards: study_of(wildcards).simulated_points(
-            chunk_of(wildcards)
+            chunk_of(wildcards), stored=True
         ),
         precision=lambda wildcards: study_of(wildcards).settings.precision,
         failures=lambda wildcards: study_of(wildcards).settings.failures,

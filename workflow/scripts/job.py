@@ -1,4 +1,4 @@
-"""The log file of a job, and errors in plain words."""
+"""The log file of a job, and errors and failures in plain words."""
 
 import logging
 import sys
@@ -33,3 +33,22 @@ def progress(items, count, action):
     for number, item in enumerate(items, start=1):
         yield item
         log.info("%s %d of %d after %.1f s", action, number, count, time.perf_counter() - start)
+
+
+def print_failed_trials(snakemake, failed):
+    """Say on the terminal which trials could not be simulated."""
+    for point in dict.fromkeys(trial.point for trial in failed):
+        trials = [trial for trial in failed if trial.point == point]
+        place = f"study {snakemake.wildcards.study}, point {point}"
+        text = f"{len(trials)} trials could not be simulated, from trial {trials[0].number} on"
+        print(f"{place}: {text}: {trials[0].reason}", file=sys.stderr)
+
+
+def print_failures(snakemake):
+    """Say on the terminal how many identifications of a chunk failed."""
+    from ankleloop.replication.results import read_results  # here: other jobs do without pandas
+    from ankleloop.replication.trial_counts import describe_failures
+
+    message = describe_failures(read_results([snakemake.output.parameters]))
+    if message:
+        print(f"{snakemake.wildcards.study}, chunk {snakemake.wildcards.chunk}: {message}", file=sys.stderr)

@@ -11,8 +11,9 @@ from nbconvert import HTMLExporter
 from ankleloop.pages.notebooks import render_notebook_page
 from ankleloop.records.files import atomic_file
 from ankleloop.replication.completeness import check_study
-from ankleloop.replication.results import read_results
+from ankleloop.replication.results import KEYS
 from ankleloop.replication.trial_counts import describe_failures
+from ankleloop.replication.trial_tables import read_trial_table
 
 from job import log, running
 
@@ -47,15 +48,20 @@ def export_outputs(notebook: nbformat.NotebookNode) -> str:
 
 
 def check_results_of(parameters: Mapping) -> None:
-    """Refuse a simulated study of which results are missing; the article shows several, each with a page of its own."""
-    if parameters.get("kind") == "simulation":
+    """Refuse a simulated study of which results are missing; the article shows several, each with a page of its own.
+
+    The table of all trials, which the page of a sweep shows, has been checked when it was written.
+    """
+    if parameters.get("kind") == "simulation" and parameters["parameters"]:
         names = ("parameters", "scores", "points", "labels")
         check_study(*(parameters[name] for name in names), snakemake.params.trials)
 
 
 def describe_failures_of(parameters: Mapping) -> str:
     """How many identifications of a simulated study failed; the article shows several, each with a page of its own."""
-    return describe_failures(read_results(parameters["parameters"])) if parameters.get("kind") == "simulation" else ""
+    if parameters.get("kind") != "simulation":
+        return ""
+    return describe_failures(read_trial_table(parameters["table_file"], [*KEYS, "failure"]))
 
 
 with running(snakemake):

@@ -1,10 +1,8 @@
 """Simulate the trials of a chunk."""
 
-import sys
-
 from ankleloop.studies.simulation import simulate_chunk
 
-from job import running
+from job import print_failed_trials, running
 
 with running(snakemake):
     failed = simulate_chunk(
@@ -15,9 +13,4 @@ with running(snakemake):
         snakemake.params.precision,
         snakemake.params.failures,
     )
-    points = dict.fromkeys(trial.point for trial in failed)
-    for point in points:
-        trials = [trial for trial in failed if trial.point == point]
-        place = f"study {snakemake.wildcards.study}, point {point}"
-        text = f"{len(trials)} trials could not be simulated, from trial {trials[0].number} on"
-        print(f"{place}: {text}: {trials[0].reason}", file=sys.stderr)
+    print_failed_trials(snakemake, failed)

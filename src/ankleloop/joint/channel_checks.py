@@ -6,10 +6,10 @@ Each check costs a few passes over the samples at most, so that every identifica
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ankleloop.joint.findings import Finding
 from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.kernels import kernel
 
 __all__ = ["check_channel", "check_clipping", "check_rest", "check_spikes"]
 
@@ -65,7 +65,7 @@ def _scan(trial: PreparedTrial, name: str) -> tuple[np.ndarray, bool]:
     return products, bool(repeated)
 
 
-@njit(cache=True)
+@kernel()
 def _scan_samples(x, reach, parts):
     """Largest product of the changes before and after a sample in each part, and how many samples repeat the last one.
 

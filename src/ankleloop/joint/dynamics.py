@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from ankleloop.kernels import kernel
 from ankleloop.signals.discretisation import companion, discretise_foh, lowpass_denominator
 
 __all__ = ["ReflexDynamics", "fit_dynamics"]
@@ -138,7 +138,7 @@ def fit_dynamics(
     return float(gain), ReflexDynamics(*values.tolist()), float(1.0 - residual)
 
 
-@njit(cache=True)
+@kernel()
 def _search(starts, omega, weight, target):
     """Parameters, gain and residual, from the best of some starts (Levenberg and Marquardt).
 
@@ -174,7 +174,7 @@ def _search(starts, omega, weight, target):
     return values, gain, residual
 
 
-@njit(cache=True)
+@kernel()
 def _project_gain(values, omega, weight, target):
     """Gain, residual, and normal equations of the slopes: the gain is projected out (Golub and Pereyra 1973)."""
     n, size = values.size, omega.size

@@ -7,11 +7,11 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis
 from ankleloop.joint.dynamics import ReflexDynamics, fit_dynamics
+from ankleloop.kernels import kernel
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
 from ankleloop.subspace.matrices import Matrices
@@ -86,7 +86,7 @@ class StaticNonlinearity:
         return float(gains[best]), float(grid[best]), float(explained[best] / (deviation @ deviation))
 
 
-@njit(cache=True)
+@kernel()
 def _fit_ramps(velocity, deviation, thresholds):
     """Gain of the ramp that is closest to a curve less its mean, at each threshold, and the energy it explains."""
     gains, explained = np.empty(thresholds.size), np.empty(thresholds.size)
@@ -185,7 +185,7 @@ def _band(samples: int, rate: float) -> Band:
     return Band(samples, rate, LOWEST, PASSBAND * rate)
 
 
-@njit(cache=True)
+@kernel()
 def _sum_bins(spectra, frequency, width):
     channels, lines = spectra.shape
     bins = -(-lines // width)

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from ankleloop.errors import DataError
 from ankleloop.joint.findings import Finding
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.reference_projection import unseen_share
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Grid, Regressors
+from ankleloop.kernels import kernel
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import PASSBAND
 
@@ -255,7 +255,7 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
     return Finding("excitation", "ok", f"persistent for order {order} and {block_rows} block rows.")
 
 
-@njit(cache=True)
+@kernel()
 def _displace(first, x):
     """Products of all rows of a Hankel matrix with each other, from those of its first row.
 

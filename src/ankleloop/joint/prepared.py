@@ -71,6 +71,14 @@ class PreparedTrial:
             self._values[key] = compute()
         return self._values[key]
 
+    def clear(self) -> None:
+        """Free all computed values.
+
+        Some of them refer to the trial: without this it would stay in memory until Python next searches for reference
+        cycles, which may be after thousands of trials.
+        """
+        self._values.clear()
+
     def samples(self, name: str) -> np.ndarray:
         """Recorded samples of a variable, shape (samples,)."""
         return self.trial.variables[name].values

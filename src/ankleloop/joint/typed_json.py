@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from base64 import b64decode, b64encode
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,11 +11,12 @@ import numpy as np
 
 __all__ = ["dump_values", "extract_arrays", "load_values"]
 
-ARRAY, COMPLEX = "$array", "$complex"  # keys that mark them
+ARRAY, BYTES, COMPLEX = "$array", "$bytes", "$complex"  # keys that mark them
+LONG = 12  # numbers of an array from which on its bytes take less time and space than its text
 
 
 def dump_values(values: Any) -> str:
-    """Values as JSON; tuples become lists.
+    """Values as JSON; tuples become lists, and the numbers of long arrays their bytes (base 64, little-endian).
 
     Parameters
     ----------
@@ -115,7 +117,11 @@ def _mark(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         _check(value)
         flat = value.ravel()
-        marks: dict[str, Any] = {ARRAY: (flat.astype(complex).view(float) if flat.dtype.kind == "c" else flat).tolist()}
+        if flat.size >= LONG:
+            little = flat.astype(flat.dtype.newbyteorder("<"), copy=False)
+            marks: dict[str, Any] = {BYTES: b64encode(little.tobytes()).decode("ascii")}
+        else:
+            marks = {ARRAY: (flat.astype(complex).view(float) if flat.dtype.kind == "c" else flat).tolist()}
         if flat.dtype != float:
             marks["dtype"] = str(flat.dtype)
         if value.ndim != 1:
@@ -131,10 +137,13 @@ def _mark(value: Any) -> Any:
 def _restore(values: dict[str, Any], arrays: Mapping[str, Any]) -> Any:
     if COMPLEX in values:
         return complex(*values[COMPLEX])
-    if ARRAY not in values:
+    if ARRAY not in values and BYTES not in values:
         return values
-    numbers, dtype = values[ARRAY], np.dtype(values.get("dtype", "float64"))
-    if isinstance(numbers, str):
+    numbers, dtype = values.get(ARRAY), np.dtype(values.get("dtype", "float64"))
+    if BYTES in values:
+        content = b64decode(values[BYTES], validate=True)
+        array = np.frombuffer(content, dtype.newbyteorder("<")).astype(dtype)
+    elif isinstance(numbers, str):
         array = np.array(arrays[numbers])
         if dtype.kind == "c" and array.dtype.kind != "c":  # pairs of real and imaginary parts
             array = array[..., 0] + 1j * array[..., 1]

@@ -234,13 +234,16 @@ def load_trials(path: Path) -> Iterator[xr.Dataset]:
         yield from chunk.trials
 
 
-def load_chunks(path: Path) -> Iterator[TrialChunk]:
+def load_chunks(path: Path, trials: Mapping[str, Sequence[int]] | None = None) -> Iterator[TrialChunk]:
     """Read the trials that `save_trials` wrote, several at a time, so that one pass over a signal serves all of them.
 
     Parameters
     ----------
     path : path-like
         The file.
+    trials : mapping of str to sequence of int, optional
+        Points whose trials are read, each with the number of its first trial and that behind the last one; by default
+        all trials of the file.
 
     Yields
     ------
@@ -249,11 +252,33 @@ def load_chunks(path: Path) -> Iterator[TrialChunk]:
     Raises
     ------
     DataError
-        If there is no such file, it is damaged, or a trial in it is not valid.
+        If there is no such file, it is damaged, a trial in it is not valid, or one of `trials` is not in it.
     """
     with _readable(path), _open(path) as data:
-        for start in range(0, data.sizes["trial"], CHUNK):
-            yield _read_chunk(data, slice(start, start + CHUNK), path)
+        for rows in _find_rows(data, trials, path):
+            for start in range(rows.start, rows.stop, CHUNK):
+                yield _read_chunk(data, slice(start, min(start + CHUNK, rows.stop)), path)
+
+
+def _find_rows(data: xr.Dataset, trials: Mapping[str, Sequence[int]] | None, path: Path) -> list[range]:
+    """Rows of the file that hold some trials, those that follow each other in one range."""
+    if trials is None:
+        return [range(data.sizes["trial"])]
+    index = zip(data["point"].values.astype(str).tolist(), data["number"].values.tolist(), strict=True)
+    rows = {key: row for row, key in enumerate(index)}
+    ranges: list[range] = []
+    for point, (first, stop) in trials.items():
+        for number in range(first, stop):
+            row = rows.get((point, number))
+            if row is None:
+                raise DataError(
+                    f"{path} has no trial {number} of the point {point!r}: delete the file, and simulate again."
+                )
+            if ranges and ranges[-1].stop == row:
+                ranges[-1] = range(ranges[-1].start, row + 1)
+            else:
+                ranges.append(range(row, row + 1))
+    return ranges
 
 
 def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:

@@ -6,9 +6,9 @@ from typing import NoReturn
 
 import numpy as np
 import xarray as xr
-from numba import njit
 
 from ankleloop.errors import DataError
+from ankleloop.kernels import kernel
 from ankleloop.records.channel_units import check_unit
 from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
 
@@ -286,7 +286,7 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     return sample, change * rate
 
 
-@njit(cache=True)
+@kernel()
 def _largest_change(position, half):
     """Sample with the largest change per sample, between the means of `half` samples on each side, and that change.
 

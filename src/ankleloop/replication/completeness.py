@@ -11,7 +11,7 @@ import pandas as pd
 from ankleloop.errors import DataError
 from ankleloop.replication.results import KEYS, read_results
 
-__all__ = ["check_study"]
+__all__ = ["check_scores", "check_study"]
 
 PathLike = str | os.PathLike[str]
 SCORE = ["torque", "against"]
@@ -43,7 +43,7 @@ def check_study(
     """
     tables = [read_results([path]) for path in parameters]
     for table, path in zip(tables, scores, strict=True):
-        _check_scores(path, read_results([path]), table)
+        check_scores(path, read_results([path]), table)
     table = pd.concat(tables, ignore_index=True)
     counts = table.groupby(["point", "method"]).size()
     expected = trials or int(counts.max())
@@ -62,8 +62,21 @@ def check_study(
         )
 
 
-def _check_scores(path: PathLike, scores: pd.DataFrame, parameters: pd.DataFrame) -> None:
-    """Whether every estimate has all scores that estimates of its point have."""
+def check_scores(path: PathLike, scores: pd.DataFrame, parameters: pd.DataFrame) -> None:
+    """Refuse tables of a chunk in which an estimate lacks a score that estimates of its point have.
+
+    Parameters
+    ----------
+    path : path-like
+        File of the scores, for the message.
+    scores, parameters : pandas.DataFrame
+        Its rows, and those of the parameters, of which `point`, `method`, `trial` and `failure` are taken.
+
+    Raises
+    ------
+    DataError
+        The message names file, point, method and trial.
+    """
     estimates = parameters[parameters["failure"].isna()] if "failure" in parameters else parameters
     expected = scores[["point", *SCORE]].drop_duplicates()
     keys = estimates[KEYS].merge(expected, how="left", on="point")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Mapping, Sequence
 
 import pandas as pd
@@ -22,6 +23,7 @@ __all__ = [
     "summarise_scores",
 ]
 
+MOST_LISTED = 20  # points and methods with failures that a sentence each is about
 COUNTS = ["trials", "failures", "warnings"]  # columns of every table of means over trials
 
 
@@ -204,7 +206,7 @@ def describe_failures(parameters: pd.DataFrame) -> str:
     Returns
     -------
     str
-        A sentence for each method at each point; empty if none failed.
+        A sentence for each method at each point, for the first twenty of them; empty if none failed.
 
     Examples
     --------
@@ -215,12 +217,16 @@ def describe_failures(parameters: pd.DataFrame) -> str:
     count = int(_list_faults(parameters)["failures"].sum())
     if not count:
         return ""
+    keys = ["point", "method"]
+    failed = parameters[parameters["failure"].notna()].astype(dict.fromkeys((*keys, "failure"), object))
+    trials = parameters.groupby(keys, sort=False, observed=True).size()
+    groups = failed.groupby(keys, sort=False)["failure"]
     parts = []
-    for (point, method), rows in parameters.groupby(["point", "method"], sort=False):
-        reasons = rows["failure"].dropna()
-        if len(reasons):
-            reason = reasons.value_counts().index[0].rstrip(".")
-            parts.append(f"{method} at {point}, {len(reasons)} of {len(rows)} trials: {reason}")
+    for (point, method), reasons in itertools.islice(groups, MOST_LISTED):
+        reason = reasons.value_counts().index[0].rstrip(".")
+        parts.append(f"{method} at {point}, {len(reasons)} of {trials[point, method]} trials: {reason}")
+    if groups.ngroups > MOST_LISTED:
+        parts.append(f"{groups.ngroups - MOST_LISTED} other points and methods have failures, too")
     return f"{count} of {len(parameters)} identifications failed; means leave them out. {'. '.join(parts)}"
 
 

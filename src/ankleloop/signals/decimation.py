@@ -10,12 +10,12 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.arguments import check_integer, check_number
 from ankleloop.errors import DataError
+from ankleloop.kernels import kernel
 
 __all__ = [
     "convolve",
@@ -204,7 +204,7 @@ def _convolve_strided(x: np.ndarray, taps: np.ndarray, start: int, stride: int, 
 
 
 # Sums may be reordered, so that the compiler adds several terms at a time.
-@njit(cache=True, fastmath={"contract", "reassoc"})
+@kernel(fastmath={"contract", "reassoc"})
 def _sum_products(rows, weights, start, stride, count):
     """Weighted sums that begin every `stride` samples; two at a time, so that each weight is loaded once for both."""
     out = np.empty((rows.shape[0], count))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
+from ankleloop.kernels import kernel
 
 __all__ = ["check_same_rate", "compute_rate", "compute_rate_of_parts", "format_samples", "parse_rate"]
 
@@ -185,7 +185,7 @@ def _round_rate(rate: float) -> float:
     return float(f"{rate:.9g}")
 
 
-@njit(cache=True)
+@kernel()
 def _irregularity(time, mean):
     """Largest deviation of a step from their mean."""
     largest = 0.0

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from scipy import special
 
 from ankleloop.arguments import check_integer, check_number
 from ankleloop.errors import DataError
+from ankleloop.kernels import kernel
 from ankleloop.signals.arrays import as_real
 
 __all__ = ["TWO_SIDED", "confidence_margin", "long_run_variance", "vaf", "vaf_interval", "vaf_with_interval"]
@@ -124,7 +124,7 @@ def _check_variances(measured: np.ndarray, estimated: np.ndarray, error: float, 
         raise DataError("the measured signal is constant, so it has no variance to account for.")
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _variances(measured, estimated, width):
     """Variances of the error and of the measured signal, and the long-run variance of the influence on their ratio."""
     size = measured.size
@@ -140,7 +140,7 @@ def _variances(measured, estimated, width):
     return error, variance, _sum_covariances(influence, width)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _sum_covariances(x, width):
     """Sum of covariances with the weights of Bartlett's kernel, from the squared sums over a moving window.
 

@@ -10,8 +10,8 @@ from math import factorial
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ankleloop.kernels import kernel
 from ankleloop.signals.discretisation import companion, discretise_foh, step_matrices
 from ankleloop.simulation.settings import SimulationSettings
 
@@ -75,7 +75,7 @@ def antialias_denominator(cutoff: float) -> np.ndarray:
     return bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff)
 
 
-@njit(cache=True)
+@kernel()
 def run_filter(A, B, C, D, u):
     """Output of a single-input filter from rest, for each of several signals.
 

@@ -17,15 +17,18 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ankleloop.kernels import kernel
 from ankleloop.signals.discretisation import companion, lowpass_denominator, step_matrices
+from ankleloop.signals.fused import fuse
 from ankleloop.simulation.filters import antialias_denominator
 from ankleloop.simulation.settings import SimulationSettings
 
 __all__ = ["Loop", "build_loop", "run_loop"]
 
-WIDTH = 16  # sums that the compiled kernel makes side by side
+WIDTH = 16  # sums that the compiled kernel makes side by side for one trial
+LANES = 16  # trials that it runs side by side
+FEWEST = 6  # trials: fewer take less time one after the other
 # Inputs of the continuous model; the drive of the reflex is the rectified delayed velocity.
 COMMAND, NOISE, VOLUNTARY, DRIVE = range(4)
 
@@ -45,9 +48,9 @@ class Loop:
         Velocity after each integration step.
     C, D : ndarray, shape (3, n), (3, 5 + steps)
         Recorded position, intrinsic and reflex torque; D is zero behind an anti-aliasing filter.
-    changes : ndarray, shape (2, columns, rows), or (0, columns, rows)
-        Changes of the entries of `columns` in proportion to x and to x², where x is the change of the stiffness as a
-        share of half of its drift over the record; none without drift.
+    changes : ndarray, shape (2, rows, columns), or None
+        Changes of the entries of `matrix` in proportion to x and to x², where x is the change of the stiffness as a
+        share of half of its drift over the record; None without drift.
     """
 
     P: np.ndarray
@@ -59,11 +62,9 @@ class Loop:
     changes: np.ndarray | None = None
 
     @property
-    def columns(self) -> np.ndarray:
-        """Columns of the matrix that takes (x, w) to (x⁺, velocities, recorded), padded with zeros for the kernel."""
-        pairs = (self.P, self.G), (self.VP, self.VG), (self.C, self.D)
-        matrix = np.vstack([np.hstack(pair) for pair in pairs])
-        return np.ascontiguousarray(np.pad(matrix, ((0, -matrix.shape[0] % WIDTH), (0, -matrix.shape[1] % 4))).T)
+    def matrix(self) -> np.ndarray:
+        """The matrix that takes (x, w) to (x⁺, velocities, recorded)."""
+        return np.block([[self.P, self.G], [self.VP, self.VG], [self.C, self.D]])
 
 
 class _ContinuousModel(NamedTuple):
@@ -161,10 +162,10 @@ def build_loop(settings: SimulationSettings) -> Loop:
     if settings.stiffness_drift == 0:
         return middle
     low, high = (
-        _discretise(settings.model_copy(update={"stiffness": settings.stiffness * (1 + change)})).columns
+        _discretise(settings.model_copy(update={"stiffness": settings.stiffness * (1 + change)})).matrix
         for change in (-0.5 * settings.stiffness_drift, 0.5 * settings.stiffness_drift)
     )
-    changes = np.array([0.5 * (high - low), 0.5 * (high + low) - middle.columns])
+    changes = np.array([0.5 * (high - low), 0.5 * (high + low) - middle.matrix])
     return replace(middle, changes=changes)
 
 
@@ -191,53 +192,109 @@ def _discretise(settings: SimulationSettings) -> Loop:
     return Loop(P, G, VP, VG, C, D)
 
 
-# Contraction lets the compiler use fused multiply-adds; sums are not reordered.
-@njit(cache=True, fastmath={"contract"})
+@kernel()
 def _multiply(columns, z, out):
+    """Product of a matrix with one vector, all of its sums side by side."""
+    rows = np.uint64(out.size)
     out[:] = 0.0
     for i in range(0, z.size, 4):
         a, b, c, d = z[i], z[i + 1], z[i + 2], z[i + 3]
-        first, second, third, fourth = columns[i], columns[i + 1], columns[i + 2], columns[i + 3]
-        for j in range(out.size):
-            out[j] += a * first[j] + b * second[j] + c * third[j] + d * fourth[j]
+        at = np.uint64(i) * rows
+        first, second = columns[at:], columns[at + rows :]
+        third, fourth = columns[at + np.uint64(2) * rows :], columns[at + np.uint64(3) * rows :]
+        for j in range(rows):
+            out[j] = fuse(d, fourth[j], fuse(c, third[j], fuse(b, second[j], fuse(a, first[j], out[j]))))
 
 
-@njit(cache=True, fastmath={"contract"})
-def _run(columns, changes, drift, sizes, external, delay, threshold, limit):
+@kernel()
+def _multiply_lanes(blocks, z, out):
+    """Product of a matrix with the vectors of several trials side by side, four rows and columns at a time.
+
+    It adds in the same order as `_multiply` does, and so gives the same bits.
+    """
+    n, size = np.uint64(LANES), np.uint64(16)
+    at = np.uint64(0)
+    for first in range(np.uint64(0), np.uint64(out.size), np.uint64(4) * n):
+        second, third, fourth = first + n, first + np.uint64(2) * n, first + np.uint64(3) * n
+        for k in range(first, first + np.uint64(4) * n):
+            out[k] = 0.0
+        for j in range(np.uint64(0), np.uint64(z.size), np.uint64(4) * n):
+            m = blocks[at : at + size]
+            at += size
+            # The numbers of a block stay in registers over all trials.
+            a0, a1, a2, a3, b0, b1, b2, b3 = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7]
+            c0, c1, c2, c3, d0, d1, d2, d3 = m[8], m[9], m[10], m[11], m[12], m[13], m[14], m[15]
+            for lane in range(n):
+                k = j + lane
+                p, q, r, s = z[k], z[k + n], z[k + np.uint64(2) * n], z[k + np.uint64(3) * n]
+                k = first + lane
+                out[k] = fuse(s, a3, fuse(r, a2, fuse(q, a1, fuse(p, a0, out[k]))))
+                k = second + lane
+                out[k] = fuse(s, b3, fuse(r, b2, fuse(q, b1, fuse(p, b0, out[k]))))
+                k = third + lane
+                out[k] = fuse(s, c3, fuse(r, c2, fuse(q, c1, fuse(p, c0, out[k]))))
+                k = fourth + lane
+                out[k] = fuse(s, d3, fuse(r, d2, fuse(q, d1, fuse(p, d0, out[k]))))
+
+
+@kernel()
+def _run(numbers, changes, drift, sizes, external, delay, limits, lanes, record, place):
     """One matrix product for each recorded sample: next state, velocities within the sample, recorded signals.
 
-    The product adds four columns of the matrix at a time, so that all its sums stay in registers. `sizes` are those of
-    state, steps and outputs; `external` command, noise and voluntary torque; `delay` whole steps and the rest of one.
+    `numbers` are those of the matrix, in the order of the product; `sizes` those of state, inputs, steps, outputs and
+    of the vectors of the product; `external` command, noise and voluntary torque of at most `lanes` trials, which
+    `record` has from `place` on; `delay` whole steps and the rest of one; `limits` threshold and largest position.
     """
-    n, steps, outputs = sizes
-    command, noise, voluntary = external
-    whole, fraction = delay
-    trials, frames = command.shape
-    record = np.empty((outputs, trials, frames))
-    # Drive of the reflex at each integration step; zero before the run begins.
-    drive = np.empty(whole + frames * steps + 1)
-    z, out = np.empty(columns.shape[0]), np.empty(columns.shape[1])
-    matrix = columns.copy()
-    for trial in range(trials):
-        z[:], drive[: whole + 1], velocity = 0.0, 0.0, 0.0
-        for k in range(frames):
-            z[n], z[n + 1], z[n + 2] = command[trial, k], noise[trial, k], voluntary[trial, k]
-            z[n + 3] = voluntary[trial, min(k + 1, frames - 1)]
-            for j in range(steps + 1):
-                z[n + 4 + j] = drive[k * steps + j]
-            if changes.shape[0] > 0:
-                matrix[:] = columns + drift[k] * (changes[0] + drift[k] * changes[1])
+    n, inputs, steps, outputs, width, height = sizes
+    (whole, fraction), (threshold, limit) = delay, limits
+    trials, frames = external[0].shape
+    # Drive of the reflex at the last integration steps, in a ring that ends with a copy of its first entry; zero before
+    # the run begins.
+    ring, start = (whole // steps + 2) * steps, 0
+    drive, velocity = np.zeros((ring + 1) * lanes), np.zeros(lanes)
+    z, out, matrix = np.zeros(width * lanes), np.zeros(height * lanes), numbers.copy()
+    for k in range(frames):
+        _fill_inputs(z[n * lanes :], external, k, inputs, lanes)
+        z[(n + inputs) * lanes : (n + inputs + steps + 1) * lanes] = drive[start * lanes : (start + steps + 1) * lanes]
+        if changes.shape[0] > 0:
+            matrix[:] = numbers + drift[k] * (changes[0] + drift[k] * changes[1])
+        if lanes == 1:
             _multiply(matrix, z, out)
+        else:
+            _multiply_lanes(matrix, z, out)
+        for trial in range(trials):
             for i in range(outputs):
-                record[i, trial, k] = out[n + steps + i]
-            if not abs(record[0, trial, k]) <= limit:
-                return record, k
-            for i in range(n):
-                z[i] = out[i]
-            for j in range(steps):
-                step, previous, velocity = whole + k * steps + j + 1, velocity, out[n + j]
-                drive[step] = max(0.0, (1.0 - fraction) * velocity + fraction * previous - threshold)
-    return record, -1
+                record[i, place + trial, k] = out[(n + steps + i) * lanes + trial]
+            if not abs(record[0, place + trial, k]) <= limit:
+                return k
+        z[: n * lanes] = out[: n * lanes]
+        for j in range(steps):
+            at = (start + whole + j + 1) % ring
+            _rectify(out[(n + j) * lanes : (n + j + 1) * lanes], velocity, fraction, threshold, drive[at * lanes :])
+        drive[ring * lanes :] = drive[:lanes]
+        start = (start + steps) % ring
+    return -1
+
+
+@kernel()
+def _fill_inputs(z, external, k, inputs, lanes):
+    """Inputs of a sample from outside: the command, and where there are disturbances noise and voluntary torque."""
+    command, noise, voluntary = external
+    trials, frames = command.shape
+    for trial in range(trials):
+        z[trial] = command[trial, k]
+        if inputs > 1:
+            z[lanes + trial], z[2 * lanes + trial] = noise[trial, k], voluntary[trial, k]
+            z[3 * lanes + trial] = voluntary[trial, min(k + 1, frames - 1)]
+
+
+@kernel()
+def _rectify(now, previous, fraction, threshold, drive):
+    """Drive of the reflex from the velocities at two steps between which the delay ends; the last become previous."""
+    for lane in range(now.size):
+        velocity = fuse(fraction, previous[lane], (1.0 - fraction) * now[lane])
+        drive[lane] = max(0.0, velocity - threshold)
+        previous[lane] = now[lane]
 
 
 def run_loop(
@@ -264,13 +321,44 @@ def run_loop(
     steps_of_delay = settings.delay * settings.integration_rate
     whole = int(np.floor(steps_of_delay + 1e-9))
     fraction = max(0.0, steps_of_delay - whole)
-    shape = np.shape(command)
-    external = tuple(np.ascontiguousarray(np.atleast_2d(signal), dtype=float) for signal in (command, noise, voluntary))
-    sizes = loop.P.shape[0], loop.VP.shape[0], loop.C.shape[0]
-    columns = loop.columns
-    changes = np.empty((0, *columns.shape)) if loop.changes is None else loop.changes
-    time = (np.arange(external[0].shape[1]) + 0.5) / settings.recording_rate - settings.settling
+    external = [np.ascontiguousarray(np.atleast_2d(signal), dtype=float) for signal in (command, noise, voluntary)]
+    trials, frames = external[0].shape
+    time = (np.arange(frames) + 0.5) / settings.recording_rate - settings.settling
     drift = np.clip(2.0 * time / settings.duration - 1.0, -1.0, 1.0)
     limits = settings.reflex_threshold, settings.position_limit
-    record, divergence = _run(columns, changes, drift, sizes, external, (whole, fraction), *limits)
-    return record.reshape(len(record), *shape), divergence
+    product = _Product(loop, disturbed=bool(external[1].any() or external[2].any()))
+    record, divergence, place = np.empty((product.sizes[3], trials, frames)), -1, 0
+    while place < trials and divergence < 0:
+        lanes = LANES if trials - place >= FEWEST else 1
+        signals = tuple(signal[place : place + lanes] for signal in external)
+        numbers, changes, heights = product.arrange(lanes)
+        sizes = *product.sizes, *heights
+        divergence = _run(numbers, changes, drift, sizes, signals, (whole, fraction), limits, lanes, record, place)
+        place += lanes
+    return record.reshape(len(record), *np.shape(command)), divergence
+
+
+class _Product:
+    """The matrix product of the kernel; without noise and voluntary torque it has fewer columns.
+
+    `sizes` are those of state, external inputs, steps and outputs.
+    """
+
+    def __init__(self, loop: Loop, *, disturbed: bool) -> None:
+        n, inputs = loop.P.shape[0], 4 if disturbed else 1
+        self.sizes = n, inputs, loop.VP.shape[0], loop.C.shape[0]
+        matrices = loop.matrix[None] if loop.changes is None else np.stack([loop.matrix, *loop.changes])
+        self.matrices = np.delete(matrices, slice(n + inputs, n + 4), axis=2)
+
+    def arrange(self, lanes: int) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
+        """Numbers and their changes in the order in which the kernel takes them, and the sizes of its vectors."""
+        count, rows, columns = self.matrices.shape
+        padding = -rows % (WIDTH if lanes == 1 else 4), -columns % 4
+        matrices = np.pad(self.matrices, ((0, 0), (0, padding[0]), (0, padding[1])))
+        rows, columns = matrices.shape[1:]
+        if lanes == 1:
+            matrices = matrices.transpose(0, 2, 1)
+        else:
+            matrices = matrices.reshape(count, rows // 4, 4, columns // 4, 4).transpose(0, 1, 3, 2, 4)
+        numbers = np.ascontiguousarray(matrices).reshape(count, -1)
+        return numbers[0], numbers[1:], (columns, rows)

@@ -156,14 +156,14 @@ def _simulate_chunk(
     zeros = np.zeros(command.shape)
     silence = _Disturbance(zeros, zeros)
     response = _run_stable_loop(loop, settings, command, silence, silence)
-    deviation = np.std((response[1] + response[2])[:, settling:], axis=1)[:, None]
     voluntary = noise = silence
-    if settings.voluntary > 0:
-        voluntary = _draw_voluntary(settings, streams, samples, settings.voluntary * deviation)
-    if settings.snr_db is not None:
-        ratio = 10 ** (-settings.snr_db / 20)
-        noise = _draw_measurement_noise(settings, streams, samples, ratio * deviation)
     if settings.voluntary > 0 or settings.snr_db is not None:
+        deviation = np.std((response[1] + response[2])[:, settling:], axis=1)[:, None]
+        if settings.voluntary > 0:
+            voluntary = _draw_voluntary(settings, streams, samples, settings.voluntary * deviation)
+        if settings.snr_db is not None:
+            ratio = 10 ** (-settings.snr_db / 20)
+            noise = _draw_measurement_noise(settings, streams, samples, ratio * deviation)
         response = _run_stable_loop(loop, settings, command, noise, voluntary)
     reference = antialias(command, settings, "zoh")
     for k, seed in enumerate(seeds):

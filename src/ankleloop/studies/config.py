@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from contextlib import suppress
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
     BeforeValidator,
@@ -24,6 +21,10 @@ from ankleloop.records.reading_options import ReadingOptions
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.method_settings import MethodSettings, union_of_methods
 from ankleloop.studies.notebooks import NOTEBOOKS
+from ankleloop.studies.point_designs import Design, ValueRange
+from ankleloop.studies.point_parameters import SETTINGS
+from ankleloop.studies.point_tables import PointTable
+from ankleloop.studies.sweep_settings import SweepSettings
 
 __all__ = [
     "NOTEBOOKS",
@@ -34,12 +35,8 @@ __all__ = [
     "RecordingsStudy",
     "SimulationStudy",
     "check_recording_names",
-    "point_name",
 ]
 
-SETTINGS = tuple(SimulationSettings.model_fields)
-
-MAX_POINTS = 100_000  # of a study
 MAX_JOBS = 100_000  # of a rule, for one study
 MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
 
@@ -50,70 +47,42 @@ RECORDING_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 RecordingName = Annotated[str, StringConstraints(pattern=RECORDING_NAME, max_length=MAX_NAME)]
 
 
-def point_name(settings: Mapping[str, Any]) -> str:
-    """Name of a point in paths and tables, from the settings that make it, in any order.
-
-    Examples
-    --------
-    >>> point_name({"reflex_gain": 13.0, "closed_loop": True})
-    'closed_loop=True,reflex_gain=13.0'
-    """
-    return ",".join(f"{name}={value}" for name, value in sorted(settings.items())) or "only"
-
-
-def _list_points(points: Any) -> list[dict[str, Any]]:
-    """The points of a study as a list; values by name give all their combinations."""
-    if isinstance(points, Mapping):
-        for name, values in points.items():
-            if not isinstance(values, list) or not values:
-                raise ValueError(f"each setting must have a list of values, got {name}: {show_value(values)}")
-        _check_count(math.prod(map(len, points.values())))
-        points = [dict(zip(points, values, strict=True)) for values in itertools.product(*points.values())]
-    if not isinstance(points, list) or not points or not all(isinstance(point, Mapping) for point in points):
+def _check_form(points: Any) -> Any:
+    """Refuse what is neither a mapping nor a list; names and values are checked with the methods of the study."""
+    if not isinstance(points, (Mapping, list)) or points == []:
         raise ValueError("must be lists of values by setting, or a list of points with their settings")
-    _check_count(len(points))
-    points = [{name: _as_setting(name, value) for name, value in point.items()} for point in points]
-    for name, count in Counter(map(point_name, points)).items():
-        if count > 1:
-            raise ValueError(f"the point {name} is listed twice")
     return points
 
 
-def _check_count(count: int) -> None:
-    if count > MAX_POINTS:
-        raise ValueError(f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies")
-
-
-def _as_setting(name: str, value: Any) -> Any:
-    """A value as the simulation has it, so that 13 and 13.0, 0.0 and -0.0 make one point with one name and one seed."""
-    if name not in SETTINGS:
-        close = suggest_name(name, SETTINGS)
-        raise ValueError(f"{name!r} is not a setting of the simulation{close}; known: {', '.join(SETTINGS)}")
-    if isinstance(value, (list, Mapping)):
-        raise ValueError(f"{name}: each value must be a single one, got {show_value(value)}")
-    annotation = SimulationSettings.model_fields[name].annotation
-    if float in (get_args(annotation) or (annotation,)) and type(value) in (int, float):
-        with suppress(OverflowError):  # of a whole number beyond all floats, which the model refuses
-            return float(value) + 0.0
-    return value
-
-
+PARAMETER = {
+    "anyOf": [
+        {"enum": sorted({*SETTINGS, *(name for method in METHODS.values() for name in method.options.model_fields)})},
+        {"pattern": r"^[A-Za-z0-9_-]+\.[a-z_]+$"},
+    ]
+}
 Points = Annotated[
-    list[dict[str, Any]],
-    BeforeValidator(_list_points),
+    Any,
+    BeforeValidator(_check_form),
     WithJsonSchema(
         {
             "anyOf": [
+                Design.model_json_schema(),
+                PointTable.model_json_schema(),
                 {
                     "type": "object",
-                    "propertyNames": {"enum": list(SETTINGS)},
-                    "additionalProperties": {"type": "array", "minItems": 1, "uniqueItems": True},
+                    "propertyNames": PARAMETER,
+                    "additionalProperties": {
+                        "anyOf": [
+                            {"type": "array", "minItems": 1, "uniqueItems": True},
+                            ValueRange.model_json_schema(),
+                        ]
+                    },
                 },
                 {
                     "type": "array",
                     "minItems": 1,
                     "uniqueItems": True,
-                    "items": {"type": "object", "propertyNames": {"enum": list(SETTINGS)}},
+                    "items": {"type": "object", "propertyNames": PARAMETER},
                 },
             ]
         }
@@ -163,8 +132,9 @@ class SimulationStudy(Options):
     )
     points: Points = option(
         description=(
-            "values of settings by name, all combinations of which are points; or a list of points, each with its "
-            "settings"
+            "parameters of the study, which are settings of the simulation and options of methods by name "
+            "(`METHOD.option` is that of one method): lists or ranges of values, all combinations of which are points; "
+            "a random design; a table with a row for each point; or a list of points"
         ),
         default_factory=lambda: [{}],
     )
@@ -183,15 +153,27 @@ class SimulationStudy(Options):
         "floating-point precision of trials and estimated torques on disk; single takes half the space, and rounds far "
         "below a 16-bit converter",
     )
-    points_per_chunk: int = option(
-        1,
-        "points that share a job; starting a job costs as much as fifty trials do, but a point that changes is made "
-        "again with all of its chunk; points of different record length or rate do not share a chunk",
+    keep: Literal["everything", "estimates", "scores"] = option(
+        "everything",
+        "what is left on disk: everything, estimates without trials, or tables of scores and parameters alone; without "
+        "trials, simulation and identification share a job",
+    )
+    job_minutes: float = option(
+        1.0,
+        "length of a job that is aimed at; the number of trials that share a job follows from it and from the measured "
+        "cost of a trial and of each method",
+        unit="min",
+        gt=0,
+        le=1e4,
+    )
+    points_per_chunk: int | None = option(
+        None,
+        "points that share a job, in place of job_minutes; points of different record length or rate do not share a "
+        "chunk",
         ge=1,
     )
-    trials_per_chunk: int | None = option(
-        None, "trials that share a job, where the trials of one point are several jobs; null for all of a point", ge=1
-    )
+    trials_per_chunk: int | None = option(None, "trials of one point that share a job, in place of job_minutes", ge=1)
+    sweep: SweepSettings = option(description="what the notebook sweep shows", default_factory=SweepSettings)
     figure: FigureSettings = _figure_option()
     methods: Methods = _methods_option()
 
@@ -207,14 +189,11 @@ class SimulationStudy(Options):
 
     @model_validator(mode="after")
     def _check_chunks(self) -> Self:
-        if self.trials_per_chunk is not None and self.points_per_chunk > 1:
+        if self.trials_per_chunk is not None and (self.points_per_chunk or 1) > 1:
             raise ValueError(
                 "a chunk is some points, or part of the trials of one point: set points_per_chunk: 1 to use "
                 f"trials_per_chunk, got points_per_chunk: {self.points_per_chunk}"
             )
-        jobs = len(self.points) * -(-self.trials // (self.trials_per_chunk or self.trials))
-        if jobs > MAX_JOBS:
-            raise ValueError(f"{jobs:,} chunks are more than {MAX_JOBS:,}: increase trials_per_chunk")
         return self
 
 
@@ -365,6 +344,9 @@ class Config(Options):
         _check_cases("studies", self.studies)
         if "economy" in self.studies:
             raise ValueError("studies: 'economy' has another table, results/tables/economy.csv: give it another name")
+        for name in self.studies:
+            if f"{name}-trials" in self.studies:
+                raise ValueError(f"studies: {name}-trials is the table of all trials of {name}: choose another name")
         if self.run is not None and not self.run:
             raise ValueError("run: names no study; there are " + ", ".join(self.studies))
         _check_list("run", self.run or (), "study", self.studies)
@@ -383,6 +365,11 @@ class Config(Options):
             raise ValueError(
                 "article: needs the study 'table1', on whose trials the economy of the methods is measured; name it, "
                 "or set article: [] to make none"
+            )
+        if getattr(self.studies["table1"], "keep", None) != "everything":
+            raise ValueError(
+                "article: the study 'table1' must have keep: everything: the economy of the methods is measured on its "
+                "trials"
             )
         for name in ("pr-moesp", "eiv-moesp"):
             if name in (methods := self.studies["table1"].methods) and methods[name].select:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from ankleloop.assessment.scores import SCORE_COLUMNS, parameter_row, score_rows
 from ankleloop.errors import NUMERICAL_ERRORS
@@ -18,7 +18,7 @@ from ankleloop.records.trial_files import FailedTrial, load_chunks
 from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.studies.table_files import TableRows
 
-__all__ = ["FILES", "identify_chunk"]
+__all__ = ["FILES", "Points", "identification_grids", "identify_chunk", "identify_trials"]
 
 log = logging.getLogger(__name__)
 
@@ -26,38 +26,80 @@ FILES = ("estimates", "scores", "parameters")  # that a chunk gives
 
 PathLike = str | os.PathLike[str]
 Methods = Mapping[str, Mapping[str, Any]]
+# For each condition its points, each with `values` (columns of tables) and `options` by the name of a method.
+Points = Mapping[str, Mapping[str, Mapping[str, Any]]]
+Trials = Iterator[tuple[PreparedTrial | FailedTrial, str, int]]  # each with its condition and its number there
 
 
 def identify_chunk(
     path: PathLike,
     files: Mapping[str, PathLike],
     study: str,
-    points: Mapping[str, Mapping[str, Any]],
+    points: Points,
+    methods: Methods,
+    *,
+    trials: Mapping[str, Sequence[int]] | None = None,
+    against: Literal["measured"] | None = None,
+    precision: str = "double",
+    failures: Literal["stop", "count"] = "count",
+) -> None:
+    """Identify the trials of a chunk by every method, score the estimates, and write all to files.
+
+    Parameters
+    ----------
+    path : path-like
+        Trial file of the chunk.
+    trials : mapping of str to sequence of int, optional
+        Trials of the chunk, as `ankleloop.records.trial_files.load_chunks` takes them; by default all of the file.
+    files, study, points, methods, against, precision, failures
+        As of `identify_trials`.
+
+    Raises
+    ------
+    ValueError, ArithmeticError
+        If a method cannot identify a trial, and failures stop; its notes name study, point, trial, method and file.
+    DataError
+        If the trial file is missing or damaged, or a file cannot be written.
+    """
+    prepared = _read_trials(path, trials, points, identification_grids(points, methods))
+    with locate_errors(str(path)):
+        identify_trials(
+            prepared, files, study, points, methods, against=against, precision=precision, failures=failures
+        )
+
+
+def identify_trials(
+    trials: Trials,
+    files: Mapping[str, PathLike],
+    study: str,
+    points: Points,
     methods: Methods,
     *,
     against: Literal["measured"] | None = None,
     precision: str = "double",
     failures: Literal["stop", "count"] = "count",
 ) -> None:
-    """Identify all trials of a file by every method, score the estimates, and write all to files.
+    """Identify prepared trials by every method, score the estimates, and write all to files.
 
-    Rows of the tables are ordered by point, then by method, then by trial. All of them wait in temporary files beside
-    those that are written, so that memory does not grow with the trials.
+    Points of one condition share its trials. A method whose options are the same at several of them identifies each
+    trial once. Rows of the tables are ordered by point, then by method, then by trial. All of them wait in temporary
+    files beside those that are written, so that memory does not grow with the trials.
 
     Parameters
     ----------
-    path : path-like
-        Trial file of the chunk.
+    trials : iterator of tuple
+        Each prepared trial, or the one that could not be simulated, with its condition and its number there.
     files : mapping of str to path-like
         Files to write, which replace others of their names:
 
-        - `estimates`: NetCDF, a group for each method that could identify any trial;
+        - `estimates`: NetCDF, a group for each method that could identify any trial; left out, estimates are not kept;
         - `scores`: CSV, VAF with its interval, a row for each trial, method and torque;
         - `parameters`: CSV, estimated parameters and diagnostics, a row for each trial and method.
     study : str
         Name of the study, for the tables.
     points : mapping of str to mapping
-        Settings that make each point, by its name; they are columns of the tables.
+        For each condition its points by name, each with the `values` that make it, which are columns of the tables,
+        and its `options` by the name of a method, which override those of the method.
     methods : mapping of str to mapping
         By the name that tables use, the `method` and its `options`, as `ankleloop.identify` takes them.
     against : {"measured"}, optional
@@ -72,94 +114,159 @@ def identify_chunk(
     Raises
     ------
     ValueError, ArithmeticError
-        If a method cannot identify a trial, and failures stop; its notes name study, point, trial, method and file.
+        If a method cannot identify a trial, and failures stop; its notes name study, point, trial and method.
     DataError
-        If the trial file is missing or damaged, or a file cannot be written.
+        If a file cannot be written.
     """
-    results = _ChunkResults(study, points, methods, precision, Path(files["estimates"]).parent)
-    for trial, point, number in _prepared_trials(path, points, methods):
-        for name, method in methods.items():
-            with locate_errors(f"study {study}, point {point}, trial {number}, method {name}, {path}"):
+    results = _ChunkResults(study, points, methods, precision, files)
+    variants = {condition: _list_variants(alike, methods) for condition, alike in points.items()}
+    for trial, condition, number in trials:
+        for variant in variants[condition]:
+            with locate_errors(f"study {study}, point {variant.points[0]}, trial {number}, method {variant.name}"):
                 if isinstance(trial, FailedTrial):
-                    results.add_failure(point, name, number, f"the trial could not be simulated: {trial.reason}")
+                    results.add_failure(variant, number, f"the trial could not be simulated: {trial.reason}")
                     continue
                 try:
-                    estimate = identify(trial, method["method"], **method["options"])
+                    estimate = identify(trial, variant.method, **variant.options)
                     scores = score_rows(trial, estimate, against=against, intervals=True)
                     parameters = parameter_row(trial, estimate)
                 except NUMERICAL_ERRORS as error:
                     if failures == "stop":
                         raise
-                    results.add_failure(point, name, number, describe_error(error))
+                    results.add_failure(variant, number, describe_error(error))
                     continue
-                results.add(point, name, number, estimate, scores, parameters)
-        log.info("%s: identified trial %d", point, number)
+                results.add(variant, number, estimate, scores, parameters)
+        if isinstance(trial, PreparedTrial):
+            trial.clear()
+        log.info("%s: identified trial %d", condition, number)
     results.write(files)
+
+
+class _Variant(NamedTuple):
+    """A method with its options, and the points of a condition at which it has these options."""
+
+    name: str
+    method: str
+    options: Mapping[str, Any]
+    points: list[str]
+
+
+def _list_variants(points: Mapping[str, Mapping[str, Any]], methods: Methods) -> list[_Variant]:
+    """Methods with all options that they have at the points of a condition."""
+    if not points:
+        raise ValueError("a condition has no points: its trials would be left out.")
+    variants: dict[tuple[str, str], _Variant] = {}
+    for point, parts in points.items():
+        for name, method in methods.items():
+            varied = parts["options"].get(name, {})
+            options = {**method["options"], **varied}
+            key = (name, repr(sorted(varied.items())))
+            variants.setdefault(key, _Variant(name, method["method"], options, [])).points.append(point)
+    return list(variants.values())
 
 
 class _ChunkResults:
     """Estimates, scores and parameters of a chunk, as they are made."""
 
     def __init__(
-        self, study: str, points: Mapping[str, Mapping[str, Any]], methods: Methods, precision: str, folder: Path
+        self, study: str, points: Points, methods: Methods, precision: str, files: Mapping[str, PathLike]
     ) -> None:
-        varied = dict.fromkeys(name for settings in points.values() for name in settings)
-        columns = ["study", "point", *varied, "method", "trial"]
-        self._study, self._points = study, points
-        self._estimates = {name: EstimateCollection(precision=precision, folder=folder) for name in methods}
+        self._values = {name: point["values"] for alike in points.values() for name, point in alike.items()}
+        self._varied = dict.fromkeys(name for values in self._values.values() for name in values)
+        columns = ["study", "point", *self._varied, "method", "trial"]
+        folder = Path(files["parameters"]).parent
+        self._study, self._methods = study, list(methods)
+        self._estimates = {
+            name: EstimateCollection(precision=precision, folder=folder) for name in methods if "estimates" in files
+        }
         self._scores = TableRows([*columns, *SCORE_COLUMNS], folder)
         self._parameters = TableRows(columns, folder)
 
     def add(
         self,
-        point: str,
-        method: str,
+        variant: _Variant,
         number: int,
         estimate: Estimate,
         scores: list[tuple[Any, ...]],
         parameters: Mapping[str, Any],
     ) -> None:
-        """Add the estimate of a trial, its scores and its parameters."""
-        row = self._row(point, method, number)
-        self._estimates[method].add(estimate, point, number)
-        for values in scores:
-            self._scores.add((point, method), {**row, **dict(zip(SCORE_COLUMNS, values, strict=True))})
-        self._parameters.add((point, method), {**row, **parameters})
+        """Add the estimate of a trial, its scores and its parameters, at every point of the variant."""
+        parameters = {self._column(name): value for name, value in parameters.items()}
+        for point in variant.points:
+            row, group = self._row(point, variant.name, number), (point, variant.name)
+            if self._estimates:
+                self._estimates[variant.name].add(estimate, point, number)
+            for values in scores:
+                self._scores.add(group, {**row, **dict(zip(SCORE_COLUMNS, values, strict=True))})
+            self._parameters.add(group, {**row, **parameters})
 
-    def add_failure(self, point: str, method: str, number: int, reason: str) -> None:
+    def add_failure(self, variant: _Variant, number: int, reason: str) -> None:
         """Add a trial without an estimate."""
-        log.warning("%s, trial %d, %s failed: %s", point, number, method, reason)
-        self._parameters.add((point, method), {**self._row(point, method, number), "failure": reason})
+        for point in variant.points:
+            log.warning("%s, trial %d, %s failed: %s", point, number, variant.name, reason)
+            row = self._row(point, variant.name, number)
+            self._parameters.add((point, variant.name), {**row, "failure": reason})
 
     def write(self, files: Mapping[str, PathLike]) -> None:
         """Write all files."""
-        order = [(point, method) for point in self._points for method in self._estimates]
-        present = {name: collection for name, collection in self._estimates.items() if len(collection)}
-        save_estimates(present, files["estimates"], overwrite=True)
+        order = [(point, method) for point in self._values for method in self._methods]
+        if "estimates" in files:
+            present = {name: collection for name, collection in self._estimates.items() if len(collection)}
+            save_estimates(present, files["estimates"], overwrite=True)
         self._scores.write(files["scores"], order)
         self._parameters.write(files["parameters"], order)
 
+    def _column(self, name: str) -> str:
+        """Column of an estimated quantity: one that the points vary by name has the value of the point there."""
+        quantity = name.removesuffix("_low").removesuffix("_high")
+        return f"{quantity}_estimated{name.removeprefix(quantity)}" if quantity in self._varied else name
+
     def _row(self, point: str, method: str, number: int) -> dict[str, Any]:
-        return {"study": self._study, "point": point, **self._points[point], "method": method, "trial": number}
+        return {"study": self._study, "point": point, **self._values[point], "method": method, "trial": number}
 
 
-def _prepared_trials(
-    path: PathLike, points: Iterable[str], methods: Methods
-) -> Iterator[tuple[PreparedTrial | FailedTrial, str, int]]:
-    """Trials with their points and numbers; those of one pass share the decimation of each signal."""
-    grids, ranks = _grids(methods), {point: rank for rank, point in enumerate(points)}
-    for chunk in load_chunks(path):
+def _read_trials(
+    path: PathLike,
+    trials: Mapping[str, Sequence[int]] | None,
+    conditions: Iterable[str],
+    grids: Sequence[tuple[float, float]],
+) -> Trials:
+    """Trials of a file, prepared; those of one pass share the decimation of each signal."""
+    ranks = {condition: rank for rank, condition in enumerate(conditions)}
+    for chunk in load_chunks(path, trials):
         prepared = prepare_trials(chunk.trials, chunk.signals, grids) if chunk.trials else []
-        trials: list[tuple[PreparedTrial | FailedTrial, str, int]]
-        trials = list(zip(prepared, chunk.points, chunk.numbers, strict=True))
+        rows: list[tuple[PreparedTrial | FailedTrial, str, int]]
+        rows = list(zip(prepared, chunk.points, chunk.numbers, strict=True))
         if chunk.failures:
-            trials += [(failure, failure.point, failure.number) for failure in chunk.failures]
-            trials.sort(key=lambda row: (ranks[row[1]], row[2]))
-        yield from trials
+            rows += [(failure, failure.point, failure.number) for failure in chunk.failures]
+            rows.sort(key=lambda row: (ranks[row[1]], row[2]))
+        yield from rows
 
 
-def _grids(methods: Methods) -> list[tuple[float, float]]:
-    """Identification rates and delays of those methods that have both."""
-    options = [method_options(method["method"]) | method["options"] for method in methods.values()]
-    pairs = [(values.get("identification_rate"), values.get("delay")) for values in options]
+def identification_grids(points: Points, methods: Methods) -> list[tuple[float, float]]:
+    """Identification rates [Hz] and delays [s] of those methods that have both.
+
+    Parameters
+    ----------
+    points, methods
+        As of `identify_trials`.
+
+    Returns
+    -------
+    list of (float, float)
+
+    Examples
+    --------
+    >>> points = {"only": {"only": {"values": {}, "options": {}}}}
+    >>> identification_grids(points, {"riv": {"method": "riv", "options": {"delay": 0.05}}})
+    [(100.0, 0.05)]
+    """
+    defaults = {name: method_options(method["method"]) | method["options"] for name, method in methods.items()}
+    varied = [defaults]
+    for alike in points.values():
+        varied += [
+            {name: {**defaults[name], **options} for name, options in point["options"].items()}
+            for point in alike.values()
+        ]
+    pairs = [(options.get("identification_rate"), options.get("delay")) for part in varied for options in part.values()]
     return [(rate, delay) for rate, delay in dict.fromkeys(pairs) if rate is not None and delay is not None]

@@ -16,5 +16,6 @@ NOTEBOOKS = {
     "efficiency": ("efficiency", "intervals"),
     "choosing": ("choosing",),
     "obstacles": ("obstacles",),
+    "sweep": ("sweep",),
     "recordings": ("group",),
 }

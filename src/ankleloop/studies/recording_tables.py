@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import re
-from collections import Counter
-from collections.abc import Iterator, Mapping
-from itertools import zip_longest
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
@@ -16,11 +12,9 @@ from ankleloop.arguments import show_value
 from ankleloop.options import option
 from ankleloop.studies.checking import ConfigError, check
 from ankleloop.studies.config import MAX_NAME, RECORDING_NAME, Recording, check_recording_names
-from ankleloop.studies.config_files import read_text
+from ankleloop.studies.table_rows import NUMBER, read_rows
 
 __all__ = ["read_recordings"]
-
-NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 
 
 class _Row(Recording):
@@ -61,7 +55,7 @@ def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -
         raise ConfigError(f"there is no table {os.path.abspath(path)}.")
     recordings: dict[str, list[Recording]] = {}
     batches: set[str] = set()
-    for line, cells in _read_rows(path):
+    for line, cells in read_rows(path):
         place = f"{path}, line {line}"
         row = check(_Row, {**defaults, **{key: _cast(key, text) for key, text in cells.items()}}, place)
         _add(recordings, batches, row, place)
@@ -69,44 +63,6 @@ def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -
         raise ConfigError(f"the table {path} has no rows.")
     _check_names(path, recordings)
     return recordings
-
-
-def _read_rows(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
-    """Line and cells of each row, as text without spaces around it; empty cells and empty rows are left out."""
-    text = read_text(path)
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    keys: list[str] = []
-    try:
-        for row in reader:
-            place = f"{path}, line {reader.line_num}"
-            texts = [text.strip() for text in row]
-            if not any(texts):
-                continue
-            if not keys:
-                keys = _check_header(place, texts)
-                continue
-            spare = [text for key, text in zip_longest(keys, texts, fillvalue="") if text and not key]
-            if spare:
-                raise ConfigError(f"{place}: {spare[0]!r} is in no named column; put a text with a comma in quotes.")
-            if len(texts) < len(keys):
-                raise ConfigError(
-                    f"{place}: the row has {len(texts)} cells of {len(keys)}; is the table cut off? Empty cells at the "
-                    "end of a row need their commas, too."
-                )
-            yield reader.line_num, {key: text for key, text in zip(keys, texts, strict=False) if text}
-    except csv.Error as error:
-        raise ConfigError(f"{path}, line {reader.line_num}: this is not CSV: {error}.") from None
-
-
-def _check_header(place: str, keys: list[str]) -> list[str]:
-    """Names of the columns."""
-    for name, sign in (("semicolons", ";"), ("tabulators", "\t")):
-        if sign in "".join(keys):
-            raise ConfigError(f"{place}: the columns are separated by {name}: save the table with commas between them.")
-    for key, count in Counter(keys).items():
-        if key and count > 1:
-            raise ConfigError(f"{place}: {count} columns are called {key!r}.")
-    return keys
 
 
 def _add(recordings: dict[str, list[Recording]], batches: set[str], row: _Row, place: str) -> None:
@@ -139,7 +95,7 @@ def _cast(key: str, text: str) -> Any:
     field = _Row.model_fields.get(key)
     if field is None or str in {type(kind) if isinstance(kind, str) else kind for kind in _kinds(field.annotation)}:
         return text
-    if not re.fullmatch(NUMBER, text):  # Python also takes 1_0, nan and digits of other scripts
+    if not re.fullmatch(NUMBER, text):
         return text
     return int(text) if re.fullmatch(r"[+-]?[0-9]+", text) else float(text)
 

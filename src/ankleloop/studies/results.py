@@ -9,19 +9,33 @@ from ankleloop.studies.config import NOTEBOOKS, Config
 from ankleloop.studies.study import SimulatedStudy, Study
 
 __all__ = [
+    "MOST_TEXT_ROWS",
     "article_parameters",
     "article_studies",
+    "count_rows",
     "figure_names",
     "report_parameters",
     "run_studies",
+    "shows_sweep",
 ]
 
 FILES = ("trials", "estimates", "scores", "parameters")
+MOST_TEXT_ROWS = 10_000  # of a table of trials that is written as CSV, too
 
 
 def figure_names(study: Study) -> tuple[str, ...]:
     """Names of the figures of a study; none without a notebook."""
     return NOTEBOOKS[study.settings.notebook] if study.settings.notebook else ()
+
+
+def shows_sweep(study: Study) -> bool:
+    """Whether the notebook of a study shows a sweep: it reads the table of all trials alone."""
+    return study.settings.notebook == "sweep"
+
+
+def count_rows(study: SimulatedStudy) -> int:
+    """Rows of the table of the trials of a study: one for each point, method and trial."""
+    return len(study.point_list) * len(study.methods) * study.settings.trials
 
 
 def run_studies(config: Config, studies: Mapping[str, Study]) -> list[Study]:
@@ -35,9 +49,15 @@ def article_studies(config: Config, studies: Mapping[str, Study]) -> list[Simula
 
 
 def report_parameters(
-    study: Study, files: Mapping[str, Iterable[str]], *, published: str, table_stem: str, figure_stem: str
+    study: Study,
+    files: Mapping[str, Iterable[str]],
+    *,
+    published: str,
+    table_stem: str,
+    figure_stem: str,
+    table_file: str = "",
 ) -> dict[str, Any]:
-    """Parameters of the notebook of a study; every notebook takes the same.
+    """Parameters of the notebook of a study; every notebook takes the same, that of a sweep two more.
 
     Parameters
     ----------
@@ -49,24 +69,32 @@ def report_parameters(
         Folder of the numbers of the paper.
     table_stem, figure_stem : str
         Paths of the table and of the figures to write, without suffix and without the name of the figure.
+    table_file : str
+        Table of all trials; empty for recordings.
 
     Returns
     -------
     dict
+        The notebook of a sweep has the values of its points in the table of its trials, not in `points`.
     """
-    return {
+    parameters = {
         "study": study.name,
         "kind": study.kind,
         "title": study.settings.title,
         "labels": study.labels,
-        "points": study.points,
+        "points": study.points if not shows_sweep(study) else {},
         "varied": study.varied,
         "figure": study.settings.figure.model_dump(),
         "published": published,
         "table_stem": table_stem,
         "figure_stem": figure_stem,
+        "table_file": table_file,
         **{name: list(files.get(name, ())) for name in FILES},
     }
+    if isinstance(study, SimulatedStudy) and shows_sweep(study):
+        shared = study.settings.simulation.model_dump()
+        parameters |= {"settings": shared, "sweep": study.settings.sweep.model_dump()}
+    return parameters
 
 
 def article_parameters(

@@ -17,7 +17,7 @@ from ankleloop.simulation.simulate import CHUNK, simulate, simulate_trials
 from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.studies.seeds import trial_entropy
 
-__all__ = ["simulate_chunk"]
+__all__ = ["simulate_chunk", "simulate_points"]
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ def simulate_chunk(
     seed : int
         Seed of the study.
     points : mapping of str to mapping
-        For each point its `settings`, and the trials of it that the chunk holds: from `first` to `stop`, without
+        For each condition its `settings`, and the trials of it that the chunk holds: from `first` to `stop`, without
         `stop`.
     precision : {"double", "single"}
         Floating-point numbers on disk.
@@ -63,10 +63,39 @@ def simulate_chunk(
     """
     failed: list[FailedTrial] = []
     index = [(point, number) for point, part in points.items() for number in range(part["first"], part["stop"])]
-    trials = (trial for point, part in points.items() for trial in _simulate_point(seed, study, point, part, failures))
     with locate_errors(str(path)):
-        save_trials(_list_failures(trials, failed), path, precision, index, overwrite=True)
+        save_trials(simulate_points(study, seed, points, failed, failures), path, precision, index, overwrite=True)
     return failed
+
+
+def simulate_points(
+    study: str,
+    seed: int,
+    points: Mapping[str, Mapping[str, Any]],
+    failed: list[FailedTrial],
+    failures: Literal["stop", "count"] = "count",
+) -> Trials:
+    """Simulate trials one after the other.
+
+    Parameters
+    ----------
+    study, seed, points, failures
+        As of `simulate_chunk`.
+    failed : list of FailedTrial
+        Trials that could not be simulated are appended to it.
+
+    Yields
+    ------
+    xarray.Dataset or FailedTrial
+        The next trial, in the order of the points and of the numbers.
+
+    Raises
+    ------
+    ValueError, ArithmeticError
+        As by `simulate_chunk`.
+    """
+    trials = (trial for point, part in points.items() for trial in _simulate_point(seed, study, point, part, failures))
+    yield from _list_failures(trials, failed)
 
 
 def _list_failures(trials: Trials, failed: list[FailedTrial]) -> Trials:

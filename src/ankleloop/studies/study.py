@@ -1,77 +1,23 @@
-"""Studies: the points of each, its trials in chunks, its recordings."""
+"""Studies of simulations: the points of each, its trials in chunks; all studies of a configuration."""
 
 from __future__ import annotations
 
-import os
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cached_property
-from itertools import groupby
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.checking import ConfigError, check, expand_path
-from ankleloop.studies.config import Config, MethodSettings, Recording, RecordingsStudy, SimulationStudy, point_name
-from ankleloop.studies.recording_tables import read_recordings
+from ankleloop.studies.checking import ConfigError, check
+from ankleloop.studies.config import MAX_JOBS, Config, SimulationStudy
+from ankleloop.studies.point_chunks import ChunkSize, PointTrials, divide_points, divide_trials, fit_size
+from ankleloop.studies.point_parameters import Parameter
+from ankleloop.studies.points import Point, Points, list_points
+from ankleloop.studies.recorded_study import RecordedStudy
+from ankleloop.studies.resources import START_SECONDS, identification_seconds, simulation_seconds
+from ankleloop.studies.study_base import Study
 
-__all__ = ["PointTrials", "RecordedStudy", "SimulatedStudy", "Study", "read_studies"]
+__all__ = ["RecordedStudy", "SimulatedStudy", "Study", "read_studies"]
 
-
-class PointTrials(NamedTuple):
-    """Trials of one point: those numbered from `first` to `stop`, without `stop`."""
-
-    point: str
-    first: int
-    stop: int
-
-
-class Study(ABC):
-    """A study under its name.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    settings : SimulationStudy or RecordingsStudy
-        Its part of the configuration.
-    """
-
-    settings: SimulationStudy | RecordingsStudy
-
-    def __init__(self, name: str, settings: SimulationStudy | RecordingsStudy) -> None:
-        self.name = name
-        self.settings = settings
-
-    @property
-    def kind(self) -> str:
-        """Source of its trials, "simulation" or "recordings"."""
-        return self.settings.kind
-
-    @property
-    def methods(self) -> Mapping[str, MethodSettings]:
-        """Methods by the name that tables use."""
-        return self.settings.methods
-
-    @property
-    def labels(self) -> dict[str, str]:
-        """Legend of each method."""
-        return {name: method.label or name for name, method in self.methods.items()}
-
-    @property
-    @abstractmethod
-    def points(self) -> dict[str, dict[str, Any]]:
-        """Settings of each point, or mapping of each recording, by name."""
-
-    @property
-    @abstractmethod
-    def chunks(self) -> Sequence[Sequence[Any]]:
-        """Contents of each chunk."""
-
-    @property
-    def varied(self) -> list[str]:
-        """Names of the settings that differ between the points."""
-        return []
+MAX_SAMPLES = 2**25  # of all trials of a trial file, which then has at most 2 GB
 
 
 class SimulatedStudy(Study):
@@ -80,181 +26,231 @@ class SimulatedStudy(Study):
     settings: SimulationStudy
 
     @cached_property
-    def combinations(self) -> dict[str, dict[str, Any]]:
-        """The settings that make each point, by its name."""
-        return {point_name(settings): settings for settings in self.settings.points}
+    def _points(self) -> Points:
+        return list_points(self.name, self.settings.points, self.settings.simulation, self.settings.methods)
+
+    @property
+    def has_table(self) -> bool:
+        """Whether a table lists its points."""
+        return isinstance(self.settings.points, Mapping) and "table" in self.settings.points
+
+    @property
+    def point_list(self) -> list[Point]:
+        """Points with their values.
+
+        Raises
+        ------
+        ConfigError
+            For a mistake in the points; the message names the key, or line and column of their table.
+        """
+        return self._points.points
+
+    @property
+    def conditions(self) -> dict[str, dict[str, Any]]:
+        """All settings of each condition, by its name: what trials are simulated with."""
+        return self._points.conditions
 
     @cached_property
     def points(self) -> dict[str, dict[str, Any]]:
-        """All settings of each point, by its name."""
-        shared = self.settings.simulation.model_dump()
-        place = ("config", "studies", self.name, "points")
-        points = {
-            point: check(SimulationSettings, {**shared, **settings}, *place, point).model_dump()
-            for point, settings in self.combinations.items()
-        }
-        first: dict[tuple[Any, ...], str] = {}
-        for point, settings in points.items():
-            other = first.setdefault(tuple(settings.values()), point)
-            if other != point:
-                raise ConfigError(
-                    f"study {self.name}: the points {other} and {point} have the same settings.", place[1:]
-                )
-        return points
+        """All settings and varied options of each point, by its name."""
+        return {point.name: {**self.conditions[point.condition], **point.values} for point in self.point_list}
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """Settings and options that differ between the points, by the names of their columns."""
+        return self._points.parameters
 
     @property
     def varied(self) -> list[str]:
-        """Names of the settings that differ between the points."""
-        return list(dict.fromkeys(name for settings in self.combinations.values() for name in settings))
+        """Names of the columns of the settings and options that differ between the points."""
+        return list(self.parameters)
+
+    @cached_property
+    def points_of_conditions(self) -> dict[str, list[Point]]:
+        """Points of each condition, by its name."""
+        points: dict[str, list[Point]] = {}
+        for point in self.point_list:
+            points.setdefault(point.condition, []).append(point)
+        return points
+
+    def points_of(self, part: PointTrials) -> list[Point]:
+        """Points at which trials of a chunk are identified."""
+        points = self.points_of_conditions[part.condition]
+        return points if part.points is None else points[slice(*part.points)]
+
+    @cached_property
+    def trial_chunks(self) -> list[list[PointTrials]]:
+        """Trials of each trial file, which have equal length and rate; none where no trials are kept.
+
+        Their size follows from the simulation alone: another method or option simulates nothing again.
+        """
+        if self.settings.keep != "everything":
+            return []
+        trials = self.settings.trials
+
+        def fit(condition: str) -> ChunkSize:
+            samples = self._samples(condition)
+            return fit_size(simulation_seconds(samples), self._job_seconds, trials, MAX_SAMPLES // samples)
+
+        return [chunk for _, chunk in self._divide(self._all_trials(equal=True), fit)]
+
+    @cached_property
+    def _chunks(self) -> list[tuple[Any, list[PointTrials]]]:
+        """Chunks, each with the number of its trial file and the points of its conditions."""
+        trials, stored = self.settings.trials, self.settings.keep == "everything"
+        slices = {condition: self._divide_points(condition) for condition in self.conditions}
+
+        def fit(condition: str) -> ChunkSize:
+            cost = self._identification_seconds(condition, slices[condition][0])
+            if not stored:
+                cost += simulation_seconds(self._samples(condition))
+            return fit_size(cost, self._job_seconds, trials)
+
+        if stored:
+            ranks = {condition: rank for rank, condition in enumerate(self.conditions)}
+            parts = [(number, part) for number, chunk in enumerate(self.trial_chunks) for part in chunk]
+            parts.sort(key=lambda row: (ranks[row[1].condition], row[1].first))
+        else:
+            parts = self._all_trials(equal=self.settings.keep == "estimates")
+        sliced = [
+            ((label, points), part._replace(points=points))
+            for label, part in parts
+            for points in slices[part.condition]
+        ]
+        return self._divide(sliced, fit)
 
     @cached_property
     def chunks(self) -> list[list[PointTrials]]:
-        """Trials of each chunk: those of some points, or part of the trials of one point.
+        """Trials of each chunk, which one job identifies: those of some conditions, or part of those of one condition.
 
-        The trials of a chunk have equal length and rate. Another point at the end changes the last chunk alone.
+        Of a condition with many points, a chunk may also have part of these. The trials belong to one trial file. Only
+        without trial files and estimates their length and rate may differ. Another point at the end changes the last
+        chunk alone.
         """
-        trials, part = self.settings.trials, self.settings.trials_per_chunk
-        if part is not None:
-            return [
-                [PointTrials(point, first, min(first + part, trials))]
-                for point in self.points
-                for first in range(0, trials, part)
-            ]
-        count = self.settings.points_per_chunk
-        chunks = []
-        for _, alike in groupby(self.points.items(), lambda item: (item[1]["duration"], item[1]["recording_rate"])):
-            points = [point for point, _ in alike]
-            chunks += [points[first : first + count] for first in range(0, len(points), count)]
-        return [[PointTrials(point, 0, trials) for point in points] for points in chunks]
+        return [chunk for _, chunk in self._chunks]
 
-    def simulated_points(self, chunk: int) -> dict[str, dict[str, Any]]:
-        """Points of a chunk with their settings and the trials that are simulated, for `simulate_chunk`."""
+    def trial_chunk_of(self, chunk: int) -> int:
+        """Number of the trial file that holds the trials of a chunk."""
+        return int(self._chunks[chunk][0][0])
+
+    def simulated_points(self, chunk: int, *, stored: bool = False) -> dict[str, dict[str, Any]]:
+        """Conditions of a chunk, or of a trial file, with their settings and the trials that are simulated.
+
+        Parameters
+        ----------
+        chunk : int
+            Number of the chunk, or of the trial file.
+        stored : bool
+            Whether it is that of a trial file.
+        """
+        parts = (self.trial_chunks if stored else self.chunks)[chunk]
         return {
-            point: {"settings": self.points[point], "first": first, "stop": stop}
-            for point, first, stop in self.chunks[chunk]
+            part.condition: {"settings": self.conditions[part.condition], "first": part.first, "stop": part.stop}
+            for part in parts
         }
 
-    def varied_settings(self, chunk: int) -> dict[str, dict[str, Any]]:
-        """Points of a chunk with the settings that make them, for `identify_chunk`."""
-        return {part.point: self.combinations[part.point] for part in self.chunks[chunk]}
+    def identified_trials(self, chunk: int) -> dict[str, list[int]]:
+        """First and last number (without the last) of the trials of each condition of a chunk."""
+        return {part.condition: [part.first, part.stop] for part in self.chunks[chunk]}
 
-    @property
+    def identified_points(self, chunk: int) -> dict[str, dict[str, dict[str, Any]]]:
+        """Points of each condition of a chunk, with their `values` and their `options` by method."""
+        return {
+            part.condition: {
+                point.name: {"values": point.values, "options": point.options} for point in self.points_of(part)
+            }
+            for part in self.chunks[chunk]
+        }
+
+    @cached_property
     def identified_methods(self) -> dict[str, dict[str, Any]]:
-        """Methods with all their options, for `identify_chunk`."""
+        """Methods with all their options, which those of a point override, for `identify_chunk`."""
         return {
             name: {"method": method.method, "options": method.identify_options} for name, method in self.methods.items()
         }
 
-    def simulated_time(self, chunk: int) -> float:
-        """Length of all trials of a chunk together [s], to which the time of its jobs is about proportional."""
-        return sum(self.points[point]["duration"] * (stop - first) for point, first, stop in self.chunks[chunk])
-
-
-class RecordedStudy(Study):
-    """A study of recordings of a laboratory."""
-
-    settings: RecordingsStudy
-
-    @cached_property
-    def recordings(self) -> dict[str, list[Recording]]:
-        """Files of each recording by its name: one, or those of the trials that are merged.
-
-        Raises
-        ------
-        ConfigError
-            If there are none, or the table that lists them has a mistake.
-        """
-        recordings = {name: [recording] for name, recording in self.settings.files.items()}
-        if self.settings.table:
-            path = expand_path(self.settings.table, f"study {self.name}: the table of its recordings")
-            listed = read_recordings(path, self.settings.shared)
-            for name in recordings:
-                if name in listed:
-                    raise ConfigError(
-                        f"study {self.name}: the recording {name!r} is under files ({recordings[name][0].file}) and in "
-                        f"the table {self.settings.table} ({listed[name][0].file}): give one of them another name.",
-                        ("studies", self.name, "files", name),
-                    )
-            recordings |= listed
-        if not recordings:
-            raise ConfigError(
-                f"study {self.name}: name its recordings under files, or a table that lists them.",
-                ("studies", self.name),
-            )
-        return recordings
-
-    @cached_property
-    def points(self) -> dict[str, dict[str, Any]]:
-        """Mapping of each recording, by its name."""
-        return {name: parts[0].model_dump() for name, parts in self.recordings.items()}
-
-    @cached_property
-    def chunks(self) -> list[list[str]]:
-        """Names of the recordings of each chunk."""
-        names, count = list(self.recordings), self.settings.recordings_per_chunk
-        return [names[first : first + count] for first in range(0, len(names), count)]
-
-    @cached_property
-    def folder(self) -> Path:
-        """Folder of the files.
-
-        Raises
-        ------
-        ConfigError
-            If it is named by an environment variable that is not set, or is empty.
-        """
-        return expand_path(self.settings.folder, f"study {self.name}: the folder of its recordings")
-
-    def check_files(self) -> None:
-        """Refuse a folder that does not exist or has none of the files, and paths that Snakemake cannot use.
-
-        Raises
-        ------
-        ConfigError
-            The message names the folder.
-        """
-        keys = ("studies", self.name, "folder")
-        folder = Path(os.path.abspath(self.folder))
-        place = f"study {self.name}: the folder of its recordings, {folder},"
-        if not os.path.isdir(folder):
-            what = "is a file" if os.path.exists(folder) else "does not exist"
-            raise ConfigError(f"{place} {what}: check the key folder, or the variable that it names.", keys)
-        paths = [path for name in self.recordings for path in self.paths(name)]
-        for path in paths:
-            if "{" in path or "}" in path:
-                raise ConfigError(
-                    f"study {self.name}: the path {path} has braces, which Snakemake takes for a wildcard: rename it.",
-                    ("studies", self.name),
-                )
-        if not any(map(os.path.exists, paths)):
-            raise ConfigError(f"{place} has none of its {len(paths)} files; the first would be {paths[0]}.", keys)
-
-    def paths(self, name: str) -> list[str]:
-        """Paths of all files of a recording."""
-        return [str(self.folder / part.file) for part in self.recordings[name]]
-
-    def existing_paths(self, chunk: int) -> list[str]:
-        """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
-        return [path for name in self.chunks[chunk] for path in self.paths(name) if os.path.exists(path)]
+    def simulated_time(self, chunk: int, *, stored: bool = False) -> float:
+        """Length of all trials of a chunk, or of a trial file, together [s]."""
+        parts = (self.trial_chunks if stored else self.chunks)[chunk]
+        return float(sum(self.conditions[part.condition]["duration"] * (part.stop - part.first) for part in parts))
 
     @property
-    def analysed_methods(self) -> dict[str, dict[str, Any]]:
-        """Methods with their labels, options and selections, for `ankleloop.recordings.analysis.analyse`."""
-        return {
-            name: {**method.model_dump(exclude={"options"}), "options": method.fixed_options}
-            for name, method in self.methods.items()
-        }
+    def _job_seconds(self) -> float:
+        """Time of a job without its start [s]."""
+        target = 60.0 * self.settings.job_minutes
+        return max(target - START_SECONDS, target / 2)
 
-    def mappings(self, chunk: int) -> dict[str, dict[str, Any]]:
-        """Mapping of each recording of a chunk, with paths and mappings of all its files as `paths` and `parts`."""
-        return {
-            name: {
-                **self.points[name],
-                "paths": self.paths(name),
-                "parts": [part.model_dump() for part in self.recordings[name]],
+    def _samples(self, condition: str) -> int:
+        """Samples of a trial."""
+        settings = self.conditions[condition]
+        return round(settings["duration"] * settings["recording_rate"])
+
+    def _all_trials(self, *, equal: bool) -> list[tuple[Any, PointTrials]]:
+        """Trials of each condition, with their length and rate where those of a chunk have to be equal."""
+        trials = self.settings.trials
+        return [
+            ((settings["duration"], settings["recording_rate"]) if equal else None, PointTrials(condition, 0, trials))
+            for condition, settings in self.conditions.items()
+        ]
+
+    @cached_property
+    def _costs(self) -> dict[Any, float]:
+        """Time in which a trial is identified [s], by its length, its rate and the number of options of each method."""
+        return {}
+
+    def _divide_points(self, condition: str) -> list[tuple[int, int] | None]:
+        """Parts of the points of a condition that are identified by different jobs; None for all of them."""
+        if self._fixed_size[1] is not None:
+            return [None]
+        cost = self._identification_seconds(condition, (0, 1))
+        return divide_points(len(self.points_of_conditions[condition]), cost * self.settings.trials, self._job_seconds)
+
+    def _identification_seconds(self, condition: str, part: tuple[int, int] | None) -> float:
+        """Time in which a trial of a condition is identified by every method, at some or all of its points [s].
+
+        Options that vary count by their number and not by their values: an edited value must not move other trials to
+        other chunks.
+        """
+        settings = self.conditions[condition]
+        points = self.points_of(PointTrials(condition, 0, 0, part))
+        counts = tuple(
+            len({tuple(point.options.get(name, {}).items()) for point in points}) if len(points) > 1 else 1
+            for name in self.methods
+        )
+        key = (settings["duration"], settings["recording_rate"], counts)
+        if key not in self._costs:
+            methods = {
+                f"{name} {number}": method
+                for (name, method), count in zip(self.identified_methods.items(), counts, strict=True)
+                for number in range(count)
             }
-            for name in self.chunks[chunk]
-        }
+            self._costs[key] = identification_seconds(self._samples(condition), methods, settings["recording_rate"])
+        return self._costs[key]
+
+    @property
+    def _fixed_size(self) -> tuple[str, ChunkSize | None]:
+        """Key of the configuration that decides on the size of chunks, and that size if it is set there."""
+        trials, points = self.settings.trials_per_chunk, self.settings.points_per_chunk
+        if trials is not None:
+            return "trials_per_chunk", ChunkSize(trials)
+        if points is not None:
+            return "points_per_chunk", ChunkSize(self.settings.trials, points)
+        return "job_minutes", None
+
+    def _divide(
+        self, parts: list[tuple[Any, PointTrials]], fit: Callable[[str], ChunkSize]
+    ) -> list[tuple[Any, list[PointTrials]]]:
+        """Chunks of the size that the configuration sets, or of one that fits."""
+        key, fixed = self._fixed_size
+        sizes = {part.condition: fixed or fit(part.condition) for _, part in parts}
+        jobs = sum(-(-(part.stop - part.first) // sizes[part.condition].trials) for _, part in parts)
+        most = max(size.conditions for size in sizes.values())
+        if jobs > MAX_JOBS * most:
+            raise ConfigError(
+                f"config → studies → {self.name}: {jobs // most:,} chunks are more than {MAX_JOBS:,}: increase {key}.",
+                ("studies", self.name, key),
+            )
+        return divide_trials(parts, sizes.__getitem__)
 
 
 def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
@@ -284,6 +280,6 @@ def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
     }
     for name, study in studies.items():
         # The settings of every point are checked here, and every row of a table, which only its own run needs.
-        if isinstance(study, SimulatedStudy) or name in checked.run_names:
+        if name in checked.run_names or (isinstance(study, SimulatedStudy) and not study.has_table):
             study.chunks  # noqa: B018
     return checked, studies

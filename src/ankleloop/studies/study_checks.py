@@ -8,8 +8,11 @@ from ankleloop.replication.results import true_values
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.method_checks import find_fault
 from ankleloop.studies.study import SimulatedStudy
+from ankleloop.studies.sweep_settings import check_sweep
 
 __all__ = ["check_uses"]
+
+MOST_POINTS = 1000  # of a notebook that has a line of its table, or a curve, for each
 
 
 def check_uses(study: SimulatedStudy) -> None:
@@ -25,17 +28,53 @@ def check_uses(study: SimulatedStudy) -> None:
     ConfigError
         The message names the key.
     """
-    for end, rate in sorted({(point["duration"], point["recording_rate"]) for point in study.points.values()}):
-        for name, method in study.methods.items():
-            fault = find_fault(method, end, rate)
-            if fault:
-                raise _error(study, fault, "methods", name, "options")
-        figure = study.settings.figure
+    _check_methods(study)
+    _check_kept(study)
+    figure = study.settings.figure
+    for end in sorted({settings["duration"] for settings in study.conditions.values()}):
         if figure.start >= end and "start" in figure.model_fields_set:
             raise _error(study, f"{figure.start:g} s is after the end of trials of {end:g} s.", "figure", "start [s]")
+    _check_pictures(study)
     need = _find_need(study)
     if need:
         raise _error(study, f"{study.settings.notebook} needs {need}.", "notebook")
+
+
+def _check_methods(study: SimulatedStudy) -> None:
+    """Refuse options with which a method could identify no trial; equal options and trials are checked once."""
+    checked = set()
+    for point in study.point_list:
+        end, rate = (study.conditions[point.condition][name] for name in ("duration", "recording_rate"))
+        for name, method in study.methods.items():
+            varied = point.options.get(name, {})
+            key = (name, end, rate, *varied.items())
+            if key in checked:
+                continue
+            checked.add(key)
+            chosen = {"options": method.options.model_copy(update=varied)} if varied else {}
+            fault = find_fault(method.model_copy(update=chosen), end, rate)
+            if fault and varied:
+                raise _error(study, f"{name}: {fault}", "points", point.name)
+            if fault:
+                raise _error(study, fault, "methods", name, "options")
+
+
+def _check_kept(study: SimulatedStudy) -> None:
+    """Refuse varied options with which the estimates of a method could not be in one file."""
+    for column, parameter in study.parameters.items():
+        if parameter.methods and parameter.field == "identification_rate" and study.settings.keep != "scores":
+            message = "estimates of different rates are not kept in one file: set keep: scores."
+            raise _error(study, message, "points", column)
+
+
+def _check_pictures(study: SimulatedStudy) -> None:
+    """Refuse pictures of a sweep that the study does not have."""
+    if study.settings.notebook != "sweep" and "sweep" not in study.settings.model_fields_set:
+        return
+    try:
+        check_sweep(study.settings.sweep, study.varied, list(study.methods))
+    except ValueError as error:
+        raise _error(study, f"{error}.", "sweep") from None
 
 
 def _error(study: SimulatedStudy, message: str, *keys: str) -> ConfigError:
@@ -46,8 +85,33 @@ def _error(study: SimulatedStudy, message: str, *keys: str) -> ConfigError:
 
 def _find_need(study: SimulatedStudy) -> str:
     """What the notebook of a study lacks, such as "one setting that differs, got none"; empty if nothing."""
-    needs = NEEDS.get(study.settings.notebook or "", ())
+    notebook = study.settings.notebook
+    needs = NEEDS.get(notebook or "", ())
+    if notebook not in (None, "sweep"):
+        needs = (_few_points, *needs)
     return next((need for check in needs if (need := check(study))), "")
+
+
+def _few_points(study: SimulatedStudy) -> str:
+    count = len(study.point_list)
+    if count <= MOST_POINTS:
+        return ""
+    return f"{MOST_POINTS:,} points at most, got {count:,}; the notebook sweep has no limit"
+
+
+def _trials(study: SimulatedStudy) -> str:
+    keep = study.settings.keep
+    return "" if keep == "everything" else f"trials on disk, which keep: {keep} leaves out: set keep: everything"
+
+
+def _estimates(study: SimulatedStudy) -> str:
+    return "" if study.settings.keep != "scores" else "estimates on disk, which keep: scores leaves out: keep estimates"
+
+
+def _settings_alone(study: SimulatedStudy) -> str:
+    """A trial that is drawn belongs to the point that it is drawn for."""
+    options = [name for point in study.point_list[:1] for method in point.options.values() for name in method]
+    return f"points that differ in settings of the simulation alone, got {options[0]}" if options else ""
 
 
 def _single_setting(study: SimulatedStudy) -> str:
@@ -130,8 +194,10 @@ def _filtered_points(study: SimulatedStudy) -> str:
 NEEDS: dict[str, tuple[Callable[[SimulatedStudy], str], ...]] = {
     "figure4": (_single_setting, _numbers, _true_torques, _cascade),
     "passes": (_single_setting, _numbers, _cascade),
-    "comparison": (_abscissa,),
-    "traces": (_traces, _equal_truths, _true_torques),
+    "table1": (_trials, _settings_alone),
+    "table2": (_trials, _settings_alone),
+    "comparison": (_estimates, _abscissa),
+    "traces": (_estimates, _traces, _equal_truths, _true_torques),
     "sensitivity": (_grid, _true_torques, _stop_rules),
     "efficiency": (_true_torques, _delay_intervals),
     "choosing": (_single_setting, _numbers, _true_torques, _selections),

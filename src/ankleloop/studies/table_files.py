@@ -6,6 +6,7 @@ import csv
 import os
 import pickle
 import weakref
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from tempfile import SpooledTemporaryFile
 from typing import Any
@@ -45,7 +46,7 @@ class TableRows:
         self._file = SpooledTemporaryFile(MEMORY, dir=None if folder is None else os.fspath(folder))  # noqa: SIM115
         weakref.finalize(self, self._file.close)
         self._columns = dict.fromkeys(columns)
-        self._places: dict[Any, list[int]] = {}
+        self._places: dict[Any, array[int]] = {}  # 8 bytes for each row
 
     def add(self, group: Any, row: Mapping[str, Any]) -> None:
         """Add a row to a group.
@@ -58,7 +59,7 @@ class TableRows:
             Values by column.
         """
         self._columns |= dict.fromkeys(row)
-        self._places.setdefault(group, []).append(self._file.tell())
+        self._places.setdefault(group, array("q")).append(self._file.tell())
         pickle.dump(dict(row), self._file)
 
     def write(self, path: str | os.PathLike[str], groups: Iterable[Any]) -> None:

@@ -10,13 +10,13 @@ times faster than Householder reflections of all columns.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 from scipy.linalg import lapack
 
+from ankleloop.kernels import kernel
+from ankleloop.signals.fused import fuse
 from ankleloop.subspace.hankel_gram import HankelProducts
 
 __all__ = ["HankelFactor", "combine_factors", "factor_products", "update_factor"]
@@ -102,18 +102,6 @@ class HankelFactor(HankelProducts):
         return factor_products(products[0, first:, first:], products[1, first:, first:], rest + count)[rest:, rest:]
 
 
-def _compile_fused_product(typing_context, a, b, c):
-    """Signature and code of a fused multiply-add."""
-
-    def generate(context, builder, signature, arguments):
-        return builder.fma(*arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), generate
-
-
-_fuse: Any = intrinsic(_compile_fused_product)  # a b + c, rounded once
-
-
 @njit(inline="always")
 def _add(a, b):
     """Sum of two doubles, and what it rounds away."""
@@ -126,10 +114,10 @@ def _add(a, b):
 def _multiply(a_high, a_low, b_high, b_low):
     """Product of two pairs."""
     high = a_high * b_high
-    return high, _fuse(a_low, b_high, _fuse(a_high, b_low, _fuse(a_high, b_high, -high)))
+    return high, fuse(a_low, b_high, fuse(a_high, b_low, fuse(a_high, b_high, -high)))
 
 
-@njit(cache=True)
+@kernel()
 def _sum_products(x, columns, lags, high, low):
     """Products with the first block row: sums over t of x(t) times x(t) … x(t + lags - 1), and sums of x(t)."""
     channels, width = x.shape[1], high.shape[1]
@@ -145,7 +133,7 @@ def _sum_products(x, columns, lags, high, low):
                 numbers = flat[at : at + lags[i] * channels]
                 for k in range(len(numbers)):
                     product = a * numbers[k]
-                    error = _fuse(a, numbers[k], -product)
+                    error = fuse(a, numbers[k], -product)
                     total = row[k] + product
                     rest[k] += (product - (total - row[k])) + error
                     row[k] = total
@@ -159,7 +147,7 @@ def _sum_products(x, columns, lags, high, low):
             low[channels, i] += rounding
 
 
-@njit(cache=True)
+@kernel()
 def _displace_products(high, low, head, tail, rows, places, columns):
     """Gram matrix of a row of ones and of some rows, each from the products of the block row before by displacement.
 
@@ -198,7 +186,7 @@ def _displace_products(high, low, head, tail, rows, places, columns):
     return gram
 
 
-@njit(cache=True)
+@kernel()
 def _subtract_rows(flat, flat_low, factors, target, first, second, count):
     """Add multiples of two rows to a row, all of them pairs, from given places on; vectorised."""
     a, a_low, b, b_low = factors
@@ -212,7 +200,7 @@ def _subtract_rows(flat, flat_low, factors, target, first, second, count):
         flat_low[k] += (p_error + p_rounding) + (q_error + q_rounding)
 
 
-@njit(cache=True)
+@kernel()
 def factor_products(high, low, count):
     """Triangular factor R of the sum of two matrices, RᵀR = high + low, by Cholesky's method with twice the digits.
 
@@ -253,9 +241,9 @@ def factor_products(high, low, count):
             continue
         # One step of Newton's method doubles the digits of the square root, another one those of its inverse.
         root = np.sqrt(pivot)
-        root, root_low = _add(root, (_fuse(-root, root, pivot) + pivot_low) / (2.0 * root))
+        root, root_low = _add(root, (fuse(-root, root, pivot) + pivot_low) / (2.0 * root))
         inverse = 1.0 / root
-        inverse_low = inverse * (_fuse(-inverse, root, 1.0) - inverse * root_low)
+        inverse_low = inverse * (fuse(-inverse, root, 1.0) - inverse * root_low)
         for k in range(j, n):
             p, p_error = _multiply(row[k], rest[k], inverse, inverse_low)
             row[k], rest[k] = _add(p, p_error)

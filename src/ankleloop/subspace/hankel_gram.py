@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from ankleloop.errors import DataError
+from ankleloop.kernels import kernel
 
 __all__ = ["HankelGram", "HankelProducts"]
 
@@ -146,7 +147,7 @@ def _add_columns(flat, start, stop, lags, part):
                 part[i, k] += flat[at + i] * flat[at + k]
 
 
-@njit(cache=True, fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _sum_lagged_products(x, columns, block_rows, lags):
     """Products with the first block row: sums over t of x(t) times x(t) … x(t + block_rows - 1).
 
@@ -187,7 +188,7 @@ def _sum_lagged_products(x, columns, block_rows, lags):
     return sums
 
 
-@njit(cache=True)
+@kernel()
 def _displace_products(products, head, tail, means, rows, places):
     """Rows of the Gram matrix one after the other: each follows from that of the block row before by displacement.
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from scipy import linalg
 from scipy.linalg import blas
 
 from ankleloop.arguments import check_flag, check_number, show_value
 from ankleloop.errors import DataError
+from ankleloop.kernels import kernel
 from ankleloop.subspace.records import are_merged, list_records
 
 __all__ = [
@@ -59,7 +59,7 @@ class InputMatrices:
     condition: float
 
 
-@njit(cache=True)
+@kernel()
 def simulate_states(A, drive, x0):
     """States of x(t+1) = A x(t) + drive(t).
 
@@ -149,7 +149,7 @@ def continue_response(
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.
-@njit(cache=True, fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _propagate_rows(A, u, c, states, out):
     """Rows v(t+1) = v(t) A + u(t) c of some inputs side by side into `out`; `states` become those that follow.
 
@@ -168,7 +168,7 @@ def _propagate_rows(A, u, c, states, out):
                 states[k * count + j] = total
 
 
-@njit(cache=True)
+@kernel()
 def _fill_regressors(A, C, u, dynamic_inputs, offset, states, regressors):
     """Responses of every output to each unknown; `states`, free and forced, become those that follow."""
     samples, inputs = u.shape

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
+from ankleloop.kernels import kernel
 from ankleloop.signals.arrays import as_real
 from ankleloop.subspace.hankel import block_hankel
 
@@ -144,7 +144,7 @@ def scale_records(
     return list(deviations), scale
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _remove_means(record):
     """A record less the means of its channels, those means, and the sums of squares about them."""
     samples, channels = record.shape

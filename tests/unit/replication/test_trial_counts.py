@@ -122,3 +122,15 @@ def test_a_figure_of_a_trial_says_what_failed():
     assert describe_absence(["B"], ["A", "B"]) == " The identification of this trial failed for: A."
     with pytest.raises(ValueError, match="set another number as figure: trial"):
         describe_absence([], ["A"])
+
+
+def test_failures_of_many_points_are_listed_in_part_and_counted_in_full():
+    points = [f"gain={number}" for number in range(50) for _ in range(2)]
+    table = pd.DataFrame({"point": points, "method": "riv", "trial": [0, 1] * 50, "failure": ["no pole.", None] * 50})
+    for rows in (table, table.astype(dict.fromkeys(("point", "method", "failure"), "category"))):
+        text = describe_failures(rows)
+        assert text.startswith(
+            "50 of 100 identifications failed; means leave them out. riv at gain=0, 1 of 2 trials: no"
+        )
+        assert text.count("riv at ") == 20
+        assert text.endswith(". 30 other points and methods have failures, too")

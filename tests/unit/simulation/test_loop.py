@@ -252,8 +252,7 @@ def test_a_drift_of_zero_changes_no_bit():
     external = external_signals(1.0, noise=1.0)
     loop = build_loop(settings)
     record, _ = run_loop(loop, settings, *external)
-    columns = loop.columns
-    drifting = replace(loop, changes=np.zeros((2, *columns.shape)))
+    drifting = replace(loop, changes=np.zeros((2, *loop.matrix.shape)))
     np.testing.assert_array_equal(run_loop(drifting, settings, *external)[0], record)
 
 

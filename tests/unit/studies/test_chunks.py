@@ -1,7 +1,6 @@
 """Results do not depend on chunks: of one point, of several, of part of the trials of a point."""
 
 import itertools
-import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -45,11 +44,11 @@ CHUNKS = {
 }
 
 
-def identify_to(folder, trials, study, points, methods, name="0", **options):
+def identify_to(folder, path, study, points, methods, name="0", **options):
     """Identify a chunk; it gives the tables, as they are in their files, and the path of the estimates."""
     files = {"estimates": folder / f"estimates-{name}.nc"}
     files |= {table: folder / f"{table}-{name}.csv" for table in ("scores", "parameters")}
-    identify_chunk(trials, files, study, points, methods, **options)
+    identify_chunk(path, files, study, points, methods, **options)
     tables = {table: pd.read_csv(files[table], dtype={"warnings": object}) for table in ("scores", "parameters")}
     return SimpleNamespace(**tables, estimates=files["estimates"])
 
@@ -63,11 +62,14 @@ def results(request, tmp_path_factory):
         study = read_studies({"studies": {"small": settings}})[1]["small"]
         folder = tmp_path_factory.mktemp(name.replace(" ", "-"))
         scores, parameters = [], []
+        files = [folder / f"trials-{number}.nc" for number in range(len(study.trial_chunks))]
+        for number, path in enumerate(files):
+            simulate_chunk(path, "small", 3, study.simulated_points(number, stored=True), request.param)
         for chunk in range(len(study.chunks)):
-            trials = folder / f"trials-{chunk}.nc"
-            simulate_chunk(trials, "small", 3, study.simulated_points(chunk), request.param)
-            points, methods = study.varied_settings(chunk), study.identified_methods
-            found = identify_to(folder, trials, "small", points, methods, chunk, precision=request.param)
+            points, methods = study.identified_points(chunk), study.identified_methods
+            part = study.identified_trials(chunk)
+            path = files[study.trial_chunk_of(chunk)]
+            found = identify_to(folder, path, "small", points, methods, chunk, trials=part, precision=request.param)
             scores.append(found.scores)
             parameters.append(found.parameters)
         return study, folder, pd.concat(scores, ignore_index=True), pd.concat(parameters, ignore_index=True)
@@ -125,7 +127,7 @@ def test_the_library_gives_the_same_without_the_workflow(results):
 def chunk(tmp_path_factory):
     """A trial file of two points with three trials each, and what `identify_chunk` takes."""
     study = read_studies(CONFIG)[1]["small"]
-    points = dict(list(study.combinations.items())[:2])
+    points = {point.name: {point.name: {"values": point.values, "options": {}}} for point in study.point_list[:2]}
     path = tmp_path_factory.mktemp("failures") / "trials.nc"
     simulate_chunk(path, "small", 3, {name: {"settings": study.points[name], "first": 0, "stop": 3} for name in points})
     return path, "small", points, study.identified_methods
@@ -227,7 +229,7 @@ def test_estimates_of_other_chunks_are_read_where_a_method_failed_in_one(chunk, 
     assert len(estimates) == 3
 
 
-PLACE = r"study small, point reflex_gain=10.0,voluntary=0.0, trial 1, method pr, .*trials\.nc"
+PLACE = "study small, point reflex_gain=10.0,voluntary=0.0, trial 1, method pr"
 
 
 @pytest.mark.parametrize("error", [TypeError("no such option"), KeyError("delay"), AttributeError("torque")])
@@ -235,7 +237,7 @@ def test_mistakes_in_the_program_stop_the_job(chunk, fail, error, tmp_path):
     fail("pr-moesp", {1}, error)
     with pytest.raises(type(error)) as caught:
         identify_to(tmp_path, *chunk)
-    assert re.fullmatch(PLACE, caught.value.__notes__[0])
+    assert caught.value.__notes__ == [PLACE, str(chunk[0])]
     assert not list(tmp_path.iterdir())
 
 
@@ -243,7 +245,7 @@ def test_failures_can_stop_the_job(chunk, fail, tmp_path):
     fail("pr-moesp", {1}, np.linalg.LinAlgError("Singular matrix"))
     with pytest.raises(np.linalg.LinAlgError) as caught:
         identify_to(tmp_path, *chunk, failures="stop")
-    assert re.fullmatch(PLACE, caught.value.__notes__[0])
+    assert caught.value.__notes__ == [PLACE, str(chunk[0])]
 
 
 # --- trials that cannot be simulated
@@ -278,7 +280,8 @@ def test_an_unstable_point_becomes_failures_and_the_others_go_on(tmp_path, order
         load_trial_of([path], "bad", 1)
 
     methods = {"pr": {"method": "pr-moesp", "options": {"basis": "rectifier"}}}
-    results = identify_to(tmp_path, path, "small", {point: {"gain": 1.0} for point in order}, methods)
+    points = {point: {point: {"values": {"gain": 1.0}, "options": {}}} for point in order}
+    results = identify_to(tmp_path, path, "small", points, methods)
     rows = results.parameters
     assert rows[["point", "trial"]].values.tolist() == [[point, number] for point in order for number in range(3)]
     assert (rows["failure"].notna() == (rows["point"] == "bad")).all()

@@ -91,7 +91,7 @@ def test_defaults_are_filled_in(config):
         (["studies", "table1", "kind"], "recording", "kind: must be one of 'simulation', 'recordings' .*; got 'record"),
         (["studies", "table1", "precision"], "half", "precision: must be one of 'single' or 'double'; got 'half'"),
         (["studies", "table1", "notebook"], "table3", "notebook: must be one of 'table1', .*; got 'table3'"),
-        (["studies", "figure4", "trials_per_chunk"], 10, "figure4: a chunk is some points, or part of the trials of"),
+        (["studies", "figure4", "job_minutes"], 0, r"figure4 → job_minutes \[min\]: must be above 0 .*, got 0"),
         (["run"], ["table3"], "config: run: there is no study 'table3' .*; there are table1, "),
         (["article"], ["table3"], "config: article: there is no study 'table3' .*; there are table1, "),
         (["studies", "table1", "notebook"], None, "config: article: the study 'table1' is not simulated, or has no no"),

@@ -26,7 +26,8 @@ def whole(tmp_path_factory):
 
 def identify(folder):
     files = {kind: folder / name for kind, name in NAMES.items() if kind != "trials"}
-    identify_chunk(folder / NAMES["trials"], files, "small", {"p": {}}, METHODS)
+    points = {"p": {"p": {"values": {}, "options": {}}}}
+    identify_chunk(folder / NAMES["trials"], files, "small", points, METHODS)
 
 
 def read(folder, kind):

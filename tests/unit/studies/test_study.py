@@ -28,7 +28,8 @@ def table1(change):
 def test_points_are_all_combinations(table1):
     study = table1(points={"reflex_gain": [2.0, 13.0], "voluntary": [0.0, 0.3, 1.0]})
     assert len(study.points) == 6
-    assert study.combinations["reflex_gain=13.0,voluntary=0.3"] == {"reflex_gain": 13.0, "voluntary": 0.3}
+    values = {point.name: point.values for point in study.point_list}
+    assert values["reflex_gain=13.0,voluntary=0.3"] == {"reflex_gain": 13.0, "voluntary": 0.3}
     assert study.varied == ["reflex_gain", "voluntary"]
     assert list(table1(points={}).points) == ["only"]
 
@@ -52,8 +53,8 @@ def test_a_whole_number_makes_the_point_of_the_same_float(table1):
     expected = table1(points={"reflex_gain": [13.0, 2.0], "snr_db": [10.0, None], "closed_loop": [True]})
     assert list(study.points) == list(expected.points)
     assert "closed_loop=True,reflex_gain=13.0,snr_db=10.0" in study.points
-    assert study.combinations == expected.combinations
-    assert all(type(value) is float for value in (settings["reflex_gain"] for settings in study.combinations.values()))
+    assert study.point_list == expected.point_list
+    assert all(type(point.values["reflex_gain"]) is float for point in study.point_list)
 
 
 @pytest.mark.parametrize(
@@ -86,11 +87,11 @@ GAINS = {"reflex_gain": [1.0, 2.0, 3.0, 4.0, 5.0]}
 
 
 def chunk_points(study):
-    return [[part.point.removeprefix("reflex_gain=") for part in chunk] for chunk in study.chunks]
+    return [[part.condition.removeprefix("reflex_gain=") for part in chunk] for chunk in study.chunks]
 
 
 def test_a_chunk_is_some_points(table1):
-    assert chunk_points(table1(points=GAINS)) == [["1.0"], ["2.0"], ["3.0"], ["4.0"], ["5.0"]]
+    assert chunk_points(table1(points=GAINS, points_per_chunk=1)) == [["1.0"], ["2.0"], ["3.0"], ["4.0"], ["5.0"]]
     assert chunk_points(table1(points=GAINS, points_per_chunk=2)) == [["1.0", "2.0"], ["3.0", "4.0"], ["5.0"]]
     more = {"reflex_gain": [*GAINS["reflex_gain"], 6.0]}
     assert chunk_points(table1(points=more, points_per_chunk=2))[:2] == [["1.0", "2.0"], ["3.0", "4.0"]]
@@ -103,19 +104,18 @@ def test_a_chunk_is_part_of_the_trials_of_a_point(table1):
     ranges = [[(part.first, part.stop) for part in chunk] for chunk in study.chunks]
     assert ranges == [[(0, 3)], [(3, 6)], [(6, 7)]] * 2
     assert chunk_points(study) == [["1.0"]] * 3 + [["2.0"]] * 3
+    assert study.trial_chunks == study.chunks
+    assert [study.trial_chunk_of(chunk) for chunk in range(6)] == list(range(6))
 
 
 def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
     points = [{"duration": duration, "recording_rate": rate} for duration in (10.0, 20.0) for rate in (1000.0, 500.0)]
-    study = table1(points=[*points, {"duration": 20.0, "recording_rate": 500.0, "zeta": 0.5}], points_per_chunk=10)
+    points = [*points, {"duration": 20.0, "recording_rate": 500.0, "zeta": 0.5}]
+    study = table1(points=points, points_per_chunk=10)
     assert [len(chunk) for chunk in study.chunks] == [1, 1, 1, 2]
-    assert study.simulated_time(3) == 2 * 20 * 20.0
-
-
-def test_many_points_take_no_time(table1):
-    study = table1(points={"reflex_gain": [0.01 * k for k in range(4000)]})
-    assert len(study.chunks) == len(study.points) == 4000
-    assert study.simulated_points(3999)["reflex_gain=39.99"]["settings"]["reflex_gain"] == 39.99
+    assert study.simulated_time(3) == study.simulated_time(3, stored=True) == 2 * 20 * 20.0
+    assert [len(chunk) for chunk in table1(points=points, points_per_chunk=10, keep="estimates").chunks] == [1, 1, 1, 2]
+    assert [len(chunk) for chunk in table1(points=points, points_per_chunk=10, keep="scores").chunks] == [5]
 
 
 def test_seeds_differ_by_study_point_and_trial():

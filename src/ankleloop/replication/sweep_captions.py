@@ -1,0 +1,208 @@
+"""Words of the report of a sweep: what was varied, what the pictures show, the best and the worst points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from ankleloop.plotting.sweep_axes import SweepAxis
+from ankleloop.plotting.sweep_maps import REGION_SHARE, has_rings
+from ankleloop.plotting.sweeps import FAULT_SHARE, mark_rows, value_limits
+from ankleloop.replication.results import format_pairs
+from ankleloop.replication.sweep_quantities import SWEEP_QUANTITIES, desired_value
+from ankleloop.replication.sweep_study import SweepStudy
+from ankleloop.simulation.settings import SimulationSettings
+
+__all__ = [
+    "EXTREMES",
+    "describe_design",
+    "describe_effects",
+    "describe_lines",
+    "describe_map",
+    "list_extremes",
+]
+
+EXTREMES = (
+    "Points with the best and the worst mean (of an error: by the root mean square over trials), or the lowest and "
+    "the highest of a quantity that has no best; mean ± standard deviation over trials. Points of which less than half "
+    "of the trials have a value are not ranked. Failures are trials without an estimate, which means leave out; "
+    "warnings are trials whose estimate came with a warning, which means hold. All points are in the CSV file."
+)
+LEAST_SHARE = 0.5  # of the trials of a point that need an estimate for its mean to be ranked
+
+
+def describe_design(sweep: SweepStudy) -> str:
+    """What was varied: each parameter with its values, and the numbers of points, conditions, trials and faults."""
+    points = sweep.trials.drop_duplicates("point")
+    settings = [axis.name for axis in sweep.parameters if axis.name in SimulationSettings.model_fields]
+    conditions = len(points[settings].drop_duplicates()) if settings else 1
+    own = sweep.trials[sweep.trials["method"].isin([item.method for item in sweep.series])]
+    failed, warned = int(own["failed"].sum()), int(own["warned"].sum())
+    varied = "; ".join(_describe_values(axis) for axis in sweep.parameters) or "nothing"
+    shared = " (points that differ in options of methods alone share their trials)" * (conditions < len(points))
+    text = (
+        f"Varied: {varied}. {_count(len(points), 'point')}, {_count(conditions, 'condition')}{shared}, "
+        f"{_describe_trials(own)} {_count(len(own), 'identification')}: {failed:,} failed, and "
+        f"{_count(warned, 'estimate')} came with a warning."
+    )
+    if sweep.absent:
+        names = ", ".join(SWEEP_QUANTITIES[name].symbol for name in sweep.absent)
+        text += f" No method of this study gives {names}."
+    return text
+
+
+def _describe_trials(own: pd.DataFrame) -> str:
+    numbers = own.groupby(["point", "method"], sort=False, observed=True).size()
+    low, high = int(numbers.min()), int(numbers.max())
+    return f"{low if low == high else f'{low} to {high}'} {'trial' if high == 1 else 'trials'} at each point."
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'s' * (number != 1)}"
+
+
+def _describe_values(axis: SweepAxis) -> str:
+    """A parameter with its values, or with their limits where there are many."""
+    if axis.ordered and len(axis.values) > 5:
+        name, _, unit = axis.label.rstrip("]").partition(" [")
+        scale = ", spaced logarithmically" if axis.kind == "log" else ""
+        limits = f"{axis.texts[0]} to {axis.texts[-1]}{'' if unit == '1' else f' {unit}'}"
+        return f"{name} {limits} ({len(axis.values):,} values{scale})"
+    return axis.label.removesuffix(" [1]") + ": " + ", ".join(axis.texts)
+
+
+def describe_lines(sweep: SweepStudy, effects: pd.DataFrame) -> str:
+    """Caption of lines over one parameter."""
+    name = sweep.axes[0].label.partition(" [")[0]
+    return f"Means over trials against {name}{_describe_bands(sweep)}{_describe_others(sweep)}{_end(sweep, effects)}"
+
+
+def describe_effects(sweep: SweepStudy, effects: pd.DataFrame) -> str:
+    """Caption of a matrix of effects."""
+    return (
+        "Effect of each parameter: means over all trials of a value, or of a bin of values, whatever the other "
+        f"parameters are{_describe_bands(sweep)}{_describe_others(sweep)}{_end(sweep, effects)}"
+    )
+
+
+def _describe_bands(sweep: SweepStudy) -> str:
+    if sweep.settings["band"] == "trials":
+        return "; bands hold 80 % of the trials (quantiles 10 to 90 %)."
+    return (
+        "; bands are 95 % confidence intervals of the mean: over trials where a value has one condition, and over its "
+        "conditions where it has several, which spread by the other parameters, too."
+    )
+
+
+def _describe_others(sweep: SweepStudy) -> str:
+    others = [axis.label.partition(" [")[0] for axis in sweep.parameters if axis not in sweep.axes]
+    return f" Means are also over {', '.join(others)}." if others else ""
+
+
+def describe_map(
+    sweep: SweepStudy, cells: pd.DataFrame, edges: tuple[np.ndarray, np.ndarray] | None, sliced: bool
+) -> str:
+    """Caption of maps over two parameters."""
+    x, y = sweep.axes[:2]
+    combinations = len(sweep.trials[[x.name, y.name]].drop_duplicates())
+    places = len(cells[["x", "y"]].drop_duplicates())
+    what = f"the trials of {'a tile of points' if places < combinations else 'each point'}"
+    others = [axis.label.partition(" [")[0] for axis in sweep.parameters if axis.name not in (x.name, y.name)]
+    text = f"Means over {what}"
+    if others and not sliced:
+        text += f", and over {', '.join(others)}"
+    text += "." + " Arrows at the ends of colour bars: some values are beyond them." * _is_clipped(sweep, cells)
+    if edges is not None and cells["mean"].isna().any():
+        text += " Hatched: trials, but no value."
+    if not has_rings(edges):
+        return text + _describe_difference(sweep) + _describe_regions(cells)
+    return text + _end(sweep, cells)
+
+
+def _is_clipped(sweep: SweepStudy, cells: pd.DataFrame) -> bool:
+    """Whether means are beyond the colours of their panels."""
+    differences = cells["method"] == (sweep.difference.method if sweep.difference else "")
+    for panel in sweep.panels:
+        for kind, goal in ((~differences, panel.desired), (differences, "zero")):
+            means = cells.loc[kind & (cells["quantity"] == panel.quantity), "mean"].dropna()
+            low, high = value_limits(means.to_numpy(), goal)
+            if ((means < low) | (means > high)).any():
+                return True
+    return False
+
+
+def _describe_difference(sweep: SweepStudy) -> str:
+    if sweep.difference is None:
+        return ""
+    return f" Differences (Δ) are {sweep.difference.label}, trial by trial."
+
+
+def _describe_regions(cells: pd.DataFrame) -> str:
+    """What outlines are, in a map of small cells; a region has several."""
+    if not cells[["failures", "warnings"]].to_numpy().any():
+        return ""
+    return (
+        f" Outlines, where there are any: regions in which at least {100 * REGION_SHARE:g} % of the trials failed, "
+        "which means leave out, or came with a warning, which means hold."
+    )
+
+
+def _end(sweep: SweepStudy, table: pd.DataFrame) -> str:
+    """What differences and marks are, where there are any."""
+    text = _describe_difference(sweep)
+    marked, failed = mark_rows(table)
+    if marked.any():
+        text += (
+            f" Rings: at least {100 * FAULT_SHARE:g} % of the trials of a mean failed, which it leaves out, or came "
+            "with a warning, which it holds."
+        )
+    return text + (" Crosses: every trial failed." if failed.any() else "")
+
+
+def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
+    """The points with the best and the worst mean of each quantity and method; the highest and lowest without a goal.
+
+    Parameters
+    ----------
+    sweep : SweepStudy
+        The sweep.
+    summary : pandas.DataFrame
+        Its `SweepStudy.summarise`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Text: quantity, method, rank, a column for each parameter, mean ± sd, and numbers of trials, failures and
+        warnings. Points of which less than half of the trials have a value are not ranked.
+    """
+    labels = {item.method: item.label for item in sweep.series}
+    ranked = summary[summary["mean"].notna() & (summary["n"] >= LEAST_SHARE * summary["trials"])]
+    rows = []
+    for quantity in sweep.quantities:
+        for method, label in labels.items():
+            part = ranked[(ranked["quantity"] == quantity) & (ranked["method"] == method)]
+            for rank, index in _rank(part, quantity):
+                rows.append({"quantity": SWEEP_QUANTITIES[quantity].label, "method": label, "rank": rank, "row": index})
+    chosen = summary.loc[[row["row"] for row in rows]]
+    table = pd.DataFrame(rows, columns=["quantity", "method", "rank", "row"]).drop(columns="row")
+    for axis in sweep.parameters:
+        texts = dict(zip(axis.values, axis.texts, strict=True))
+        table[axis.label.removesuffix(" [1]")] = [
+            texts[None if pd.isna(value) else value] for value in chosen[axis.name]
+        ]
+    table["mean ± sd"] = format_pairs(chosen["mean"], chosen["sd"], "{:.4g} ± {:.2g}")
+    return table.assign(**{name: chosen[name].astype(str).to_numpy() for name in ("trials", "failures", "warnings")})
+
+
+def _rank(part: pd.DataFrame, quantity: str) -> list[tuple[str, int]]:
+    """Words and rows of the two ends; nothing for a single point."""
+    if len(part) < 2:
+        return []
+    goal = desired_value(quantity)
+    if goal == "zero":  # the root mean square over trials: bias and spread together
+        share = (part["n"] - 1) / part["n"]
+        size = np.sqrt(part["mean"] ** 2 + (part["sd"] ** 2 * share).fillna(0.0))
+    else:
+        size = -part["mean"] if goal == "high" else part["mean"]
+    words = ("best", "worst") if goal else ("lowest", "highest")
+    return [(words[0], size.idxmin()), (words[1], size.idxmax())]

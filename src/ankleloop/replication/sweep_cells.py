@@ -1,0 +1,109 @@
+"""Means over the cells of a map of two parameters of a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from ankleloop.plotting.sweep_axes import SweepAxis
+from ankleloop.replication.sweep_summary import summarise_sweep
+
+__all__ = ["MOST_POINTS", "list_slices", "summarise_cells"]
+
+MOST_POINTS = 300  # of an irregular design that are drawn one by one; more are drawn in tiles
+MOST_SLICES = 4  # combinations of other parameters that have panels of their own
+POINTS_PER_TILE = 4
+TILES = (5, 25)  # in either direction, at least and at most
+
+Edges = tuple[np.ndarray, np.ndarray]
+
+
+def summarise_cells(
+    trials: pd.DataFrame,
+    axes: tuple[SweepAxis, SweepAxis],
+    quantities: Sequence[str],
+    slices: Mapping[str, str] | None = None,
+) -> tuple[pd.DataFrame, Edges | None]:
+    """Means over all trials of each cell: a combination of two values of a grid, or a tile of an irregular design.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        A table of `ankleloop.replication.sweep_summary.read_sweep`.
+    axes : tuple of SweepAxis
+        Parameters of the abscissa and the ordinate.
+    quantities : sequence of str
+        Columns to summarise.
+    slices : mapping of str to str, optional
+        For each point the slice that it is in, as `list_slices` gives it; one for all by default.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+        Columns `x`, `y` (places on the axes), `slice`, `method`, and those of
+        `ankleloop.replication.sweep_summary.summarise_sweep`.
+    edges : tuple of ndarray or None
+        Edges of the cells; None for an irregular design of at most `MOST_POINTS` points, whose rows are points.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"point": ["a", "b"], "gain": [1.0, 2.0], "noise": [0.0, 1.0], "method": "m", "K": 150.0})
+    >>> axes = (SweepAxis.of("gain", "", [1.0, 2.0]), SweepAxis.of("noise", "", [0.0, 1.0]))
+    >>> table, edges = summarise_cells(trials.assign(failed=False, warned=False), axes, ["K"])
+    >>> table[["x", "y", "mean"]].values.tolist(), edges[0].tolist()
+    ([[1.0, 0.0, 150.0], [2.0, 1.0, 150.0]], [0.5, 1.5, 2.5])
+    """
+    own, names = pd.factorize(trials["point"])
+    points = trials.iloc[np.unique(own, return_index=True)[1]]
+    x, y = axes
+    combinations = len(points[[x.name, y.name]].drop_duplicates())
+    edges: Edges | None = None
+    if 2 * combinations >= len(x.values) * len(y.values):
+        places = [axis.places(points[axis.name]) for axis in axes]
+        edges = x.edges(), y.edges()
+    elif combinations <= MOST_POINTS:
+        places = [axis.places(points[axis.name]) for axis in axes]
+    else:
+        count = int(np.clip(np.sqrt(combinations / POINTS_PER_TILE), *TILES))
+        tiles = [axis.binned(points[axis.name], count) for axis in axes]
+        places, edges = [tile[0] for tile in tiles], (tiles[0][1], tiles[1][1])
+    label = [slices[name] for name in names] if slices else [""] * len(points)
+    table = trials.assign(x=places[0][own], y=places[1][own], slice=pd.Categorical(label)[own])
+    summary = summarise_sweep(table, ["x", "y", "slice", "method"], quantities)
+    return summary.assign(slice=summary["slice"].astype(str)), edges
+
+
+def list_slices(trials: pd.DataFrame, others: Sequence[SweepAxis]) -> dict[str, str]:
+    """Slice of each point: the values of the parameters that are not axes of the map, where there are few of them.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        A table of `ankleloop.replication.sweep_summary.read_sweep`.
+    others : sequence of SweepAxis
+        The other parameters.
+
+    Returns
+    -------
+    dict of str to str
+        Words for each point; empty where there is a single combination or more than a map has panels for.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"point": ["a", "b"], "block_rows": [12, 18]})
+    >>> list_slices(trials, [SweepAxis.of("block_rows", "block rows [samples]", [12, 18])])
+    {'a': 'block rows 12 samples', 'b': 'block rows 18 samples'}
+    """
+    if not others:
+        return {}
+    points = trials.drop_duplicates("point")
+    words = [_describe_values(row, others) for _, row in points.iterrows()]
+    if not 1 < len(set(words)) <= MOST_SLICES:
+        return {}
+    return dict(zip(points["point"], words, strict=True))
+
+
+def _describe_values(row: pd.Series, axes: Sequence[SweepAxis]) -> str:
+    return ", ".join(axis.describe(row[axis.name]) for axis in axes)

@@ -1,0 +1,63 @@
+"""Pictures of a sweep with their captions: lines over one parameter, maps over two, a matrix of effects over more."""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from ankleloop.plotting.sweep_maps import maps_figure
+from ankleloop.plotting.sweeps import effects_figure, lines_figure
+from ankleloop.replication.sweep_captions import describe_effects, describe_lines, describe_map
+from ankleloop.replication.sweep_cells import list_slices, summarise_cells
+from ankleloop.replication.sweep_study import SweepStudy
+from ankleloop.replication.sweep_summary import summarise_effects
+
+__all__ = ["draw_map", "draw_sweep"]
+
+LINE_BINS = {"bins": 40, "most": 100}  # of a line over one parameter
+
+
+def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
+    """The picture of a sweep: lines over one axis, maps over two, a matrix of effects over more.
+
+    Parameters
+    ----------
+    sweep : SweepStudy
+        The sweep.
+
+    Returns
+    -------
+    figure : matplotlib.figure.Figure
+    caption : str
+    """
+    if len(sweep.axes) == 2:
+        return draw_map(sweep)
+    bins = LINE_BINS if len(sweep.axes) == 1 else {}
+    trials = sweep.shown_trials
+    effects = pd.concat([summarise_effects(trials, axis, sweep.quantities, **bins) for axis in sweep.axes])
+    arguments, band = (sweep.panels, sweep.series, sweep.difference), sweep.settings["band"]
+    if len(sweep.axes) == 1:
+        return lines_figure(effects, sweep.axes[0], *arguments, band=band), describe_lines(sweep, effects)
+    return effects_figure(effects, sweep.axes, *arguments, band=band), describe_effects(sweep, effects)
+
+
+def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
+    """Maps over the first two axes of a sweep; a few values of the other parameters have panels of their own.
+
+    Parameters
+    ----------
+    sweep : SweepStudy
+        The sweep, with two axes or more.
+
+    Returns
+    -------
+    figure : matplotlib.figure.Figure
+    caption : str
+    """
+    x, y = sweep.axes[:2]
+    others = [axis for axis in sweep.parameters if axis.name not in (x.name, y.name)]
+    slices = list_slices(sweep.shown_trials, others)
+    cells, edges = summarise_cells(sweep.shown_trials, (x, y), sweep.quantities, slices)
+    names = list(dict.fromkeys(slices.values())) or [""]
+    figure = maps_figure(cells, (x, y), edges, sweep.panels, sweep.series, sweep.difference, names)
+    return figure, describe_map(sweep, cells, edges, bool(slices))

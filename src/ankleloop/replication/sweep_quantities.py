@@ -1,0 +1,145 @@
+"""What pictures of a sweep can show: scores, parameters, their errors, and shares of trials with a fault."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Literal
+
+from ankleloop.methods.registry import METHODS
+from ankleloop.quantities import QUANTITIES, Quantity
+from ankleloop.replication.captions import label_setting
+from ankleloop.replication.results import SETTINGS
+from ankleloop.simulation.settings import SimulationSettings
+
+__all__ = [
+    "FAULT_SHARES",
+    "SWEEP_QUANTITIES",
+    "default_quantities",
+    "desired_value",
+    "error_source",
+    "label_difference",
+    "label_parameter",
+]
+
+TORQUES = {"net": "net", "intrinsic": "intrinsic", "reflex": "reflex"}
+ESTIMATED = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
+FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}
+DIAGNOSTICS = {
+    "order": Quantity("order of the model", "order", "1"),
+    "passes": Quantity("passes of the parallel cascade", "passes", "1"),
+    "spectral_radius": Quantity("largest magnitude of the poles", "spectral radius", "1"),
+    "pole_error": Quantity("largest error of a pole", "pole error", "1"),
+    "in_band_snr_db": Quantity("signal-to-noise ratio in the band", "in-band SNR", "dB"),
+    "unseen_instrumental": Quantity("instrumental VAF of unseen data", "instrumental VAF, unseen", "%"),
+    "unseen_cross_validation": Quantity("net VAF of unseen data", "net VAF, unseen", "%"),
+}
+
+
+def _list_quantities() -> dict[str, Quantity]:
+    quantities = {
+        f"vaf_{torque}_{against}": Quantity(f"{word} VAF, {against} torque", f"{word} VAF, {against}", "%")
+        for torque, word in TORQUES.items()
+        for against in ("true", "measured")
+    }
+    quantities |= {name: QUANTITIES[name] for name in ESTIMATED}
+    quantities |= {
+        f"{name}_error": Quantity(f"relative error of {QUANTITIES[name].symbol}", f"error of {symbol}", "%")
+        for name, symbol in ((name, QUANTITIES[name].symbol) for name in SETTINGS)
+    }
+    quantities |= DIAGNOSTICS
+    return quantities | {name: Quantity(label, label, "% of trials") for name, label in FAULT_SHARES.items()}
+
+
+SWEEP_QUANTITIES = _list_quantities()
+
+
+def default_quantities(columns: Collection[str]) -> list[str]:
+    """Quantities that are shown where the configuration names none.
+
+    Parameters
+    ----------
+    columns : collection of str
+        Columns of the table of trials.
+
+    Returns
+    -------
+    list of str
+        VAF of net, intrinsic and reflex torque, against the truth where the table has it, and errors of K and G.
+
+    Examples
+    --------
+    >>> default_quantities(["vaf_net_measured", "vaf_net_true", "vaf_intrinsic_true", "K"])
+    ['vaf_net_true', 'vaf_intrinsic_true', 'K_error']
+    """
+    names = [
+        next((name for against in ("true", "measured") if (name := f"vaf_{torque}_{against}") in columns), "")
+        for torque in TORQUES
+    ]
+    return [name for name in names if name] + [f"{name}_error" for name in ("K", "G") if name in columns]
+
+
+def error_source(quantity: str) -> str | None:
+    """Parameter of which a quantity is the relative error; None for a quantity that is no error.
+
+    Examples
+    --------
+    >>> error_source("K_error"), error_source("pole_error"), error_source("K")
+    ('K', None, None)
+    """
+    name = quantity.removesuffix("_error")
+    return name if name != quantity and name in SETTINGS else None
+
+
+def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
+    """What a method should reach: "high" for a VAF, "zero" for an error, "low" for a share of faults.
+
+    Examples
+    --------
+    >>> [desired_value(name) for name in ("vaf_net_true", "K_error", "failures", "K")]
+    ['high', 'zero', 'low', None]
+    """
+    if quantity.startswith(("vaf_", "unseen_")):
+        return "high"
+    if error_source(quantity):
+        return "zero"
+    return "low" if quantity == "pole_error" or quantity in FAULT_SHARES else None
+
+
+def label_parameter(name: str, labels: Mapping[str, str]) -> str:
+    """Name and unit of a varied setting of the simulation, or option of a method.
+
+    Parameters
+    ----------
+    name : str
+        Column of the parameter: a setting, an option, or METHOD.OPTION.
+    labels : mapping of str to str
+        Label of each method of the study.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> label_parameter("load_stiffness", {}), label_parameter("riv.delay", {"riv": "RIV"})
+    ('stiffness of the load [N·m/rad]', 'delay of RIV [s]')
+    """
+    if name in SimulationSettings.model_fields:
+        words, unit = label_setting(name)
+    else:
+        method, _, field = name.rpartition(".")
+        words = field.replace("_", " ") + (f" of {labels.get(method, method)}" if method else "")
+        units = [entry.options.unit(field) for entry in METHODS.values() if field in entry.options.model_fields]
+        unit = next(iter(units), "1")
+    return f"{words} [{unit}]"
+
+
+def label_difference(quantity: Quantity) -> str:
+    """Label of the difference of two methods.
+
+    Examples
+    --------
+    >>> label_difference(SWEEP_QUANTITIES["K_error"]), label_difference(SWEEP_QUANTITIES["K"])
+    ('Δ error of K [points]', 'Δ K [N·m/rad]')
+    """
+    return f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"

@@ -1,0 +1,323 @@
+"""Summaries of a sweep over trials: means with their spread, differences of methods, effects of single parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ankleloop.errors import DataError
+from ankleloop.plotting.sweep_axes import MOST_LISTED, SweepAxis
+from ankleloop.replication.results import SETTINGS
+from ankleloop.replication.sweep_quantities import FAULT_SHARES, error_source
+from ankleloop.replication.trial_counts import COUNTS
+from ankleloop.replication.trial_tables import read_trial_table, trial_table_columns
+from ankleloop.signals.vaf import confidence_margin
+from ankleloop.simulation.settings import SimulationSettings
+
+__all__ = [
+    "SPREAD",
+    "available_quantities",
+    "pair_methods",
+    "read_sweep",
+    "summarise_effects",
+    "summarise_sweep",
+    "widen_summary",
+]
+
+SPREAD = (0.1, 0.9)  # quantiles between which 80 % of the trials are
+TRIAL = ["point", "trial"]
+STATISTICS = ["mean", "sd", "n", "margin", "low", "median", "high"]
+FAULTS = {"failures": "failed", "warnings": "warned"}  # counts, and the columns of trials that they count
+
+
+def available_quantities(quantities: Sequence[str], columns: Collection[str]) -> list[str]:
+    """Quantities for which a table of trials has columns.
+
+    Parameters
+    ----------
+    quantities : sequence of str
+        Names of `ankleloop.replication.sweep_quantities.SWEEP_QUANTITIES`.
+    columns : collection of str
+        Columns of the table.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> available_quantities(["vaf_net_true", "K_error", "failures", "zeta"], ["vaf_net_true", "K"])
+    ['vaf_net_true', 'K_error', 'failures']
+    """
+    return [name for name in quantities if name in FAULT_SHARES or (error_source(name) or name) in columns]
+
+
+def read_sweep(
+    path: str | PathLike[str],
+    varied: Sequence[str],
+    quantities: Sequence[str],
+    settings: Mapping[str, Any],
+    methods: Collection[str] | None = None,
+) -> pd.DataFrame:
+    """Read what pictures of a sweep need of a table of trials; errors are relative to the truth of each point.
+
+    Parameters
+    ----------
+    path : path-like
+        Parquet table of the trials of a study.
+    varied : sequence of str
+        Columns of the parameters that differ between points.
+    quantities : sequence of str
+        Names of `ankleloop.replication.sweep_quantities.SWEEP_QUANTITIES`; those that the table does not have are left
+        out.
+    settings : mapping
+        Settings of the simulation that all points share, by name: the truth of what is not varied.
+    methods : collection of str, optional
+        Methods to keep; all of them by default.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each point, method and trial: `point`, the parameters, `method`, `trial`, the quantities (empty
+        where there is no estimate), `failed`, and `warned`: the estimate came with a warning.
+
+    Raises
+    ------
+    DataError
+        If the table is missing or damaged, lacks a parameter, or has rows of other methods alone.
+    """
+    columns = trial_table_columns(path)
+    missing = [name for name in (*TRIAL, "method", *varied) if name not in columns]
+    if missing:
+        raise DataError(f"{path}: the table has no column {missing[0]!r}: delete it, and run again: it is made anew.")
+    sources = {name: _source_column(name, columns) for name in available_quantities(quantities, columns)}
+    faults = [name for name in ("failure", "warnings") if name in columns]
+    wanted = [*TRIAL, "method", *varied, *faults, *(name for name in sources.values() if name)]
+    table = read_trial_table(path, columns=list(dict.fromkeys(wanted)))
+    if methods is not None:
+        table = table[table["method"].isin(list(methods))]
+    if table.empty:
+        raise DataError(f"{path}: the table has no trial of {', '.join(methods or ('any method',))}.")
+    failed, warned = _list_faults(table)
+    parts = {name: table[name] for name in (*TRIAL, *varied, "method")}
+    parts |= {name: _quantity(table, name, source, settings) for name, source in sources.items() if source}
+    shares = {"failures": failed, "warnings": warned}
+    parts |= {name: 100.0 * shares[name] for name, source in sources.items() if not source}
+    return pd.DataFrame({**parts, "failed": failed, "warned": warned}).reset_index(drop=True)
+
+
+def _source_column(quantity: str, columns: Collection[str]) -> str:
+    """Column of the table that a quantity is made of, empty for a share of faults.
+
+    Where the points of a sweep have a value of the same name, the estimate has another column.
+    """
+    if quantity in FAULT_SHARES:
+        return ""
+    name = error_source(quantity) or quantity
+    return f"{name}_estimated" if f"{name}_estimated" in columns else name
+
+
+def _list_faults(table: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
+    """Whether each identification failed, and whether its estimate came with a warning."""
+    failed = table["failure"].notna() if "failure" in table else pd.Series(False, table.index)
+    if "warnings" not in table:
+        return failed, pd.Series(False, table.index)
+    texts = table["warnings"].astype("category")  # few different texts, many rows
+    empty = [text for text in texts.cat.categories if not str(text).strip()]
+    return failed, texts.notna() & ~texts.isin(empty) & ~failed
+
+
+def _quantity(table: pd.DataFrame, quantity: str, source: str, settings: Mapping[str, Any]) -> pd.Series:
+    """A quantity of each trial; an error [%] does not exist where the truth is 0."""
+    values = table[source].astype(float)
+    name = error_source(quantity)
+    if name is None:
+        return values
+    setting = SETTINGS[name]
+    truth = table[setting].astype(float) if setting in table else pd.Series(float(settings[setting]), table.index)
+    return 100.0 * (values / truth.where(truth != 0) - 1.0)
+
+
+def pair_methods(trials: pd.DataFrame, first: str, second: str, quantities: Sequence[str]) -> pd.DataFrame:
+    """Differences of two methods, trial by trial: both have identified the same record.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        A table of `read_sweep`.
+    first, second : str
+        The methods: the first minus the second.
+    quantities : sequence of str
+        Columns.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns as of `trials`, with the method "FIRST − SECOND". A trial failed if either method failed, and came with
+        a warning if either did; it has no difference where one of them has no value.
+
+    Raises
+    ------
+    DataError
+        If a trial of one of the methods is in the table twice, or the other lacks it.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"point": "p", "trial": [0, 0], "method": ["riv", "moesp"], "K": [150.0, 146.0]})
+    >>> pair_methods(trials.assign(failed=False, warned=False), "riv", "moesp", ["K"])["K"].tolist()
+    [4.0]
+    """
+    parts = []
+    for method in (first, second):
+        part = trials[trials["method"] == method]
+        if part.duplicated(TRIAL).any():
+            row = part[part.duplicated(TRIAL)].iloc[0]
+            raise DataError(f"{method}, point {row['point']}: the table has the trial {row['trial']} twice.")
+        parts.append(part.set_index(TRIAL))
+    if len(parts[0]) != len(parts[1]) or not parts[0].index.isin(parts[1].index).all():
+        raise DataError(f"the methods {first} and {second} have different trials: there are no differences of them.")
+    own, other = parts[0], parts[1].reindex(parts[0].index)
+    table = own.assign(method=f"{first} − {second}", **{name: own[name] - other[name] for name in quantities})
+    failed = own["failed"] | other["failed"]
+    warned = (own["warned"] | other["warned"]) & ~failed
+    return table.assign(failed=failed, warned=warned).reset_index()[list(trials.columns)]
+
+
+def summarise_sweep(trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]) -> pd.DataFrame:
+    """Means over trials with their spread, and what the means leave out.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        A table of `read_sweep` or `pair_methods`.
+    by : sequence of str
+        Columns whose values make a row for each quantity, in the order of their first appearance.
+    quantities : sequence of str
+        Columns to summarise.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `by`, `quantity`, `mean`, `sd`, `n` (trials in the mean), `margin` (half of the 95 % confidence
+        interval of the mean over independent trials), `low`, `median` and `high` (the quantiles 10, 50 and 90 %),
+        `trials`, `failures` and `warnings`. Where no trial has the quantity, the row has no mean.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"point": "p", "K": [1.0, 3.0, None], "failed": [False, False, True], "warned": False})
+    >>> summarise_sweep(trials, ["point"], ["K"])[["mean", "n", "trials", "failures"]].values.tolist()
+    [[2.0, 2.0, 3.0, 1.0]]
+    """
+    groups, labels = _group(trials, by)
+    return _summarise_groups(trials, groups, labels, quantities)
+
+
+def _group(table: pd.DataFrame, by: Sequence[str]) -> tuple[np.ndarray, pd.DataFrame]:
+    """Number of the group of each row, and the values of each group; an empty value makes a group, too."""
+    codes = np.zeros(len(table), dtype=np.int64)
+    for name in by:
+        own, values = pd.factorize(table[name], use_na_sentinel=False)
+        codes = codes * (len(values) + 1) + own
+        codes = pd.factorize(codes)[0]
+    first = np.unique(codes, return_index=True)[1]
+    return codes, table[list(by)].iloc[first].reset_index(drop=True)
+
+
+def _summarise_groups(
+    trials: pd.DataFrame, groups: np.ndarray, labels: pd.DataFrame, quantities: Sequence[str]
+) -> pd.DataFrame:
+    count = len(labels)
+    counts = {"trials": np.bincount(groups, minlength=count)}
+    counts |= {
+        name: np.bincount(groups, weights=trials[column], minlength=count).astype(int)
+        for name, column in FAULTS.items()
+    }
+    tables = []
+    for name in quantities:
+        values = trials[name].groupby(groups)
+        mean, sd, number = values.mean(), values.std(), values.count()
+        low, median, high = (values.quantile(level) for level in (SPREAD[0], 0.5, SPREAD[1]))
+        statistics = {"mean": mean, "sd": sd, "n": number, "margin": confidence_margin(sd, number)}
+        statistics |= {"low": low, "median": median, "high": high}
+        columns = {key: np.asarray(column) for key, column in statistics.items()}
+        tables.append(labels.assign(quantity=name, **columns, **counts))
+    return pd.concat(tables, ignore_index=True)
+
+
+def summarise_effects(
+    trials: pd.DataFrame, axis: SweepAxis, quantities: Sequence[str], *, bins: int = 10, most: int = MOST_LISTED
+) -> pd.DataFrame:
+    """Means over all trials of the same value of a parameter, or of a bin of values, whatever the others are.
+
+    The interval of a mean is that over conditions, since trials of one condition (the simulated settings of a point)
+    share it, and points that differ in options alone share their trials, too. Where a value has a single condition, it
+    is over the trials of that condition.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        A table of `read_sweep` or `pair_methods`.
+    axis : SweepAxis
+        The parameter.
+    quantities : sequence of str
+        Columns to summarise.
+    bins, most : int
+        Bins of equal width, where there are more than `most` distinct values.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `parameter`, `place` (on the axis), `method` and those of `summarise_sweep`; `n` is the number of
+        conditions or trials that the interval is over.
+    """
+    own = pd.factorize(trials["point"])[0]
+    points = trials.iloc[np.unique(own, return_index=True)[1]]
+    places = axis.binned(points[axis.name], bins, most)[0][own]
+    settings = [name for name in SimulationSettings.model_fields if name in trials]
+    condition = _group(points, settings)[0][own] if settings else np.zeros(len(trials), dtype=int)
+    table = trials.assign(parameter=axis.name, place=places, condition=condition)
+    by = ["parameter", "place", "method"]
+    summary = summarise_sweep(table, by, quantities)
+    units = _unit_means(table, by, quantities)
+    return summary.drop(columns=["mean", "sd", "n", "margin"]).merge(units, on=[*by, "quantity"], how="left")
+
+
+def _unit_means(table: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]) -> pd.DataFrame:
+    """Mean over conditions, or over trials where there is one condition, with its interval."""
+    groups, _ = _group(table, by)
+    several = table["condition"].groupby(groups).transform("nunique").to_numpy() > 1
+    table = table.assign(unit=np.where(several, table["condition"], table["trial"]))
+    units = table.groupby([*by, "unit"], sort=False, dropna=False, observed=True)[list(quantities)].mean().reset_index()
+    units = units.assign(failed=False, warned=False)
+    return summarise_sweep(units, by, quantities)[[*by, "quantity", "mean", "sd", "n", "margin"]]
+
+
+def widen_summary(summary: pd.DataFrame) -> pd.DataFrame:
+    """A summary with the statistics of all quantities in one row.
+
+    Parameters
+    ----------
+    summary : pandas.DataFrame
+        Of `summarise_sweep`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each point and method, with columns `{quantity}_{statistic}`; numbers of trials at the end.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"point": ["p", "p"], "K": [1.0, 3.0], "failed": False, "warned": False})
+    >>> widen_summary(summarise_sweep(trials, ["point"], ["K"]))[["K_mean", "trials"]].values.tolist()
+    [[2.0, 2.0]]
+    """
+    quantities = list(dict.fromkeys(summary["quantity"]))
+    parts = [summary[summary["quantity"] == name].reset_index(drop=True) for name in quantities]
+    shared = parts[0].drop(columns=["quantity", *STATISTICS])
+    counts = [name for name in COUNTS if name in shared]
+    columns = {f"{name}_{key}": part[key] for name, part in zip(quantities, parts, strict=True) for key in STATISTICS}
+    return pd.concat([shared.drop(columns=counts), pd.DataFrame(columns), shared[counts]], axis=1)

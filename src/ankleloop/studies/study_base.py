@@ -1,0 +1,59 @@
+"""What studies of simulations and of recordings have in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ankleloop.studies.config import MethodSettings, RecordingsStudy, SimulationStudy
+
+__all__ = ["Study"]
+
+
+class Study(ABC):
+    """A study under its name.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    settings : SimulationStudy or RecordingsStudy
+        Its part of the configuration.
+    """
+
+    settings: SimulationStudy | RecordingsStudy
+
+    def __init__(self, name: str, settings: SimulationStudy | RecordingsStudy) -> None:
+        self.name = name
+        self.settings = settings
+
+    @property
+    def kind(self) -> str:
+        """Source of its trials, "simulation" or "recordings"."""
+        return self.settings.kind
+
+    @property
+    def methods(self) -> Mapping[str, MethodSettings]:
+        """Methods by the name that tables use."""
+        return self.settings.methods
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Legend of each method."""
+        return {name: method.label or name for name, method in self.methods.items()}
+
+    @property
+    @abstractmethod
+    def points(self) -> dict[str, dict[str, Any]]:
+        """Settings of each point, or mapping of each recording, by name."""
+
+    @property
+    @abstractmethod
+    def chunks(self) -> Sequence[Sequence[Any]]:
+        """Contents of each chunk."""
+
+    @property
+    def varied(self) -> list[str]:
+        """Names of the settings that differ between the points."""
+        return []

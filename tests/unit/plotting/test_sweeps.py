@@ -1,0 +1,290 @@
+import itertools
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.colors import to_hex
+
+from ankleloop.plotting.style import COLOURS, FAULT_RING, STYLE
+from ankleloop.plotting.sweep_axes import SweepAxis
+from ankleloop.plotting.sweep_maps import NO_POINT, NO_VALUE, maps_figure
+from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, effects_figure, lines_figure, mark_rows, value_limits
+
+PANELS = [
+    SweepPanel("vaf", "reflex VAF [%]", "Δ reflex VAF [points]", "high"),
+    SweepPanel("K", "K [N·m/rad]", "Δ K [N·m/rad]", None, 150.0),
+    SweepPanel("failures", "failed trials [% of trials]", "", "low", None, False),
+]
+SERIES = [SweepSeries("riv", "RIV", 0), SweepSeries("moesp", "PR-MOESP", 3)]
+DIFFERENCE = SweepSeries("riv − moesp", "RIV − PR-MOESP")
+GAIN = SweepAxis.of("reflex_gain", "reflex gain [N·m·s/rad]", [5.0, 10.0, 15.0, 20.0])
+NOISE = SweepAxis.of("voluntary", "voluntary torque [1]", [0.1, 1.0, 10.0])
+BASIS = SweepAxis.of("basis", "basis [1]", ["chebyshev", "rectifier"])
+METHODS = {"riv": 0.0, "moesp": -5.0, "riv − moesp": 5.0}
+
+
+def draw(figure):
+    """Draw a figure: what cannot be drawn raises here."""
+    with matplotlib.rc_context(STYLE):
+        figure.canvas.draw()
+    return figure
+
+
+def rows_of(places, **columns):
+    """Rows of all methods and quantities at some places."""
+    rows = []
+    for method, offset in METHODS.items():
+        for quantity, level in (("vaf", 95.0), ("K", 150.0), ("failures", 0.0)):
+            if quantity == "failures" and "−" in method:
+                continue
+            for number, place in enumerate(places):
+                mean = (0.0 if "−" in method else level) + offset + number
+                row = {"method": method, "quantity": quantity, "mean": mean, "margin": 1.0, "low": mean - 3}
+                rows.append({**row, "high": mean + 3, "trials": 5, "failures": 0, "warnings": 0, **place})
+    return pd.DataFrame(rows).assign(**columns)
+
+
+def effects(axis):
+    return rows_of([{"place": place} for place in axis.places(axis.values)], parameter=axis.name)
+
+
+def cells():
+    return rows_of([{"x": x, "y": y} for y in NOISE.values for x in GAIN.values], slice="")
+
+
+EDGES = (GAIN.edges(), NOISE.edges())
+
+
+def panels_of(figure):
+    return [axis for axis in figure.axes if axis.get_label() != "<colorbar>" and axis.get_visible()]
+
+
+def bars_of(figure):
+    return [axis for axis in figure.axes if axis.get_label() == "<colorbar>"]
+
+
+def test_lines_have_a_panel_for_each_quantity_and_each_difference():
+    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS, SERIES, DIFFERENCE))
+    labels = [axis.get_ylabel() for axis in panels_of(figure)]
+    assert labels == [
+        "reflex VAF [%]",
+        "Δ reflex VAF [points]",
+        "K [N·m/rad]",
+        "Δ K [N·m/rad]",
+        "failed trials [% of trials]",
+    ]
+    assert panels_of(figure)[-1].get_xlabel() == "reflex gain [N·m·s/rad]"
+
+
+def test_methods_keep_the_colours_of_their_numbers():
+    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:1], SERIES))
+    lines = {line.get_label(): line for line in panels_of(figure)[0].get_lines()}
+    assert to_hex(lines["RIV"].get_color()) == COLOURS[0].lower()
+    assert to_hex(lines["PR-MOESP"].get_color()) == COLOURS[3].lower()
+
+
+def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
+    for band, half in (("mean", 1.0), ("trials", 3.0)):
+        figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:1], SERIES, band=band))
+        axis = panels_of(figure)[0]
+        line = next(line for line in axis.get_lines() if line.get_label() == "RIV")
+        np.testing.assert_array_equal(line.get_xydata(), [(5, 95), (10, 96), (15, 97), (20, 98)])
+        edges = axis.collections[0].get_paths()[0].vertices
+        at_ten = edges[edges[:, 0] == 10.0][:, 1]
+        assert (at_ten.min(), at_ten.max()) == (96 - half, 96 + half)
+
+
+def test_true_value_is_a_line_of_its_panel_alone():
+    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:2], SERIES))
+    labels = [[line.get_label() for line in axis.get_lines()] for axis in panels_of(figure)]
+    assert "true value" not in labels[0]
+    assert "true value" in labels[1]
+
+
+def test_texts_have_no_line_between_them():
+    axis = panels_of(draw(lines_figure(effects(BASIS), BASIS, PANELS[:1], SERIES)))[0]
+    assert {line.get_linestyle() for line in axis.get_lines()} == {"None"}
+    assert [text.get_text() for text in axis.get_xticklabels()] == ["chebyshev", "rectifier"]
+    assert axis.get_xlabel() == "basis"
+
+
+def test_effects_have_a_column_for_each_parameter_and_a_row_for_each_quantity():
+    table = pd.concat([effects(axis) for axis in (GAIN, NOISE, BASIS)])
+    figure = draw(effects_figure(table, (GAIN, NOISE, BASIS), PANELS, SERIES, DIFFERENCE))
+    panels = panels_of(figure)
+    assert len(panels) == 3 * 5
+    assert [axis.get_xlabel() for axis in panels[-3:]] == [GAIN.label, NOISE.label, "basis"]
+    assert panels[1].get_xscale() == "log"
+    assert all(axis.get_lines() for axis in panels)
+
+
+def test_marks_stand_where_trials_failed_or_warned():
+    table = effects(GAIN)
+    first = (table["place"] == 5.0) & (table["method"] == "riv")
+    table.loc[first, "warnings"] = 1
+    last = (table["place"] == 20.0) & (table["method"] == "moesp")
+    table.loc[last, ["mean", "margin", "low", "high"]] = np.nan
+    table.loc[last, "failures"] = 5
+    axis = panels_of(draw(lines_figure(table, GAIN, PANELS[:1], SERIES)))[0]
+    lines = {line.get_label(): line for line in axis.get_lines()}
+    np.testing.assert_array_equal(lines[FAULT_RING["label"]].get_xydata(), [(5.0, 95.0)])
+    assert lines["every trial failed"].get_xdata().tolist() == [20.0]
+
+
+def test_only_a_relevant_share_of_faults_is_marked():
+    rows = pd.DataFrame({"trials": [100, 100, 20, 5, 5], "failures": [4, 5, 0, 5, 0], "warnings": [0, 0, 1, 0, 0]})
+    marked, failed = mark_rows(rows)
+    assert marked.tolist() == [False, True, True, False, False]
+    assert failed.tolist() == [False, False, False, True, False]
+
+
+def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS, SERIES, DIFFERENCE))
+    titles = [axis.get_title() for axis in panels_of(figure)]
+    assert titles == ["RIV", "PR-MOESP", "RIV − PR-MOESP"] * 2 + ["RIV", "PR-MOESP"]
+    labels = [axis.get_ylabel().replace("\n", " ") for axis in bars_of(figure)]
+    expected = ["reflex VAF [%]", "Δ reflex VAF [points]", "K [N·m/rad]", "Δ K [N·m/rad]"]
+    assert labels == [*expected, "failed trials [% of trials]"]
+    first = panels_of(figure)[0]
+    assert (first.get_xlabel(), first.get_ylabel(), first.get_yscale()) == (GAIN.label, NOISE.label, "log")
+
+
+def test_cells_of_a_map_are_the_means():
+    table = cells().sample(frac=1.0, random_state=2)
+    axis = panels_of(draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES)))[1]
+    values = axis.collections[0].get_array()
+    np.testing.assert_array_equal(values, 90.0 + np.arange(12).reshape(3, 4))
+
+
+def test_colours_of_differences_are_centred_at_zero():
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS[:1], SERIES, DIFFERENCE))
+    mesh = panels_of(figure)[2].collections[0]
+    assert mesh.norm.vmin == -mesh.norm.vmax
+    assert mesh.get_cmap().name == "RdBu"
+    shared = {id(axis.collections[0].norm) for axis in panels_of(figure)[:2]}
+    assert len(shared) == 1
+
+
+def test_cells_without_a_value_are_hatched_and_those_without_a_point_are_grey():
+    table = cells()
+    table = table[~((table["x"] == 20.0) & (table["y"] == 10.0))]
+    hit = (table["x"] == 5.0) & (table["y"] == 0.1) & (table["method"] == "riv")
+    table.loc[hit, "mean"] = np.nan
+    table.loc[hit, "failures"] = 5
+    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES))
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [NO_POINT, NO_VALUE, "every trial failed"]
+    first, second = panels_of(figure)
+    assert np.isnan(first.collections[0].get_array().filled(np.nan)).sum() == 2
+    assert first.collections[1].get_hatch() == "////"
+    assert len(second.collections) == 1
+
+
+def test_small_cells_have_outlined_regions_and_no_rings():
+    axis = SweepAxis.of("x", "x [1]", np.linspace(0.0, 1.0, 60).tolist())
+    table = rows_of([{"x": x, "y": y} for y in axis.values for x in axis.values], slice="")
+    table.loc[(table["x"] > 0.5) & (table["y"] > 0.5), "warnings"] = 2
+    figure = draw(maps_figure(table, (axis, axis), (axis.edges(), axis.edges()), PANELS[:1], SERIES))
+    panel = panels_of(figure)[0]
+    assert not panel.get_lines()
+    outline = np.concatenate([np.asarray(part) for part in panel.collections[-1].get_segments()])
+    assert outline.min() > 0.4
+    assert outline.max() == pytest.approx(axis.edges()[-1])
+
+
+def test_points_of_an_irregular_design_are_drawn_by_themselves():
+    table = cells().drop_duplicates(["x", "method", "quantity"])
+    figure = draw(maps_figure(table, (GAIN, NOISE), None, PANELS[:1], SERIES))
+    points = panels_of(figure)[0].collections[0]
+    assert len(points.get_offsets()) == 4
+
+
+def test_slices_have_panels_of_their_own():
+    table = pd.concat([cells().assign(slice=name) for name in ("block rows 12", "block rows 18")])
+    names = ("block rows 12", "block rows 18")
+    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES, DIFFERENCE, names))
+    visible = panels_of(figure)
+    assert len(visible) == 6
+    assert visible[1].get_title() == "PR-MOESP\nblock rows 12" or visible[1].get_title() == "RIV\nblock rows 18"
+
+
+def test_quantity_without_estimates_says_so():
+    table = cells()
+    table.loc[table["method"] == "moesp", "mean"] = np.nan
+    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES))
+    assert [text.get_text() for text in panels_of(figure)[1].texts] == ["not estimated"]
+    assert not panels_of(figure)[0].texts
+
+
+@pytest.mark.parametrize(
+    ("values", "goal", "limits"),
+    [
+        ([90.0, 95.0, 99.0], "high", (90.0, 99.0)),
+        ([90.0, 95.0, 99.0, -1e7], "high", (90.0, 99.0)),
+        ([-5.0, 1.0, 1e9], "zero", (-5.0, 1.0)),
+        ([140.0, 150.0, np.nan, 160.0], None, (140.0, 160.0)),
+        ([], "high", (0.0, 1.0)),
+        ([3.0, 12.0], "low", (0.0, 12.0)),
+    ],
+)
+def test_lost_values_do_not_set_the_limits(values, goal, limits):
+    assert value_limits(np.array(values), goal) == limits
+
+
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [
+        ([1.0, 2.0, 3.0], "linear"),
+        ([0.0, 0.25, 0.5, 1.0], "linear"),
+        ([1.0, 2.0, 5.0, 10.0], "log"),
+        ([10.0, 100.0, 1000.0], "log"),
+        ([0.0, 0.1, 1.0, 10.0], "listed"),
+        ([10.0, None, 20.0], "listed"),
+        ([True, False], "listed"),
+        (["a", "b"], "listed"),
+        ([1.0, 10.0], "linear"),
+    ],
+)
+def test_scale_of_an_axis_follows_its_values(values, kind):
+    assert SweepAxis.of("x", "x", values).kind == kind
+
+
+def test_cells_lie_around_their_values():
+    for axis in (GAIN, NOISE, BASIS):
+        edges, places = axis.edges(), axis.places(axis.values)
+        assert len(edges) == len(places) + 1
+        assert np.all((edges[:-1] < places) & (places < edges[1:]))
+    np.testing.assert_allclose(NOISE.edges(), [10**-1.5, 10**-0.5, 10**0.5, 10**1.5])
+
+
+def test_tick_labels_do_not_overlap():
+    for count in (2, 9, 300):
+        for scale in (np.linspace(0.0, 30.0, count), np.geomspace(0.01, 1000.0, count)):
+            axis = SweepAxis.of("x", "reflex gain [N·m·s/rad]", scale.tolist())
+            table = effects(axis)
+            panel = panels_of(draw(lines_figure(table, axis, PANELS[:1] * 3, SERIES[:1])))[0]
+            low, high = sorted(panel.get_xlim())
+            boxes = [
+                label.get_window_extent()
+                for label in panel.get_xticklabels()
+                if label.get_text() and low <= label.get_position()[0] <= high
+            ]
+            assert len(boxes) >= 2
+            assert all(first.x1 < second.x0 for first, second in itertools.pairwise(boxes))
+
+
+def test_words_and_units_of_values():
+    loop = SweepAxis.of("closed_loop", "loop [1]", [True, False], {True: "closed loop", False: "open loop"})
+    assert loop.texts == ["closed loop", "open loop"]
+    noise = SweepAxis.of("snr_db", "SNR [dB]", [10.0, None])
+    assert [noise.describe(value) for value in (10.0, np.nan)] == ["SNR 10 dB", "SNR none"]
+
+
+def test_legend_is_inside_the_figure():
+    series = [SweepSeries("riv", "Refined instrumental variables", 0), SweepSeries("moesp", "PR-MOESP, squares", 1)]
+    difference = SweepSeries("riv − moesp", "Refined instrumental variables − PR-MOESP, least squares")
+    table = effects(GAIN).assign(warnings=1)
+    figure = draw(lines_figure(table, GAIN, PANELS[:2], series, difference))
+    box, frame = figure.legends[0].get_window_extent(), figure.bbox
+    assert frame.x0 <= box.x0
+    assert box.x1 <= frame.x1

@@ -1,0 +1,79 @@
+"""What a study keeps, what its notebook needs of it, and what the notebook is given."""
+
+import pytest
+
+from ankleloop.studies.checking import ConfigError
+from ankleloop.studies.results import count_rows, report_parameters, shows_sweep
+from ankleloop.studies.run_config import read_run
+
+METHODS = {
+    "pr-moesp": {"method": "pr-moesp"},
+    "parallel-cascade": {"method": "parallel-cascade"},
+    "real-time": {"method": "real-time"},
+}
+
+
+def read(methods=("pr-moesp", "parallel-cascade"), **changes):
+    study = {"kind": "simulation", "seed": 1, "trials": 2, "simulation": {"duration": 40.0}}
+    study |= {"points": {"reflex_gain": [8.0, 12.0]}, "methods": {name: METHODS[name] for name in methods}}
+    return read_run({"studies": {"s": study | changes}}, [])[1]["s"]
+
+
+REFUSED = [
+    ("table1", "scores", "trials on disk, which keep: scores leaves out: set keep: everything"),
+    ("table1", "estimates", "trials on disk, which keep: estimates leaves out: set keep: everything"),
+    ("table2", "scores", "trials on disk, which keep: scores leaves out: set keep: everything"),
+    ("comparison", "scores", "estimates on disk, which keep: scores leaves out: keep estimates"),
+]
+
+
+@pytest.mark.parametrize(("notebook", "keep", "need"), REFUSED)
+def test_a_notebook_that_needs_what_is_not_kept_is_refused_before_the_first_job(notebook, keep, need):
+    with pytest.raises(ConfigError, match=f"studies → s → notebook: {notebook} needs {need}"):
+        read(notebook=notebook, keep=keep)
+    read(notebook=notebook, keep="everything")
+
+
+def test_traces_need_estimates():
+    changes = {"methods": ["real-time"], "notebook": "traces", "points": {"voluntary": [0.0, 0.1]}}
+    with pytest.raises(ConfigError, match="traces needs estimates on disk"):
+        read(**changes, keep="scores")
+    read(**changes, keep="estimates")
+
+
+@pytest.mark.parametrize("notebook", ["figure4", None])
+def test_notebooks_of_means_need_no_more_than_scores(notebook):
+    assert count_rows(read(notebook=notebook, keep="scores")) == 2 * 2 * 2
+
+
+def test_a_trial_is_drawn_for_points_that_differ_in_settings():
+    with pytest.raises(ConfigError, match="table1 needs points that differ in settings of the simulation alone, got"):
+        read(notebook="table1", points={"reflex_gain": [8.0, 12.0], "block_rows": [12, 15]})
+
+
+def test_notebooks_with_a_line_for_each_point_are_refused_for_many():
+    points = {"reflex_gain": {"start": 5.0, "stop": 20.0, "count": 1001}}
+    with pytest.raises(ConfigError, match="figure4 needs 1,000 points at most, got 1,001; the notebook sweep has no"):
+        read(notebook="figure4", points=points)
+
+
+def test_parameters_of_a_notebook_name_the_table_of_all_trials():
+    files = {"scores": ["results/scores/s/0.csv"]}
+    paths = {"published": "data", "table_stem": "t", "figure_stem": "f"}
+    study = read(notebook="figure4")
+    parameters = report_parameters(study, files, **paths, table_file="results/tables/s-trials.parquet")
+    assert parameters["table_file"] == "results/tables/s-trials.parquet"
+    assert list(parameters["points"]) == ["reflex_gain=8.0", "reflex_gain=12.0"]
+    assert not shows_sweep(study)
+    assert not {"settings", "sweep"} & set(parameters)
+
+
+def test_the_notebook_of_a_sweep_has_settings_and_pictures_and_no_points():
+    study = read(notebook="sweep", keep="scores", points={"reflex_gain": [8.0, 12.0], "pr-moesp.block_rows": [12, 15]})
+    parameters = report_parameters(study, {}, published="data", table_stem="t", figure_stem="f", table_file="t.parquet")
+    assert shows_sweep(study)
+    assert parameters["points"] == {}
+    assert parameters["varied"] == ["reflex_gain", "pr-moesp.block_rows"]
+    assert parameters["settings"]["duration"] == 40.0
+    assert parameters["sweep"] == study.settings.sweep.model_dump()
+    assert parameters["scores"] == parameters["trials"] == []

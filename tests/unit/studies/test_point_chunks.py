@@ -1,0 +1,182 @@
+"""Chunks of a target duration: stable where a study changes, parts of trial files, of a length that fits."""
+
+import pytest
+
+from ankleloop.studies import study as study_module
+from ankleloop.studies.checking import ConfigError
+from ankleloop.studies.study import read_studies
+
+METHODS = {"pr-moesp": {"method": "pr-moesp"}, "riv": {"method": "riv"}}
+TRIAL = (
+    0.01  # time for the simulation of a trial of 50 s, and for its identification by a method with 15 block rows [s]
+)
+
+
+@pytest.fixture(autouse=True)
+def known_costs(monkeypatch):
+    """Costs that no measurement changes."""
+
+    def identify(samples, methods, rate):
+        rows = sum(method["options"].get("block_rows", 15) for method in methods.values())
+        return TRIAL * samples / 50_000 * rows / 15
+
+    monkeypatch.setattr(study_module, "simulation_seconds", lambda samples: TRIAL * samples / 50_000)
+    monkeypatch.setattr(study_module, "identification_seconds", identify)
+
+
+def sweep(**settings):
+    study = {
+        "kind": "simulation",
+        "notebook": None,
+        "trials": 100,
+        "seed": 1,
+        "points": {"reflex_gain": list(range(60))},
+        "methods": METHODS,
+    }
+    return read_studies({"studies": {"s": study | settings}})[1]["s"]
+
+
+def numbers(chunks):
+    """Condition and number of every trial."""
+    return [(part.condition, number) for chunk in chunks for part in chunk for number in range(part.first, part.stop)]
+
+
+@pytest.mark.parametrize("keep", ["everything", "estimates", "scores"])
+@pytest.mark.parametrize("minutes", [0.01, 0.1, 1.0, 100.0])
+def test_every_trial_is_in_one_chunk(keep, minutes):
+    study = sweep(keep=keep, job_minutes=minutes)
+    expected = [(condition, number) for condition in study.conditions for number in range(100)]
+    assert sorted(numbers(study.chunks)) == sorted(expected)
+    assert sorted(numbers(study.trial_chunks)) == (sorted(expected) if keep == "everything" else [])
+
+
+@pytest.mark.parametrize("minutes", [0.2, 1.0, 5.0])
+def test_jobs_take_about_as_long_as_they_should(minutes):
+    """Powers of two come within a factor of two of the duration, the start of the job aside."""
+    study = sweep(keep="scores", job_minutes=minutes, points={"reflex_gain": list(range(1000))})
+    lengths = [3 * TRIAL * sum(part.stop - part.first for part in chunk) for chunk in study.chunks]
+    assert all(60 * minutes / 4 < length < 60 * minutes * 1.5 for length in lengths[:-1])
+
+
+def test_a_chunk_of_identification_is_part_of_one_trial_file():
+    study = sweep(job_minutes=0.2, methods=METHODS | {"wide": {"method": "pr-moesp", "options": {"block_rows": 60}}})
+    assert len(study.chunks) > len(study.trial_chunks) > 1
+    for number, chunk in enumerate(study.chunks):
+        stored = set(numbers([study.trial_chunks[study.trial_chunk_of(number)]]))
+        assert set(numbers([chunk])) <= stored
+
+
+def test_another_method_or_option_simulates_nothing_again():
+    study = sweep()
+    for other in (
+        sweep(methods={"pr-moesp": {"method": "pr-moesp"}}),
+        sweep(points={"reflex_gain": list(range(60)), "pr-moesp.block_rows": list(range(10, 30))}),
+    ):
+        files = range(len(study.trial_chunks))
+        assert len(other.trial_chunks) == len(study.trial_chunks)
+        assert all(other.simulated_points(k, stored=True) == study.simulated_points(k, stored=True) for k in files)
+    assert len(other.chunks) > len(study.chunks)
+
+
+def jobs(study):
+    """What the jobs of each chunk depend on."""
+    chunks = range(len(study.chunks))
+    return [(study.simulated_points(chunk), study.identified_points(chunk)) for chunk in chunks]
+
+
+@pytest.mark.parametrize("keep", ["everything", "scores"])
+def test_an_edited_row_changes_its_chunk_alone(tmp_path, keep):
+    rows = [f"{8 + 0.01 * k:.2f},{10 + k % 7}" for k in range(200)]
+
+    def read(rows):
+        (tmp_path / "sweep.csv").write_text("\n".join(["reflex_gain,block_rows", *rows]) + "\n")
+        return jobs(sweep(points={"table": str(tmp_path / "sweep.csv")}, keep=keep, trials=50))
+
+    before = read(rows)
+    rows[77] = "20.0,15"
+    after = read(rows)
+    changed = [k for k, (old, new) in enumerate(zip(before, after, strict=True)) if old != new]
+    assert len(before) > 5
+    assert len(changed) == 1
+    assert "reflex_gain=20.0" in after[changed[0]][0]
+
+
+@pytest.mark.parametrize("keep", ["everything", "scores"])
+def test_another_point_at_the_end_changes_the_last_chunk_alone(keep):
+    gains = [0.5 * k for k in range(150)]
+    before, after = (jobs(sweep(points={"reflex_gain": g}, keep=keep)) for g in (gains, [*gains, 99.0]))
+    assert len(before) > 3
+    assert after[: len(before) - 1] == before[:-1]
+    assert len(after) - len(before) in (0, 1)
+
+
+@pytest.mark.parametrize("keep", ["everything", "scores"])
+def test_many_points_of_one_condition_are_several_jobs(tmp_path, keep):
+    """Each point, method and trial is identified once, and an edited row changes its job alone."""
+
+    def read(rows):
+        (tmp_path / "sweep.csv").write_text("\n".join(["block_rows,pr-moesp.order", *rows]) + "\n")
+        return sweep(points={"table": str(tmp_path / "sweep.csv")}, keep=keep, trials=20, job_minutes=0.5)
+
+    rows = [f"{10 + k % 50},{2 + k // 50}" for k in range(300)]
+    study = read(rows)
+    assert len(study.conditions) == 1
+    identified = [
+        (point, number)
+        for chunk in range(len(study.chunks))
+        for condition, (first, stop) in study.identified_trials(chunk).items()
+        for point in study.identified_points(chunk)[condition]
+        for number in range(first, stop)
+    ]
+    assert sorted(identified) == sorted((point.name, number) for point in study.point_list for number in range(20))
+    before = jobs(study)
+    assert len(before) > 4
+    after = jobs(read([*rows[:77], "70,2", *rows[78:]]))
+    assert sum(old != new for old, new in zip(before, after, strict=True)) == 1
+
+
+def test_points_of_a_condition_are_identified_on_its_trials():
+    study = sweep(points={"reflex_gain": [8.0, 9.0], "block_rows": [12, 18]}, job_minutes=10)
+    assert study.simulated_points(0).keys() == {"reflex_gain=8.0", "reflex_gain=9.0"}
+    assert study.identified_trials(0) == {"reflex_gain=8.0": [0, 100], "reflex_gain=9.0": [0, 100]}
+    points = study.identified_points(0)["reflex_gain=9.0"]
+    assert points["block_rows=18,reflex_gain=9.0"] == {
+        "values": {"reflex_gain": 9.0, "block_rows": 18},
+        "options": {"pr-moesp": {"block_rows": 18}},
+    }
+    assert study.points["block_rows=18,reflex_gain=9.0"]["block_rows"] == 18
+
+
+def test_many_chunks_are_refused():
+    for settings, key in (
+        ({"trials_per_chunk": 1, "trials": 100_000}, "trials_per_chunk"),
+        ({"job_minutes": 1e-4, "trials": 100_000}, "job_minutes"),
+    ):
+        with pytest.raises(ConfigError, match=rf"config → studies → s: [\d,]+ chunks are more than .*: increase {key}"):
+            sweep(**settings)
+
+
+def test_a_million_trials_are_a_few_thousand_jobs():
+    gains, stiffness = ({"start": 2, "stop": 200, "count": 100} for _ in range(2))
+    study = sweep(points={"reflex_gain": gains, "stiffness": stiffness})
+    assert len(study.points) == 10_000
+    assert len(study.chunks) + len(study.trial_chunks) < 6000
+
+
+def test_the_work_for_jobs_grows_with_the_points(monkeypatch):
+    """Points are listed once, and equal costs computed once, whatever the number of jobs that ask for them."""
+    counts = dict.fromkeys(("list_points", "identification_seconds"), 0)
+    for name in counts:
+        function = getattr(study_module, name)
+
+        def count(*arguments, function=function, name=name):
+            counts[name] += 1
+            return function(*arguments)
+
+        monkeypatch.setattr(study_module, name, count)
+    study = sweep(points={"reflex_gain": {"start": 0, "stop": 20, "count": 2000}}, job_minutes=0.1)
+    for chunk in range(len(study.chunks)):
+        study.simulated_points(chunk), study.identified_points(chunk), study.identified_trials(chunk)
+        study.simulated_points(study.trial_chunk_of(chunk), stored=True)
+    assert len(study.chunks) > 500
+    assert counts == {"list_points": 1, "identification_seconds": 1}

@@ -1,0 +1,225 @@
+"""Points: names, ranges, designs, tables; conditions; what is refused."""
+
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ankleloop.methods.registry import METHODS
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.studies.checking import ConfigError
+from ankleloop.studies.method_settings import MethodSettings
+from ankleloop.studies.points import list_points
+from ankleloop.studies.study import read_studies
+from ankleloop.studies.study_checks import check_uses
+
+
+def methods(**named):
+    """Methods of a study: by name the method, or the method and its options."""
+    settings = {}
+    for name, given in named.items():
+        method, options = given if isinstance(given, tuple) else (given, {})
+        settings[name] = MethodSettings(method=method, options=METHODS[method].options(**options))
+    return settings
+
+
+TWO = methods(pr="pr-moesp", cascade="parallel-cascade")
+
+
+def read(given, named=TWO, **shared):
+    return list_points("mine", given, SimulationSettings(**shared), named)
+
+
+def test_options_vary_beside_settings_and_share_trials():
+    points = read({"reflex_gain": [8, 12], "block_rows": [12, 18]}).points
+    assert [point.name for point in points] == [
+        f"block_rows={rows},reflex_gain={gain}" for gain in (8.0, 12.0) for rows in (12, 18)
+    ]
+    assert [point.condition for point in points] == ["reflex_gain=8.0"] * 2 + ["reflex_gain=12.0"] * 2
+    assert points[1].settings == {"reflex_gain": 8.0}
+    assert points[1].options == {"pr": {"block_rows": 18}}
+    assert points[1].values == {"reflex_gain": 8.0, "block_rows": 18}
+
+
+def test_points_without_options_are_their_conditions():
+    """Their names are the keys of seeds: today's results keep their bits."""
+    points = read({"reflex_gain": [8.0], "voluntary": [0.1]}).points
+    assert points[0].name == points[0].condition == "reflex_gain=8.0,voluntary=0.1"
+    assert [point.condition for point in read({"block_rows": [12, 18]}).points] == ["only", "only"]
+
+
+def test_a_bare_option_is_that_of_every_method_that_has_it():
+    three = methods(a="pr-moesp", b="eiv-moesp", c="parallel-cascade")
+    assert read({"rank_tolerance": [1e-5]}, three).points[0].options.keys() == {"a", "b", "c"}
+    assert read({"order": [3]}, three).points[0].options == {"a": {"order": 3}, "b": {"order": 3}}
+    assert read({"b.order": [3]}, three).points[0].options == {"b": {"order": 3}}
+    assert read({"delay": [0.03]}, three).points[0].settings == {"delay": 0.03}
+    assert read({"a.delay": [0.03]}, three).points[0].options == {"a": {"delay": 0.03}}
+
+
+def test_values_are_those_of_the_model():
+    point = read([{"block_rows": 12.0, "reflex_gain": np.float64(13), "voluntary": -0.0, "snr_db": None}]).points[0]
+    assert point.name == "block_rows=12,reflex_gain=13.0,snr_db=None,voluntary=0.0"
+    assert [type(value) for value in point.values.values()] == [int, float, float, type(None)]
+
+
+def test_points_that_leave_a_parameter_out_have_the_shared_value():
+    points = read([{"reflex_gain": 8}, {"stiffness": 100}, {"pr.block_rows": 12}], stiffness=120.0).points
+    assert points[0].values == {"reflex_gain": 8.0, "stiffness": 120.0, "pr.block_rows": 15}
+    assert points[1].values == {"reflex_gain": 13.0, "stiffness": 100.0, "pr.block_rows": 15}
+    assert points[0].name == "reflex_gain=8.0"
+    assert points[0].options == {}
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({"start": 0, "stop": 0.3, "step": 0.1}, [0.0, 0.1, 0.2, 0.3]),
+        ({"start": -0.1, "stop": 0.1, "step": 0.1}, [-0.1, 0.0, 0.1]),
+        ({"start": 10, "stop": 29, "step": 5}, [10.0, 15.0, 20.0, 25.0]),
+        ({"start": 1, "stop": 2, "count": 5}, [1.0, 1.25, 1.5, 1.75, 2.0]),
+        ({"start": 0.01, "stop": 100, "count": 5, "scale": "logarithmic"}, [0.01, 0.1, 1.0, 10.0, 100.0]),
+    ],
+)
+def test_ranges(given, expected):
+    name = "stiffness_drift" if expected[0] < 0 else "reflex_threshold"
+    assert [point.values[name] for point in read({name: given}).points] == expected
+
+
+def test_ranges_of_whole_numbers():
+    rows = read({"block_rows": {"start": 10, "stop": 30, "count": 4}}).points
+    assert [point.values["block_rows"] for point in rows] == [10, 17, 23, 30]
+    with pytest.raises(ConfigError, match=r"points → block_rows=12\.5 → pr → block_rows.*whole number.*got 12\.5"):
+        read({"block_rows": {"start": 10, "stop": 30, "step": 2.5}})
+
+
+DESIGN = {
+    "count": 64,
+    "seed": 1,
+    "parameters": {
+        "reflex_gain": {"start": 2, "stop": 30},
+        "stiffness": {"start": 10, "stop": 1000, "scale": "logarithmic"},
+        "block_rows": {"start": 10, "stop": 13},
+        "perturbation": ["prbs", "pulses"],
+    },
+}
+
+
+@pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
+def test_designs_fill_every_margin_evenly(kind):
+    """Of 64 points each of 64 equal parts of an interval holds one, and each value of a list an equal share."""
+    table = pd.DataFrame([point.values for point in read({"design": kind, **DESIGN}).points])
+    assert sorted((table["reflex_gain"] - 2) // (28 / 64)) == list(range(64))
+    assert sorted(np.log10(table["stiffness"] / 10) // (2 / 64)) == list(range(64))
+    assert set(table["block_rows"].value_counts()) == {16}
+    assert set(table["perturbation"].value_counts()) == {32}
+
+
+def test_designs_follow_their_seed():
+    first, again, other = (read({"design": "sobol", **DESIGN, "seed": seed}).points for seed in (1, 1, 2))
+    assert first == again != other
+    more = read({"design": "sobol", **DESIGN, "count": 128}).points
+    assert more[:64] == first
+
+
+def test_a_table_has_a_row_for_each_point(tmp_path):
+    rows = "reflex_gain,snr_db,closed_loop,pr.basis,block_rows\n8,10,true,rectifier,12\n\n12.5,null,False,null,18\n"
+    (tmp_path / "sweep.csv").write_text(rows)
+    points = read({"table": str(tmp_path / "sweep.csv")}).points
+    expected = [
+        {"reflex_gain": 8.0, "snr_db": 10.0, "closed_loop": True, "pr.basis": "rectifier", "block_rows": 12},
+        {"reflex_gain": 12.5, "snr_db": None, "closed_loop": False, "pr.basis": None, "block_rows": 18},
+    ]
+    assert [point.values for point in points] == expected
+    pd.DataFrame(expected).to_parquet(tmp_path / "sweep.parquet")
+    assert read({"table": str(tmp_path / "sweep.parquet")}).points == points
+
+
+def test_the_message_about_a_table_names_row_and_column(tmp_path):
+    path = tmp_path / "sweep.csv"
+    for text, message in (
+        ("reflex_gain,voluntary\n8,0\n9,-1\n", r"sweep\.csv, line 3 → voluntary.*between 0.*got -1"),
+        ("reflex_gain,block_rows\n8,12\n9,12.5\n", r"sweep\.csv, line 3 → pr → block_rows.*whole number"),
+        ("reflex_gain,order,block_rows\n8,12,12.0\n8,12,12\n", r"line 3: the point .* is in .*, line 2 already"),
+        ("reflex_gain,voluntary\n8,0\n9,\n", r"line 3: the cell of the column 'voluntary' is empty"),
+        ("reflex_gian\n8\n", r"sweep\.csv: .*'reflex_gian' is not a setting .*did you mean 'reflex_gain'"),
+        ("reflex_gain\n8,5\n9\n", r"line 2: '5' is in no named column"),
+        ("duration,recording_rate\n50,1000\n0.0015,1000\n", r"line 3: duration × recording_rate must be a whole"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ConfigError, match=message) as caught:
+            read({"table": str(path)})
+        assert caught.value.keys == ("studies", "mine", "points")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"block_row": [1]}, r"'block_row' is not a setting.*did you mean 'block_rows'.*nor an option of a method"),
+        ({"pr.order": [2], "order": [3]}, r"pr\.order and order are the same option of the method pr"),
+        ({"prr.order": [2]}, r"the study has no method 'prr' \(did you mean 'pr'\?\)"),
+        ({"pr.ordre": [2]}, r"the method pr has no option 'ordre' \(did you mean 'order'\?\)"),
+        (
+            {"reflex_gain": {"start": 2, "stop": 1, "count": 3}},
+            r"reflex_gain: stop must be at least start \(2\), got 1",
+        ),
+        ({"reflex_gain": {"start": 2, "stop": 3}}, "either step or count"),
+        ({"reflex_gain": {"start": 0, "stop": 3, "count": 3, "scale": "logarithmic"}}, "begins above 0, got start: 0"),
+        ({"reflex_gain": {"start": 0, "stop": 1, "step": 1e-7}}, "more than 100,000 values"),
+        ({"reflex_gain": {"start": 0, "stop": 1, "count": 3, "stepp": 1}}, "unknown key 'stepp'"),
+        ({"perturbation": {"start": 0, "stop": 1, "count": 3}}, "perturbation: is no number and has no range"),
+        ({"design": "sobl", "count": 4, "seed": 1, "parameters": {"zeta": [1]}}, "design: must be one of"),
+        ({"design": "sobol", "count": 4, "seed": 1, "parameters": {"zeta": 1}}, "zeta: 1"),
+        ({"design": "sobol", "count": 4, "seed": 1, "parameters": {"zeta": {"start": 1, "stop": 1}}}, "above start"),
+        ([{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}], "have the same settings"),
+    ],
+)
+def test_refusals(given, message):
+    with pytest.raises(ConfigError, match=message):
+        read(given)
+
+
+def test_an_option_that_is_fixed_or_selected_is_not_varied():
+    fixed = methods(pr=("pr-moesp", {"order": 2}), eiv="eiv-moesp")
+    with pytest.raises(ConfigError, match=r"the method pr has order under options as well.*METHOD\.order"):
+        read({"order": [2, 3]}, fixed)
+    assert read({"eiv.order": [2, 3]}, fixed).points[0].options == {"eiv": {"order": 2}}
+
+
+def test_options_are_checked_with_those_that_they_go_with(change):
+    """Limits that depend on two options, or on the trials, are those of every point."""
+    for points, message in (
+        (
+            {"order": [2, 4], "block_rows": [3, 5]},
+            r"points → block_rows=3,order=4: pr-moesp: block_rows must be larger",
+        ),
+        ({"pr-moesp.identification_rate": [100, 70]}, r"identification_rate=70\.0: pr-moesp: .*1000 Hz.*70 Hz"),
+        ({"pr-moesp.identification_rate": [100, 50]}, r"pr-moesp\.identification_rate: .*set keep: scores"),
+    ):
+        config = change("studies", "table1", "points", value=points)
+        study = read_studies(config | {"run": ["table1"]})[1]["table1"]
+        with pytest.raises(ConfigError, match=message):
+            check_uses(study)
+
+
+def test_what_is_equal_is_checked_once(monkeypatch):
+    """The work grows with the distinct settings, not with the combinations."""
+    counts = {"settings": 0, "options": 0}
+    for model, key in ((SimulationSettings, "settings"), (METHODS["pr-moesp"].options, "options")):
+        validate = model.model_validate
+
+        def count(values, validate=validate, key=key):
+            counts[key] += 1
+            return validate(values)
+
+        monkeypatch.setattr(model, "model_validate", count)
+    points = {"reflex_gain": list(range(30)), "voluntary": [0.1, 0.2], "block_rows": list(range(10, 50))}
+    assert len(read(points).points) == 2400
+    assert counts == {"settings": 60, "options": 40}
+
+
+def test_names_of_points_tell_all_combinations_apart():
+    points = read({"reflex_gain": [1, 2], "voluntary": [0, 1], "order": [2, 3]}).points
+    assert len({point.name for point in points}) == 8
+    assert [tuple(p.values.values()) for p in points] == list(itertools.product([1.0, 2.0], [0.0, 1.0], [2, 3]))

@@ -1,0 +1,42 @@
+import pytest
+from pydantic import ValidationError
+
+from ankleloop.studies.sweep_settings import SweepSettings, check_sweep
+
+VARIED, METHODS = ["reflex_gain", "riv.delay"], ["riv", "pr-moesp"]
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"quantities": ["vaf_net_tru"]}, "no quantity 'vaf_net_tru' \\(did you mean 'vaf_net_true'"),
+        ({"quantities": ["K", "K"]}, "quantities: 'K' is listed twice"),
+        ({"quantities": []}, "at least 1"),
+        ({"difference": ["riv"]}, "at least 2"),
+        ({"difference": ["riv", "riv"]}, "difference: 'riv' is listed twice"),
+        ({"band": "median"}, "'mean' or 'trials'"),
+        ({"panels": ["K"]}, "panels"),
+    ],
+)
+def test_wrong_settings_are_refused(values, message):
+    with pytest.raises(ValidationError, match=message):
+        SweepSettings(**values)
+
+
+@pytest.mark.parametrize(
+    ("values", "varied", "message"),
+    [
+        ({"methods": ["moesp"]}, VARIED, "sweep: methods: there is no method 'moesp'"),
+        ({"difference": ["riv", "eiv"]}, VARIED, "sweep: difference: there is no method 'eiv'"),
+        ({"axes": ["voluntary"]}, VARIED, "sweep: axes: there is no varied parameter 'voluntary'"),
+        ({}, [], "sweep: no setting and no option differs"),
+    ],
+)
+def test_pictures_of_what_a_study_lacks_are_refused(values, varied, message):
+    with pytest.raises(ValueError, match=message):
+        check_sweep(SweepSettings(**values), varied, METHODS)
+
+
+def test_what_a_study_has_is_accepted():
+    settings = SweepSettings(methods=["riv"], difference=["pr-moesp", "riv"], axes=["riv.delay", "reflex_gain"])
+    check_sweep(settings, VARIED, METHODS)
