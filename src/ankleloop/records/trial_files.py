@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,8 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.records.files import atomic_netcdf, parse_precision, readable_file
+from ankleloop.records.files import atomic_netcdf, parse_precision
+from ankleloop.records.readable_files import describe_damage, readable_file
 from ankleloop.records.validation import validate
 
 if TYPE_CHECKING:
@@ -22,9 +24,11 @@ if TYPE_CHECKING:
 __all__ = ["FailedTrial", "TrialChunk", "load_chunks", "load_trial_of", "load_trials", "save_trials"]
 
 CHUNK = 25  # trials read at a time: each access to the file costs more than the numbers
+CHUNK_MEMORY = 2**25  # bytes of the signals read at a time, where the trials are long
 ATTRIBUTES = "trial_attributes"  # those in which the trials of a file differ
 FAILURE = "failure"  # why a trial is missing; a file in which none is has no such variable
 INDEX = ("point", "number", ATTRIBUTES, FAILURE)
+KIND, REMEDY = "trial file", "delete it and run again; it is made anew"
 
 Path = str | os.PathLike[str]
 
@@ -122,7 +126,8 @@ def save_trials(
         trials = list(trials)
         index = [("only", number) for number in range(len(trials))]
     with atomic_netcdf(path, overwrite=overwrite) as (file, sink):
-        attributes: list[dict[str, Any]] = []
+        attributes: list[Mapping[str, Any]] = []
+        first: dict[str, Any] = {}
         reasons: list[str] = []
         writer: _ChannelWriter | None = None
         for row, (trial, key) in enumerate(zip(trials, index, strict=True)):
@@ -133,7 +138,8 @@ def save_trials(
             writer = writer or _ChannelWriter(file, trial, len(index), kind)
             writer.write(row, trial, key)
             sink.check()
-            attributes.append(trial.attrs)
+            first = first or trial.attrs
+            attributes.append(_keep_differences(trial.attrs, first))
             reasons.append("")
         if not attributes:
             raise DataError(f"{path}: there are no trials to save.")
@@ -187,8 +193,16 @@ class _ChannelWriter:
         return variable
 
 
+def _keep_differences(attributes: dict[str, Any], first: dict[str, Any]) -> Mapping[str, Any]:
+    """The same attributes; values that are those of the first trial take no memory."""
+    if attributes.keys() != first.keys():
+        return attributes
+    same = {name for name, value in attributes.items() if (type(value), value) == (type(first[name]), first[name])}
+    return ChainMap({name: value for name, value in attributes.items() if name not in same}, first)
+
+
 def _write_index(
-    file: h5netcdf.File, index: Sequence[tuple[str, int]], attributes: list[dict[str, Any]], reasons: list[str]
+    file: h5netcdf.File, index: Sequence[tuple[str, int]], attributes: Sequence[Mapping[str, Any]], reasons: list[str]
 ) -> None:
     """Write point, number and attributes of every trial; attributes that all trials share are those of the file."""
     import h5py
@@ -251,9 +265,10 @@ def load_chunks(path: Path) -> Iterator[TrialChunk]:
     DataError
         If there is no such file, it is damaged, or a trial in it is not valid.
     """
-    with _readable(path), _open(path) as data:
-        for start in range(0, data.sizes["trial"], CHUNK):
-            yield _read_chunk(data, slice(start, start + CHUNK), path)
+    with _open(path) as data:
+        rows = _count_rows(data)
+        for start in range(0, data.sizes["trial"], rows):
+            yield _read_chunk(data, slice(start, start + rows), path)
 
 
 def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
@@ -288,7 +303,7 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
     1
     """
     for path in paths:
-        with _readable(path), _open(path) as data:
+        with _open(path) as data:
             row = np.flatnonzero((data["point"].values == point) & (data["number"].values == number))
             if row.size:
                 chunk = _read_chunk(data, slice(row[0], row[0] + 1), path)
@@ -298,12 +313,25 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
     raise DataError(f"no trial file has trial {number} of the point {point!r}: check the name and the number.")
 
 
-def _readable(path: Path) -> AbstractContextManager[object]:
-    return readable_file(path, "trial file", "delete it, and simulate again (the workflow does so by itself)")
+@contextmanager
+def _open(path: Path) -> Iterator[xr.Dataset]:
+    """The contents of a trial file, not yet read; errors of the block name the file."""
+    with (
+        readable_file(path, KIND, REMEDY) as readable,
+        xr.open_dataset(readable, engine="h5netcdf", decode_times=False) as data,
+    ):
+        required = {*INDEX[:3]} if FAILURE in data else {*INDEX[:3], "time"}
+        missing = required - set(data.variables)
+        if missing:
+            reason = f"no trial file of ankleloop, which save_trials writes: it has no variable {min(missing)!r}"
+            raise DataError(describe_damage(path, KIND, REMEDY, reason))
+        yield data
 
 
-def _open(path: Path) -> xr.Dataset:
-    return xr.open_dataset(path, engine="h5netcdf", decode_times=False)
+def _count_rows(data: xr.Dataset) -> int:
+    """Trials that are read at a time, at least one."""
+    size = 8 * data.sizes.get("time", 0) * sum(variable.ndim > 1 for variable in data.variables.values())
+    return min(CHUNK, max(1, CHUNK_MEMORY // size)) if size else CHUNK
 
 
 def _read_chunk(data: xr.Dataset, rows: slice, path: Path) -> TrialChunk:
@@ -320,7 +348,7 @@ def _read_chunk(data: xr.Dataset, rows: slice, path: Path) -> TrialChunk:
     time = part["time"].variable
     shared = {name: value.item() if hasattr(value, "item") else value for name, value in part.attrs.items()}
     variables = {str(name): v for name, v in part.variables.items() if name not in (*INDEX, "time")}
-    signals = {name: v.values.astype(float) for name, v in variables.items() if v.ndim > 1}
+    signals = {name: np.asarray(v.values, float) for name, v in variables.items() if v.ndim > 1}
     trials = []
     for row, (text, (point, number)) in enumerate(zip(part[ATTRIBUTES].values, index, strict=True)):
         channels = {

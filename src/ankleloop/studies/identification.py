@@ -94,6 +94,7 @@ def identify_chunk(
                     continue
                 results.add(point, name, number, estimate, scores, parameters)
         log.info("%s: identified trial %d", point, number)
+        del trial  # before others are read: it holds the signals of all that were read with it
     results.write(files)
 
 
@@ -148,14 +149,23 @@ def _prepared_trials(
 ) -> Iterator[tuple[PreparedTrial | FailedTrial, str, int]]:
     """Trials with their points and numbers; those of one pass share the decimation of each signal."""
     grids, ranks = _grids(methods), {point: rank for rank, point in enumerate(points)}
-    for chunk in load_chunks(path):
-        prepared = prepare_trials(chunk.trials, chunk.signals, grids) if chunk.trials else []
-        trials: list[tuple[PreparedTrial | FailedTrial, str, int]]
-        trials = list(zip(prepared, chunk.points, chunk.numbers, strict=True))
-        if chunk.failures:
-            trials += [(failure, failure.point, failure.number) for failure in chunk.failures]
-            trials.sort(key=lambda row: (ranks[row[1]], row[2]))
-        yield from trials
+    done = 0
+    try:
+        for chunk in load_chunks(path):
+            prepared = prepare_trials(chunk.trials, chunk.signals, grids) if chunk.trials else []
+            trials: list[tuple[PreparedTrial | FailedTrial, str, int]]
+            trials = list(zip(prepared, chunk.points, chunk.numbers, strict=True))
+            if chunk.failures:
+                trials += [(failure, failure.point, failure.number) for failure in chunk.failures]
+                trials.sort(key=lambda row: (ranks[row[1]], row[2]))
+            del chunk, prepared
+            trials.reverse()
+            while trials:  # a trial holds what methods compute from it: none is kept after its turn
+                yield trials.pop()
+                done += 1
+    except MemoryError as error:
+        error.add_note(f"reading of trials from row {done} on, {path}")
+        raise
 
 
 def _grids(methods: Methods) -> list[tuple[float, float]]:
