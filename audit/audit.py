@@ -82,8 +82,13 @@ def judge_advisories(entries):
     return PASSED, text
 
 
+def exit_status(results):
+    """0 where every check has run and passed, 1 where one has failed, 2 where one could not run."""
+    return 1 if FAILED in results else 2 if NOT_RUN in results else 0
+
+
 def main():
-    """Run all checks; the exit code is 1 if one has failed."""
+    """Run all checks."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tools", type=Path, required=True, help="folder of the programs")
     tools = parser.parse_args().tools.absolute()
@@ -99,7 +104,7 @@ def main():
     (folder / "audit.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     for name, (result, text) in results.items():
         print(f"{name}: {result}. {text}")
-    return int(any(result == FAILED for result, _ in results.values()))
+    return exit_status([result for result, _ in results.values()])
 
 
 if __name__ == "__main__":

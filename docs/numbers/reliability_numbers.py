@@ -87,9 +87,9 @@ def write_long_tests():
     tests = _read_run("faults.json", "make test-long")
     rows = [_describe_test(name, entry) for name, entry in tests.items()]
     dates = sorted({entry["date"] for entry in tests.values()})
-    note = f"Runs of {' … '.join(sorted({dates[0], dates[-1]}))}, {sum(row[1] == 'passed' for row in rows)} of "
-    note += f"{len(rows)} tests passed:"
-    return f"{note}\n\n" + markdown_table(["test", "outcome", "time [s]", "counts"], _escape(rows))
+    note = f"The last run of each test, {' … '.join(sorted({dates[0], dates[-1]}))}; "
+    note += f"{sum(row[2] == 'passed' for row in rows)} of {len(rows)} tests passed:"
+    return f"{note}\n\n" + markdown_table(["test", "date", "outcome", "time [s]", "counts"], _escape(rows))
 
 
 def _describe_test(name, entry):
@@ -99,6 +99,7 @@ def _describe_test(name, entry):
     text = name.partition("::test_")[2].replace("_", " ")
     return [
         text,
+        entry["date"],
         entry["outcome"],
         f"{entry['seconds']:.0f}",
         ", ".join([*shown, *filter(None, [entry.get("reason")])]),

@@ -68,6 +68,26 @@ def write_long_records():
     return markdown_table(["samples", "time", "a sample", "peak memory", "of it before the identification"], rows)
 
 
+@block("speed-data-checks", ("ankleloop.joint.data_checks", "benchmarks/data_checks.py"))
+def write_data_checks():
+    command = [sys.executable, ROOT / "benchmarks" / "data_checks.py"]
+    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    rows = json.loads(output.splitlines()[-1])
+    columns = list(dict.fromkeys((row["duration"], row["data"]) for row in rows))
+    cells = {(row["method"], row["duration"], row["data"]): row for row in rows}
+    header = ["method", *(f"{duration:g} s, {data}" for duration, data in columns)]
+    table = [
+        [f"`{method}`", *(_describe_share(cells[method, *column]) for column in columns)]
+        for method in dict.fromkeys(row["method"] for row in rows)
+    ]
+    return markdown_table(header, table)
+
+
+def _describe_share(row):
+    """Part of the time of an identification that the checks add, with its quartiles, and the time."""
+    return f"{row['share']:.1f} % ({row['low']:.1f} … {row['high']:.1f}) of {row['ms']:.1f} ms"
+
+
 @block("speed-make", ("workflow/rules/simulate.smk", "workflow/rules/identify.smk", "config/config.yaml"))
 def write_jobs():
     rows = []

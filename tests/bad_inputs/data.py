@@ -10,6 +10,7 @@ import xarray as xr
 
 from ankleloop import METHODS, LongRecord, check_trial, identify, identify_file, new_trial, save_trial
 from ankleloop.errors import DataError
+from ankleloop.signals.decimation import lowpass
 from bad_inputs.bad_input import BadInput, rows_of
 from bad_inputs.inputs import simulated_trial
 
@@ -104,6 +105,11 @@ def _shift(name: str, samples: int):
     return lambda channels: channels.update({name: np.roll(channels[name], samples)})
 
 
+def _filter_torque(channels) -> None:
+    """The reference is the torque through the low-pass of an amplifier, in other units."""
+    channels["reference"] = 0.005 * lowpass(channels["torque"], 50)
+
+
 def _drift(channels) -> None:
     channels["torque"] += np.linspace(0.0, 20.0 * channels["torque"].std(), channels["torque"].size)
 
@@ -136,6 +142,16 @@ def _faults() -> dict[str, tuple]:
         "a spike in the torque": (record(_spike("torque", 50.0)), ("torque", "15000"), ("torque",)),
         "the torque of another trial": (record(_shuffle("torque")), ("torque",), ("coheren",)),
         "the reference of another trial": (record(_shuffle("reference")), ("reference",), ("reference",)),
+        "position and reference exchanged": (
+            record(_swap("position", "reference")),
+            ("the position is ahead of reference", "exchanged"),
+            ("the position is ahead of reference", "exchanged"),
+        ),
+        "a filter of the torque as reference": (
+            record(_filter_torque),
+            ("reference is a filter of the torque", "command of the servo"),
+            ("reference is a filter of the torque",),
+        ),
         "a torque that is a second late": (record(_shift("torque", 1000)), ("torque",), ("torque",)),
         "a torque that drifts": (record(_drift), ("torque",), ("drift",)),
         "a sine in place of a perturbation": (signals(_sine(2.0), _sine(2.5)), (), ("excit",)),
@@ -190,6 +206,29 @@ def _merged(trials) -> list[str]:
     return identify(trials)[0].diagnostics["warnings"]
 
 
+def _repeated(*numbers: int, copied: bool = False):
+    """A list of trials in which one may stand twice, as an object or as samples."""
+
+    def make(folder) -> list[xr.Dataset]:
+        trials = [simulated_trial(duration=DURATION, seed=number) for number in numbers]
+        return [trial.copy(deep=True) for trial in trials] if copied else trials
+
+    return make
+
+
+def _rows_of_repeated_trials() -> list[BadInput]:
+    merged = partial(rows_of(identify), shown="identify")
+    words = "trials 1 and 3 of 3 are the same record", "count twice"
+    return [
+        merged("merged: a trial twice", _repeated(1, 2, 1), *words),
+        merged("merged: a copy of a trial", _repeated(1, 2, 1, copied=True), *words),
+        merged(
+            "merged by eiv-moesp: a trial twice", _repeated(1, 2, 1), *words, call=partial(identify, method="eiv-moesp")
+        ),
+        merged("merged, checked: a trial twice", _repeated(1, 2, 1), *words, call=check_trial, shown="check_trial"),
+    ]
+
+
 ROWS: list[BadInput] = [
     BadInput(
         "position and torque swapped",
@@ -202,3 +241,4 @@ ROWS: list[BadInput] = [
 for _wrong, (_make, _identified, _checked) in _faults().items():
     ROWS += [identified(_wrong, _make, *_identified), checked(f"{_wrong}, checked", _make, *_checked)]
 ROWS += _rows_of_other_calls()
+ROWS += _rows_of_repeated_trials()

@@ -16,7 +16,8 @@ from ankleloop.methods.selection import select_options
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.export import export_estimate
 from ankleloop.recordings.files import load_recording
-from ankleloop.signals.decimation import decimation_factor, differentiate
+from ankleloop.signals.decimation import decimation_factor
+from ankleloop.signals.differentiation import differentiate
 from ankleloop.signals.vaf import vaf_interval
 from ankleloop.simulation.simulate import simulate_trials
 from bad_inputs.bad_input import BadInput

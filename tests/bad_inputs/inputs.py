@@ -45,6 +45,11 @@ def simulated_trial(**settings: Any) -> xr.Dataset:
     return simulate(**{"seed": 1, "duration": 20.0, **settings})
 
 
+def good_trial(folder: Path) -> xr.Dataset:
+    """The simulated trial, for rows where something else is wrong."""
+    return simulated_trial()
+
+
 @cache
 def fitted_estimate(method: str = "pr-moesp") -> Estimate:
     """An estimate of the simulated trial."""

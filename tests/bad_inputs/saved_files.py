@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import scipy.io
 
-from ankleloop import load_estimate, load_trial, save_estimate
+from ankleloop import load_estimate, load_trial, read_trial, save_estimate
 from ankleloop.records.trial_files import load_trial_of, load_trials, save_trials
 from bad_inputs.bad_input import BadInput, rows_of
 from bad_inputs.inputs import (
@@ -82,6 +82,12 @@ def _flip(content: bytes) -> bytes:
     return content[:100] + bytes(255 - byte for byte in content[100:160]) + content[160:]
 
 
+def _change_in_the_middle(content: bytes) -> bytes:
+    """One bit."""
+    middle = len(content) // 2
+    return content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+
+
 def _mat_of_another_program(folder: Path) -> Path:
     scipy.io.savemat(folder / "e.mat", {"estimate": 3.0})
     return folder / "e.mat"
@@ -107,6 +113,21 @@ def _rows_of_trials() -> list[BadInput]:
             spoiled(trial_file(), _flip),
             "a.nc: not a readable NetCDF-4 file",
             "it is damaged",
+        ),
+        row(
+            "trial: a sample has changed",
+            spoiled(trial_file(), _change_in_the_middle),
+            "a.nc: not a readable NetCDF-4 file",
+            "its checksum is wrong",
+            "restore it from a copy",
+        ),
+        row(
+            "trial: a sample has changed, read as a recording",
+            spoiled(trial_file(), _change_in_the_middle),
+            "a.nc: bytes have changed since the file was written",
+            "restore it from a copy",
+            call=read_trial,
+            shown="read_trial",
         ),
         row("trial: another program's NetCDF", netcdf_file(), "a.nc: there is no coordinate time"),
         row(
@@ -153,16 +174,30 @@ def _rows_of_trial_files() -> list[BadInput]:
             cut_off(trials_file),
             "0.nc: not a readable trial file",
             "it is damaged",
-            "simulate again",
+            "run again",
         ),
         load(
             "trials: the file is empty",
             text_file("0.nc", b""),
             "0.nc: not a readable trial file",
             "it is damaged",
-            "simulate again",
+            "run again",
         ),
-        load("trials: a file of one trial", trial_file("0.nc"), "0.nc: not a readable trial file", "of another origin"),
+        load(
+            "trials: a file of one trial",
+            trial_file("0.nc"),
+            "0.nc: not a readable trial file",
+            "which save_trials writes",
+            "it has no variable 'number'",
+            "of another origin",
+        ),
+        load(
+            "trials: a sample has changed",
+            spoiled(trials_file, _change_in_the_middle),
+            "0.nc: not a readable trial file",
+            "its checksum is wrong",
+            "run again",
+        ),
         load(
             "trials: an estimate",
             renamed(estimate_file(), "0.nc"),
@@ -194,6 +229,12 @@ def _rows_of_estimates() -> list[BadInput]:
         load("estimate: unknown suffix", text_file("e.json", "{}"), "e.json: the file ends in .json", ".nc or .mat"),
         load("estimate: the file is empty", text_file("e.nc", b""), "e.nc: not a readable", "damaged"),
         load("estimate: the NetCDF file is cut off", cut_off(estimate_file()), "e.nc: not a readable", "damaged"),
+        load(
+            "estimate: a number has changed",
+            spoiled(estimate_file(), _change_in_the_middle),
+            "e.nc: not a readable",
+            "its checksum is wrong",
+        ),
         load(
             "estimate: the MATLAB file is cut off", cut_off(estimate_file("e.mat")), "e.mat: not a readable", "damaged"
         ),

@@ -1,7 +1,9 @@
 import datetime
+import fcntl
 import json
 import os
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -104,9 +106,36 @@ def pytest_runtest_makereport(item, call):
     return report
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(session, config, items):
+    """Leave out of the summary what stands in it of a whole module, but is no test of it any more."""
+    names = {_name(item) for item in items}
+    modules = {item.path.stem for item in items}
+    if not any("::" in argument for argument in config.args):
+        with _open_summary() as summary:
+            for name in [name for name in summary if name.partition("::")[0] in modules and name not in names]:
+                del summary[name]
+
+
+def _name(item):
+    return f"{item.path.stem}::{item.name}"
+
+
+@contextmanager
+def _open_summary():
+    """The file that docs/reliability.md is written from: runs of some of the tests, also at once, add to it."""
+    SUMMARY.parent.mkdir(parents=True, exist_ok=True)
+    with SUMMARY.with_name(f".{SUMMARY.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        summary = json.loads(SUMMARY.read_text(encoding="utf-8")) if SUMMARY.exists() else {}
+        yield summary
+        partial = SUMMARY.with_name(f"{SUMMARY.name}.part")
+        partial.write_text(json.dumps(summary, indent=1, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8")
+        os.replace(partial, SUMMARY)
+
+
 def _write_entry(item, report):
-    """Outcome, duration and counts of a test, in the file that docs/reliability.md is written from."""
-    summary = json.loads(SUMMARY.read_text(encoding="utf-8")) if SUMMARY.exists() else {}
+    """Outcome, date, duration and counts of the last run of a test."""
     entry = {
         "outcome": report.outcome,
         "seconds": round(report.duration, 1),
@@ -115,8 +144,5 @@ def _write_entry(item, report):
     }
     if report.skipped:
         entry["reason"] = str(report.longrepr[2])
-    summary[f"{item.path.stem}::{item.name}"] = entry
-    SUMMARY.parent.mkdir(parents=True, exist_ok=True)
-    partial = SUMMARY.with_name(f"{SUMMARY.name}.part")
-    partial.write_text(json.dumps(summary, indent=1, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8")
-    os.replace(partial, SUMMARY)
+    with _open_summary() as summary:
+        summary[_name(item)] = entry

@@ -1,19 +1,24 @@
-"""Jobs hold no trial longer than they need it: their memory does not grow with the trials of a chunk."""
+"""Memory of jobs does not grow with the trials of a chunk, nor that of an identification with a record from a file."""
 
+import json
 import os
 import subprocess
 import sys
 
+import h5py
 import pytest
 
-COUNTS = (1000, 2500)  # buffers of the libraries are filled by then
-GROWTH = 20e3  # bytes for each trial, whose signals are 224 kB
+from ankleloop import simulate
+
 MOST = 500e6  # bytes of a job of 10,000 trials
+GROWTH = 4e3  # bytes for each trial: its attributes, and its places in temporary files; no signals
+# Duration of trials [s], how many fill the buffers of the job and of the libraries, and how many there are.
+JOBS = {"short": (4.0, 1000, 10_000), "default": (50.0, 100, 300)}
 
 SIMULATE = """
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.simulation import simulate_chunk
-settings = SimulationSettings(duration=4.0).model_dump()
+settings = SimulationSettings(duration=duration).model_dump()
 simulate_chunk(f"{folder}/trials.nc", "s", 1, {"p": {"settings": settings, "first": 0, "stop": count}})
 """
 IDENTIFY = """
@@ -34,46 +39,105 @@ methods = {
     "pr": {"method": "pr-moesp", "options": {"block_rows": 10}},
     "cascade": {"method": "parallel-cascade", "options": {"max_passes": 1}},
 }
-settings = SimulationSettings(duration=4.0).model_dump()
+settings = SimulationSettings(duration=duration).model_dump()
 conditions = {"p": {"settings": settings, "first": 0, "stop": count}}
 sweep_chunk(files, "s", 1, conditions, {"p": {"p": {"values": {}, "options": {}}}}, methods)
 """
 TABLE = """
+import json, sys
 from ankleloop.replication.trial_tables import write_trial_table
-write_trial_table(f"{folder}/t.parquet", [f"{folder}/0-p.csv"] * count, [f"{folder}/0-s.csv"] * count)
-"""
-PEAK = """
-import resource, sys
 folder, count = sys.argv[1], int(sys.argv[2])
+write_trial_table(f"{folder}/t.parquet", [f"{folder}/0-p.csv"] * count, [f"{folder}/0-s.csv"] * count)
+print(json.dumps(largest_memory()))
+"""
+LARGEST_MEMORY = """
+def largest_memory():
+    with open("/proc/self/status") as file:
+        (line,) = [line for line in file if line.startswith("VmHWM")]
+    return 1024 * int(line.split()[1])
+"""
+# The program prints its largest memory after some trials, after all of them, and at its end.
+PROGRAM = """
+import json, logging, sys
+folder, duration, filled, count = sys.argv[1], float(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
+
+class Peaks(logging.Handler):
+    trials, memory = 0, []
+    def emit(self, record):
+        self.trials += record.msg == "{message}"
+        if self.trials in (filled, count):
+            self.memory.append(largest_memory())
+
+peaks = Peaks()
+logging.basicConfig(handlers=[peaks], level=logging.INFO)
 {job}
-print(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+print(json.dumps([*peaks.memory, largest_memory()]))
 """
 
 
-def measure_peak(job, folder, count):
-    """Peak of the memory of a job [bytes]."""
-    program = [sys.executable, "-c", PEAK.replace("{job}", job), str(folder), str(count)]
-    process = subprocess.run(program, env={**os.environ, "OMP_NUM_THREADS": "1"}, capture_output=True, text=True)
+RECORD = """
+import json, sys
+from ankleloop import LongRecord, identify_file
+identify_file(LongRecord(sys.argv[1]), sys.argv[2]).torque.close()
+print(json.dumps(largest_memory()))
+"""
+# Samples of a record from a file: the basis of the nonlinearity is fitted to as many velocities in both.
+SAMPLES = (1_200_000, 4_800_000)
+CHANNEL = 8 * (SAMPLES[1] - SAMPLES[0])  # bytes by which a single channel is larger
+# As in jobs of the workflow (workflow/rules/common.smk), which keep the memory that they have freed.
+ALLOCATION = {"MALLOC_MMAP_THRESHOLD_": str(2**30), "MALLOC_TRIM_THRESHOLD_": str(2**31)}
+
+
+def run(program, *arguments, **environment):
+    """What a program prints, as JSON."""
+    environment = {**os.environ, **environment, "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", program, *arguments]
+    process = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert process.returncode == 0, process.stderr
-    return float(process.stdout)
+    return json.loads(process.stdout)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the unit of the peak is that of Linux")
-def test_memory_does_not_grow_with_the_trials_of_a_chunk(tmp_path):
-    peaks = {"simulate": [], "identify": [], "sweep": []}
-    for count in COUNTS:
-        for name, job in (("simulate", SIMULATE), ("identify", IDENTIFY), ("sweep", SWEEP)):
-            peaks[name].append(measure_peak(job, tmp_path, count))
-    for name, (few, many) in peaks.items():
-        growth = (many - few) / (COUNTS[1] - COUNTS[0])
-        assert growth < GROWTH, (name, peaks)
-        assert many + growth * (10_000 - COUNTS[1]) < MOST, (name, peaks)
+@pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
+@pytest.mark.parametrize("length", JOBS)
+def test_memory_does_not_grow_with_the_trials_of_a_chunk(tmp_path, record, length):
+    duration, filled, count = JOBS[length]
+    megabytes = {}
+    for name, job in (("simulate", SIMULATE), ("identify", IDENTIFY), ("sweep", SWEEP)):
+        arguments = [str(tmp_path), str(duration), str(filled), str(count)]
+        message = "%s: simulated trial %d" if name == "simulate" else "%s: identified trial %d"
+        program = PROGRAM.replace("{job}", job).replace("{message}", message)
+        few, many, end = run(LARGEST_MEMORY + program, *arguments, **ALLOCATION)
+        megabytes[name] = [round(peak / 1e6) for peak in (few, many, end)]
+        assert many - few < GROWTH * (count - filled), (name, megabytes)
+        assert end < MOST, (name, megabytes)
+    record({"trials": count} | {f"MB_of_{name}": peaks[-1] for name, peaks in megabytes.items()})
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the unit of the peak is that of Linux")
-def test_memory_does_not_grow_with_the_table_of_a_study(tmp_path):
-    measure_peak(SWEEP, tmp_path, COUNTS[0])
-    chunks = (20, 200)  # of 2000 rows each
-    few, many = (measure_peak(TABLE, tmp_path, count) for count in chunks)
-    rows = 2 * COUNTS[0] * (chunks[1] - chunks[0])
-    assert many - few < 50 * rows, (few, many)  # a row has more than 30 numbers of 8 bytes
+@pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
+def test_memory_does_not_grow_with_the_length_of_a_record(tmp_path, record):
+    """Trials end to end, at 100 Hz."""
+    trial = simulate(
+        seed=1, duration=1000.0, recording_rate=100.0, integration_rate=1000.0, antialias_cutoff=40.0, noise_rate=100.0
+    )
+    peaks = []
+    for samples in SAMPLES:
+        path = tmp_path / f"{samples}.h5"
+        with h5py.File(path, "w") as file:
+            file.attrs["sampling_rate"] = 100.0
+            for name in ("position", "torque", "reference"):
+                variable = file.create_dataset(name, (samples,), float)
+                for start in range(0, samples, trial.sizes["time"]):
+                    variable[start : start + trial.sizes["time"]] = trial[name].values
+        peaks.append(run(LARGEST_MEMORY + RECORD, str(path), str(tmp_path / f"{samples}.nc")))
+    record({"samples": SAMPLES[1], "MB": round(peaks[1] / 1e6)})
+    assert peaks[1] - peaks[0] < CHANNEL, peaks
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
+def test_memory_does_not_grow_with_the_table_of_a_study(tmp_path, record):
+    trials, chunks = 500, (20, 200)
+    sweep = PROGRAM.replace("{job}", SWEEP).replace("{message}", "")
+    run(LARGEST_MEMORY + sweep, str(tmp_path), "4.0", "0", str(trials))
+    few, many = (run(LARGEST_MEMORY + TABLE, str(tmp_path), str(count)) for count in chunks)
+    record({"rows": 2 * trials * chunks[1], "MB": round(many / 1e6)})
+    assert many - few < 50 * 2 * trials * (chunks[1] - chunks[0]), (few, many)  # a row has 30 numbers of 8 bytes

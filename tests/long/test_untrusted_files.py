@@ -5,14 +5,20 @@ import os
 import subprocess
 import sys
 import textwrap
+import time
 
 import numpy as np
 import pytest
 import scipy.io
 
+from ankleloop import identify, load_estimate, load_trial, save_estimate, save_trial, simulate
 from ankleloop.errors import DataError
+from ankleloop.joint.estimate_files import EstimateCollection, find_estimates, save_estimates
+from ankleloop.records import reading_process
+from ankleloop.records.checksums import LENGTH
 from ankleloop.records.reading_options import ReadingOptions
 from ankleloop.records.reading_process import read_channels
+from ankleloop.records.trial_files import load_trials, save_trials
 
 OPTIONS = ReadingOptions()
 
@@ -49,3 +55,51 @@ def test_a_fork_of_the_program_takes_a_process_of_its_own(tmp_path):
         sys.exit(statuses != [0, 0, 0] or not equal)
     """
     assert subprocess.run([sys.executable, "-c", textwrap.dedent(script)], timeout=60).returncode == 0
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Every kind of file of the library without its checksum, which would betray all that follows; and its reader."""
+    folder = tmp_path_factory.mktemp("whole")
+    trial = simulate(seed=1, duration=10.0)
+    estimate = identify(trial)
+    save_trial(trial, folder / "trial.nc")
+    save_trials([trial, trial], folder / "trials.nc")
+    save_estimates({"m": EstimateCollection([estimate])}, folder / "estimates.nc")
+    save_estimate(estimate, folder / "estimate.nc")
+    save_estimate(estimate, folder / "estimate.mat")
+    return {path.name: path.read_bytes()[: -LENGTH if path.suffix == ".nc" else None] for path in folder.iterdir()}
+
+
+FILE_READERS = {
+    "trial.nc": load_trial,
+    "trials.nc": lambda path: list(load_trials(path)),
+    "estimates.nc": lambda path: find_estimates([path], "only", "m"),
+    "estimate.nc": load_estimate,
+    "estimate.mat": load_estimate,
+}
+
+
+@pytest.mark.parametrize("name", FILE_READERS)
+def test_zeros_over_some_bytes_neither_kill_nor_halt_the_reader(files, tmp_path, name, monkeypatch, record):
+    """As after a fault of the disk, here and there in the first part of the file, where the structure is."""
+    monkeypatch.setattr(reading_process, "SECONDS", 2.0)
+    generator = np.random.default_rng(2008)
+    content, path = files[name], tmp_path / name
+    counts = dict.fromkeys(("files", "read", "refused", "stopped", "crashes"), 0)
+    for start in generator.integers(0, min(len(content), 8000), 60):
+        length = int(generator.integers(1, 400))
+        path.write_bytes(content[:start] + bytes(length) + content[start + length :])
+        counts["files"] += 1
+        begin = time.monotonic()
+        try:
+            FILE_READERS[name](path)
+            counts["read"] += 1
+        except DataError as error:
+            counts["refused"] += 1
+            counts["stopped"] += "stopped after" in str(error)
+            counts["crashes"] += "crashed the process" in str(error)
+            assert name in str(error)  # noqa: PT017
+        assert time.monotonic() - begin < 60.0
+    record(counts)
+    assert counts["refused"] > 0

@@ -16,7 +16,8 @@ from ankleloop.methods.moesp import MoespModelOptions
 from ankleloop.methods.selection import select_options
 from ankleloop.options import Options
 from ankleloop.records.reading_options import ReadingOptions
-from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
+from ankleloop.signals.decimation import decimate, decimation_factor
+from ankleloop.signals.differentiation import differentiate
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.subspace.options import MemoryOptions, SubspaceOptions
 

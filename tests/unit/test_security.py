@@ -1,7 +1,10 @@
 """What SECURITY.md says of configurations, recordings and pages."""
 
 import ast
+import json
 import pickle
+import subprocess
+import sys
 from pathlib import Path
 
 import nbformat
@@ -88,6 +91,36 @@ def test_a_template_in_a_configuration_is_refused(tmp_path):
     assert not mark.exists()
     load_configfile(path)
     assert mark.exists()
+
+
+DEFINITIONS = "__definitions__: [\"open('MARK', 'w').close()\"]\nrun: [table1]\n"
+TEMPLATES = {
+    "escaped.yaml": '"__use\\x5fyte__": true\n' + DEFINITIONS,
+    "merged.yaml": "a: &a {__use_yte__: true}\n<<: *a\n" + DEFINITIONS,
+    "no.json": "__use_yte__: true\n" + DEFINITIONS,
+    "comma.json": """{"__use_yte__": true, "__definitions__": ["open('MARK', 'w').close()"],}""",
+}
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_a_template_in_disguise_is_seen_before_it_runs(tmp_path, name):
+    """The command that SECURITY.md names says so without running it, and Snakemake would run it."""
+    mark, path = tmp_path / "mark", tmp_path / name
+    path.write_text(TEMPLATES[name].replace("MARK", str(mark)), encoding="utf-8")
+    command = [sys.executable, "-m", "ankleloop.studies.config_files", path]
+    process = subprocess.run(command, capture_output=True, text=True)
+    assert process.returncode == 1
+    assert "__use_yte__" in process.stderr
+    assert not mark.exists()
+    load_configfile(path)
+    assert mark.exists()
+
+
+def test_json_holds_no_template(tmp_path):
+    mark, path = tmp_path / "mark", tmp_path / "config.json"
+    path.write_text(json.dumps({"__use_yte__": True, "__definitions__": [f"open({str(mark)!r}, 'w')"]}))
+    load_configfile(path)
+    assert not mark.exists()
 
 
 SCRIPT = "<script>alert(1)</script><img src=x onerror=alert(1)>"

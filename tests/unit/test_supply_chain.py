@@ -11,7 +11,7 @@ sys.path.insert(0, str(ROOT / "audit"))
 
 from licences import dependencies, is_permitted, licence_of  # noqa: E402
 
-from audit import FAILED, NOT_RUN, PASSED, judge_advisories  # noqa: E402
+from audit import FAILED, NOT_RUN, PASSED, exit_status, judge_advisories  # noqa: E402
 
 
 def test_every_distribution_has_what_it_requires():
@@ -57,6 +57,19 @@ def test_a_database_that_does_not_answer_is_no_success():
     assert judge_advisories(entries)[0] == NOT_RUN
     assert "1 of 2 distributions" in judge_advisories(entries)[1]
     assert judge_advisories(entries[1:])[0] == PASSED
+
+
+@pytest.mark.parametrize(
+    ("results", "status"),
+    [
+        ([PASSED, PASSED], 0),
+        ([PASSED, NOT_RUN], 2),
+        ([FAILED, NOT_RUN], 1),
+        ([FAILED, PASSED], 1),
+    ],
+)
+def test_an_audit_that_could_not_run_is_no_success(results, status):
+    assert exit_status(results) == status
 
 
 def test_tools_of_the_audit_are_pinned_by_hashes():

@@ -5,11 +5,13 @@ Each check costs a few passes over the samples at most, so that every identifica
 
 from __future__ import annotations
 
+from math import ceil
+
 import numpy as np
 
+from ankleloop.joint.check_kernels import find_end, find_run, scan_samples
 from ankleloop.joint.findings import Finding
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.kernels import kernel
 
 __all__ = ["check_channel", "check_clipping", "check_rest", "check_spikes"]
 
@@ -23,7 +25,6 @@ SPIKE = 0.003  # s on either side
 PARTS = (5, 10)  # fewest and most parts of the record: a perturbation is in most of them, a spike is not
 SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
 SPIKE_SIZE = 0.5  # standard deviations of the channel
-LANES = 64  # samples at a time
 UNITS = {"position": "rad", "torque": "N·m", "reference": "rad"}
 
 
@@ -42,55 +43,31 @@ def check_channel(trial: PreparedTrial, name: str) -> list[Finding]:
     list of Finding
         Only those that are not ok.
     """
-    peaks, repeated = _scan(trial, name)
-    findings = [_find_spike(trial, name, peaks)]
+    x = np.ascontiguousarray(trial.samples(name))
+    largest, usual, repeated = _scan(x, trial.rate)
+    findings = [_find_spike(trial, name, largest, usual)] if _stands_out(largest, usual) else []
     if repeated:
-        findings += [check_clipping(trial, name), check_rest(trial, name)]
+        findings += [check_clipping(trial, name)] if find_end(x, x.min(), x.max(), CLIPPED_RUN) >= 0 else []
+        findings += [check_rest(trial, name)] if find_run(x, max(1, ceil(REST * trial.rate))) >= 0 else []
     return [finding for finding in findings if finding.verdict != "ok"]
 
 
-def _reach(trial: PreparedTrial) -> int:
+def _reach(rate: float) -> int:
     """Samples on either side with which a spike is compared."""
-    return max(1, round(SPIKE * trial.rate))
+    return max(1, round(SPIKE * rate))
 
 
-def _scan(trial: PreparedTrial, name: str) -> tuple[np.ndarray, bool]:
-    """Squares of the highest peak of each part of a channel, and whether it may stand still or be clipped.
+def _scan(x: np.ndarray, rate: float) -> tuple[float, float, int]:
+    """Squares of the highest peak of a channel and of the usual highest one of a part, and how many samples repeat.
 
-    Where it does, values come again at once; noise leaves hardly any that do.
+    Where a channel stands still or is clipped, values come again at once; noise leaves hardly any that do.
     """
-    x = np.ascontiguousarray(trial.samples(name))
-    parts = min(max(int(x.size / trial.rate), PARTS[0]), PARTS[1])
-    products, repeated = _scan_samples(x, _reach(trial), parts)
-    return products, bool(repeated)
+    return scan_samples(x, _reach(rate), min(max(int(x.size / rate), PARTS[0]), PARTS[1]))
 
 
-@kernel()
-def _scan_samples(x, reach, parts):
-    """Largest product of the changes before and after a sample in each part, and how many samples repeat the last one.
-
-    Maxima over lanes first, whose number the compiler knows: so it takes several samples at a time.
-    """
-    peaks, lanes, repeated = np.zeros(parts), np.empty(LANES), 0
-    inner = max(x.size - 2 * reach, 0)
-    for part in range(parts):
-        start, stop = part * inner // parts, (part + 1) * inner // parts
-        lanes[:] = 0.0
-        whole = start
-        while whole + LANES <= stop:
-            before, here = x[whole : whole + LANES], x[whole + reach : whole + reach + LANES]
-            after, next_one = x[whole + 2 * reach : whole + 2 * reach + LANES], x[whole + 1 : whole + 1 + LANES]
-            for k in range(LANES):
-                product = (here[k] - before[k]) * (here[k] - after[k])
-                lanes[k] = product if product > lanes[k] else lanes[k]
-                repeated += next_one[k] == before[k]
-            whole += LANES
-        for k in range(whole, stop):
-            product = (x[k + reach] - x[k]) * (x[k + reach] - x[k + 2 * reach])
-            lanes[0] = max(lanes[0], product)
-            repeated += x[k + 1] == x[k]
-        peaks[part] = lanes.max()
-    return peaks, repeated
+def _stands_out(largest: float, usual: float) -> bool:
+    """Whether a peak is no usual one, from their squares."""
+    return largest > SPIKE_EXCESS**2 * usual
 
 
 def check_clipping(trial: PreparedTrial, name: str) -> Finding:
@@ -240,16 +217,15 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     >>> check_spikes(PreparedTrial(trial), "torque").text[:56]
     'the torque has a spike of about 80 N·m at sample 4321 (4'
     """
-    return _find_spike(trial, name, _scan(trial, name)[0])
+    largest, usual, _ = _scan(np.ascontiguousarray(trial.samples(name)), trial.rate)
+    return _find_spike(trial, name, largest, usual)
 
 
-def _find_spike(trial: PreparedTrial, name: str, peaks: np.ndarray) -> Finding:
+def _find_spike(trial: PreparedTrial, name: str, largest: float, usual: float) -> Finding:
     ok = Finding(f"spikes of the {name}", "ok", f"no peak of {1000 * SPIKE:g} ms stands out.")
-    # Parts at rest have no peaks.
-    largest, usual = float(peaks.max()), float(np.median(peaks[peaks > 0.0])) if peaks.any() else 0.0
-    if not largest > SPIKE_EXCESS**2 * usual:
+    if not _stands_out(largest, usual):
         return ok
-    x, reach, height = trial.samples(name), _reach(trial), np.sqrt(largest)
+    x, reach, height = trial.samples(name), _reach(trial.rate), np.sqrt(largest)
     if not height > SPIKE_SIZE * float(np.std(x)):
         return ok
     here = x[reach:-reach]

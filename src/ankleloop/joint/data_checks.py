@@ -16,13 +16,15 @@ from ankleloop.joint.movement_checks import (
     check_excitation,
     check_reference,
     check_relation,
-    check_scale,
     check_sign,
     check_size,
+    find_scale_fault,
     fit_stiffness_by_instruments,
+    is_plausible,
     reference_correlations,
 )
 from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.reference_checks import find_reference_faults
 from ankleloop.joint.reference_projection import project_on_reference
 from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.records.validation import REQUIRED
@@ -57,8 +59,9 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     """Check the data of an identification.
 
     The checks are: scale, clipping, stretches at rest and spikes of position and torque; whether the torque has to do
-    with the movement, and opposes it; persistent excitation; and the strength of the reference, if it is used. They are
-    those of `ankleloop.recordings.checks.check_trial` that cost little.
+    with the movement, and opposes it; whether the position is ahead of the reference, as it is where the two were
+    exchanged; persistent excitation; and, if it is used, the strength of the reference, and whether it is the torque or
+    a filter of it. They are those of `ankleloop.recordings.checks.check_trial` that cost little.
 
     Parameters
     ----------
@@ -91,7 +94,7 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     """
     warnings = []
     for number, trial in enumerate(trials, 1):
-        findings = _check_trial(trial, use)
+        findings = [*_check_trial(trial, use), *find_reference_faults(trial, use.reference, use.delay)]
         place = f"trial {number} of {len(trials)}: " if len(trials) > 1 else ""
         warnings += [f"{place}{finding.text}" for finding in findings]
     warnings += [finding.text for finding in _check_references(trials, use)]
@@ -104,23 +107,23 @@ def _grid(trial: PreparedTrial, use: DataUse) -> Grid:
     return trial.grid(use.identification_rate, use.delay)
 
 
-def _motion(trial: PreparedTrial, use: DataUse) -> MotionProducts:
-    grid = _grid(trial, use)
+def _motion(trial: PreparedTrial, grid: Grid) -> MotionProducts:
     return trial.memoise(("motion products", grid), lambda: MotionProducts(trial, grid))
 
 
 def _check_trial(trial: PreparedTrial, use: DataUse) -> list[Finding]:
     """Findings about one trial that are not ok; each is computed once for all methods that take it."""
-    reference = use.reference or "reference"
-    return trial.memoise(("data findings", _grid(trial, use), reference), lambda: _find_faults(trial, use, reference))
+    grid, reference = _grid(trial, use), use.reference or "reference"
+    return trial.memoise(("data findings", grid, reference), lambda: _find_faults(trial, grid, use, reference))
 
 
-def _find_faults(trial: PreparedTrial, use: DataUse, reference: str) -> list[Finding]:
-    motion = _motion(trial, use)
-    scale = check_scale(motion)
-    if scale.verdict == "refused":
-        raise DataError(scale.text)
+def _find_faults(trial: PreparedTrial, grid: Grid, use: DataUse, reference: str) -> list[Finding]:
+    motion = _motion(trial, grid)
+    if fault := find_scale_fault(motion):
+        raise DataError(fault)
     faults = [finding for name in REQUIRED for finding in check_channel(trial, name)]
+    if is_plausible(motion):
+        return faults
     others = [check_size(motion), check_relation(motion), _check_sign(trial, motion, use, reference)]
     return [*faults, *(finding for finding in others if finding.verdict != "ok")]
 
@@ -178,7 +181,7 @@ def _correlate(trial: PreparedTrial, use: DataUse, name: str) -> tuple[float, fl
     grid = _grid(trial, use)
     return trial.memoise(
         ("reference correlations", name, grid),
-        lambda: reference_correlations(_motion(trial, use), trial.channel(name, grid)),
+        lambda: reference_correlations(_motion(trial, grid), trial.channel(name, grid)),
     )
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import pickle
 import weakref
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from tempfile import SpooledTemporaryFile
 from typing import TYPE_CHECKING
 
@@ -19,8 +18,9 @@ from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.models import model_from_fields
 from ankleloop.joint.typed_json import dump_values, load_values
 from ankleloop.quantities import QUANTITIES
-from ankleloop.records.files import atomic_netcdf, parse_precision, readable_file
+from ankleloop.records.files import atomic_netcdf, parse_precision
 from ankleloop.records.group_files import Fields
+from ankleloop.records.readable_files import readable_file
 
 if TYPE_CHECKING:
     import h5netcdf
@@ -230,8 +230,8 @@ def load_estimates(path: PathLike, group: str) -> list[Estimate]:
     DataError
         If there is no such file, it is damaged, or it has no such group.
     """
-    with _readable(path), _open(path, group) as data:
-        return _estimates(data.load(), Path(path).name)
+    with _open(path) as file:
+        return _estimates(_group(file, path, group).load(), path)
 
 
 def load_estimates_of(paths: Iterable[PathLike], point: str, method: str) -> list[Estimate]:
@@ -284,48 +284,40 @@ def find_estimates(paths: Iterable[PathLike], point: str, method: str) -> dict[i
     """
     estimates: list[tuple[int, Estimate]] = []
     for path in paths:
-        with _readable(path):
-            estimates += _find_rows(path, point, method)
+        with _open(path) as file:
+            if method in file.groups:  # otherwise it identified no trial of this chunk
+                estimates += _find_rows(_group(file, path, method), path, point)
     return dict(sorted(estimates, key=lambda pair: pair[0]))
 
 
-def _readable(path: PathLike) -> AbstractContextManager[Path]:
-    return readable_file(path, "estimate file", "delete it, and identify again (the workflow does so by itself)")
-
-
-def _find_rows(path: PathLike, point: str, method: str) -> list[tuple[int, Estimate]]:
-    """Numbers and estimates of the trials of a point in a file."""
-    if method not in _groups(path):  # the method identified no trial of this chunk
-        return []
-    with _open(path, method) as data:
-        rows = np.flatnonzero(data["point"].values == point)
-        part = data.isel(trial=rows).load()
-        return list(zip(part["number"].values.tolist(), _estimates(part, Path(path).name), strict=True))
-
-
-def _groups(path: PathLike) -> list[str]:
+@contextmanager
+def _open(path: PathLike) -> Iterator[h5netcdf.File]:
+    """An estimate file; errors of the block name it."""
     import h5netcdf  # here, with h5py: jobs of the workflow do not read estimates
 
-    with h5netcdf.File(path, "r") as file:
-        return list(file.groups)
+    remedy = "delete it and run again; it is made anew"
+    with readable_file(path, "estimate file", remedy) as readable, h5netcdf.File(readable, "r") as file:
+        yield file
 
 
-def _open(path: PathLike, group: str) -> xr.Dataset:
+def _group(file: h5netcdf.File, path: PathLike, group: str) -> xr.Dataset:
     """A group of an estimate file, not yet read."""
-    groups = _groups(path)
-    if group not in groups:
+    if group not in file.groups:
         raise DataError(
-            f"{Path(path).name}: there is no group {group!r}; it has {', '.join(groups) or 'none'}: take one of these, "
+            f"{path}: there is no group {group!r}; it has {', '.join(file.groups) or 'none'}: take one of these, "
             "or identify again."
         )
-    data = xr.open_dataset(path, engine="h5netcdf", group=group)
+    data = xr.open_dataset(xr.backends.H5NetCDFStore(file, group=group))
     missing = {*TORQUES, *TEXTS, "parameter", "stiffness", "point", "number"} - set(data.variables)
     if missing:
-        data.close()
-        raise DataError(
-            f"{Path(path).name}: there is no variable {min(missing)!r}: identify again, or load another file."
-        )
+        raise DataError(f"{path}: there is no variable {min(missing)!r}: identify again, or load another file.")
     return data
+
+
+def _find_rows(data: xr.Dataset, path: PathLike, point: str) -> list[tuple[int, Estimate]]:
+    """Numbers and estimates of the trials of a point."""
+    part = data.isel(trial=np.flatnonzero(data["point"].values == point)).load()
+    return list(zip(part["number"].values.tolist(), _estimates(part, path), strict=True))
 
 
 def _trim(torque: xr.Dataset) -> xr.Dataset:
@@ -334,7 +326,7 @@ def _trim(torque: xr.Dataset) -> xr.Dataset:
     return torque if samples.size == torque.sizes["time"] else torque.isel(time=slice(samples[0], samples[-1] + 1))
 
 
-def _estimates(data: xr.Dataset, source: str) -> list[Estimate]:
+def _estimates(data: xr.Dataset, source: PathLike) -> list[Estimate]:
     names = data["parameter"].values.astype(str).tolist()
     torques = data[list(TORQUES)].astype(float)
     columns = {name: [load_values(text) for text in data[name].values] for name in TEXTS}

@@ -16,8 +16,8 @@ from ankleloop.joint.models import Model, ResponseModel, model_from_fields
 from ankleloop.joint.torques import TORQUES, torque_dataset
 from ankleloop.joint.typed_json import dump_values, extract_arrays, load_values
 from ankleloop.quantities import QUANTITIES
-from ankleloop.records.files import readable_file
 from ankleloop.records.group_files import Fields, read_groups, write_groups
+from ankleloop.records.readable_files import name_errors
 from ankleloop.signals.sampling import check_same_rate, compute_rate
 
 __all__ = ["FORMAT", "VERSION", "load_estimate", "save_estimate"]
@@ -136,7 +136,7 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
     """
     path = check_path("load_estimate", "path", path)
     groups = read_groups(path, VARIABLE)
-    with readable_file(path, "estimate file", "restore it from a copy, or identify again and save it"):
+    with name_errors(path, "estimate file", "restore it from a copy, or identify again and save it"):
         return _read_estimate(groups)
 
 

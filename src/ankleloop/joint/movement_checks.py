@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from math import inf, sqrt
 
 import numpy as np
 
 from ankleloop.errors import DataError
+from ankleloop.joint.check_kernels import (
+    correlate_reference,
+    displace_products,
+    has_directions,
+    multiply_deviations,
+    regress_last,
+    spread_from_first,
+)
 from ankleloop.joint.findings import Finding
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.reference_projection import unseen_share
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Grid, Regressors
-from ankleloop.kernels import kernel
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import PASSBAND
 
@@ -27,7 +35,9 @@ __all__ = [
     "check_scale",
     "check_sign",
     "check_size",
+    "find_scale_fault",
     "fit_stiffness_by_instruments",
+    "is_plausible",
     "reference_correlations",
 ]
 
@@ -35,6 +45,7 @@ MOTION = len(INTRINSIC_NAMES)
 SMALLEST, LARGEST = 1e-12, 1e12  # rad and N·m: squares of anything beyond leave the range of numbers
 BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave
 LARGEST_POSITION = 1.0  # rad, standard deviation: no joint can move so far
+UNITS = {"position": "rad", "torque": "N·m"}
 STIFFNESSES = 0.1, 1e5  # N·m/rad, torque over position: from a finger to a leg that stands
 MODEL = 0.2  # share of the torque that a second-order model must explain before its sign is read
 # Share of the torque that it explains by chance: 1 s over the duration, within limits.
@@ -46,7 +57,8 @@ LEAD, LAG = 0.02, 0.1  # s
 COPY = 1e-6  # share of a channel that its copy leaves
 TINY = np.finfo(float).tiny
 DEPENDENT = 1e-12  # determinant of scaled equations, and singular value in units of the largest one
-SAMPLED = 200  # samples, about, for a standard deviation
+EXCITED = 1e-6  # of the largest eigenvalue of the velocity's Hankel products
+SAMPLED = 200  # samples, about, for a standard deviation; an odd number apart, which few frequencies divide
 
 
 class MotionProducts:
@@ -61,31 +73,40 @@ class MotionProducts:
     """
 
     def __init__(self, trial: PreparedTrial, grid: Grid) -> None:
-        self.trial, self.grid = trial, grid
-        signals = np.stack([*trial.motion(grid), trial.channel("torque", grid)])
-        self.signals = signals - signals.mean(axis=1, keepdims=True)
-        with np.errstate(over="ignore"):  # the scale is checked
-            self.products = self.signals @ self.signals.T
-        self.deviations = np.sqrt(np.diag(self.products) / grid.samples)
+        # The trial holds these products: if they held it, all of its signals would stay until the garbage collector
+        # runs.
+        self.recorded = {name: np.ascontiguousarray(trial.samples(name)) for name in ("position", "torque")}
+        self.rate, self.grid = trial.rate, grid
+        self.decimated = (*trial.motion(grid), trial.channel("torque", grid))
+        self.means, self.products = multiply_deviations(tuple(map(np.ascontiguousarray, self.decimated)))
+        # Standard deviations of position and torque.
+        self.deviations = tuple(sqrt(self.products[k, k] / grid.samples) for k in (0, MOTION))
 
-    @cached_property
+    @property
+    def signals(self) -> np.ndarray:
+        """Position, velocity, acceleration and torque, each less its mean, shape (4, N)."""
+        return np.stack(self.decimated) - self.means[:, None]
+
+    @property
     def stiffness(self) -> np.ndarray:
         """K, B and I of a model without a reflex by least squares, shape (3,)."""
-        return _solve(self.products[:MOTION, :MOTION], self.products[:MOTION, MOTION])
+        return self._fit[0]
 
     @property
     def explained(self) -> float:
         """Share of the torque's variance that this model explains."""
-        return float(self.products[:MOTION, MOTION] @ self.stiffness / self.products[MOTION, MOTION])
+        return self._fit[1]
 
-
-def _solve(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve equations whose unknowns differ in unit; what the data do not show is zero."""
-    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), TINY))
-    normal, right = normal * scale[:, None] * scale, right * scale
-    if np.linalg.det(normal) > DEPENDENT:
-        return scale * np.linalg.solve(normal, right)
-    return scale * np.linalg.lstsq(normal, right, rcond=DEPENDENT)[0]
+    @cached_property
+    def _fit(self) -> tuple[np.ndarray, float]:
+        """Least squares with regressors that differ in unit; what the data do not show is zero."""
+        values, explained = regress_last(self.products, DEPENDENT)
+        if explained >= 0.0:
+            return values, explained
+        normal, right = self.products[:MOTION, :MOTION], self.products[:MOTION, MOTION]
+        scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), TINY))
+        values = scale * np.linalg.lstsq(normal * scale[:, None] * scale, right * scale, rcond=DEPENDENT)[0]
+        return values, float(right @ values / self.products[MOTION, MOTION])
 
 
 def check_scale(motion: MotionProducts) -> Finding:
@@ -100,21 +121,69 @@ def check_scale(motion: MotionProducts) -> Finding:
     -------
     Finding
     """
-    trial, (position, torque) = motion.trial, motion.deviations[[0, MOTION]]
-    for name, deviation, unit in (("position", position, "rad"), ("torque", torque, "N·m")):
+    position, torque = motion.deviations
+    if fault := find_scale_fault(motion):
+        return Finding("scale", "refused", fault)
+    return Finding("scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m.")
+
+
+def find_scale_fault(motion: MotionProducts) -> str:
+    """What is wrong with the scale of position or torque.
+
+    Parameters
+    ----------
+    motion : MotionProducts
+        Products of the record.
+
+    Returns
+    -------
+    str
+        Empty if nothing is.
+    """
+    for name, deviation in zip(UNITS, motion.deviations, strict=True):
         if not SMALLEST < deviation < LARGEST:
-            text = (
+            unit = UNITS[name]
+            return (
                 f"the {name} has a standard deviation of {deviation:.3g} {unit}, and {SMALLEST:g} … {LARGEST:g} {unit} "
                 "can be computed with: check its unit."
             )
-            return Finding("scale", "refused", text)
-        x = trial.samples(name)
-        spread = x[:: max(1, x.size // SAMPLED)] - x[0]
-        if deviation < BAND_SHARE * np.sqrt(spread @ spread / spread.size):
-            highest = PASSBAND * trial.rate / motion.grid.factor
-            text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
-            return Finding("scale", "refused", text)
-    return Finding("scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m.")
+        x = motion.recorded[name]
+        if deviation < BAND_SHARE * sqrt(spread_from_first(x, x.size // SAMPLED | 1)):
+            highest = PASSBAND * motion.rate / motion.grid.factor
+            return f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
+    return ""
+
+
+def is_plausible(motion: MotionProducts) -> bool:
+    """Whether size, relation and sign by least squares are those of a joint, without a sentence about them.
+
+    Parameters
+    ----------
+    motion : MotionProducts
+        Products of the record.
+
+    Returns
+    -------
+    bool
+        True if `check_size`, `check_relation` and `check_sign` find no fault.
+    """
+    return _has_size(*motion.deviations) and _is_related(motion) and _opposes(motion.stiffness, motion.explained)
+
+
+def _has_size(position: float, torque: float) -> bool:
+    """Whether standard deviations [rad, N·m] can be those of a joint."""
+    return position <= LARGEST_POSITION and STIFFNESSES[0] * position < torque < STIFFNESSES[1] * position
+
+
+def _is_related(motion: MotionProducts) -> bool:
+    """Whether the movement explains more of the torque than by chance."""
+    duration = motion.recorded["position"].size / motion.rate
+    return motion.explained >= min(max(UNRELATED / duration, UNRELATED_LIMITS[0]), UNRELATED_LIMITS[1])
+
+
+def _opposes(stiffness: np.ndarray, explained: float) -> bool:
+    """Whether K, B and I of a second-order model are not those of a torque of the other sign."""
+    return not (stiffness[0] < 0 and (stiffness[2] < 0 or explained > MODEL))
 
 
 def check_size(motion: MotionProducts) -> Finding:
@@ -129,10 +198,10 @@ def check_size(motion: MotionProducts) -> Finding:
     -------
     Finding
     """
-    position, torque = motion.deviations[[0, MOTION]]
-    ratio = torque / position
+    position, torque = motion.deviations
+    ratio = torque / position if position > 0.0 else inf
     text = f"standard deviations of {position:.3g} rad and {torque:.3g} N·m, {ratio:.3g} N·m/rad"
-    if position > LARGEST_POSITION or not STIFFNESSES[0] < ratio < STIFFNESSES[1]:
+    if not _has_size(position, torque):
         text = (
             f"{text}, are not those of a joint: K, B, I and G are not either. Are position and torque exchanged, or in "
             "other units than rad and N·m?"
@@ -181,10 +250,10 @@ def check_sign(stiffness: np.ndarray, explained: float) -> Finding:
     -------
     Finding
     """
-    values = dict(zip("KBI", stiffness, strict=True))
+    values = dict(zip("KBI", stiffness.tolist(), strict=True))
     numbers = ", ".join(f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items())
     text = f"a second-order model without reflex has {numbers}"
-    if values["K"] < 0 and (values["I"] < 0 or explained > MODEL):
+    if not _opposes(stiffness, explained):
         return Finding(
             "sign of the torque",
             "refused",
@@ -207,8 +276,7 @@ def check_relation(motion: MotionProducts) -> Finding:
     Finding
     """
     text = f"position, velocity and acceleration explain {100.0 * motion.explained:.2g} % of the torque"
-    duration = motion.trial.samples("time").size / motion.trial.rate
-    if motion.explained < np.clip(UNRELATED / duration, *UNRELATED_LIMITS):
+    if not _is_related(motion):
         text = (
             f"{text}, as those of any other record would: K, B, I and G say nothing about the joint. Check the "
             "channels and the perturbation."
@@ -232,19 +300,24 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
     Finding
     """
     rows = 2 * block_rows + order
-    samples = max(velocity.size for velocity in velocities)
+    samples = max(map(len, velocities))
     if samples < 2 * rows:
         text = f"{samples} samples are too few for {block_rows} block rows and order {order}: take fewer block rows."
         return Finding("excitation", "refused", text)
+    # Decimation leaves the uppermost part of the band empty, which limits the rank of any movement.
+    attainable = int(np.floor(2 * PASSBAND * rows))
+    ok = Finding("excitation", "ok", f"persistent for order {order} and {block_rows} block rows.")
+    trace = rows * sum(float(velocity @ velocity) for velocity in velocities)  # not below the largest eigenvalue
+    longest = max(velocities, key=len)
+    if has_directions(np.ascontiguousarray(longest), rows, attainable, EXCITED * trace):
+        return ok
     products = np.zeros((rows, rows))
     for velocity in velocities:
         if velocity.size >= rows:
             first = np.correlate(velocity, velocity[: velocity.size - rows + 1], mode="valid")
-            products += _displace(first, np.ascontiguousarray(velocity))
+            products += displace_products(first, np.ascontiguousarray(velocity))
     values = np.linalg.eigvalsh(products)[::-1]
-    rank = int(np.count_nonzero(values > 1e-6 * values[0]))
-    # Decimation leaves the uppermost part of the band empty, which limits the rank of any movement.
-    attainable = int(np.floor(2 * PASSBAND * rows))
+    rank = int(np.count_nonzero(values > EXCITED * values[0]))
     if rank < attainable:
         return Finding(
             "excitation",
@@ -252,26 +325,7 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
             f"the movement excites {rank} of {attainable} directions that {block_rows} block rows and order {order} "
             "need: perturb with a pseudorandom sequence, or take fewer block rows.",
         )
-    return Finding("excitation", "ok", f"persistent for order {order} and {block_rows} block rows.")
-
-
-@kernel()
-def _displace(first, x):
-    """Products of all rows of a Hankel matrix with each other, from those of its first row.
-
-    As in `ankleloop.subspace.hankel_gram`, whose overhead and means are left out.
-    """
-    rows = first.size
-    columns = x.size - rows + 1
-    products = np.empty((rows, rows))
-    products[0] = first
-    products[:, 0] = first
-    for i in range(rows - 1):
-        for j in range(i, rows - 1):
-            value = products[i, j] + x[i + columns] * x[j + columns] - x[i] * x[j]
-            products[i + 1, j + 1] = value
-            products[j + 1, i + 1] = value
-    return products
+    return ok
 
 
 def check_reference(records: Sequence[Regressors]) -> Finding:
@@ -323,14 +377,13 @@ def reference_correlations(motion: MotionProducts, reference: np.ndarray) -> tup
     position, torque : float
         Those with the position and with the torque at the same time.
     """
-    rate = motion.trial.rate / motion.grid.factor
-    reference = reference - reference.mean()
+    rate = motion.rate / motion.grid.factor
     lead, lag = round(LEAD * rate), round(LAG * rate)
-    count = reference.size - lead - lag
-    if count < 2:
+    if reference.size - lead - lag < 2:
         return 0.0, 0.0, 0.0
-    window = reference[lead : lead + count]
-    energies = float(reference @ reference) * np.diag(motion.products)[[0, MOTION]]
-    products = np.correlate(motion.signals[0], window, mode="valid")
-    position, torque = (motion.signals[[0, MOTION]] @ reference) ** 2 / energies
-    return float(np.max(products**2) / energies[0]), float(position), float(torque)
+    signals = tuple(np.ascontiguousarray(motion.decimated[k]) for k in (0, MOTION))
+    means = motion.means[[0, MOTION]]
+    energy, products, largest = correlate_reference(np.ascontiguousarray(reference), signals, means, lead, lag)
+    energies = energy * motion.products.diagonal()[[0, MOTION]]
+    position, torque = products**2 / energies
+    return float(largest**2 / energies[0]), float(position), float(torque)

@@ -13,7 +13,8 @@ from ankleloop.joint.basis import Basis, fit_basis
 from ankleloop.joint.reference_response import predict_from_reference
 from ankleloop.joint.regressors import Grid, InputStep, JointInputs, Regressors, decimation_grid
 from ankleloop.records.validation import validate
-from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
+from ankleloop.signals.decimation import decimate, decimation_factor
+from ankleloop.signals.differentiation import differentiate
 
 __all__ = ["PreparedTrial", "fit_shared_basis", "prepare", "prepare_trials"]
 

@@ -11,7 +11,8 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis
 from ankleloop.joint.hammerstein import DriveSpectra
-from ankleloop.signals.decimation import decimation_factor, decimation_margin, differentiation_margin
+from ankleloop.signals.decimation import decimation_factor, decimation_margin
+from ankleloop.signals.differentiation import differentiation_margin
 from ankleloop.subspace.records import remove_means
 
 __all__ = [

@@ -31,7 +31,7 @@ from ankleloop.methods.moesp import (
 from ankleloop.options import Options, option
 from ankleloop.records.files import atomic_netcdf, check_output
 from ankleloop.records.long_record import LongRecord
-from ankleloop.signals.decimation import differentiate, differentiation_margin
+from ankleloop.signals.differentiation import differentiate, differentiation_margin
 from ankleloop.subspace.input_matrices import continue_response
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
 
@@ -66,6 +66,8 @@ def identify_file(
     **options: Any,
 ) -> Estimate:
     """Identify a record of any length by a member of the MOESP family, in constant memory.
+
+    In memory are the samples of a chunk and, while the basis is fitted, a million velocities at most.
 
     The record is read five times: for the checks of the data, the basis, the projection, the regression, and the
     torques. All of it is one identification: the result is that of `identify` on the whole record, up to rounding, but

@@ -14,6 +14,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.data_checks import DataUse, check_data
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.repeated_trials import refuse_repeated_trials
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
 
@@ -134,7 +135,7 @@ class Method:
             For an option that the method does not have, or a value out of its range.
         DataError
             For a trial that the method cannot use, or that says nothing
-            (`ankleloop.joint.data_checks.check_data`).
+            (`ankleloop.joint.data_checks.check_data`), and for a list that has a record twice.
         """
         chosen = self.options.parse(f"method {self.name!r}", **options)
         if not isinstance(trial, (list, tuple)):
@@ -146,6 +147,7 @@ class Method:
         if not trial:
             raise DataError("there are no trials to merge.")
         trials = [prepare(part) for part in trial]
+        refuse_repeated_trials(trials)
         warnings = check_data(trials, data_use(chosen, self.reference(chosen)))
         return [add_warnings(estimate, warnings) for estimate in self.merge(trials, chosen)]
 

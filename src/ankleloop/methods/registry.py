@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,10 +9,10 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Any, cast
 
-from ankleloop.arguments import check_choice, suggest_name
+from ankleloop.arguments import suggest_name
 from ankleloop.errors import DataError
 from ankleloop.methods.method import Method, Trial
-from ankleloop.methods.selection import CRITERIA, check_candidates, select_options
+from ankleloop.methods.selection import check_selection, select_options
 
 __all__ = ["METHODS", "find_method", "identify", "method_options"]
 
@@ -68,14 +67,6 @@ def method_options(method: str) -> dict[str, Any]:
     return find_method(method).options.defaults()
 
 
-def _check_criterion(criterion: str | None, candidates: Mapping[str, Any]) -> None:
-    if criterion is None:
-        return
-    check_choice("identify", "criterion", criterion, (*CRITERIA, None))
-    if not candidates:
-        raise ValueError("identify: criterion is that of a selection: pass the options to choose from as select.")
-
-
 def identify(
     trial: Trial | Sequence[Trial],
     method: str = "pr-moesp",
@@ -119,8 +110,8 @@ def identify(
         For an option that the method does not have, or one that is both an option and to be selected.
     DataError
         For a trial that the method cannot use, or that says nothing, such as one whose reference explains nothing of
-        the position. Faults that leave an estimate are in ``diagnostics["warnings"]``
-        (`ankleloop.joint.data_checks.check_data`).
+        the position; and for a list that has a record twice. Faults that leave an estimate are in
+        ``diagnostics["warnings"]`` (`ankleloop.joint.data_checks.check_data`).
 
     Examples
     --------
@@ -130,22 +121,18 @@ def identify(
     ['B', 'I', 'K']
     """
     entry = find_method(method)
-    candidates = check_candidates("identify: select", select)
     owner = f"method {method!r}"
-    entry.options.check_names(owner, [*options, *candidates])
-    _check_criterion(criterion, candidates)
+    if select is None and criterion is None:
+        entry.options.check_names(owner, options)
+        candidates: dict[str, list[Any]] = {}
+    else:  # a wrong candidate is a mistake, not a bad model
+        candidates = check_selection(owner, entry.options, options, select, criterion)
     if isinstance(trial, (list, tuple)) and (candidates or not entry.merges):
         merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
         verb = "selects options on" if candidates else "identifies"
         raise DataError(f"{method} {verb} one trial at a time; trials are merged by {merging}.")
     if not candidates:
         return entry(trial, **options)
-    duplicates = sorted(set(options) & set(candidates))
-    if duplicates:
-        raise TypeError(f"option {duplicates[0]!r} is given, and to be selected as well: choose one of the two.")
-    entry.options.parse(owner, **options)
-    for combination in itertools.product(*candidates.values()):  # a wrong candidate is a mistake, not a bad model
-        entry.options.parse(f"select, {owner}", **options, **dict(zip(candidates, combination, strict=True)))
     values = {**entry.options.defaults(), **options}
     shared = {name: values[name] for name in ("reference", "delay", "identification_rate") if name in values}
     selection = select_options(cast(Trial, trial), partial(entry, **options), candidates, criterion=criterion, **shared)

@@ -16,9 +16,11 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.method import Trial
+from ankleloop.options import Options
 from ankleloop.records.trial import segment
+from ankleloop.signals.sampling import match_times
 
-__all__ = ["CRITERIA", "Selection", "check_candidates", "select_options"]
+__all__ = ["CRITERIA", "Selection", "check_candidates", "check_selection", "select_options"]
 
 CRITERIA = ("instrumental", "cross-validation")
 NOMINAL_DELAY = 0.04  # s
@@ -210,6 +212,59 @@ def check_candidates(name: str, candidates: Any) -> dict[str, list[Any]]:
     return {option: list(values) for option, values in candidates.items()}
 
 
+def check_selection(
+    owner: str, model: type[Options], options: Mapping[str, Any], select: Any, criterion: str | None = None
+) -> dict[str, list[Any]]:
+    """Refuse options, and options to select, that a method would refuse after other candidates were fitted.
+
+    Parameters
+    ----------
+    owner : str
+        The method, for messages.
+    model : type of Options
+        Its options.
+    options : dict of str to object
+        Options that are set.
+    select : mapping of str to sequence, optional
+        Options to select, each with its candidates.
+    criterion : {"instrumental", "cross-validation"}, optional
+        Criterion of the selection.
+
+    Returns
+    -------
+    dict of str to list
+        Candidates by option; none without a selection.
+
+    Raises
+    ------
+    TypeError
+        For an option that the method does not have, or one that is both set and to be selected.
+    ValueError
+        For a value out of its range, alone or together with others; and for a criterion without a selection.
+
+    Examples
+    --------
+    >>> from ankleloop.methods.registry import METHODS
+    >>> check_selection("method 'riv'", METHODS["riv"].options, {}, {"order": [2, 30]})
+    Traceback (most recent call last):
+      ...
+    ValueError: select: method 'riv': order must be one of 2 or 3; got 30.
+    """
+    candidates = check_candidates("select", select)
+    model.check_names(owner, options)
+    model.check_names(f"select: {owner}", candidates)
+    if criterion is not None:
+        check_choice(owner, "criterion", criterion, (*CRITERIA, None))
+        if not candidates:
+            raise ValueError("criterion is that of a selection: name the options to choose from under select.")
+    for name in sorted(set(options) & set(candidates)):
+        raise TypeError(f"option {name!r} is given, and to be selected as well: choose one of the two.")
+    model.parse(owner, **options)
+    for combination in itertools.product(*candidates.values()):
+        model.parse(f"select: {owner}", **options, **dict(zip(candidates, combination, strict=True)))
+    return candidates
+
+
 def _check_arguments(candidates: Mapping[str, Sequence[Any]], folds: int, merges: bool) -> None:
     if not candidates:
         raise ValueError("candidates must have at least one option to choose from.")
@@ -265,9 +320,8 @@ def _instruments(trial: PreparedTrial, reference: str, delay: float, rate: float
 
 def _project(grid: np.ndarray, instruments: np.ndarray, time: np.ndarray, signals: np.ndarray) -> np.ndarray:
     """Projection of signals on the instruments, at the times that both have."""
-    rows = np.searchsorted(grid, time - 1e-6)
-    common = rows < grid.size
-    basis = np.linalg.qr(instruments[rows[common]] - instruments[rows[common]].mean(axis=0))[0]
+    rows, common = match_times(grid, time)
+    basis = np.linalg.qr(instruments[rows] - instruments[rows].mean(axis=0))[0]
     projection = np.zeros_like(signals)
     projection[:, common] = (signals[:, common] @ basis) @ basis.T
     return projection

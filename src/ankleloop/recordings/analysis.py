@@ -17,10 +17,12 @@ from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.registry import find_method, identify
+from ankleloop.methods.selection import check_selection
 from ankleloop.recordings.checks import Check, check_trial
 from ankleloop.recordings.comparison import UnseenTorque, unseen_torque
 from ankleloop.recordings.validity import caution, reason_against
 from ankleloop.records.trial import segment
+from ankleloop.signals.sampling import match_times
 
 __all__ = ["Analysis", "analyse"]
 
@@ -167,10 +169,8 @@ def _analyse_method(
 def _check_options(specification: Mapping[str, Any]) -> None:
     """Refuse options that the method does not have, before anything is fitted."""
     method, options = find_method(specification["method"]), specification.get("options", {})
-    method.options.parse(f"method {method.name!r}", **options)
-    for name, candidates in (specification.get("select") or {}).items():
-        for value in candidates:
-            method.options.parse(f"method {method.name!r}", **{**options, name: value})
+    owner = f"method {method.name!r}"
+    check_selection(owner, method.options, options, specification.get("select"), specification.get("criterion"))
 
 
 def _largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, int]:
@@ -261,9 +261,8 @@ def _test_residual(trial: PreparedTrial, estimate: Estimate, instrumental: bool,
         delay=estimate.reflex["delay"], basis="rectifier", identification_rate=rate, reference=reference
     )
     predicted = trial.predict_inputs(regressors)[:, 0]
-    rows = np.searchsorted(regressors.time, time - 1e-6)
-    inside = rows < regressors.time.size
-    return residual_test(residual[inside], predicted[rows[inside]], rate)
+    rows, common = match_times(regressors.time, time)
+    return residual_test(residual[common], predicted[rows], rate)
 
 
 def _test_columns(test: ResidualTest) -> dict[str, bool | float]:

@@ -23,8 +23,10 @@ from ankleloop.joint.movement_checks import (
     fit_stiffness_by_instruments,
 )
 from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.reference_checks import find_reference_faults
 from ankleloop.joint.reference_projection import project_on_reference
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
+from ankleloop.joint.repeated_trials import refuse_repeated_trials
 from ankleloop.methods.method import Trial, delay_option, rate_option
 from ankleloop.options import Options, option
 from ankleloop.recordings.findings import check_coherence, check_drift, check_length, estimate_spectra
@@ -111,9 +113,9 @@ def check_trial(
 
     The checks are: length and rates; clipping, stretches at rest and spikes of position and torque; their size, and how
     much of the torque the movement explains; sign of the torque, coherence, persistent excitation for the given order
-    and block rows, slow drift, whether there is a usable reference, whether the torque feeds back on the position, and
-    which methods are therefore valid. Those that cost little are made by every identification as well
-    (`ankleloop.joint.data_checks.check_data`).
+    and block rows, slow drift, whether there is a usable reference (not exchanged with the position, and no filter of
+    the torque), whether the torque feeds back on the position, and which methods are therefore valid. Those that cost
+    little are made by every identification as well (`ankleloop.joint.data_checks.check_data`).
 
     Parameters
     ----------
@@ -137,7 +139,7 @@ def check_trial(
     Raises
     ------
     DataError
-        If the list is empty, or a trial is not valid.
+        If the list is empty or has a record twice, or a trial is not valid.
 
     Examples
     --------
@@ -160,6 +162,7 @@ def check_trial(
     if not trials:
         raise DataError("there are no trials to check.")
     prepared = [prepare(cast(Trial, part)) for part in trials]
+    refuse_repeated_trials(prepared)
     datasets = [part.trial for part in prepared]
     length = check_length(datasets, identification_rate)
     if length.verdict == "refused":
@@ -168,7 +171,7 @@ def check_trial(
     records, findings = _prepare_records(prepared, delay, identification_rate, reference if has_reference else None)
     if len(records) < len(prepared):
         return Check([length, merge_findings(findings)], "undecided", {})
-    usable, strength = _check_reference(records)
+    usable, strength = _check_reference(prepared, records, delay)
     loop, feedback = _check_loop(records, usable)
     bias = path_bias(records)
     return Check(
@@ -234,7 +237,9 @@ def _check_signs(records: Sequence[Regressors], *, by_reference: bool) -> list[F
     ]
 
 
-def _check_reference(records: Sequence[Regressors]) -> tuple[bool, Finding]:
+def _check_reference(
+    trials: Sequence[PreparedTrial], records: Sequence[Regressors], delay: float
+) -> tuple[bool, Finding]:
     """Whether the reference can serve as an instrument."""
     if records[0].reference is None:
         advice = (
@@ -243,6 +248,9 @@ def _check_reference(records: Sequence[Regressors]) -> tuple[bool, Finding]:
         )
         return False, Finding("reference", "warning", f"there is none. {advice}")
     finding = check_reference(records)
+    if finding.verdict == "ok":
+        faults = [find_reference_faults(trial, records[0].reference_name, delay) for trial in trials]
+        finding = merge_findings([found[0] if found else finding for found in faults]) if any(faults) else finding
     # Without a reference the recording may still be identified as one in open loop.
     return finding.verdict == "ok", replace(finding, verdict="ok" if finding.verdict == "ok" else "warning")
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ankleloop.errors import DataError
+from ankleloop.records.checksums import append_checksum
 from ankleloop.records.partial_files import partial_path, remove_stale
 from ankleloop.records.sink import Sink
 
@@ -26,7 +27,6 @@ __all__ = [
     "check_output",
     "check_readable",
     "parse_precision",
-    "readable_file",
     "source_files",
     "write_netcdf",
 ]
@@ -218,7 +218,7 @@ def _publish(partial: Path, path: Path, overwrite: bool) -> None:
 def atomic_netcdf(
     path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()
 ) -> Iterator[tuple[h5netcdf.File, Sink]]:
-    """Open a NetCDF-4 file to be filled piece by piece, which appears when it is complete.
+    """Open a NetCDF-4 file to be filled piece by piece, which appears when it is complete, with its checksum.
 
     Parameters
     ----------
@@ -250,18 +250,16 @@ def atomic_netcdf(
     """
     import h5netcdf  # here, with h5py: few jobs write such files
 
-    with (
-        atomic_file(path, overwrite=overwrite, inputs=inputs) as partial,
-        Sink(partial) as sink,
-        h5netcdf.File(sink, "w") as file,
-    ):
-        yield file, sink
+    with atomic_file(path, overwrite=overwrite, inputs=inputs) as partial:
+        with Sink(partial) as sink, h5netcdf.File(sink, "w") as file:
+            yield file, sink
+        append_checksum(partial)
 
 
 def write_netcdf(
     data: xr.Dataset | xr.DataTree, path: PathLike, encoding: dict[str, Any] | None = None, *, overwrite: bool = False
 ) -> None:
-    """Write a data set or a tree of data sets as a NetCDF-4 file, which appears when it is complete.
+    """Write a data set or a tree of data sets as a NetCDF-4 file, which appears when it is complete, with its checksum.
 
     Parameters
     ----------
@@ -288,8 +286,10 @@ def write_netcdf(
     ...     [file.name for file in Path(folder).iterdir()]
     ['empty.nc']
     """
-    with atomic_file(path, overwrite=overwrite, inputs=source_files(data)) as partial, Sink(partial) as sink:
-        data.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
+    with atomic_file(path, overwrite=overwrite, inputs=source_files(data)) as partial:
+        with Sink(partial) as sink:
+            data.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
+        append_checksum(partial)
 
 
 def source_files(data: xr.Dataset | xr.DataTree) -> set[str]:
@@ -345,46 +345,3 @@ def check_readable(path: PathLike) -> None:
     except (OSError, ValueError) as cause:  # a ValueError for a byte 0 in the path
         reason = getattr(cause, "strerror", None) or str(cause)
         raise DataError(f"{path}: the file cannot be opened ({reason}): check the path and the permission.") from cause
-
-
-@contextmanager
-def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path]:
-    """Say in plain words what is wrong with a file of this library that cannot be read in the block.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    kind : str
-        What it holds.
-    remedy : str
-        How to get it again.
-
-    Yields
-    ------
-    pathlib.Path
-        The file.
-
-    Raises
-    ------
-    DataError
-        If there is no such file, or the block raises any error: the libraries raise almost anything on a damaged file.
-
-    Examples
-    --------
-    >>> with readable_file("nowhere.nc", "trial file", "save it again"):
-    ...     pass
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
-    """
-    check_readable(path)
-    try:
-        yield Path(path)
-    except DataError:
-        raise
-    except Exception as cause:
-        reason = f"{type(cause).__name__}: {cause}".partition("\n")[0]
-        raise DataError(
-            f"{Path(path).name}: not a readable {kind} ({reason}): it is damaged, or of another origin: {remedy}."
-        ) from cause

@@ -12,7 +12,8 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.records.files import atomic_file, check_output, readable_file, source_files, write_netcdf
+from ankleloop.records.files import atomic_file, check_output, check_readable, source_files, write_netcdf
+from ankleloop.records.readable_files import readable_file
 
 __all__ = ["Fields", "read_groups", "write_groups"]
 
@@ -177,9 +178,12 @@ def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields
         If there is no such file, its suffix is another one, or it cannot be read.
     """
     path = Path(path)
-    reader = _choose({".nc": _read_netcdf, ".mat": _read_mat}, path)
-    with readable_file(path, f"{path.suffix} file", "restore it from a copy, or write it again"):
-        contents = reader(path, variable)
+    read = _choose({".nc": _read_netcdf, ".mat": _read_mat}, path)
+    check_readable(path)
+    if path.suffix == ".mat":
+        _check_version(path)
+    with readable_file(path, f"{path.suffix} file", "restore it from a copy, or write it again") as readable:
+        contents = read(readable, variable)
     return {
         group: Fields(f"{path.name}, group {group}" if group else path.name, values)
         for group, values in contents.items()
@@ -243,12 +247,15 @@ def _as_struct(data: xr.Dataset) -> dict[str, Any]:
     return fields
 
 
-def _read_mat(path: Path, variable: str) -> dict[str, dict[str, Any]]:
-    import scipy.io
-
+def _check_version(path: Path) -> None:
     with open(path, "rb") as file:
         if file.read(16).startswith(b"MATLAB 7.3"):
             raise DataError(f"{path.name}: a MATLAB v7.3 file: save it with -v7.")
+
+
+def _read_mat(path: Path, variable: str) -> dict[str, dict[str, Any]]:
+    import scipy.io
+
     workspace = scipy.io.loadmat(path)
     if variable not in workspace or workspace[variable].dtype.names is None:
         raise DataError(f"{path.name}: there is no struct {variable!r}: the file is of another origin.")

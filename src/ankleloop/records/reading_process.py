@@ -1,4 +1,4 @@
-"""Files of a laboratory are opened by another process, with limits of time and memory: see `records.reading_server`.
+"""Files that may be damaged are opened by another process, with limits of time and memory: `records.reading_server`.
 
 A file that is damaged in a way that kills or halts the library of its format gives a `DataError`, and nothing else
 happens. The other process is started for the first file, and serves all that follow.
@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
@@ -28,7 +28,7 @@ from ankleloop.records.file_formats import SUFFIXES, find_suffix
 from ankleloop.records.files import check_readable
 from ankleloop.records.reading_options import ReadingOptions
 
-__all__ = ["describe_channels", "read_channels", "read_samples", "stop"]
+__all__ = ["describe_channels", "read_channels", "read_samples", "rewrite_file", "stop"]
 
 START_SECONDS = 120.0  # until the process is ready, on a machine that is busy or has a slow disk
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # for a file
@@ -39,6 +39,9 @@ PROGRAM = (
     "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.records.reading_server import main; main(sys.argv[2:])"
 )
 WHOLE = "check that the file is whole and its suffix right"
+LONG = "a long record is read from HDF5 or NetCDF with ankleloop.LongRecord"
+
+Describe = Callable[[str], str]  # gives the message about a file that cannot be read, for a reason
 
 
 def read_channels(
@@ -121,6 +124,32 @@ def read_samples(
     return _request(path, options, part=[int(start), int(stop)], roles=None if channels is None else list(channels))
 
 
+def rewrite_file(path: Path, copy: Path, describe: Describe) -> None:
+    """Have the contents of a NetCDF-4 file or MATLAB file written anew, so that this process can open the copy.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file, which exists.
+    copy : pathlib.Path
+        File to write, which must not exist.
+    describe : callable
+        Gives the message of the error for a reason.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, or reading it takes too much, as of `read_channels`.
+    """
+    message = {"path": str(path.absolute()), "copy": str(copy), "format": "rewriting", **_limits(path.stat().st_size)}
+    _server().ask(message, describe)
+
+
+def _limits(size: int) -> dict[str, float]:
+    """Limits of time [s] and memory [bytes] for a file of a size [bytes]."""
+    return {"seconds": SECONDS + SECONDS_PER_MEGABYTE * size / 1e6, "memory": BYTES + BYTES_PER_BYTE * size}
+
+
 def _check_file(path: Path) -> int:
     """Size of a file [bytes], which must be there, readable, and not empty."""
     check_readable(path)
@@ -128,31 +157,30 @@ def _check_file(path: Path) -> int:
         raise DataError(f"{path.name}: unknown kind of file: convert it to one of {', '.join(SUFFIXES)}.")
     size = path.stat().st_size
     if size == 0:
-        raise DataError(f"{_fault(path.name)} (it is empty, 0 bytes): {WHOLE}.")
+        raise DataError(_describe(path, "it is empty, 0 bytes"))
     return size
 
 
-def _fault(source: str) -> str:
-    return f"{source}: cannot be read as {find_suffix(Path(source))}"
+def _describe(path: Path, reason: str) -> str:
+    return f"{path.name}: cannot be read as {find_suffix(path)} ({reason}): {WHOLE}."
 
 
 def _request(path: str | os.PathLike[str], options: ReadingOptions, **changes: Any) -> dict[str, Channel]:
     path = Path(path)
     size = _check_file(path)
-    limit = SECONDS + SECONDS_PER_MEGABYTE * size / 1e6
     message = {
         "path": str(path.absolute()),
+        "format": find_suffix(path),
         "variables": options.variables,
         "extras": [],
         "has_rate": options.sampling_rate is not None,
         "part": None,
         "with_samples": True,
         "roles": None,
-        "seconds": limit,
-        "memory": BYTES + BYTES_PER_BYTE * size,
+        **_limits(size),
         **changes,
     }
-    return _server().ask(path.name, message)
+    return _server().ask(message, lambda reason: _describe(path, reason))
 
 
 class _Server:
@@ -162,17 +190,17 @@ class _Server:
         self.owner = os.getpid()
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
-        self._suffixes: set[str | None] = set()  # of the formats whose libraries it has
+        self._formats: set[str] = set()  # whose libraries it has
         # Forks are safe where no system library has started threads of its own, as those of macOS do.
         self._arguments = ["fork"] if (sys.platform == "linux" if is_forking is None else is_forking) else []
 
-    def ask(self, source: str, message: dict[str, Any]) -> dict[str, Channel]:
+    def ask(self, message: dict[str, Any], describe: Describe) -> dict[str, Channel]:
         """Send a request; receive the channels."""
         with self._lock:
             if self._process is None or self._process.poll() is not None:
                 self._start()
             try:
-                return self._ask(source, message)
+                return self._ask(message, describe)
             except DataError:
                 raise
             except BaseException:  # the answer may be half read, after Ctrl-C for example
@@ -202,7 +230,7 @@ class _Server:
 
     def _start(self) -> None:
         self.stop()
-        self._suffixes.clear()
+        self._formats.clear()
         # -P: files of the current folder that have the name of a module are not imported.
         command = [sys.executable, "-P", "-c", PROGRAM, str(LIBRARY), *self._arguments]
         variables = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -224,25 +252,24 @@ class _Server:
                 "the Python of its environment."
             )
 
-    def _ask(self, source: str, message: dict[str, Any]) -> dict[str, Channel]:
+    def _ask(self, message: dict[str, Any], describe: Describe) -> dict[str, Channel]:
         process, limit = self._process, message["seconds"]
         assert process is not None
         start = time.monotonic()
         channels: dict[str, Channel] = {}
         # A fork ends itself by then; the first file of a format waits for its libraries.
-        suffix = find_suffix(Path(source))
-        extra = (5.0 if self._arguments else 0.0) + (0.0 if suffix in self._suffixes else START_SECONDS)
+        extra = (5.0 if self._arguments else 0.0) + (0.0 if message["format"] in self._formats else START_SECONDS)
         with _Deadline(process, limit + extra) as deadline:
             try:
                 _pipe(process.stdin).write(json.dumps(message).encode() + b"\n")
                 _pipe(process.stdin).flush()
                 end = _receive(_pipe(process.stdout), channels)
-                self._suffixes.add(suffix)
+                self._formats.add(message["format"])
             except (OSError, EOFError, ValueError, KeyError):  # no whole answer
                 end = {"kind": "slow" if deadline.is_over else "died", "code": self._end()}
         if not self._arguments and end["kind"] in ("failed", "memory"):
             self.stop()  # it ends by itself, but perhaps after the next request
-        _refuse(source, end, message, time.monotonic() - start)
+        _refuse(end, message, describe, time.monotonic() - start)
         for text in end.get("warnings", ()):
             warnings.warn(text, UserWarning, stacklevel=6)  # of the caller of read_trial
         return channels
@@ -267,25 +294,23 @@ def _receive(pipe: IO[bytes], channels: dict[str, Channel]) -> dict[str, Any]:
         channels[message["role"]] = Channel(message["name"], message["unit"], shape, values)
 
 
-def _refuse(source: str, end: dict[str, Any], request: dict[str, Any], seconds: float) -> None:
+def _refuse(end: dict[str, Any], request: dict[str, Any], describe: Describe, seconds: float) -> None:
     """Raise the error that an answer stands for."""
     kind = end["kind"]
     if kind == "refused":
         raise DataError(end["text"])
-    fault = _fault(source)
     if kind == "failed":
-        raise DataError(f"{fault} ({end['text']}): {WHOLE}.")
+        raise DataError(describe(end["text"]))
     if kind == "memory":
+        hint = "" if request["format"] == "rewriting" else LONG
         raise DataError(
-            f"{fault} (it needs more than {request['memory'] / 1e9:.1f} GB of memory): {WHOLE}; a long record is read "
-            "from HDF5 or NetCDF with ankleloop.LongRecord."
+            describe(f"it needs more than {request['memory'] / 1e9:.1f} GB of memory").rstrip(".") + f"{hint}."
         )
     if kind == "slow":
-        raise DataError(
-            f"{fault} (stopped after {seconds:.0f} s, {request['seconds']:.0f} s is the limit for its size): {WHOLE}."
-        )
+        limit = request["seconds"]
+        raise DataError(describe(f"stopped after {seconds:.0f} s, {limit:.0f} s is the limit for its size"))
     if kind == "died":
-        raise DataError(f"{fault} (it crashed the process that reads it{_name_signal(end.get('code'))}): {WHOLE}.")
+        raise DataError(describe(f"it crashed the process that reads it{_name_signal(end.get('code'))}"))
 
 
 def _name_signal(code: int | None) -> str:

@@ -1,11 +1,12 @@
-"""The process that opens files of a laboratory for another one: `ankleloop.records.reading_process` starts it.
+"""The process that opens files for another one: `ankleloop.records.reading_process` starts it.
 
 A damaged file can crash the libraries of a format, halt them, or make them take all memory. On Linux each file is read
 by a fork of this process, whose memory no earlier file has touched; elsewhere by this process itself, which ends after
 a file that a library failed on.
 
-Requests come as lines of JSON on the standard input. The answer is a sequence of lines of JSON on the standard output:
-channels, each with its samples behind it as bytes, and a last line that says how it ended.
+Requests come as lines of JSON on the standard input: to read the channels of a recording, or to write the contents of
+a file anew. The answer is a sequence of lines of JSON on the standard output: channels, each with its samples behind it
+as bytes, and a last line that says how it ended.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from typing import IO, Any
 
 from ankleloop.errors import DataError
 from ankleloop.records.channel_files import Request, read_channels
-from ankleloop.records.file_formats import SUFFIXES, find_suffix, open_contents
+from ankleloop.records.checksums import has_right_checksum
+from ankleloop.records.file_formats import open_contents
 
 __all__ = ["main"]
 
@@ -36,9 +38,11 @@ LIBRARIES = {
     ".nc": ("scipy.io", "ankleloop.records.hdf5_files"),
     ".h5": ("ankleloop.records.hdf5_files",),
     ".hdf5": ("ankleloop.records.hdf5_files",),
+    "rewriting": ("scipy.io", "ankleloop.records.rewriting"),
 }
+FORMATS = tuple(LIBRARIES)
 
-FAILURE, END_OF_INPUT, IMPORT = 1, 2, 10  # statuses of a fork; from IMPORT on: import the libraries of that suffix
+FAILURE, END_OF_INPUT, IMPORT = 1, 2, 10  # statuses of a fork; from IMPORT on: import the libraries of that format
 IDLE, SENDING, DONE = 0, 1, 2  # how far an answer is
 
 Message = Mapping[str, Any]
@@ -63,17 +67,13 @@ def main(arguments: list[str]) -> None:
         return
     for line in sys.stdin.buffer:
         request = json.loads(line)
-        _import_libraries(_suffix_of(request))
+        _import_libraries(request["format"])
         if not _answer(request, send):
             return
 
 
-def _suffix_of(request: Message) -> str:
-    return find_suffix(Path(request["path"])) or ""
-
-
-def _import_libraries(suffix: str) -> None:
-    for module in LIBRARIES[suffix]:
+def _import_libraries(name: str) -> None:
+    for module in LIBRARIES[name]:
         importlib.import_module(module)
 
 
@@ -87,7 +87,7 @@ def _sender(output: IO[bytes]) -> Send:
 
 
 def _answer(request: Message, send: Send) -> bool:
-    """Read a file and send its channels; False if a library failed, whose state is not to be trusted any more."""
+    """Do what is requested with a file; False if a library failed, whose state is not to be trusted any more."""
     path = Path(request["path"])
     end: dict[str, Any] = {"kind": "end"}
     sound = True
@@ -95,7 +95,10 @@ def _answer(request: Message, send: Send) -> bool:
         warnings.simplefilter("always")
         try:
             _limit_memory(request["memory"])
-            _send_channels(path, request, send)
+            if request["format"] == "rewriting":
+                _rewrite(path, request)
+            else:
+                _send_channels(path, request, send)
         except DataError as error:
             end = {"kind": "refused", "text": str(error)}
         except MemoryError:
@@ -120,6 +123,11 @@ def _send_channels(path: Path, request: Message, send: Send) -> None:
         with_samples=request["with_samples"],
         roles=None if request["roles"] is None else tuple(request["roles"]),
     )
+    if part is None and request["with_samples"] and has_right_checksum(path) is False:
+        raise DataError(
+            f"{path.name}: bytes have changed since the file was written (its checksum is wrong): restore it from a "
+            "copy."
+        )
     contents = open_contents(path)
     for role, channel in read_channels(contents, wanted):
         message = {"kind": "channel", "role": role, "name": channel.name, "unit": channel.unit, "shape": channel.shape}
@@ -128,6 +136,12 @@ def _send_channels(path: Path, request: Message, send: Send) -> None:
         else:
             send({**message, "bytes": channel.values.nbytes}, channel.values.ravel())
     contents.close()
+
+
+def _rewrite(path: Path, request: Message) -> None:
+    from ankleloop.records.rewriting import rewrite  # here, because recordings do not need it
+
+    rewrite(path, Path(request["copy"]))
 
 
 def _describe(cause: Exception) -> str:
@@ -169,7 +183,7 @@ def _answer_in_forks(send: Send) -> None:
         if sending[0] == SENDING or (code >= 0 and sending[0] != DONE):
             sys.exit(1)  # the answer is cut off: its reader has to notice
         if code >= IMPORT:
-            _import_libraries(SUFFIXES[code - IMPORT])
+            _import_libraries(FORMATS[code - IMPORT])
         elif code < 0 and sending[0] != DONE:
             send({"kind": "slow"} if code == -signal.SIGALRM else {"kind": "died", "code": code})
 
@@ -180,9 +194,9 @@ def _answer_as_fork(send: Send, sending: mmap.mmap) -> int:
     if not line:
         return END_OF_INPUT
     request = json.loads(line)
-    suffix = _suffix_of(request)
-    is_ready = all(module in sys.modules for module in LIBRARIES[suffix])
-    _import_libraries(suffix)
+    name = request["format"]
+    is_ready = all(module in sys.modules for module in LIBRARIES[name])
+    _import_libraries(name)
     # Its own clock ends a fork that outlives the process that asked.
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_REAL, request["seconds"])
@@ -193,7 +207,7 @@ def _answer_as_fork(send: Send, sending: mmap.mmap) -> int:
         sending[0] = IDLE if message["kind"] == "channel" else DONE
 
     _answer(request, send_all)
-    return 0 if is_ready else IMPORT + SUFFIXES.index(suffix)
+    return 0 if is_ready else IMPORT + FORMATS.index(name)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,8 @@ import xarray as xr
 
 from ankleloop.arguments import check_flag, check_number, check_path
 from ankleloop.errors import DataError
-from ankleloop.records.files import check_output, readable_file, source_files, write_netcdf
+from ankleloop.records.files import check_output, source_files, write_netcdf
+from ankleloop.records.readable_files import readable_file
 from ankleloop.records.validation import CHANNELS, REQUIRED, validate
 from ankleloop.signals.sampling import format_samples, parse_rate
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,8 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.records.files import atomic_netcdf, parse_precision, readable_file
+from ankleloop.records.files import atomic_netcdf, parse_precision
+from ankleloop.records.readable_files import describe_damage, readable_file
 from ankleloop.records.validation import validate
 
 if TYPE_CHECKING:
@@ -22,9 +24,12 @@ if TYPE_CHECKING:
 __all__ = ["FailedTrial", "TrialChunk", "load_chunks", "load_trial_of", "load_trials", "save_trials"]
 
 CHUNK = 25  # trials read at a time: each access to the file costs more than the numbers
+WRITTEN = 2**22  # bytes of a channel that are written at a time
+CHUNK_MEMORY = 2**25  # bytes of the signals read at a time, where the trials are long
 ATTRIBUTES = "trial_attributes"  # those in which the trials of a file differ
 FAILURE = "failure"  # why a trial is missing; a file in which none is has no such variable
 INDEX = ("point", "number", ATTRIBUTES, FAILURE)
+KIND, REMEDY = "trial file", "delete it and run again; it is made anew"
 
 Path = str | os.PathLike[str]
 
@@ -122,7 +127,8 @@ def save_trials(
         trials = list(trials)
         index = [("only", number) for number in range(len(trials))]
     with atomic_netcdf(path, overwrite=overwrite) as (file, sink):
-        attributes: list[dict[str, Any]] = []
+        attributes: list[Mapping[str, Any]] = []
+        first: dict[str, Any] = {}
         reasons: list[str] = []
         writer: _ChannelWriter | None = None
         for row, (trial, key) in enumerate(zip(trials, index, strict=True)):
@@ -133,7 +139,8 @@ def save_trials(
             writer = writer or _ChannelWriter(file, trial, len(index), kind)
             writer.write(row, trial, key)
             sink.check()
-            attributes.append(trial.attrs)
+            first = first or trial.attrs
+            attributes.append(_keep_differences(trial.attrs, first))
             reasons.append("")
         if not attributes:
             raise DataError(f"{path}: there are no trials to save.")
@@ -145,7 +152,7 @@ def save_trials(
 
 
 class _ChannelWriter:
-    """Writes the channels of one trial after the other, so that no more than one trial is in memory.
+    """Writes the channels of one trial after the other, several trials at a time where they are short.
 
     A channel is a number for each trial until a trial has other samples than its first one.
     """
@@ -153,6 +160,7 @@ class _ChannelWriter:
     def __init__(self, file: h5netcdf.File, template: xr.Dataset, count: int, kind: type[np.floating]) -> None:
         self._file, self._template, self._kind = file, template, kind
         self._constants = {str(name): np.full(count, np.nan) for name in template.data_vars}
+        self._waiting: dict[str, tuple[int, list[np.ndarray]]] = {}  # first row and rows that are not yet written
         file.dimensions = {"trial": count, "time": template.sizes["time"]}
         self._create("time", ("time",), np.float64)[:] = template["time"].values
 
@@ -174,12 +182,27 @@ class _ChannelWriter:
                 variable = self._create(name, ("trial", "time"), self._kind)
                 for earlier, value in enumerate(self._constants.pop(name)[:row]):
                     variable[earlier] = np.full(values.size, value, self._kind)
-            self._file.variables[name][row] = values.astype(self._kind)
+            self._add_row(name, row, values.astype(self._kind))
 
     def finish(self) -> None:
-        """Write the channels that are constant in every trial."""
+        """Write what is not yet written: the last trials, and the channels that are constant in every trial."""
+        for name in list(self._waiting):
+            self._write_rows(name)
         for name, values in self._constants.items():
             self._create(name, ("trial",), np.float64)[:] = values
+
+    def _add_row(self, name: str, row: int, values: np.ndarray) -> None:
+        first, rows = self._waiting.setdefault(name, (row, []))
+        if row != first + len(rows):  # a trial between them failed
+            self._write_rows(name)
+            _, rows = self._waiting.setdefault(name, (row, []))
+        rows.append(values)
+        if len(rows) * values.nbytes >= WRITTEN:
+            self._write_rows(name)
+
+    def _write_rows(self, name: str) -> None:
+        first, rows = self._waiting.pop(name)
+        self._file.variables[name][first : first + len(rows)] = np.stack(rows)
 
     def _create(self, name: str, dimensions: tuple[str, ...], kind: type[np.floating]) -> h5netcdf.Variable:
         variable = self._file.create_variable(name, dimensions, kind)
@@ -187,8 +210,16 @@ class _ChannelWriter:
         return variable
 
 
+def _keep_differences(attributes: dict[str, Any], first: dict[str, Any]) -> Mapping[str, Any]:
+    """The same attributes; values that are those of the first trial take no memory."""
+    if attributes.keys() != first.keys():
+        return attributes
+    same = {name for name, value in attributes.items() if (type(value), value) == (type(first[name]), first[name])}
+    return ChainMap({name: value for name, value in attributes.items() if name not in same}, first)
+
+
 def _write_index(
-    file: h5netcdf.File, index: Sequence[tuple[str, int]], attributes: list[dict[str, Any]], reasons: list[str]
+    file: h5netcdf.File, index: Sequence[tuple[str, int]], attributes: Sequence[Mapping[str, Any]], reasons: list[str]
 ) -> None:
     """Write point, number and attributes of every trial; attributes that all trials share are those of the file."""
     import h5py
@@ -254,10 +285,11 @@ def load_chunks(path: Path, trials: Mapping[str, Sequence[int]] | None = None) -
     DataError
         If there is no such file, it is damaged, a trial in it is not valid, or one of `trials` is not in it.
     """
-    with _readable(path), _open(path) as data:
+    with _open(path) as data:
+        count = _count_rows(data)
         for rows in _find_rows(data, trials, path):
-            for start in range(rows.start, rows.stop, CHUNK):
-                yield _read_chunk(data, slice(start, min(start + CHUNK, rows.stop)), path)
+            for start in range(rows.start, rows.stop, count):
+                yield _read_chunk(data, slice(start, min(start + count, rows.stop)), path)
 
 
 def _find_rows(data: xr.Dataset, trials: Mapping[str, Sequence[int]] | None, path: Path) -> list[range]:
@@ -313,7 +345,7 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
     1
     """
     for path in paths:
-        with _readable(path), _open(path) as data:
+        with _open(path) as data:
             row = np.flatnonzero((data["point"].values == point) & (data["number"].values == number))
             if row.size:
                 chunk = _read_chunk(data, slice(row[0], row[0] + 1), path)
@@ -323,12 +355,25 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
     raise DataError(f"no trial file has trial {number} of the point {point!r}: check the name and the number.")
 
 
-def _readable(path: Path) -> AbstractContextManager[object]:
-    return readable_file(path, "trial file", "delete it, and simulate again (the workflow does so by itself)")
+@contextmanager
+def _open(path: Path) -> Iterator[xr.Dataset]:
+    """The contents of a trial file, not yet read; errors of the block name the file."""
+    with (
+        readable_file(path, KIND, REMEDY) as readable,
+        xr.open_dataset(readable, engine="h5netcdf", decode_times=False) as data,
+    ):
+        required = {*INDEX[:3]} if FAILURE in data else {*INDEX[:3], "time"}
+        missing = required - set(data.variables)
+        if missing:
+            reason = f"no trial file of ankleloop, which save_trials writes: it has no variable {min(missing)!r}"
+            raise DataError(describe_damage(path, KIND, REMEDY, reason))
+        yield data
 
 
-def _open(path: Path) -> xr.Dataset:
-    return xr.open_dataset(path, engine="h5netcdf", decode_times=False)
+def _count_rows(data: xr.Dataset) -> int:
+    """Trials that are read at a time, at least one."""
+    size = 8 * data.sizes.get("time", 0) * sum(variable.ndim > 1 for variable in data.variables.values())
+    return min(CHUNK, max(1, CHUNK_MEMORY // size)) if size else CHUNK
 
 
 def _read_chunk(data: xr.Dataset, rows: slice, path: Path) -> TrialChunk:
@@ -345,7 +390,7 @@ def _read_chunk(data: xr.Dataset, rows: slice, path: Path) -> TrialChunk:
     time = part["time"].variable
     shared = {name: value.item() if hasattr(value, "item") else value for name, value in part.attrs.items()}
     variables = {str(name): v for name, v in part.variables.items() if name not in (*INDEX, "time")}
-    signals = {name: v.values.astype(float) for name, v in variables.items() if v.ndim > 1}
+    signals = {name: np.asarray(v.values, float) for name, v in variables.items() if v.ndim > 1}
     trials = []
     for row, (text, (point, number)) in enumerate(zip(part[ATTRIBUTES].values, index, strict=True)):
         channels = {

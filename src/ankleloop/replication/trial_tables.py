@@ -7,7 +7,7 @@ import itertools
 import os
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,8 @@ from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
 from ankleloop.errors import DataError
-from ankleloop.records.files import atomic_file, readable_file
+from ankleloop.records.files import atomic_file, check_readable
+from ankleloop.records.readable_files import name_errors
 from ankleloop.replication.completeness import check_scores
 from ankleloop.replication.results import KEYS
 from ankleloop.replication.trial_columns import (
@@ -138,7 +139,7 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
     for name in columns or ():
         if name not in known:
             raise DataError(f"{path}: there is no column {name!r}; there are {', '.join(known)}.")
-    with readable_file(path, "table of trials", REMEDY):
+    with _readable(path, "table of trials"):
         table = parquet.read_table(
             path, columns=None if columns is None else list(columns), page_checksum_verification=True, use_threads=False
         )
@@ -162,8 +163,16 @@ def trial_table_columns(path: PathLike) -> list[str]:
     DataError
         If there is no such file, or it is damaged.
     """
-    with readable_file(path, "table of trials", REMEDY):
+    with _readable(path, "table of trials"):
         return list(parquet.read_schema(path).names)
+
+
+@contextmanager
+def _readable(path: PathLike, kind: str) -> Iterator[None]:
+    """Say in plain words what is wrong with a table that is read in the block."""
+    check_readable(path)
+    with name_errors(path, kind, REMEDY):
+        yield
 
 
 def _scan(
@@ -189,13 +198,13 @@ def _scan(
 
 
 def _read_header(path: PathLike) -> list[str]:
-    with readable_file(path, "table", REMEDY), open(path, newline="", encoding="utf-8") as file:
+    with _readable(path, "table"), open(path, newline="", encoding="utf-8") as file:
         return next(csv.reader(file))
 
 
 def _read_csv(path: PathLike, kinds: Mapping[str, Kind], columns: Sequence[str] = ()) -> pa.Table:
     """Columns of a table of a chunk, by default all of them, each of its kind; numbers with all of their digits."""
-    with readable_file(path, "table", REMEDY):
+    with _readable(path, "table"):
         with open(path, "rb") as file:
             file.seek(-1, os.SEEK_END)
             if file.read() != b"\n":

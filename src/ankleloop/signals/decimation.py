@@ -1,4 +1,4 @@
-"""Decimation and differentiation by the same zero-phase low-pass, sampled exactly.
+"""Decimation of signals, and of their derivatives, by the same zero-phase low-pass, sampled exactly.
 
 Every channel of a trial goes through the same kernel, so linear relations between position, velocity, acceleration
 and torque survive decimation. A derivative is the convolution with the derivative of that kernel: unlike a difference
@@ -19,19 +19,17 @@ from ankleloop.kernels import kernel
 
 __all__ = [
     "convolve",
+    "convolve_strided",
     "decimate",
     "decimation_factor",
     "decimation_margin",
-    "differentiate",
-    "differentiation_margin",
-    "filter_kernels",
+    "decimation_taps",
+    "design_lowpass",
     "lowpass",
 ]
 
 # Fractions of the identification rate: for 100 Hz data, flat to 38 Hz and zero from the Nyquist frequency of 50 Hz on.
 PASSBAND, STOPBAND = 0.38, 0.50
-# Band of the velocity at the input of the static nonlinearity [Hz]; less where the sampling rate is low.
-VELOCITY_PASSBAND, VELOCITY_STOPBAND = 150.0, 250.0
 ATTENUATION_DB = 90.0
 LARGEST_FACTOR = 10_000  # of the decimation: the design of its kernel takes memory in proportion, 10 kB each
 
@@ -80,12 +78,36 @@ def decimation_factor(sampling_rate: float, identification_rate: float) -> int:
 
 
 @lru_cache(maxsize=64)
-def _design_lowpass(
+def design_lowpass(
     rate: float, passband: float, stopband: float, derivative: int = 0, shift: float = 0.0
 ) -> tuple[np.ndarray, int]:
     """Taps of a Kaiser low-pass, differentiated and delayed by a fraction of a sample, and their half length.
 
     The derivative and the shift are applied to the spectrum of the taps: they act on the band-limited kernel itself.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate [Hz].
+    passband, stopband : float
+        Edges of the transition [Hz].
+    derivative : int
+        Order of the derivative.
+    shift : float
+        Delay in samples, below 1.
+
+    Returns
+    -------
+    taps : ndarray, shape (2 half + 1,)
+        Impulse response [1/s to the power of the derivative].
+    half : int
+        Half length in samples.
+
+    Examples
+    --------
+    >>> taps, half = design_lowpass(1000.0, 38.0, 50.0)
+    >>> taps.size == 2 * half + 1, round(float(taps.sum()), 12)
+    (True, 1.0)
     """
     # Kaiser's formulas (1974), because importing scipy.signal takes longer than most jobs of the workflow.
     half = int(np.ceil((ATTENUATION_DB - 7.95) / (2.285 * 2 * np.pi * (stopband - passband) / rate) + 1)) // 2 + 1
@@ -107,10 +129,31 @@ def _design_lowpass(
 
 
 @lru_cache(maxsize=64)
-def _decimation_taps(factor: int, derivative: int) -> tuple[np.ndarray, int]:
-    """Taps of the decimation, and their half length in whole decimated samples."""
+def decimation_taps(factor: int, derivative: int) -> tuple[np.ndarray, int]:
+    """Taps of the decimation, and their half length in whole decimated samples.
+
+    Parameters
+    ----------
+    factor : int
+        Decimation factor.
+    derivative : int
+        0, 1 or 2.
+
+    Returns
+    -------
+    taps : ndarray, shape (2 half + 1,)
+        Impulse response at a decimated rate of 1 Hz.
+    half : int
+        Half length in recorded samples.
+
+    Examples
+    --------
+    >>> taps, half = decimation_taps(10, 0)
+    >>> taps.size == 2 * half + 1, half % 10
+    (True, 0)
+    """
     # Design at unit identification rate, so that one cached design serves every rate.
-    taps, half = _design_lowpass(float(factor), PASSBAND, STOPBAND, derivative)
+    taps, half = design_lowpass(float(factor), PASSBAND, STOPBAND, derivative)
     half_length = -(-half // factor) * factor
     taps = np.pad(taps, half_length - half)
     taps.setflags(write=False)
@@ -135,7 +178,7 @@ def decimation_margin(factor: int) -> int:
     >>> decimation_margin(10) % 10
     0
     """
-    return _decimation_taps(check_integer("decimation", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR), 1)[1]
+    return decimation_taps(check_integer("decimation", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR), 1)[1]
 
 
 def decimate(
@@ -183,7 +226,7 @@ def decimate(
     rate = check_number("decimate", "rate", rate, "Hz", gt=0)
     derivative = check_integer("decimate", "derivative", derivative, ge=0, le=2)
     signal = np.asarray(x, dtype=float)
-    taps, half = _decimation_taps(factor, derivative)
+    taps, half = decimation_taps(factor, derivative)
     start, stop = first - half, first + factor * (count - 1) + half + 1
     if count < 1 or start < 0 or stop > signal.shape[-1]:
         raise DataError(
@@ -193,12 +236,31 @@ def decimate(
     if derivative:
         # Constants are in the null space of a derivative: removing them first keeps the rounding small.
         signal = signal - signal.mean(axis=-1, keepdims=True)
-    y = _convolve_strided(signal, taps, start, factor, count)
+    y = convolve_strided(signal, taps, start, factor, count)
     return y * (rate / factor) ** derivative if derivative else y
 
 
-def _convolve_strided(x: np.ndarray, taps: np.ndarray, start: int, stride: int, count: int) -> np.ndarray:
-    """Samples of the convolution of one signal or of several: only those that need nothing beyond the ends."""
+def convolve_strided(x: np.ndarray, taps: np.ndarray, start: int, stride: int, count: int) -> np.ndarray:
+    """Samples of the convolution of one signal or of several: only those that need nothing beyond the ends.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N,) or (channels, N)
+        Signals.
+    taps : ndarray, shape (M,)
+        Impulse response.
+    start, stride, count : int
+        First sample under the taps of the first result, step to those of the next one, and number of results.
+
+    Returns
+    -------
+    ndarray, shape (count,) or (channels, count)
+
+    Examples
+    --------
+    >>> convolve_strided(np.arange(6.0), np.array([1.0, -1.0]), 0, 2, 3).tolist()
+    [1.0, 1.0, 1.0]
+    """
     rows = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
     return _sum_products(rows, np.ascontiguousarray(taps[::-1]), start, stride, count).reshape(*x.shape[:-1], count)
 
@@ -249,7 +311,7 @@ def lowpass(x: ArrayLike, factor: int) -> np.ndarray:
     """
     factor = check_integer("lowpass", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR)
     x = np.asarray(x, dtype=float)
-    taps, half = _decimation_taps(factor, 0)
+    taps, half = decimation_taps(factor, 0)
     return convolve(x - x.mean(), taps)[half : half + x.size]
 
 
@@ -275,132 +337,3 @@ def convolve(x: np.ndarray, taps: np.ndarray) -> np.ndarray:
     length = x.size + taps.size - 1
     size = next_fast_len(length, real=True)
     return irfft(rfft(x, size) * rfft(taps, size), size)[:length]
-
-
-def _velocity_taps(rate: float, shift: float) -> tuple[np.ndarray, int]:
-    """Taps of the half_length differentiator, delayed by a fraction of a sample, and their half length."""
-    stopband = min(VELOCITY_STOPBAND, 0.5 * rate)
-    passband = min(VELOCITY_PASSBAND, 0.6 * stopband)
-    return _design_lowpass(float(rate), passband, stopband, 1, float(shift))
-
-
-def _check_rate_and_delay(rate: float, delay: float) -> tuple[float, float]:
-    return (
-        check_number("differentiate", "rate", rate, "Hz", gt=0, le=1e9),
-        check_number("differentiate", "delay", delay, "s", ge=-1000, le=1000),
-    )
-
-
-def differentiation_margin(rate: float, delay: float = 0.0) -> tuple[int, int]:
-    """Recorded samples that `differentiate` needs before and after each sample of its result.
-
-    Parameters
-    ----------
-    rate : float
-        Sampling rate [Hz].
-    delay : float
-        Delay [s].
-
-    Returns
-    -------
-    before, after : int
-        `after` is negative where the delay is longer than the kernel reaches.
-
-    Examples
-    --------
-    >>> before, after = differentiation_margin(1000.0, 0.040)
-    >>> before - after
-    80
-    """
-    rate, delay = _check_rate_and_delay(rate, delay)
-    half = _velocity_taps(rate, 0.0)[1]
-    whole = round(delay * rate)
-    return half + whole, half - whole
-
-
-def differentiate(x: ArrayLike, rate: float, delay: float = 0.0) -> np.ndarray:
-    """Velocity of a recorded signal through a half_length differentiator (150 Hz), delayed.
-
-    The delay need not be a whole number of samples: its fractional part is part of the kernel.
-
-    Parameters
-    ----------
-    x : array_like, shape (N,)
-        Signal at the recording rate.
-    rate : float
-        Sampling rate [Hz].
-    delay : float
-        Delay [s].
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Derivative [unit of x / s]. Samples nearer to an edge than `differentiation_margin` repeat the nearest
-        one at that distance.
-
-    Raises
-    ------
-    DataError
-        If the record is shorter than the kernel.
-
-    Examples
-    --------
-    >>> t = np.arange(1000) / 1000.0
-    >>> v = differentiate(np.sin(20 * t), 1000.0, delay=0.0405)
-    >>> np.allclose(v[500], 20 * np.cos(20 * (t[500] - 0.0405)), rtol=1e-4)
-    True
-    """
-    rate, delay = _check_rate_and_delay(rate, delay)
-    x = np.asarray(x, dtype=float)
-    whole = round(delay * rate)
-    taps, half = _velocity_taps(rate, round(delay * rate - whole, 9))
-    if x.size < taps.size + abs(whole):
-        raise DataError(
-            f"a record of {x.size} samples is too short to differentiate: it takes at least {taps.size + abs(whole)}."
-        )
-    velocity = _convolve_strided(x - x.mean(), taps, 0, 1, x.size - taps.size + 1)
-    # velocity[k] belongs to sample k + half; a delay of `whole` samples moves it to k + half + whole.
-    index = np.clip(np.arange(x.size) - half - whole, 0, velocity.size - 1)
-    return velocity[index]
-
-
-def filter_kernels(rate: float, identification_rate: float, delay: float) -> dict[str, np.ndarray]:
-    """Kernels of `decimate` and `differentiate` as plain sums, for programs that do without them.
-
-    Each signal at a recorded sample n is the sum of kernel · x(n - lag) over the lags.
-
-    Parameters
-    ----------
-    rate, identification_rate : float
-        Rates of the record and of the identification [Hz].
-    delay : float
-        Delay of the velocity [s].
-
-    Returns
-    -------
-    dict of str to ndarray
-        `decimation_kernel`, shape (3, taps): a row for the low-pass [1], its derivative [1/s] and its second one
-        [1/s²]; `velocity_kernel` [1/s], which delays; `decimation_lag` and `velocity_lag`, in recorded samples.
-
-    Examples
-    --------
-    >>> kernels = filter_kernels(1000.0, 100.0, 0.04)
-    >>> x, n = np.arange(2000.0) / 1000.0, 1000
-    >>> round(float(kernels["velocity_kernel"] @ x[n - kernels["velocity_lag"]]), 4)
-    1.0
-    """
-    rate, delay = _check_rate_and_delay(rate, delay)
-    factor = decimation_factor(rate, identification_rate)
-    half = decimation_margin(factor)
-    rows = [_decimation_taps(factor, derivative) for derivative in range(3)]
-    kernels = [
-        np.pad(taps, half - length) * identification_rate**derivative for derivative, (taps, length) in enumerate(rows)
-    ]
-    whole = round(delay * rate)
-    taps, length = _velocity_taps(rate, round(delay * rate - whole, 9))
-    return {
-        "decimation_kernel": np.array(kernels),
-        "decimation_lag": np.arange(-half, half + 1),
-        "velocity_kernel": taps,
-        "velocity_lag": np.arange(-length, length + 1) + whole,
-    }

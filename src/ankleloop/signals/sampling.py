@@ -11,7 +11,7 @@ from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
 from ankleloop.kernels import kernel
 
-__all__ = ["check_same_rate", "compute_rate", "compute_rate_of_parts", "format_samples", "parse_rate"]
+__all__ = ["check_same_rate", "compute_rate", "compute_rate_of_parts", "format_samples", "match_times", "parse_rate"]
 
 MOST_STEPS = 20_000_000  # whose median is computed
 LOWEST_RATE, HIGHEST_RATE = 0.001, 1e9  # Hz
@@ -229,3 +229,31 @@ def format_samples(count: int) -> str:
     ('1 sample', '2 samples')
     """
     return f"{count} sample" + ("s" if count != 1 else "")
+
+
+def match_times(grid: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Samples that two regular series of times of one rate have in common.
+
+    Parameters
+    ----------
+    grid : ndarray, shape (N,)
+        Times of the first series [s].
+    time : ndarray, shape (M,)
+        Times of the second one [s].
+
+    Returns
+    -------
+    rows, common : ndarray of int, shape (K,)
+        Numbers of the common samples in the first series and in the second one.
+
+    Examples
+    --------
+    >>> rows, common = match_times(np.array([0.2, 0.3, 0.4]), np.array([0.1, 0.2, 0.3]))
+    >>> rows.tolist(), common.tolist()
+    ([0, 1], [1, 2])
+    """
+    tolerance = 0.25 * (grid[-1] - grid[0]) / max(grid.size - 1, 1)
+    rows = np.searchsorted(grid, time - tolerance)
+    common = np.flatnonzero(rows < grid.size)
+    common = common[np.abs(grid[rows[common]] - time[common]) <= tolerance]
+    return rows[common], common

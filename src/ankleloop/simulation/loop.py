@@ -216,8 +216,8 @@ def _multiply_lanes(blocks, z, out):
     at = np.uint64(0)
     for first in range(np.uint64(0), np.uint64(out.size), np.uint64(4) * n):
         second, third, fourth = first + n, first + np.uint64(2) * n, first + np.uint64(3) * n
-        for k in range(first, first + np.uint64(4) * n):
-            out[k] = 0.0
+        for lane in range(np.uint64(4) * n):
+            out[first + lane] = 0.0
         for j in range(np.uint64(0), np.uint64(z.size), np.uint64(4) * n):
             m = blocks[at : at + size]
             at += size
@@ -227,14 +227,11 @@ def _multiply_lanes(blocks, z, out):
             for lane in range(n):
                 k = j + lane
                 p, q, r, s = z[k], z[k + n], z[k + np.uint64(2) * n], z[k + np.uint64(3) * n]
-                k = first + lane
-                out[k] = fuse(s, a3, fuse(r, a2, fuse(q, a1, fuse(p, a0, out[k]))))
-                k = second + lane
-                out[k] = fuse(s, b3, fuse(r, b2, fuse(q, b1, fuse(p, b0, out[k]))))
-                k = third + lane
-                out[k] = fuse(s, c3, fuse(r, c2, fuse(q, c1, fuse(p, c0, out[k]))))
-                k = fourth + lane
-                out[k] = fuse(s, d3, fuse(r, d2, fuse(q, d1, fuse(p, d0, out[k]))))
+                i0, i1, i2, i3 = first + lane, second + lane, third + lane, fourth + lane
+                out[i0] = fuse(s, a3, fuse(r, a2, fuse(q, a1, fuse(p, a0, out[i0]))))
+                out[i1] = fuse(s, b3, fuse(r, b2, fuse(q, b1, fuse(p, b0, out[i1]))))
+                out[i2] = fuse(s, c3, fuse(r, c2, fuse(q, c1, fuse(p, c0, out[i2]))))
+                out[i3] = fuse(s, d3, fuse(r, d2, fuse(q, d1, fuse(p, d0, out[i3]))))
 
 
 @kernel()

@@ -22,7 +22,7 @@ from ankleloop.simulation.settings import SimulationSettings
 __all__ = ["simulate", "simulate_trials"]
 
 CHUNK = 16  # trials of one pass: more of them take memory and no less time
-CHUNK_MEMORY = 2**31  # bytes of one pass, where the trials are long
+CHUNK_MEMORY = 2**28  # bytes of one pass, where the trials are long
 HELD_VALUES = 100  # values of noise over which the anti-aliasing filter settles
 TRIAL_ARRAYS = 16  # arrays over all samples of a trial that are in memory at a time, at least
 

@@ -11,7 +11,7 @@ __all__ = ["describe_error", "locate_errors"]
 
 
 def describe_error(error: BaseException) -> str:
-    """The message of an error in one line, with its type where that says more than the message.
+    """The message of an error in one line, with its type where that says more than the message, or what to do.
 
     Parameters
     ----------
@@ -33,6 +33,11 @@ def describe_error(error: BaseException) -> str:
     if hasattr(error, "ename") and hasattr(error, "evalue"):  # of a notebook: that in its cell
         kind, text = error.ename, error.evalue
     message = " ".join(text.split())
+    if isinstance(error, MemoryError):
+        return (
+            f"out of memory ({message or 'no message'}): run the same command again with fewer jobs at a time "
+            "(--cores 1), or on a machine with more memory. What other jobs have finished is kept."
+        )
     if kind in (DataError.__name__, UnstableLoopError.__name__):
         return message
     return f"{kind}: {message or 'no message'}"

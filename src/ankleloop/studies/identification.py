@@ -139,6 +139,7 @@ def identify_trials(
         if isinstance(trial, PreparedTrial):
             trial.clear()
         log.info("%s: identified trial %d", condition, number)
+        del trial  # before others are read: it holds the signals of all that were read with it
     results.write(files)
 
 
@@ -233,14 +234,23 @@ def _read_trials(
 ) -> Trials:
     """Trials of a file, prepared; those of one pass share the decimation of each signal."""
     ranks = {condition: rank for rank, condition in enumerate(conditions)}
-    for chunk in load_chunks(path, trials):
-        prepared = prepare_trials(chunk.trials, chunk.signals, grids) if chunk.trials else []
-        rows: list[tuple[PreparedTrial | FailedTrial, str, int]]
-        rows = list(zip(prepared, chunk.points, chunk.numbers, strict=True))
-        if chunk.failures:
-            rows += [(failure, failure.point, failure.number) for failure in chunk.failures]
-            rows.sort(key=lambda row: (ranks[row[1]], row[2]))
-        yield from rows
+    done = 0
+    try:
+        for chunk in load_chunks(path, trials):
+            prepared = prepare_trials(chunk.trials, chunk.signals, grids) if chunk.trials else []
+            rows: list[tuple[PreparedTrial | FailedTrial, str, int]]
+            rows = list(zip(prepared, chunk.points, chunk.numbers, strict=True))
+            if chunk.failures:
+                rows += [(failure, failure.point, failure.number) for failure in chunk.failures]
+                rows.sort(key=lambda row: (ranks[row[1]], row[2]))
+            del chunk, prepared
+            rows.reverse()
+            while rows:  # a trial holds what methods compute from it: none is kept after its turn
+                yield rows.pop()
+                done += 1
+    except MemoryError as error:
+        error.add_note(f"reading of trials from row {done} on, {path}")
+        raise
 
 
 def identification_grids(points: Points, methods: Methods) -> list[tuple[float, float]]:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, create_model, model_validator
 
 from ankleloop.methods.registry import METHODS
+from ankleloop.methods.selection import check_selection
 from ankleloop.options import Options, option
 
 __all__ = ["MethodSettings", "union_of_methods"]
@@ -29,19 +30,11 @@ class MethodSettings(Options):
 
     @model_validator(mode="after")
     def _check_candidates(self) -> Self:
-        if self.criterion and not self.select:
-            raise ValueError("criterion has no effect without select: name the options to select, or leave it out")
-        for name in self.select:
-            if name in self.options.model_fields_set:
-                raise ValueError(f"{name!r} is under options and under select: leave it out of one of them")
-        if self.criterion is not None and not self.select:
-            raise ValueError("criterion is that of a selection: name the options to select, or leave it out")
-        for name, candidates in self.select.items():
-            for value in candidates:
-                try:
-                    type(self.options).parse(f"method {self.method!r}", **{name: value})
-                except (TypeError, ValueError) as error:
-                    raise ValueError(f"select: {error}") from None
+        options = {name: getattr(self.options, name) for name in self.options.model_fields_set}
+        try:
+            check_selection(f"method {self.method!r}", type(self.options), options, self.select, self.criterion)
+        except TypeError as error:  # pydantic names the place of a ValueError only
+            raise ValueError(str(error)) from None
         return self
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any, Literal
 
@@ -109,24 +109,27 @@ def _list_failures(trials: Trials, failed: list[FailedTrial]) -> Trials:
 def _simulate_point(seed: int, study: str, point: str, part: Mapping[str, Any], failures: str) -> Trials:
     """Simulate the trials of a point."""
     numbers = range(part["first"], part["stop"])
-    seeds = [SeedSequence(trial_entropy(seed, study, point, number)) for number in numbers]
+
+    def seed_of(number: int) -> SeedSequence:
+        return SeedSequence(trial_entropy(seed, study, point, number))
+
     done = 0
-    while done < len(seeds):
-        trials = _simulate_to_error(seeds[done:], part["settings"])
+    while done < len(numbers):
+        trials = _simulate_to_error(map(seed_of, numbers[done:]), part["settings"])
         alone = iter(range(CHUNK))
-        while done < len(seeds):
+        while done < len(numbers):
             with locate_errors(f"study {study}, point {point}, trial {numbers[done]}"):
                 trial: xr.Dataset | FailedTrial | None = next(trials, None)
                 if trial is None:  # several trials ran together: which of them failed shows where each runs alone
                     if next(alone, None) is None:
                         break
-                    trial = _simulate_alone(point, numbers[done], seeds[done], part["settings"], failures)
+                    trial = _simulate_alone(point, numbers[done], seed_of(numbers[done]), part["settings"], failures)
             yield trial
             log.info("%s: simulated trial %d", point, numbers[done])
             done += 1
 
 
-def _simulate_to_error(seeds: Sequence[SeedSequence], settings: Mapping[str, Any]) -> Iterator[xr.Dataset]:
+def _simulate_to_error(seeds: Iterable[SeedSequence], settings: Mapping[str, Any]) -> Iterator[xr.Dataset]:
     """Trials up to the first ones that run together and one of which fails."""
     with suppress(*NUMERICAL_ERRORS):
         yield from simulate_trials(seeds, **settings)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from itertools import tee
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -122,10 +121,16 @@ class ChunkSource:
         m, p, _ = self.sizes
         regression = OutputRegression(A, C, m, self.dynamic)
         R = np.zeros((regression.unknowns + 1,) * 2, order="F")
-        chunks, chunks_again = tee(self)  # which are zipped, so that no more than one chunk is held
-        regressors = regression.generate_regressors(x[:, :m] for x in chunks)
-        for phi, x in zip(regressors, chunks_again, strict=True):
-            R = update_factor(R, np.column_stack([phi, x[:, m : m + p].reshape(-1)]))
+        outputs = np.zeros(0)
+
+        def take_inputs() -> Iterator[np.ndarray]:  # itertools.tee would hold the last 57 chunks
+            nonlocal outputs
+            for x in self:
+                outputs = x[:, m : m + p].reshape(-1)
+                yield x[:, :m]
+
+        for phi in regression.generate_regressors(take_inputs()):
+            R = update_factor(R, np.column_stack([phi, outputs]))
         return regression.unpack(solve_least_squares(R[:-1, :-1], R[:-1, -1], self.options.regression_tolerance))
 
 

@@ -82,10 +82,8 @@ class HankelRows:
 
     def list_indices(self, channels: int) -> np.ndarray:
         """Rows of U, Z and Y in the Hankel matrix of a record with this number of channels over the window."""
-        rows = [
-            (part + channels * np.arange(first, first + count)[:, None]).ravel() for part, first, count in self.matrices
-        ]
-        return np.concatenate(rows)
+        starts = channels * np.arange(self.window)
+        return np.concatenate([np.add.outer(starts[i : i + count], part).ravel() for part, i, count in self.matrices])
 
     def count_products(self, channels: int, columns: int) -> int:
         """Products that the inner products take, of records with this number of channels."""

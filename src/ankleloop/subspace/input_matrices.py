@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
-from scipy.linalg import blas
+from scipy.linalg import blas, lapack
 
 from ankleloop.arguments import check_flag, check_number, show_value
 from ankleloop.errors import DataError
@@ -393,9 +393,9 @@ def _solve_normal_equations(
     scale = np.sqrt(np.diag(gram))
     if scale.size > y.size or not scale.all():
         return None
-    values, vectors = np.linalg.eigh(gram / (scale[:, None] * scale), UPLO="U")
+    values, vectors, info = lapack.dsyevd(gram / (scale[:, None] * scale))  # of the upper triangle
     # Squares lose twice the digits that the condition takes.
-    if not values[0] > max(LEAST_RATIO, 2.0 * rank_tolerance) ** 2 * values[-1]:
+    if info or not values[0] > max(LEAST_RATIO, 2.0 * rank_tolerance) ** 2 * values[-1]:
         return None
     theta = vectors @ ((vectors.T @ (right / scale)) / values)
     return theta / scale, len(values), float(np.sqrt(values[-1] / values[0]))

@@ -24,6 +24,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ankleloop.errors import DataError
+from ankleloop.kernels import kernel
 from ankleloop.subspace.options import ProjectionForm
 
 __all__ = [
@@ -157,7 +158,19 @@ def _find_other_directions(matrix: np.ndarray, rank_tolerance: float) -> tuple[n
 def _bound_smallest_value(matrix: np.ndarray) -> float:
     """A number that the smallest singular value of a triangular matrix is not below: singular values take long."""
     inverse, info = lapack.dtrtri(matrix)
-    return 0.0 if info else 1.0 / float(np.linalg.norm(inverse))
+    return 0.0 if info else 1.0 / np.sqrt(_sum_squares_below(inverse)[0])
+
+
+@kernel()
+def _sum_squares_below(matrix):
+    """Sums of the squares in each row of the upper triangle and all rows below it; the lower triangle is not read."""
+    rows, columns = matrix.shape
+    sums, total = np.empty(rows), 0.0
+    for i in range(rows - 1, -1, -1):
+        for j in range(i, columns):
+            total += matrix[i, j] ** 2
+        sums[i] = total
+    return sums
 
 
 def _find_directions(matrix: np.ndarray, total: np.ndarray, tolerance: float) -> np.ndarray:
@@ -167,13 +180,12 @@ def _find_directions(matrix: np.ndarray, total: np.ndarray, tolerance: float) ->
     doubt of the rank: no singular value that counts is below those of the upper left triangle, none that does not is
     above the norm of what lies below.
     """
-    squares = np.sum(total**2, axis=0)
+    squares = np.einsum("ij,ij->j", total, total)
     low, high = tolerance * np.sqrt(squares.max()), tolerance * np.sqrt(squares.sum())  # bounds of the limit
     packed, _, tau, _, _ = lapack.dgeqp3(matrix)
-    triangle = np.triu(packed[: len(tau)])
-    below = np.cumsum(np.sum(triangle**2, axis=1)[::-1])[::-1]
+    below = _sum_squares_below(packed[: len(tau)])
     rank = int(np.count_nonzero(below > low**2))
-    if rank and _bound_smallest_value(triangle[:rank, :rank]) > high:
+    if rank and _bound_smallest_value(packed[:rank, :rank]) > high:
         return lapack.dorgqr(packed[:, :rank], tau[:rank])[0]
     left, values, _ = np.linalg.svd(matrix, full_matrices=False)
     return left[:, : int(np.sum(values > tolerance * np.linalg.norm(total, 2)))]
@@ -242,7 +254,9 @@ def _decompose_left(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if columns > LONG * rows:
         # The right singular vectors are of no use: the triangular factor has all else.
         matrix = np.linalg.qr(matrix.T, mode="r").T  # type: ignore[attr-defined]  # an array in this mode
-    left, values, _ = np.linalg.svd(matrix, full_matrices=False)
+    left, values, _, info = lapack.dgesdd(matrix, full_matrices=0)
+    if info:
+        raise np.linalg.LinAlgError("the singular values of the projection did not converge")
     return left, values
 
 

@@ -23,6 +23,7 @@ __all__ = [
     "scale_records",
 ]
 
+ROUNDING = 1e-13  # of a mean
 SMALLEST, LARGEST = 1e-100, 1e100  # standard deviations whose squares neither vanish nor overflow
 
 
@@ -130,11 +131,11 @@ def scale_records(
     samples = sum(record.shape[0] for record in records)
     deviations, means, squares = zip(*(_remove_means(np.ascontiguousarray(record)) for record in records), strict=True)
     scale = np.sqrt(sum(squares) / max(samples, 1))
-    if not (scale.min(initial=1.0) >= SMALLEST and scale.max(initial=1.0) <= LARGEST):
+    if not _are_usable(scale, np.array(means)):
         _refuse_not_finite(records, name)
         varies = np.any([np.ptp(record, axis=0) > 0 for record in records if len(record)], axis=0)
         refuse_range(np.where(varies | (scale > SMALLEST), scale, 1.0), name)
-    refuse_constant(scale, np.abs(means).max(axis=0), name)
+        refuse_constant(scale, np.abs(means).max(axis=0), name)
     if not scaling:
         scale = np.ones_like(scale)
     if not subtract_means:
@@ -160,6 +161,18 @@ def _remove_means(record):
     return deviation, means, squares
 
 
+@kernel()
+def _are_usable(scale, means):
+    """Whether all channels vary by more than rounding, and their squares neither vanish nor overflow."""
+    for c in range(scale.size):
+        if not (SMALLEST <= scale[c] <= LARGEST):  # nan, too
+            return False
+        for k in range(len(means)):
+            if scale[c] <= ROUNDING * abs(means[k, c]):
+                return False
+    return True
+
+
 def refuse_constant(scale: np.ndarray, size: np.ndarray, name: str) -> None:
     """Refuse channels that deviate from their mean by rounding alone.
 
@@ -175,7 +188,7 @@ def refuse_constant(scale: np.ndarray, size: np.ndarray, name: str) -> None:
     DataError
         For the first such channel.
     """
-    constant = scale <= 1e-13 * size
+    constant = scale <= ROUNDING * size
     if constant.any():
         raise DataError(f"{name} {constant.argmax()} is constant and carries no information: leave it out.")
 

@@ -3,15 +3,17 @@
 import numpy as np
 import pytest
 
-from ankleloop import simulate
+from ankleloop import new_trial, simulate
 from ankleloop.joint.movement_checks import (
     MotionProducts,
     check_excitation,
     check_reference,
     check_relation,
+    check_scale,
     check_sign,
     check_size,
     fit_stiffness_by_instruments,
+    is_plausible,
     reference_correlations,
 )
 from ankleloop.joint.prepared import prepare
@@ -67,7 +69,7 @@ def test_records_excite_together():
 
 def test_correlations_of_the_reference_against_numpy(trial):
     motion = products(trial)
-    reference = motion.trial.channel("reference", motion.grid)
+    reference = prepare(trial).channel("reference", motion.grid)
     later, position, torque = reference_correlations(motion, reference)
     matrix = np.corrcoef([reference, motion.signals[0], motion.signals[3]]) ** 2
     assert (position, torque) == pytest.approx((matrix[0, 1], matrix[0, 2]), abs=1e-9)
@@ -91,3 +93,34 @@ def test_signs():
     assert check_sign(np.array([-100.0, 1.0, 0.01]), 0.1).verdict == "ok"
     assert check_sign(np.array([-100.0, 1.0, 0.01]), 0.5).verdict == "refused"
     assert check_sign(np.array([-100.0, -1.0, -0.01]), 0.1).verdict == "refused"
+
+
+@pytest.mark.parametrize("position", [1.0, -1.0, 1e-4, 5.0])
+@pytest.mark.parametrize("torque", [1.0, -1.0, 1e-5, 1e4])
+def test_what_is_plausible_has_no_finding(trial, position, torque):
+    changed = trial.assign(position=position * trial["position"], torque=torque * trial["torque"])
+    motion = products(changed)
+    findings = [check_size(motion), check_relation(motion), check_sign(motion.stiffness, motion.explained)]
+    assert is_plausible(motion) == all(finding.verdict == "ok" for finding in findings)
+
+
+def test_the_scale_of_a_channel():
+    trial = simulate(seed=1, duration=10.0)
+    t = trial["time"].values
+    above = trial.assign(torque=1e-5 * trial["torque"] + np.sin(2 * np.pi * 300.0 * t))
+    tiny = trial.assign(position=1e-13 * trial["position"])
+    assert check_scale(products(trial)).verdict == "ok"
+    assert "the torque has nothing below 38 Hz" in check_scale(products(above)).text
+    assert "the position has a standard deviation of" in check_scale(products(tiny)).text
+
+
+def test_dependent_movements_have_the_shortest_solution():
+    """A sine shows K - I ω² and B alone."""
+    t = np.arange(20_000) / 1000.0
+    trial = new_trial(0.01 * np.sin(9.0 * t), np.sin(9.0 * t + 0.5), 1000.0)
+    motion = products(trial)
+    signals = motion.signals.T
+    size = np.sqrt(np.sum(signals[:, :3] ** 2, axis=0))
+    values = np.linalg.lstsq(signals[:, :3] / size, signals[:, 3], rcond=1e-6)[0] / size
+    np.testing.assert_allclose(motion.stiffness, values, rtol=1e-4)
+    assert motion.explained == pytest.approx(1.0, abs=1e-6)

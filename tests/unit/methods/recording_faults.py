@@ -60,6 +60,12 @@ def exchange(trial, rng):
     return change(trial, position=0.01 * smooth, torque=0.01 * position)
 
 
+def exchange_reference(trial, rng):
+    """Position and reference exchanged."""
+    position, reference = values(trial, "position", "reference")
+    return change(trial, position=reference, reference=position)
+
+
 FAULTS = {
     "sign": (lambda trial, rng: trial.assign(torque=-trial["torque"]), "torque has the other sign"),
     "clipped torque": (clip("torque", 0.0, 0.8), "stand at the end of the range of the torque"),
@@ -77,6 +83,7 @@ FAULTS = {
     "spike of the torque": (add_spike("torque", 15.0), "the torque has a spike of about"),
     "spike of the position": (add_spike("position", 1.5), "the position has a spike of about"),
     "exchanged channels": (exchange, "are not those of a joint"),
+    "exchanged reference": (exchange_reference, "the position is ahead of reference"),
 }
 
 REFERENCE_FAULTS = {

@@ -74,7 +74,8 @@ def test_analysis_has_a_table_and_exports(path, tmp_path):
 
 
 def test_estimates_of_merged_trials_are_numbered(path, tmp_path):
-    _, analysis = analyse_files([path, path], [MAPPING, MAPPING], METHODS)
+    halves = [{**MAPPING, "stop": 6.0}, {**MAPPING, "start": 6.0}]
+    _, analysis = analyse_files([path, path], halves, METHODS)
     export_estimates({"pr-moesp": analysis.records["PR-MOESP"]}, tmp_path / "M1")
     assert {file.stem for file in (tmp_path / "M1").iterdir()} == {"pr-moesp-1", "pr-moesp-2"}
 

@@ -35,7 +35,6 @@ from ankleloop.records.files import (
     atomic_netcdf,
     check_output,
     check_readable,
-    readable_file,
     source_files,
     write_netcdf,
 )
@@ -225,20 +224,6 @@ def test_inputs_that_are_no_files(tmp_path):
         for call in (check_readable, load_trial):
             with pytest.raises(DataError, match=message):
                 call(path)
-
-
-def test_errors_of_libraries_get_the_name_of_the_file_and_the_remedy(tmp_path):
-    (tmp_path / "x.nc").touch()
-    with (
-        pytest.raises(
-            DataError, match=r"^x.nc: not a readable thing \(KeyError: 'k'\): it is damaged.*: buy it\.$"
-        ) as e,
-        readable_file(tmp_path / "x.nc", "thing", "buy it"),
-    ):
-        raise KeyError("k")
-    assert isinstance(e.value.__cause__, KeyError)
-    with pytest.raises(DataError, match=r"^as it is$"), readable_file(tmp_path / "x.nc", "thing", "buy it"):
-        raise DataError("as it is")
 
 
 # --- A disk that is full, a folder that is read-only

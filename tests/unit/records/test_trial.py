@@ -269,9 +269,8 @@ def test_loading_a_missing_file(tmp_path):
 @pytest.mark.parametrize("content", [b"", b"not a netcdf file", b"\x89HDF\r\n\x1a\n" + bytes(100)])
 def test_loading_other_formats(tmp_path, content):
     (tmp_path / "trial.nc").write_bytes(content)
-    with pytest.raises(DataError, match=r"^trial.nc: not a readable NetCDF-4 file .*write it with save_trial") as e:
+    with pytest.raises(DataError, match=r"trial.nc: not a readable NetCDF-4 file .*write it with save_trial"):
         load_trial(tmp_path / "trial.nc")
-    assert e.value.__cause__ is not None
 
 
 def test_loading_a_truncated_file(trial, tmp_path):

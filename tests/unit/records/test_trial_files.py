@@ -4,6 +4,7 @@ import pytest
 from ankleloop import DataError, new_trial, simulate
 from ankleloop.joint import prepared
 from ankleloop.joint.prepared import prepare, prepare_trials
+from ankleloop.records import trial_files
 from ankleloop.records.trial_files import load_chunks, load_trial_of, load_trials, save_trials
 from ankleloop.signals.decimation import decimate
 
@@ -112,6 +113,26 @@ def test_more_trials_than_are_read_at_a_time(tmp_path):
     save_trials(make_trials(37), tmp_path / "trials.nc")
     assert [trial.attrs["number"] for trial in load_trials(tmp_path / "trials.nc")] == list(range(37))
     assert [len(chunk.trials) for chunk in load_chunks(tmp_path / "trials.nc")] == [25, 12]
+
+
+def test_fewer_long_trials_are_read_at_a_time(tmp_path, monkeypatch):
+    trials = make_trials(5)  # of two signals of 50 samples
+    save_trials(trials, tmp_path / "trials.nc")
+    for memory, sizes in ((2 * 8 * 2 * 50, [2, 2, 1]), (1, [1] * 5)):
+        monkeypatch.setattr(trial_files, "CHUNK_MEMORY", memory)
+        chunks = list(load_chunks(tmp_path / "trials.nc"))
+        assert [len(chunk.trials) for chunk in chunks] == sizes
+        for before, after in zip(trials, (trial for chunk in chunks for trial in chunk.trials), strict=True):
+            np.testing.assert_array_equal(after["torque"], before["torque"])
+
+
+def test_attributes_in_which_trials_differ_keep_their_values_and_types(tmp_path):
+    trials = [trial.assign_attrs(gain=gain) for trial, gain in zip(make_trials(3), (2, 2.0, 3), strict=True)]
+    trials[2].attrs.pop("subject")
+    save_trials(trials, tmp_path / "trials.nc")
+    for before, after in zip(trials, load_trials(tmp_path / "trials.nc"), strict=True):
+        assert after.attrs == before.attrs
+        assert type(after.attrs["gain"]) is type(before.attrs["gain"])
 
 
 def test_chunks_share_one_pass_for_each_signal(tmp_path, monkeypatch):

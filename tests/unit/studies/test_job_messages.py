@@ -42,6 +42,11 @@ ERRORS = [
     (DataError("the record is\n too short"), "the record is too short"),
     (KeyError("delay"), "KeyError: 'delay'"),
     (ValueError(), "ValueError: no message"),
+    (
+        MemoryError("Unable to allocate 8. MiB"),
+        "out of memory (Unable to allocate 8. MiB): run the same command again with fewer jobs at a time (--cores 1), "
+        "or on a machine with more memory. What other jobs have finished is kept.",
+    ),
     (NotebookError("a page\nof traces"), "results/scores/s/0.csv: the table is damaged"),
 ]
 

@@ -1,0 +1,412 @@
+"""Compiled passes of the checks of data: each reads its samples once or twice and takes no memory of their length."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+from numba import njit
+
+from ankleloop.kernels import kernel
+
+__all__ = [
+    "correlate_reference",
+    "displace_products",
+    "find_end",
+    "find_run",
+    "has_directions",
+    "multiply_deviations",
+    "regress_last",
+    "scan_samples",
+    "spread_from_first",
+    "unexplained_share",
+]
+
+LANES = 64  # samples at a time
+COLUMNS = 512  # of a Hankel matrix that a bound takes
+TINY = np.finfo(float).tiny
+
+
+@njit
+def _middle(peaks):
+    """Largest of some numbers, and the median of those above zero; the numbers are sorted in place."""
+    for i in range(1, peaks.size):
+        k, value = i, peaks[i]
+        while k > 0 and peaks[k - 1] > value:
+            peaks[k] = peaks[k - 1]
+            k -= 1
+        peaks[k] = value
+    first = 0
+    while first < peaks.size and not peaks[first] > 0.0:
+        first += 1
+    if first == peaks.size:
+        return 0.0, 0.0
+    low, high = (first + peaks.size - 1) // 2, (first + peaks.size) // 2
+    return peaks[-1], 0.5 * (peaks[low] + peaks[high])
+
+
+@kernel()
+def scan_samples(x, reach, parts):
+    """Largest product of the changes before and after a sample, and how many samples repeat the last one.
+
+    The product is positive at a peak. Maxima over lanes first, whose number the compiler knows: so it takes several
+    samples at a time.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N,)
+        Recorded samples.
+    reach : int
+        Samples on either side with which a sample is compared.
+    parts : int
+        Parts of the record.
+
+    Returns
+    -------
+    largest : float
+        Largest product; 0 if there is no peak.
+    usual : float
+        Median of the largest products of those parts that have a peak; 0 if there is none.
+    repeated : int
+        The last ``2 * reach`` samples do not count.
+    """
+    peaks, lanes, repeated = np.zeros(parts), np.empty(LANES), 0
+    inner = max(x.size - 2 * reach, 0)
+    for part in range(parts):
+        start, stop = part * inner // parts, (part + 1) * inner // parts
+        lanes[:] = 0.0
+        whole = start
+        while whole + LANES <= stop:
+            before, here = x[whole : whole + LANES], x[whole + reach : whole + reach + LANES]
+            after, next_one = x[whole + 2 * reach : whole + 2 * reach + LANES], x[whole + 1 : whole + 1 + LANES]
+            for k in range(LANES):
+                product = (here[k] - before[k]) * (here[k] - after[k])
+                lanes[k] = product if product > lanes[k] else lanes[k]
+                repeated += next_one[k] == before[k]
+            whole += LANES
+        for k in range(whole, stop):
+            product = (x[k + reach] - x[k]) * (x[k + reach] - x[k + 2 * reach])
+            lanes[0] = max(lanes[0], product)
+            repeated += x[k + 1] == x[k]
+        peaks[part] = lanes.max()
+    return *_middle(peaks), repeated
+
+
+@njit
+def _run(x, sample):
+    """Samples of the run of one value to which a sample belongs."""
+    first, last = sample, sample
+    while first > 0 and x[first - 1] == x[sample]:
+        first -= 1
+    while last + 1 < x.size and x[last + 1] == x[sample]:
+        last += 1
+    return last - first + 1
+
+
+@kernel()
+def find_run(x, length):
+    """A sample in a run of one value: such a run has one of those samples that are as far apart as it is long.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N,)
+        Recorded samples.
+    length : int
+        Fewest samples of the run, at least 1.
+
+    Returns
+    -------
+    int
+        -1 if there is no such run.
+    """
+    for k in range(0, x.size, length):
+        if _run(x, k) >= length:
+            return k
+    return -1
+
+
+@kernel()
+def find_end(x, low, high, length):
+    """A sample in a run at an end of the range.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N,)
+        Recorded samples.
+    low, high : float
+        Ends of the range.
+    length : int
+        Fewest samples of the run, at least 1.
+
+    Returns
+    -------
+    int
+        -1 if there is no such run.
+    """
+    for k in range(0, x.size, length):
+        if (x[k] == low or x[k] == high) and _run(x, k) >= length:
+            return k
+    return -1
+
+
+@kernel()
+def spread_from_first(x, step):
+    """Mean square of every few samples less the first one.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N,)
+        Recorded samples.
+    step : int
+        From one to the next that counts.
+
+    Returns
+    -------
+    float
+    """
+    total, count = 0.0, 0
+    for k in range(0, x.size, step):
+        total += (x[k] - x[0]) ** 2
+        count += 1
+    return total / count
+
+
+# Sums may be reordered, so that the compiler adds several terms at a time.
+@njit(fastmath={"contract", "reassoc"})
+def _multiply(x, x_mean, y, y_mean):
+    """Inner product of two signals less their means."""
+    total = 0.0
+    for k in range(x.size):
+        total += (x[k] - x_mean) * (y[k] - y_mean)
+    return total
+
+
+@njit(fastmath={"contract", "reassoc"})
+def _average(x):
+    total = 0.0
+    for k in range(x.size):
+        total += x[k]
+    return total / x.size
+
+
+@kernel()
+def multiply_deviations(signals):
+    """Inner products of signals, each less its mean.
+
+    Parameters
+    ----------
+    signals : tuple of ndarray, shape (N,)
+        The signals.
+
+    Returns
+    -------
+    means : ndarray, shape (signals,)
+    products : ndarray, shape (signals, signals)
+    """
+    means, products = np.empty(len(signals)), np.empty((len(signals), len(signals)))
+    for i in range(len(signals)):
+        means[i] = _average(signals[i])
+        for j in range(i + 1):
+            products[i, j] = products[j, i] = _multiply(signals[i], means[i], signals[j], means[j])
+    return means, products
+
+
+@kernel()
+def correlate_reference(reference, signals, means, lead, lag):
+    """Inner products of a reference with signals, each less its mean.
+
+    Parameters
+    ----------
+    reference : ndarray, shape (N,)
+        The reference.
+    signals : tuple of ndarray, shape (N,)
+        The signals.
+    means : ndarray, shape (signals,)
+        Their means.
+    lead, lag : int
+        Samples by which the first signal comes before the reference at most, and after it; fewer than N together.
+
+    Returns
+    -------
+    energy : float
+        Product of the reference with itself.
+    products : ndarray, shape (signals,)
+        Those with the signals at the same time.
+    largest : float
+        Size of the largest one with the first signal, `lead` samples before to `lag` samples after the reference.
+    """
+    mean, count = _average(reference), reference.size - lead - lag
+    products, largest = np.empty(len(signals)), 0.0
+    for i in range(len(signals)):
+        products[i] = _multiply(reference, mean, signals[i], means[i])
+    window = reference[lead : lead + count]
+    for start in range(lead + lag + 1):
+        product = _multiply(window, mean, signals[0][start : start + count], means[0])
+        largest = max(largest, abs(product))
+    return _multiply(reference, mean, reference, mean), products, largest
+
+
+@kernel(error_model="numpy")
+def regress_last(products, dependent):
+    """Least squares of the last signal on the others, from their products, by Cholesky's method.
+
+    Parameters
+    ----------
+    products : ndarray, shape (n + 1, n + 1)
+        Inner products of the signals.
+    dependent : float
+        Determinant of the products of the n others, scaled to a unit diagonal, up to which there is no solution.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (n,)
+        Not to be used without a solution.
+    explained : float
+        Share of the last signal's energy that they explain; -1 without a solution.
+    """
+    n, determinant, explained = len(products) - 1, 1.0, 0.0
+    factor, values, scale = np.zeros((n, n)), np.empty(n), np.empty(n)
+    for i in range(n):
+        scale[i] = 1.0 / sqrt(max(abs(products[i, i]), TINY))
+        total = 0.0
+        for j in range(i + 1):
+            total = products[i, j] * scale[i] * scale[j]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            if j < i:
+                factor[i, j] = total / factor[j, j]
+        determinant *= total
+        if not determinant > dependent:
+            return values, -1.0
+        factor[i, i] = sqrt(total)
+        values[i] = products[i, n] * scale[i]
+        for k in range(i):
+            values[i] -= factor[i, k] * values[k]
+        values[i] /= factor[i, i]
+        explained += values[i] ** 2
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            values[i] -= factor[k, i] * values[k]
+        values[i] /= factor[i, i]
+    return scale * values, explained / products[n, n]
+
+
+@kernel()
+def displace_products(first, x):
+    """Products of all rows of a Hankel matrix with each other, from those of its first row.
+
+    As in `ankleloop.subspace.hankel_gram`, whose overhead and means are left out.
+
+    Parameters
+    ----------
+    first : ndarray, shape (rows,)
+        Products of the first row with all rows.
+    x : ndarray, shape (N,)
+        Samples of the Hankel matrix.
+
+    Returns
+    -------
+    ndarray, shape (rows, rows)
+    """
+    rows = first.size
+    columns = x.size - rows + 1
+    products = np.empty((rows, rows))
+    products[0] = first
+    products[:, 0] = first
+    for i in range(rows - 1):
+        for j in range(i, rows - 1):
+            value = products[i, j] + x[i + columns] * x[j + columns] - x[i] * x[j]
+            products[i + 1, j + 1] = value
+            products[j + 1, i + 1] = value
+    return products
+
+
+@kernel(error_model="numpy", fastmath={"contract"})
+def has_directions(x, rows, directions, least):
+    """Whether some eigenvalues of H Hᵀ are certainly above a value, where H is the Hankel matrix of a signal.
+
+    More columns only add to the eigenvalues, and those of some rows are not above those of all of them (Cauchy's
+    interlacing theorem). So it is enough that the products of a few columns and of as many evenly spread rows are
+    positive definite after the value is taken from their diagonal, which Cholesky's method shows.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N,)
+        The signal.
+    rows : int
+        Rows of the Hankel matrix, at most N.
+    directions : int
+        Number of eigenvalues, at most `rows`.
+    least : float
+        The value.
+
+    Returns
+    -------
+    bool
+        True if they are; False if this does not show it.
+    """
+    columns = min(x.size - rows + 1, COLUMNS)
+    first = np.zeros(rows)
+    for t in range(columns):
+        here, following = x[t], x[t : t + rows]
+        for k in range(rows):
+            first[k] += here * following[k]
+    products = displace_products(first, x[: columns + rows - 1])
+    factor = np.empty((directions, directions))
+    for i in range(directions):
+        for j in range(i + 1):
+            total = products[i * rows // directions, j * rows // directions]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            if j < i:
+                factor[i, j] = total / factor[j, j]
+        if not total > least:
+            return False
+        factor[i, i] = sqrt(total - least)
+    return True
+
+
+@kernel(error_model="numpy", fastmath={"contract"})
+def unexplained_share(x, y, ridge):
+    """Share of the variance of a signal that shifts of another one leave, each less its mean, by Cholesky's method.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N + shifts - 1,)
+        The signal that is shifted.
+    y : ndarray, shape (N,)
+        The signal that is explained.
+    ridge : float
+        Added to the mean square of each shift, in units of the variance of `x`.
+
+    Returns
+    -------
+    float
+        1 if one of them is constant.
+    """
+    rows, shifts = y.size, x.size - y.size + 1
+    centred, target = x - _average(x), y - _average(y)
+    power, energy = _multiply(centred, 0.0, centred, 0.0) / x.size, _multiply(target, 0.0, target, 0.0)
+    if not (power > TINY and energy > TINY):
+        return 1.0
+    first, products, sums = np.zeros(shifts), np.zeros(shifts), np.zeros(shifts)
+    for t in range(rows):
+        here, value, following = centred[t], target[t], centred[t : t + shifts]
+        for k in range(shifts):
+            first[k] += here * following[k]
+            products[k] += value * following[k]
+            sums[k] += following[k]
+    gram = displace_products(first, centred)
+    for i in range(shifts):
+        gram[i] -= sums[i] / rows * sums
+        gram[i, i] += ridge * rows * power
+    left = 1.0
+    for i in range(shifts):
+        pivot = gram[i, i]
+        left -= products[i] ** 2 / pivot / energy
+        for k in range(i + 1, shifts):
+            factor, row, target_row = gram[i, k] / pivot, gram[i], gram[k]
+            products[k] -= factor * products[i]
+            for j in range(k, shifts):
+                target_row[j] -= factor * row[j]
+    return left

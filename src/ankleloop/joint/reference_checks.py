@@ -1,0 +1,244 @@
+"""Whether a reference is the command that the position follows, and not a channel that was exchanged with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import sqrt
+
+import numpy as np
+
+from ankleloop.errors import DataError
+from ankleloop.joint.check_kernels import unexplained_share
+from ankleloop.joint.findings import Finding
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.regressors import Grid
+from ankleloop.signals.decimation import decimate
+
+__all__ = ["check_exchange", "check_filtered_torque", "find_reference_faults"]
+
+RATE = 100.0  # Hz, about: at it an actuator of 5 … 60 Hz makes the position late enough to be seen
+AHEAD = 0.15  # correlation that no position has that follows its command, not even behind an ideal actuator
+CHANCE, CERTAIN = 2.0, 4.0  # standard deviations of the correlation of unrelated signals
+LEADS, LAGS = 0.1, 0.2  # s, of the torque or position that may explain the reference
+ROWS_PER_LAG = 10  # a filter is one in any part of the record
+RIDGE = 1e-6  # of the power of a lag: there is nothing beyond the pass band of the decimation
+SHORTEST = 5  # leads and lags: in a shorter record anything explains anything
+FILTERED = 0.02  # share of the reference that a filter of the torque leaves, at most
+BY_POSITION = 0.2  # times what the position leaves of it, at most: without noise it explains a command as well
+BY_BOTH = 0.25  # times as much, at least, is left by torque and position together: a command is made of both
+TINY = np.finfo(float).tiny
+
+
+def find_reference_faults(trial: PreparedTrial, reference: str | None, delay: float = 0.04) -> list[Finding]:
+    """Faults of the reference of a trial; each is computed once for all methods that take it.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    reference : str or None
+        Variable whose leads or lags are instruments. None for a method that uses none: an exchange with the position
+        concerns it as well.
+    delay : float
+        Reflex delay [s].
+
+    Returns
+    -------
+    list of Finding
+        Only those that are not ok.
+
+    Examples
+    --------
+    >>> from ankleloop.joint.prepared import prepare
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> find_reference_faults(prepare(simulate(seed=1, duration=20.0)), "reference")
+    []
+    """
+    name = reference or "reference"
+    if name == "position" or name not in trial.trial:
+        return []  # without the variable the method says so itself
+    exchange = trial.memoise(("exchange", name, delay), lambda: check_exchange(trial, name, delay))
+    if reference is None and exchange.verdict == "ok":
+        return []
+    # A filter of the torque can look early as well.
+    filtered = trial.memoise(("filtered torque", name, delay), lambda: check_filtered_torque(trial, name, delay))
+    if filtered.verdict != "ok":
+        return [] if reference is None else [filtered]
+    return [] if exchange.verdict == "ok" else [exchange]
+
+
+def check_exchange(trial: PreparedTrial, name: str, delay: float = 0.04) -> Finding:
+    """Whether the position follows the reference; if it is ahead of it, the two may be exchanged.
+
+    The actuator and the load are causal: what they do to the command comes later. The sum over the cross spectrum,
+    weighted by the cube of the frequency, has the sign of that lag: it is the product of the rate of the reference and
+    of the acceleration. A load that is compliant at low frequencies makes the position lead there, so the sum alone
+    decides only where it is large. Where it is small the torque decides as well: it responds to the position, so the
+    position, its velocity and its acceleration explain more of it than the reference and its derivatives.
+
+    Behind an actuator that is faster than the record shows (200 Hz and more) there is no lag, and nothing is said.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    name : str
+        Variable that is the reference.
+    delay : float
+        Reflex delay [s]; the samples are those of an identification at 100 Hz.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> from ankleloop.joint.prepared import prepare
+    >>> from ankleloop.records.trial import new_trial
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = simulate(seed=1, duration=20.0)
+    >>> check_exchange(prepare(trial), "reference").verdict
+    'ok'
+    >>> exchanged = new_trial(trial["reference"], trial["torque"], 1000.0, reference=trial["position"])
+    >>> check_exchange(prepare(exchanged), "reference").text[:44]
+    'the position is ahead of reference (correlat'
+    """
+    ok = Finding("reference", "ok", f"the position is not ahead of {name}.")
+    grid = _grid(trial, delay)
+    if grid is None or grid.samples < 3:
+        return ok
+    chance = 1.0 / sqrt(grid.samples)
+    # As it was recorded the reference costs nothing, but its aliases can make a position look early.
+    if _correlate_rates(trial, trial.samples(name)[grid.first :: grid.factor][: grid.samples], grid) > -CHANCE * chance:
+        return ok
+    correlation = _correlate_rates(trial, trial.channel(name, grid), grid)
+    limit = CHANCE * chance if _explains_more_torque(trial, name, grid) else max(AHEAD, CERTAIN * chance)
+    if correlation > -limit:
+        return ok
+    text = (
+        f"the position is ahead of {name} (correlation of its acceleration with the rate of {name}: "
+        f"{correlation:.2g}), but a position comes after its command. Are position and {name} exchanged, or was {name} "
+        "recorded late?"
+    )
+    return Finding(ok.name, "warning", text)
+
+
+def _grid(trial: PreparedTrial, delay: float) -> Grid | None:
+    """Samples of an identification at about 100 Hz, whatever rate the methods take; None in a very short trial."""
+    try:
+        return trial.grid(trial.rate / max(1, round(trial.rate / RATE)), delay)
+    except DataError:  # the method says so itself
+        return None
+
+
+def _correlate_rates(trial: PreparedTrial, reference: np.ndarray, grid: Grid) -> float:
+    """Correlation of the rate of the reference with the acceleration; positive where the position is the later one."""
+    acceleration = trial.motion(grid)[2][1:-1]
+    rate = reference[2:] - reference[:-2]
+    energy = float(rate @ rate) * float(acceleration @ acceleration)
+    return float(rate @ acceleration) / sqrt(energy) if energy > 0.0 else 0.0
+
+
+def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
+    """Whether the reference and its derivatives explain more of the torque than the position and its derivatives."""
+    samples, torque = trial.samples(name), trial.channel("torque", grid)
+    derivatives = [decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)]
+    shares = [_explained_share(signals, torque) for signals in (derivatives, trial.motion(grid))]
+    return shares[0] > shares[1]
+
+
+def _explained_share(signals: Sequence[np.ndarray], y: np.ndarray) -> float:
+    """Share of the variance of a signal that others explain by least squares."""
+    x = np.stack([signal - signal.mean() for signal in signals], axis=1)
+    y = y - y.mean()
+    coefficients = np.linalg.lstsq(x / np.maximum(x.std(axis=0), TINY), y, rcond=None)[0]
+    rest = y - x / np.maximum(x.std(axis=0), TINY) @ coefficients
+    return 1.0 - float(rest @ rest) / max(float(y @ y), TINY)
+
+
+def check_filtered_torque(trial: PreparedTrial, name: str, delay: float = 0.04) -> Finding:
+    """Whether the reference is a filter of the torque, which is no instrument: it has all the noise of the torque.
+
+    Leads and lags of the torque explain a filter of it without a rest. Three cases look alike, and are told apart:
+
+    - Of the command of a servo the torque leaves something: the voluntary torque, its noise and the reflex have no part
+      in the command.
+    - Without noise and reflex the torque explains the command; but so does the position, and a filter would do no harm.
+    - In a load that is far more compliant than the joint, the torque is nearly the command times the impedance of the
+      load. What is left is the position: command = position + compliance of the load × torque, so torque and position
+      explain the command together. Nothing is left of a filter that the position could explain.
+
+    A steep low-pass below 5 Hz responds for longer than the leads and lags: it need not be recognised.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    name : str
+        Variable that is the reference.
+    delay : float
+        Reflex delay [s]; the samples are those of an identification at 100 Hz.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> from ankleloop.joint.prepared import prepare
+    >>> from ankleloop.signals.decimation import lowpass
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = simulate(seed=1, duration=20.0)
+    >>> check_filtered_torque(prepare(trial), "reference").verdict
+    'ok'
+    >>> trial["reference"][:] = 0.01 * lowpass(trial["torque"].values, 50)
+    >>> check_filtered_torque(prepare(trial), "reference").text[:42]
+    'reference is a filter of the torque: leads'
+    """
+    ok = Finding("reference", "ok", f"{name} is no filter of the torque.")
+    grid = _grid(trial, delay)
+    if grid is None:
+        return ok
+    leads, lags = round(LEADS * trial.rate / grid.factor), round(LAGS * trial.rate / grid.factor)
+    if grid.samples < SHORTEST * (leads + lags + 1):
+        return ok
+    torque, reference = trial.channel("torque", grid), trial.channel(name, grid)
+    by_torque = _unexplained_share([torque], reference, leads, lags)
+    if by_torque > FILTERED:
+        return ok
+    position = trial.motion(grid)[0]
+    by_position = _unexplained_share([position], reference, leads, lags)
+    by_both = _unexplained_share([torque, position], reference, leads, lags)
+    if by_torque > BY_POSITION * by_position or by_both < BY_BOTH * by_torque:
+        return ok
+    shares = 100.0 * (1.0 - by_torque), 100.0 * (1.0 - by_position)
+    text = (
+        f"{name} is a filter of the torque: leads and lags of the torque explain {shares[0]:.3g} % of it, those of the "
+        f"position {shares[1]:.3g} %. It has the noise of the torque and is no instrument: give the command of the "
+        "servo as reference."
+    )
+    return Finding(ok.name, "warning", text)
+
+
+def _unexplained_share(signals: Sequence[np.ndarray], y: np.ndarray, leads: int, lags: int) -> float:
+    """Share of the variance of a signal that leads and lags of others leave, in a part in the middle of the record."""
+    shifts = leads + lags + 1
+    rows = min(y.size - shifts + 1, ROWS_PER_LAG * shifts * len(signals))
+    first = (y.size - shifts + 1 - rows) // 2
+    target = y[first + lags : first + lags + rows]
+    if len(signals) == 1:  # a compiled pass, for every trial needs it
+        return unexplained_share(np.ascontiguousarray(signals[0][first : first + rows + shifts - 1]), target, RIDGE)
+    target = target - target.mean()
+    scaled = [_scale(signal[first : first + rows + shifts - 1]) for signal in signals]
+    products = np.concatenate([np.correlate(x, target, mode="valid") for x in scaled])
+    sums = np.concatenate([np.correlate(x, np.ones(rows), mode="valid") for x in scaled])
+    shifted = np.concatenate([np.lib.stride_tricks.sliding_window_view(x, rows) for x in scaled])
+    gram = shifted @ shifted.T - sums[:, None] * (sums / rows)
+    gram.flat[:: len(gram) + 1] += RIDGE * rows
+    return 1.0 - float(products @ np.linalg.solve(gram, products)) / max(float(target @ target), TINY)
+
+
+def _scale(x: np.ndarray) -> np.ndarray:
+    """A signal of zero mean and unit variance."""
+    x = x - x.mean()
+    return x / max(sqrt(float(x @ x) / x.size), TINY)

@@ -1,0 +1,64 @@
+"""Trials that are merged have to be different records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ankleloop.errors import DataError
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.records.validation import REQUIRED
+
+__all__ = ["refuse_repeated_trials"]
+
+COMPARED = 8  # samples of each channel that are compared first
+
+
+def refuse_repeated_trials(trials: Sequence[PreparedTrial]) -> None:
+    """Refuse trials of which one is there twice: merged, it would count twice, and intervals would be too narrow.
+
+    Two trials are one record where every sample of position and torque is the same, whatever object or file it comes
+    from. Two measurements never are.
+
+    Parameters
+    ----------
+    trials : sequence of PreparedTrial
+        Trials that are to be merged.
+
+    Raises
+    ------
+    DataError
+        If two are one record; the message has their numbers, counted from 1.
+
+    Examples
+    --------
+    >>> from ankleloop.joint.prepared import prepare
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> first, second = (simulate(seed=seed, duration=2.0) for seed in (1, 2))
+    >>> refuse_repeated_trials([prepare(first), prepare(second)])
+    >>> refuse_repeated_trials([prepare(first), prepare(second), prepare(first.copy())])
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: trials 1 and 3 of 3 are the same record, which would count twice: leave one of them out.
+    """
+    alike: dict[tuple[bytes, ...], list[int]] = {}
+    for number, trial in enumerate(trials):
+        earlier = alike.setdefault(_sample(trial), [])
+        for other in earlier:
+            if _is_same(trials[other], trial):
+                raise DataError(
+                    f"trials {other + 1} and {number + 1} of {len(trials)} are the same record, which would count "
+                    "twice: leave one of them out."
+                )
+        earlier.append(number)
+
+
+def _sample(trial: PreparedTrial) -> tuple[bytes, ...]:
+    """A few samples of each channel: what differs in them need not be compared."""
+    channels = [trial.samples(name) for name in REQUIRED]
+    return tuple(x[:: max(1, x.size // COMPARED)].tobytes() for x in channels)
+
+
+def _is_same(first: PreparedTrial, second: PreparedTrial) -> bool:
+    return first is second or all(np.array_equal(first.samples(name), second.samples(name)) for name in REQUIRED)

@@ -1,0 +1,89 @@
+"""Checksum at the end of a file: whatever has changed since it was written is noticed before a library opens it.
+
+HDF5 does not read what stands behind its content, and removes it when a program changes the file: such a file has no
+checksum any more, and no wrong one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from typing import BinaryIO
+
+__all__ = ["append_checksum", "has_right_checksum"]
+
+MARK = b"\nankleloop: SHA-256 of all before this line: "
+LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size + 1
+PIECE = 1 << 20
+
+
+def append_checksum(path: str | os.PathLike[str]) -> None:
+    """Append the checksum of its content to a file.
+
+    Parameters
+    ----------
+    path : path-like
+        The file, without a checksum yet.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "a.nc"
+    ...     _ = path.write_bytes(b"content")
+    ...     append_checksum(path)
+    ...     whole = has_right_checksum(path)
+    ...     _ = path.write_bytes(path.read_bytes().replace(b"content", b"contemt"))
+    ...     whole, has_right_checksum(path)
+    (True, False)
+    """
+    with open(path, "rb+") as file:
+        digest = _compute(file, os.fstat(file.fileno()).st_size)
+        file.write(MARK + digest + b"\n")
+
+
+def has_right_checksum(path: str | os.PathLike[str]) -> bool | None:
+    """Whether the content of a file is the one that was written; None for a file without a checksum.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    bool or None
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.NamedTemporaryFile() as file:
+    ...     has_right_checksum(file.name) is None
+    True
+    """
+    with open(path, "rb") as file:
+        size = os.fstat(file.fileno()).st_size - LENGTH
+        if size < 0:
+            return None
+        file.seek(size)
+        line = file.read(LENGTH)
+        if not line.startswith(MARK):
+            return None
+        file.seek(0)
+        return line == MARK + _compute(file, size) + b"\n"
+
+
+def _compute(file: BinaryIO, size: int) -> bytes:
+    """Checksum of the first bytes of a file, as text; the file is read as far as these bytes."""
+    checksum = hashlib.sha256()
+    for piece in _pieces(file, size):
+        checksum.update(piece)
+    return checksum.hexdigest().encode()
+
+
+def _pieces(file: BinaryIO, size: int) -> Iterator[bytes]:
+    while size > 0 and (piece := file.read(min(size, PIECE))):
+        size -= len(piece)
+        yield piece

@@ -1,0 +1,125 @@
+"""Files of this library that are read again: what is damaged in them reaches no library that it could kill or halt."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from ankleloop.errors import DataError
+from ankleloop.records.checksums import has_right_checksum
+from ankleloop.records.files import check_readable
+
+__all__ = ["describe_damage", "name_errors", "readable_file"]
+
+PathLike = str | os.PathLike[str]
+
+
+@contextmanager
+def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path]:
+    """Provide the path at which a file of this library can be opened in this process.
+
+    It is the file itself if its checksum is right. A file without a checksum (of an older version, or changed by
+    another program) is written anew by another process, with limits of time and memory (`records.reading_process`),
+    and the path is that of the copy.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    kind : str
+        What it holds.
+    remedy : str
+        How to get it again.
+
+    Yields
+    ------
+    pathlib.Path
+        Path of the same name, which is valid in the block.
+
+    Raises
+    ------
+    DataError
+        If there is no such file, it is damaged, or the block raises any error: the libraries raise almost anything.
+
+    Examples
+    --------
+    >>> with readable_file("nowhere.nc", "trial file", "save it again"):
+    ...     pass
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
+    """
+    check_readable(path)
+    path = Path(path)
+    with name_errors(path, kind, remedy):
+        is_right = has_right_checksum(path)
+    if is_right is False:
+        reason = "its checksum is wrong: bytes have changed since it was written"
+        raise DataError(describe_damage(path, kind, remedy, reason))
+    if is_right:
+        with name_errors(path, kind, remedy):
+            yield path
+        return
+    from ankleloop.records.reading_process import rewrite_file  # here: files with a checksum do not need it
+
+    with TemporaryDirectory(prefix="ankleloop-") as folder, name_errors(path, kind, remedy):
+        copy = Path(folder, path.name)
+        rewrite_file(path, copy, lambda reason: describe_damage(path, kind, remedy, reason))
+        yield copy
+
+
+@contextmanager
+def name_errors(path: PathLike, kind: str, remedy: str) -> Iterator[None]:
+    """Say in plain words what is wrong with the contents of a file.
+
+    Parameters
+    ----------
+    path, kind, remedy
+        As of `readable_file`.
+
+    Raises
+    ------
+    DataError
+        For any error of the block.
+
+    Examples
+    --------
+    >>> with name_errors("0.nc", "trial file", "save it again"):
+    ...     {}["point"]
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: 0.nc: not a readable trial file (KeyError: 'point'): it is damaged, or of another \
+origin: save it again.
+    """
+    try:
+        yield
+    except (DataError, MemoryError):  # a lack of memory says nothing about the file
+        raise
+    except Exception as cause:
+        reason = f"{type(cause).__name__}: {cause}".partition("\n")[0]
+        raise DataError(describe_damage(path, kind, remedy, reason)) from cause
+
+
+def describe_damage(path: PathLike, kind: str, remedy: str, reason: str) -> str:
+    """Message about a file that cannot be read.
+
+    Parameters
+    ----------
+    path, kind, remedy
+        As of `readable_file`.
+    reason : str
+        What is wrong with it.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> describe_damage("0.nc", "trial file", "save it again", "it is empty")
+    '0.nc: not a readable trial file (it is empty): it is damaged, or of another origin: save it again.'
+    """
+    return f"{path}: not a readable {kind} ({reason}): it is damaged, or of another origin: {remedy}."

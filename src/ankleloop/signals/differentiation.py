@@ -1,0 +1,150 @@
+"""Velocity of a recorded signal at the recording rate, and the kernels of all filters as plain sums."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ankleloop.arguments import check_number
+from ankleloop.errors import DataError
+from ankleloop.signals.decimation import (
+    convolve_strided,
+    decimation_factor,
+    decimation_margin,
+    decimation_taps,
+    design_lowpass,
+)
+
+__all__ = ["differentiate", "differentiation_margin", "filter_kernels"]
+
+# Band of the velocity at the input of the static nonlinearity [Hz]; less where the sampling rate is low.
+VELOCITY_PASSBAND, VELOCITY_STOPBAND = 150.0, 250.0
+
+
+def _velocity_taps(rate: float, shift: float) -> tuple[np.ndarray, int]:
+    """Taps of the wide differentiator, delayed by a fraction of a sample, and their half length."""
+    stopband = min(VELOCITY_STOPBAND, 0.5 * rate)
+    passband = min(VELOCITY_PASSBAND, 0.6 * stopband)
+    return design_lowpass(float(rate), passband, stopband, 1, float(shift))
+
+
+def _check_rate_and_delay(rate: float, delay: float) -> tuple[float, float]:
+    return (
+        check_number("differentiate", "rate", rate, "Hz", gt=0, le=1e9),
+        check_number("differentiate", "delay", delay, "s", ge=-1000, le=1000),
+    )
+
+
+def differentiation_margin(rate: float, delay: float = 0.0) -> tuple[int, int]:
+    """Recorded samples that `differentiate` needs before and after each sample of its result.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate [Hz].
+    delay : float
+        Delay [s].
+
+    Returns
+    -------
+    before, after : int
+        `after` is negative where the delay is longer than the kernel reaches.
+
+    Examples
+    --------
+    >>> before, after = differentiation_margin(1000.0, 0.040)
+    >>> before - after
+    80
+    """
+    rate, delay = _check_rate_and_delay(rate, delay)
+    half = _velocity_taps(rate, 0.0)[1]
+    whole = round(delay * rate)
+    return half + whole, half - whole
+
+
+def differentiate(x: ArrayLike, rate: float, delay: float = 0.0) -> np.ndarray:
+    """Velocity of a recorded signal through a wide differentiator (150 Hz), delayed.
+
+    The delay need not be a whole number of samples: its fractional part is part of the kernel.
+
+    Parameters
+    ----------
+    x : array_like, shape (N,)
+        Signal at the recording rate.
+    rate : float
+        Sampling rate [Hz].
+    delay : float
+        Delay [s].
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        Derivative [unit of x / s]. Samples nearer to an edge than `differentiation_margin` repeat the nearest
+        one at that distance.
+
+    Raises
+    ------
+    DataError
+        If the record is shorter than the kernel.
+
+    Examples
+    --------
+    >>> t = np.arange(1000) / 1000.0
+    >>> v = differentiate(np.sin(20 * t), 1000.0, delay=0.0405)
+    >>> np.allclose(v[500], 20 * np.cos(20 * (t[500] - 0.0405)), rtol=1e-4)
+    True
+    """
+    rate, delay = _check_rate_and_delay(rate, delay)
+    x = np.asarray(x, dtype=float)
+    whole = round(delay * rate)
+    taps, half = _velocity_taps(rate, round(delay * rate - whole, 9))
+    if x.size < taps.size + abs(whole):
+        raise DataError(
+            f"a record of {x.size} samples is too short to differentiate: it takes at least {taps.size + abs(whole)}."
+        )
+    velocity = convolve_strided(x - x.mean(), taps, 0, 1, x.size - taps.size + 1)
+    # velocity[k] belongs to sample k + half; a delay of `whole` samples moves it to k + half + whole.
+    index = np.clip(np.arange(x.size) - half - whole, 0, velocity.size - 1)
+    return velocity[index]
+
+
+def filter_kernels(rate: float, identification_rate: float, delay: float) -> dict[str, np.ndarray]:
+    """Kernels of `decimate` and `differentiate` as plain sums, for programs that do without them.
+
+    Each signal at a recorded sample n is the sum of kernel · x(n - lag) over the lags.
+
+    Parameters
+    ----------
+    rate, identification_rate : float
+        Rates of the record and of the identification [Hz].
+    delay : float
+        Delay of the velocity [s].
+
+    Returns
+    -------
+    dict of str to ndarray
+        `decimation_kernel`, shape (3, taps): a row for the low-pass [1], its derivative [1/s] and its second one
+        [1/s²]; `velocity_kernel` [1/s], which delays; `decimation_lag` and `velocity_lag`, in recorded samples.
+
+    Examples
+    --------
+    >>> kernels = filter_kernels(1000.0, 100.0, 0.04)
+    >>> x, n = np.arange(2000.0) / 1000.0, 1000
+    >>> round(float(kernels["velocity_kernel"] @ x[n - kernels["velocity_lag"]]), 4)
+    1.0
+    """
+    rate, delay = _check_rate_and_delay(rate, delay)
+    factor = decimation_factor(rate, identification_rate)
+    half = decimation_margin(factor)
+    rows = [decimation_taps(factor, derivative) for derivative in range(3)]
+    kernels = [
+        np.pad(taps, half - length) * identification_rate**derivative for derivative, (taps, length) in enumerate(rows)
+    ]
+    whole = round(delay * rate)
+    taps, length = _velocity_taps(rate, round(delay * rate - whole, 9))
+    return {
+        "decimation_kernel": np.array(kernels),
+        "decimation_lag": np.arange(-half, half + 1),
+        "velocity_kernel": taps,
+        "velocity_lag": np.arange(-length, length + 1) + whole,
+    }

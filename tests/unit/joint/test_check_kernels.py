@@ -1,0 +1,97 @@
+"""Compiled passes of the checks of data against plain computations."""
+
+import numpy as np
+import pytest
+
+from ankleloop.joint.check_kernels import (
+    correlate_reference,
+    displace_products,
+    find_end,
+    find_run,
+    has_directions,
+    multiply_deviations,
+    regress_last,
+    scan_samples,
+    spread_from_first,
+)
+
+
+@pytest.mark.parametrize("size", [3, 7, 64, 65, 200, 1000])
+@pytest.mark.parametrize("reach", [1, 3])
+@pytest.mark.parametrize("rest", [0.0, 0.3, 1.0])
+def test_the_scan_is_a_plain_loop(size, reach, rest):
+    x = np.round(np.random.default_rng(size).standard_normal(size), 1)
+    x[int((1 - rest) * size) :] = 0.4
+    inner = max(size - 2 * reach, 0)
+    products = [(x[k] - x[k - reach]) * (x[k] - x[k + reach]) for k in range(reach, size - reach)]
+    peaks = [max([0.0, *products[part * inner // 5 : (part + 1) * inner // 5]]) for part in range(5)]
+    peaks = [peak for peak in peaks if peak > 0] or [0.0]
+    repeated = sum(x[k + 1] == x[k] for k in range(inner))
+    assert scan_samples(x, reach, 5) == (max(peaks), pytest.approx(np.median(peaks), rel=1e-15), repeated)
+
+
+@pytest.mark.parametrize("levels", [1, 3, 10])
+def test_runs_are_those_of_a_plain_search(levels):
+    for seed in range(40):
+        x = np.round(levels * np.sin(0.1 * np.arange(200) + seed) * np.random.default_rng(seed).random())
+        text = "".join(chr(100 + int(value)) for value in x)
+        ends = {chr(100 + int(x.min())), chr(100 + int(x.max()))}
+        for length in (1, 2, 5, 20, 60):
+            runs = [value for value in set(text) if value * length in text]
+            found, at_end = find_run(x, length), find_end(x, x.min(), x.max(), length)
+            assert (found >= 0) == bool(runs)
+            assert found < 0 or text[found] in runs
+            assert (at_end >= 0) == bool(ends & set(runs))
+            assert at_end < 0 or text[at_end] in ends & set(runs)
+
+
+def test_products_of_deviations_are_covariances():
+    signals = np.random.default_rng(1).normal([[1.0], [1e3], [-5.0], [0.0]], 1.0, (4, 501))
+    means, products = multiply_deviations(tuple(signals))
+    np.testing.assert_allclose(means, signals.mean(axis=1), rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(products, 501 * np.cov(signals, bias=True), rtol=1e-10, atol=1e-10)
+
+
+def test_products_with_the_reference_are_those_of_shifts():
+    rng = np.random.default_rng(2)
+    reference, position, torque = rng.normal([[3.0], [1.0], [-2.0]], 1.0, (3, 400))
+    r, p, q = reference - reference.mean(), position - position.mean(), torque - torque.mean()
+    means = np.array([position.mean(), torque.mean()])
+    energy, products, largest = correlate_reference(reference, (position, torque), means, 2, 10)
+    assert energy == pytest.approx(r @ r)
+    np.testing.assert_allclose(products, [r @ p, r @ q], rtol=1e-10)
+    assert largest == pytest.approx(max(abs(r[2:390] @ p[k : k + 388]) for k in range(13)))
+
+
+def test_least_squares_of_the_last_signal():
+    x = np.random.default_rng(3).standard_normal((4, 300)) * [[1e-3], [1.0], [1e4], [1.0]]
+    x[3] += 2e3 * x[0] - x[1]
+    values, explained = regress_last(x @ x.T, 1e-12)
+    expected, rest, *_ = np.linalg.lstsq(x[:3].T, x[3], rcond=None)
+    np.testing.assert_allclose(values, expected, rtol=1e-9)
+    assert explained == pytest.approx(1.0 - rest[0] / (x[3] @ x[3]))
+    x[2] = 2.0 * x[1]
+    assert regress_last(x @ x.T, 1e-12)[1] == -1.0
+
+
+def test_the_spread_is_that_of_every_few_samples():
+    x = np.random.default_rng(4).standard_normal(103)
+    assert spread_from_first(x, 10) == pytest.approx(np.mean((x[::10] - x[0]) ** 2))
+
+
+@pytest.mark.parametrize("size", [40, 300, 3000])
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.76, 1.0])
+def test_directions_are_never_more_than_the_eigenvalues_show(size, share):
+    """A bound from below: it is never true without them, and true where they are far above the value."""
+    rng = np.random.default_rng(size)
+    spectrum = np.fft.rfft(rng.standard_normal(size))
+    x = np.fft.irfft(spectrum * (np.arange(spectrum.size) <= share * spectrum.size), size)
+    rows = np.lib.stride_tricks.sliding_window_view(x, 32)
+    values = np.linalg.eigvalsh(rows.T @ rows)[::-1]
+    np.testing.assert_allclose(
+        displace_products(np.correlate(x, x[: size - 31], mode="valid"), x), rows.T @ rows, atol=1e-9 * size
+    )
+    for directions in (5, 16, 24, 32):
+        for least in 10.0 ** np.arange(-10, 5):
+            assert not has_directions(x, 32, directions, least) or values[directions - 1] > least
+    assert has_directions(x, 32, 5, 1e-3 * values[5])
