@@ -54,7 +54,7 @@ def print_progress(name, share):
 
 
 def peak_memory():
-    """Most memory that the program has had [MiB]; its largest resident set can be that of the process which began it."""
+    """Most memory that the program has had [MiB]; `ru_maxrss` can be that of the process which began it."""
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
     except OSError:  # not Linux
