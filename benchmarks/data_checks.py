@@ -24,7 +24,7 @@ from ankleloop import METHODS, identify, simulate
 from ankleloop.methods import method as method_module
 
 DURATIONS = (20.0, 60.0)  # s
-PAIRS = 40  # of calls of each method
+PAIRS = 120  # of calls of each method
 BITS = 16  # of a converter: samples that come again at once need a closer look
 WARM = 3  # pairs that do not count
 

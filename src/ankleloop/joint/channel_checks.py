@@ -9,7 +9,7 @@ from math import ceil
 
 import numpy as np
 
-from ankleloop.joint.check_kernels import find_end, find_run, scan_samples
+from ankleloop.joint.check_kernels import find_run, may_stay_at_end, scan_samples
 from ankleloop.joint.findings import Finding
 from ankleloop.joint.prepared import PreparedTrial
 
@@ -47,7 +47,7 @@ def check_channel(trial: PreparedTrial, name: str) -> list[Finding]:
     largest, usual, repeated = _scan(x, trial.rate)
     findings = [_find_spike(trial, name, largest, usual)] if _stands_out(largest, usual) else []
     if repeated:
-        findings += [check_clipping(trial, name)] if find_end(x, x.min(), x.max(), CLIPPED_RUN) >= 0 else []
+        findings += [check_clipping(trial, name)] if may_stay_at_end(x, CLIPPED_RUN) else []
         findings += [check_rest(trial, name)] if find_run(x, max(1, ceil(REST * trial.rate))) >= 0 else []
     return [finding for finding in findings if finding.verdict != "ok"]
 

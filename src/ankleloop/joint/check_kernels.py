@@ -12,9 +12,9 @@ from ankleloop.kernels import kernel
 __all__ = [
     "correlate_reference",
     "displace_products",
-    "find_end",
     "find_run",
     "has_directions",
+    "may_stay_at_end",
     "multiply_deviations",
     "regress_last",
     "scan_samples",
@@ -23,7 +23,7 @@ __all__ = [
 ]
 
 LANES = 64  # samples at a time
-COLUMNS = 512  # of a Hankel matrix that a bound takes
+COLUMNS = 256  # of a Hankel matrix that a bound takes
 TINY = np.finfo(float).tiny
 
 
@@ -126,27 +126,34 @@ def find_run(x, length):
 
 
 @kernel()
-def find_end(x, low, high, length):
-    """A sample in a run at an end of the range.
+def may_stay_at_end(x, length):
+    """Whether there may be a run of one value at an end of the range.
+
+    Only samples that are as far apart as the run is long are read, and compared with the ends of their own range: such
+    a run has one of them, which is at that end.
 
     Parameters
     ----------
     x : ndarray, shape (N,)
         Recorded samples.
-    low, high : float
-        Ends of the range.
     length : int
         Fewest samples of the run, at least 1.
 
     Returns
     -------
-    int
-        -1 if there is no such run.
+    bool
+        False if there is no such run.
     """
+    low, high, at_low, at_high = x[0], x[0], False, False
     for k in range(0, x.size, length):
-        if (x[k] == low or x[k] == high) and _run(x, k) >= length:
-            return k
-    return -1
+        value = x[k]
+        if value <= low:
+            at_low = (at_low and value == low) or _run(x, k) >= length
+            low = value
+        if value >= high:
+            at_high = (at_high and value == high) or _run(x, k) >= length
+            high = value
+    return at_low or at_high
 
 
 @kernel()

@@ -6,9 +6,9 @@ import pytest
 from ankleloop.joint.check_kernels import (
     correlate_reference,
     displace_products,
-    find_end,
     find_run,
     has_directions,
+    may_stay_at_end,
     multiply_deviations,
     regress_last,
     scan_samples,
@@ -38,11 +38,12 @@ def test_runs_are_those_of_a_plain_search(levels):
         ends = {chr(100 + int(x.min())), chr(100 + int(x.max()))}
         for length in (1, 2, 5, 20, 60):
             runs = [value for value in set(text) if value * length in text]
-            found, at_end = find_run(x, length), find_end(x, x.min(), x.max(), length)
-            assert (found >= 0) == bool(runs)
-            assert found < 0 or text[found] in runs
-            assert (at_end >= 0) == bool(ends & set(runs))
-            assert at_end < 0 or text[at_end] in ends & set(runs)
+            sample = find_run(x, length)
+            assert (sample >= 0) == bool(runs)
+            assert sample < 0 or text[sample] in runs
+            assert may_stay_at_end(x, length) or not ends & set(runs)
+        assert may_stay_at_end(x, 1)
+    assert not may_stay_at_end(np.arange(20.0), 2)
 
 
 def test_products_of_deviations_are_covariances():
