@@ -302,7 +302,7 @@ def _refuse(end: dict[str, Any], request: dict[str, Any], describe: Describe, se
     if kind == "failed":
         raise DataError(describe(end["text"]))
     if kind == "memory":
-        hint = "" if request["format"] == "rewriting" else LONG
+        hint = "" if request["format"] == "rewriting" else f"; {LONG}"
         raise DataError(
             describe(f"it needs more than {request['memory'] / 1e9:.1f} GB of memory").rstrip(".") + f"{hint}."
         )
