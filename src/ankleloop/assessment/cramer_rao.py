@@ -153,6 +153,11 @@ def fisher_information(
                 f"the bound is derived for constant parameters and a rectifier at zero velocity: {name} must be 0, got "
                 f"{value:g}."
             )
+    if all_settings.variation is not None or all_settings.movement > 0 or all_settings.locked_torque > 0:
+        raise ValueError(
+            "the bound is derived for constant parameters and random disturbances: variation must be null, movement "
+            "and locked_torque must be 0."
+        )
     clean = simulate(seed=seed, **{**dict(all_settings), "snr_db": None, "voluntary": 0.0})
     regressors = prepare(clean).regressors(
         delay=all_settings.delay, basis="rectifier", identification_rate=identification_rate

@@ -46,6 +46,11 @@ VARIABLES = {
     "torque_reflex": ("N·m", "true reflex torque"),
     "torque_voluntary": ("N·m", "true voluntary torque"),
     "torque_noise": ("N·m", "true torque measurement noise"),
+    "stiffness_true": ("N·m/rad", "true intrinsic stiffness"),
+    "viscosity_true": ("N·m·s/rad", "true intrinsic viscosity"),
+    "reflex_gain_true": ("N·m·s/rad", "true reflex gain"),
+    "phase": ("1", "phase of the cycle"),
+    "schedule": ("1", "scheduling variable"),
 }
 TRUE_TORQUES = tuple(name for name in VARIABLES if name.startswith("torque_"))
 

@@ -6,14 +6,16 @@ noise (constant), voluntary torque (linear over the sample) and rectified delaye
 integration step). The matrix exponential integrates it exactly, anti-aliasing filter included; only the linear
 interpolation of the rectified velocity is approximate, with an error of the order of (ω / integration rate)² / 12.
 
-A stiffness that drifts is constant over each recorded sample. The matrices of a sample are analytic functions of it,
-and a sample is short, so a parabola through three values gives them to rounding.
+Stiffness, viscosity and reflex gain that vary are constant over each recorded sample. The gain multiplies the rectified
+velocity. The matrices of a sample are analytic functions of stiffness and viscosity, and a sample is short, so a
+polynomial of low degree through a few values of both gives them to eight digits or more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -23,12 +25,15 @@ from ankleloop.signals.discretisation import companion, lowpass_denominator, ste
 from ankleloop.signals.fused import fuse
 from ankleloop.simulation.filters import antialias_denominator
 from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.trajectories import Trajectories, parameter_ranges
 
 __all__ = ["Loop", "build_loop", "run_loop"]
 
 WIDTH = 16  # sums that the compiled kernel makes side by side for one trial
 LANES = 16  # trials that it runs side by side
 FEWEST = 6  # trials: fewer take less time one after the other
+ACCURACY = 1e-8  # of the largest entry of a row: error of the polynomials for stiffness and viscosity
+HIGHEST_DEGREE = 6
 # Inputs of the continuous model; the drive of the reflex is the rectified delayed velocity.
 COMMAND, NOISE, VOLUNTARY, DRIVE = range(4)
 
@@ -48,9 +53,13 @@ class Loop:
         Velocity after each integration step.
     C, D : ndarray, shape (3, n), (3, 5 + steps)
         Recorded position, intrinsic and reflex torque; D is zero behind an anti-aliasing filter.
-    changes : ndarray, shape (2, rows, columns), or None
-        Changes of the entries of `matrix` in proportion to x and to x², where x is the change of the stiffness as a
-        share of half of its drift over the record; None without drift.
+    changes : ndarray, shape (terms, rows, columns), or None
+        Changes of the entries of `matrix` in proportion to products of powers of x and y, the deviations of stiffness
+        and viscosity from the middle of their ranges as shares of half of them; None where both are constant.
+    powers : tuple of (int, int)
+        Powers of x and y in each term.
+    ranges : ndarray, shape (2, 2)
+        Middle and half of the ranges of stiffness and viscosity.
     """
 
     P: np.ndarray
@@ -60,11 +69,23 @@ class Loop:
     C: np.ndarray
     D: np.ndarray
     changes: np.ndarray | None = None
+    powers: tuple[tuple[int, int], ...] = ()
+    ranges: np.ndarray | None = None
 
     @property
     def matrix(self) -> np.ndarray:
         """The matrix that takes (x, w) to (x⁺, velocities, recorded)."""
         return np.block([[self.P, self.G], [self.VP, self.VG], [self.C, self.D]])
+
+    def factors(self, stiffness: np.ndarray, viscosity: np.ndarray) -> np.ndarray:
+        """Factor of each of the changes, shape (N, terms), for stiffness and viscosity over N samples."""
+        if self.changes is None or self.ranges is None:
+            return np.empty((stiffness.size, 0))
+        x, y = (
+            (value - middle) / (half or 1.0)
+            for value, (middle, half) in zip((stiffness, viscosity), self.ranges, strict=True)
+        )
+        return np.stack([x**i * y**j for i, j in self.powers], axis=1)
 
 
 class _ContinuousModel(NamedTuple):
@@ -77,7 +98,7 @@ class _ContinuousModel(NamedTuple):
     D: np.ndarray
 
 
-def _continuous_model(settings: SimulationSettings) -> _ContinuousModel:
+def _continuous_model(settings: SimulationSettings, stiffness: float, viscosity: float) -> _ContinuousModel:
     As, bs, _ = companion(lowpass_denominator(2 * np.pi * settings.actuator_frequency, settings.actuator_damping))
     Aq, bq, _ = companion(lowpass_denominator(settings.omega_n, settings.zeta, settings.pole))
     # States: servo, displacement of the load and its rate, reflex torque.
@@ -92,7 +113,7 @@ def _continuous_model(settings: SimulationSettings) -> _ContinuousModel:
     reflex_torque[reflex.start] = 1
     if settings.closed_loop:
         # Torque acts on acceleration at once: I_L·l̈ = TQ − B_L·l̇ − K_L·l with TQ holding I·(θ̈ − l̈), solved for l̈.
-        row = settings.stiffness * position + settings.viscosity * velocity + settings.inertia * A[1] + reflex_torque
+        row = stiffness * position + viscosity * velocity + settings.inertia * A[1] + reflex_torque
         row[2] -= settings.load_stiffness
         row[3] -= settings.load_viscosity
         inputs = settings.inertia * B[1]
@@ -100,10 +121,10 @@ def _continuous_model(settings: SimulationSettings) -> _ContinuousModel:
         A[2, 3] = 1
         A[3] = row / (settings.load_inertia + settings.inertia)
         B[3] = inputs / (settings.load_inertia + settings.inertia)
-    if settings.antialias_cutoff is not None and settings.stiffness_drift == 0:
+    if settings.antialias_cutoff is not None and not _varying_range(settings)[:, 1].any():
         denominator = antialias_denominator(settings.antialias_cutoff)
         return _add_filters(A, B, velocity, (position, reflex_torque), denominator, settings)
-    intrinsic = settings.stiffness * position + settings.viscosity * velocity + settings.inertia * (A[1] - A[3])
+    intrinsic = stiffness * position + viscosity * velocity + settings.inertia * (A[1] - A[3])
     D = np.zeros((3, 4))
     D[1] = settings.inertia * (B[1] - B[3])  # command and noise act on the acceleration at once
     model = _ContinuousModel(A, B, velocity, np.vstack([position, intrinsic, reflex_torque]), D)
@@ -111,7 +132,7 @@ def _continuous_model(settings: SimulationSettings) -> _ContinuousModel:
 
 
 def _filter_outputs(model: _ContinuousModel, cutoff: float) -> _ContinuousModel:
-    """The model with an anti-aliasing filter behind each output: it does not commute with a stiffness that drifts."""
+    """The model with an anti-aliasing filter behind each output: it does not commute with a stiffness that varies."""
     Af, bf, _ = companion(antialias_denominator(cutoff))
     outputs, order, n = len(model.C), len(Af), len(model.A)
     A = np.pad(model.A, (0, outputs * order))
@@ -158,21 +179,57 @@ def build_loop(settings: SimulationSettings) -> Loop:
     -------
     Loop
     """
-    middle = _discretise(settings)
-    if settings.stiffness_drift == 0:
-        return middle
-    low, high = (
-        _discretise(settings.model_copy(update={"stiffness": settings.stiffness * (1 + change)})).matrix
-        for change in (-0.5 * settings.stiffness_drift, 0.5 * settings.stiffness_drift)
-    )
-    changes = np.array([0.5 * (high - low), 0.5 * (high + low) - middle.matrix])
-    return replace(middle, changes=changes)
+    ranges = _varying_range(settings)
+    if settings.variation is not None:
+        largest = parameter_ranges(settings)["gain"][1]
+        settings = settings.model_copy(update={"reflex_gain": largest})
+    if not ranges[:, 1].any():
+        return _discretise(settings, ranges[:, 0])
+    for degree in range(2, HIGHEST_DEGREE + 1):
+        loop = _interpolate(settings, ranges, degree)
+        if degree == HIGHEST_DEGREE or _interpolation_error(loop, settings) < ACCURACY:
+            break
+    return loop
 
 
-def _discretise(settings: SimulationSettings) -> Loop:
-    """The loop over one recorded sample, for the stiffness of the settings."""
+def _varying_range(settings: SimulationSettings) -> np.ndarray:
+    """Middle and half of the ranges of stiffness and viscosity, shape (2, 2)."""
+    ranges = parameter_ranges(settings)
+    low, high = np.array([ranges["stiffness"], ranges["viscosity"]]).T
+    return np.column_stack([0.5 * (low + high), 0.5 * (high - low)])
+
+
+def _interpolate(settings: SimulationSettings, ranges: np.ndarray, degree: int) -> Loop:
+    """The loop with the polynomials of a degree through Chebyshev points of stiffness and viscosity."""
+    nodes = [np.cos(np.pi * np.arange(degree + 1) / degree) if half > 0 else np.zeros(1) for _, half in ranges]
+    points = list(product(*nodes))
+    powers = [(i, j) for i in range(nodes[0].size) for j in range(nodes[1].size)]
+    samples = np.array([_discretise(settings, ranges[:, 0] + ranges[:, 1] * point).matrix for point in points])
+    vandermonde = np.array([[x**i * y**j for i, j in powers] for x, y in points])
+    terms = np.tensordot(np.linalg.inv(vandermonde), samples, 1)
+    middle = _discretise(settings, ranges[:, 0])
+    counted = [k for k, (i, j) in enumerate(powers) if 0 < i + j <= degree]
+    return replace(middle, changes=terms[counted], powers=tuple(powers[k] for k in counted), ranges=ranges)
+
+
+def _interpolation_error(loop: Loop, settings: SimulationSettings) -> float:
+    """Largest error of the polynomials away from their points, over the largest entry of each row."""
+    assert loop.ranges is not None
+    assert loop.changes is not None
+    error = 0.0
+    for point in product((-0.8, 0.35), (-0.45, 0.85)):
+        values = loop.ranges[:, 0] + loop.ranges[:, 1] * point
+        matrix = _discretise(settings, values).matrix
+        factors = loop.factors(*values[:, None])[0]
+        difference = loop.matrix + np.tensordot(factors, loop.changes, 1) - matrix
+        error = max(error, float(np.max(np.abs(difference) / np.abs(matrix).max(axis=1, keepdims=True))))
+    return error
+
+
+def _discretise(settings: SimulationSettings, values: np.ndarray) -> Loop:
+    """The loop over one recorded sample, for a stiffness and a viscosity."""
     steps = round(settings.integration_rate / settings.recording_rate)
-    A, B, velocity, C, direct = _continuous_model(settings)
+    A, B, velocity, C, direct = _continuous_model(settings, *values)
     F, G0, G1 = step_matrices(A, B, 1.0 / settings.integration_rate)
     n = A.shape[0]
     P, G = np.eye(n), np.zeros((n, 4 + steps + 1))
@@ -235,15 +292,16 @@ def _multiply_lanes(blocks, z, out):
 
 
 @kernel()
-def _run(numbers, changes, drift, sizes, external, delay, limits, lanes, record, place):
+def _run(numbers, variation, sizes, external, delay, limits, lanes, record, place):
     """One matrix product for each recorded sample: next state, velocities within the sample, recorded signals.
 
-    `numbers` are those of the matrix, in the order of the product; `sizes` those of state, inputs, steps, outputs and
+    `numbers` are those of the matrix, in the order of the product; `variation` changes of them, the factors of these
+    and of the drive of the reflex at each sample, or nothing; `sizes` those of state, inputs, steps, outputs and
     of the vectors of the product; `external` command, noise and voluntary torque of at most `lanes` trials, which
     `record` has from `place` on; `delay` whole steps and the rest of one; `limits` threshold and largest position.
     """
     n, inputs, steps, outputs, width, height = sizes
-    (whole, fraction), (threshold, limit) = delay, limits
+    (whole, fraction), (threshold, limit), (changes, factors, gains) = delay, limits, variation
     trials, frames = external[0].shape
     # Drive of the reflex at the last integration steps, in a ring that ends with a copy of its first entry; zero before
     # the run begins.
@@ -253,8 +311,10 @@ def _run(numbers, changes, drift, sizes, external, delay, limits, lanes, record,
     for k in range(frames):
         _fill_inputs(z[n * lanes :], external, k, inputs, lanes)
         z[(n + inputs) * lanes : (n + inputs + steps + 1) * lanes] = drive[start * lanes : (start + steps + 1) * lanes]
+        if gains.size > 0:
+            z[(n + inputs) * lanes : (n + inputs + steps + 1) * lanes] *= gains[k]
         if changes.shape[0] > 0:
-            matrix[:] = numbers + drift[k] * (changes[0] + drift[k] * changes[1])
+            _vary(numbers, changes, factors[k], matrix)
         if lanes == 1:
             _multiply(matrix, z, out)
         else:
@@ -271,6 +331,16 @@ def _run(numbers, changes, drift, sizes, external, delay, limits, lanes, record,
         drive[ring * lanes :] = drive[:lanes]
         start = (start + steps) % ring
     return -1
+
+
+@kernel()
+def _vary(numbers, changes, factors, matrix):
+    """The matrix of a sample: the one in the middle of the ranges, with its changes."""
+    matrix[:] = numbers
+    for term in range(factors.size):
+        factor, change = factors[term], changes[term]
+        for i in range(matrix.size):
+            matrix[i] = fuse(factor, change[i], matrix[i])
 
 
 @kernel()
@@ -295,7 +365,12 @@ def _rectify(now, previous, fraction, threshold, drive):
 
 
 def run_loop(
-    loop: Loop, settings: SimulationSettings, command: np.ndarray, noise: np.ndarray, voluntary: np.ndarray
+    loop: Loop,
+    settings: SimulationSettings,
+    command: np.ndarray,
+    noise: np.ndarray,
+    voluntary: np.ndarray,
+    variation: Sequence[Trajectories] = (),
 ) -> tuple[np.ndarray, int]:
     """Run the loop from rest.
 
@@ -307,6 +382,9 @@ def run_loop(
         The settings it was built from.
     command, noise, voluntary : ndarray, shape (N,) or (trials, N)
         Command [rad] and noise [N·m], constant over each recorded sample; voluntary torque [N·m], linear over it.
+    variation : sequence of Trajectories
+        K, B and G in the middle of each recorded sample, of each trial or of all trials alike, where `variation` of the
+        settings is set.
 
     Returns
     -------
@@ -320,19 +398,33 @@ def run_loop(
     fraction = max(0.0, steps_of_delay - whole)
     external = [np.ascontiguousarray(np.atleast_2d(signal), dtype=float) for signal in (command, noise, voluntary)]
     trials, frames = external[0].shape
-    time = (np.arange(frames) + 0.5) / settings.recording_rate - settings.settling
-    drift = np.clip(2.0 * time / settings.duration - 1.0, -1.0, 1.0)
+    factors = [_variation_factors(loop, settings, frames, part) for part in (variation or (None,))]
     limits = settings.reflex_threshold, settings.position_limit
     product = _Product(loop, disturbed=bool(external[1].any() or external[2].any()))
     record, divergence, place = np.empty((product.sizes[3], trials, frames)), -1, 0
     while place < trials and divergence < 0:
-        lanes = LANES if trials - place >= FEWEST else 1
+        # Trials side by side have one matrix.
+        lanes = LANES if trials - place >= FEWEST and len(factors) == 1 else 1
         signals = tuple(signal[place : place + lanes] for signal in external)
         numbers, changes, heights = product.arrange(lanes)
         sizes = *product.sizes, *heights
-        divergence = _run(numbers, changes, drift, sizes, signals, (whole, fraction), limits, lanes, record, place)
+        terms = changes, *factors[min(place, len(factors) - 1)]
+        divergence = _run(numbers, terms, sizes, signals, (whole, fraction), limits, lanes, record, place)
         place += lanes
     return record.reshape(len(record), *np.shape(command)), divergence
+
+
+def _variation_factors(
+    loop: Loop, settings: SimulationSettings, frames: int, variation: Trajectories | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Factors of the changes of the matrix and of the drive of the reflex; of the latter none if it is constant."""
+    if variation is not None:
+        largest = parameter_ranges(settings)["gain"][1]
+        gains = variation.gain / largest if largest > 0 else variation.gain
+        return loop.factors(variation.stiffness, variation.viscosity), gains
+    time = (np.arange(frames) + 0.5) / settings.recording_rate - settings.settling
+    drift = np.clip(time / settings.duration - 0.5, -0.5, 0.5) * settings.stiffness_drift
+    return loop.factors(settings.stiffness * (1.0 + drift), np.full(frames, settings.viscosity)), np.empty(0)
 
 
 class _Product:

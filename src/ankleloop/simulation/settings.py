@@ -9,21 +9,46 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal, Self
 
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
+from ankleloop.arguments import as_plain
 from ankleloop.options import Options, option
 
 __all__ = ["SimulationSettings"]
 
 MOST_STEPS = 1000  # integration steps over a recorded sample: the loop has a matrix of as many rows
+MOST_VALUES = 1000  # of a table over a cycle
+
+
+def _variation_option(symbol: str) -> Any:
+    """Declare by how much a parameter of the joint varies."""
+    return option(
+        0.0, f"{symbol} goes from (1 - this) to (1 + this) times its mean, where `variation` is set", ge=0, le=1
+    )
+
+
+def _peak_option(symbol: str) -> Any:
+    """Declare where a parameter of the joint is largest."""
+    return option(0.5, f"place within 0 … 1 of what it varies with at which {symbol} is largest", ge=0, le=1)
+
+
+def _table_option(symbol: str, unit: str) -> Any:
+    """Declare the values of a parameter of the joint."""
+    return option(
+        None,
+        f"values of {symbol} at equal distances from 0 to 1 of what it varies with, in the place of mean, variation "
+        "and peak, joined by straight lines; over a cycle the first value follows the last one, else the last is at 1; "
+        "a list, or numbers with commas between them, as points of a study have them",
+        unit=unit,
+    )
 
 
 class SimulationSettings(Options):
     """Settings of a simulated experiment.
 
-    They come in groups: the joint with its intrinsic stiffness (Eq. 16) and its reflex (Eq. 2, 17), the load
-    H_imp(s) = 1 / (I_L s² + B_L s + K_L), the actuator that turns the command into a position, the perturbation, the
-    disturbances, the recorder and the run.
+    They come in groups: the joint with its intrinsic stiffness (Eq. 16) and its reflex (Eq. 2, 17), how K, B and G vary
+    within the record, the load H_imp(s) = 1 / (I_L s² + B_L s + K_L), the actuator that turns the command into a
+    position, the perturbation, the disturbances, the recorder and the run.
 
     Examples
     --------
@@ -66,6 +91,53 @@ class SimulationSettings(Options):
         None, "extra real pole p of the third-order form (Eq. 2); null: second order", unit="rad/s", ge=0.01, le=1e5
     )
 
+    # Variation of K, B and G within the record; `stiffness`, `viscosity` and `reflex_gain` are the means.
+    variation: Literal["cycle", "time", "schedule"] | None = option(
+        None,
+        "what K, B and G vary with: the phase of a cycle, the time over the record, or the scheduling variable of the "
+        "trial; null: they are constant",
+    )
+    variation_shape: Literal["smooth", "square"] = option(
+        "smooth", "how they vary from 0 to 1: as one period of a cosine, or of a square wave"
+    )
+    stiffness_variation: float = _variation_option("K")
+    viscosity_variation: float = _variation_option("B")
+    gain_variation: float = _variation_option("G")
+    stiffness_peak: float = _peak_option("K")
+    viscosity_peak: float = _peak_option("B")
+    gain_peak: float = _peak_option("G")
+    stiffness_table: tuple[float, ...] | str | None = _table_option("K", "N·m/rad")
+    viscosity_table: tuple[float, ...] | str | None = _table_option("B", "N·m·s/rad")
+    gain_table: tuple[float, ...] | str | None = _table_option("G", "N·m·s/rad")
+    cycle_duration: float = option(1.4, "mean duration of a cycle", unit="s", gt=0, le=1e5)
+    cycle_jitter: float = option(
+        0.0,
+        "durations of the cycles are spread evenly between (1 - this) and (1 + this) times their mean",
+        ge=0,
+        le=0.5,
+    )
+    schedule_period: float = option(
+        10.0,
+        "the scheduling variable goes between 0 and 1 as the mean of two sinusoids, of this period and of 0.618 of it",
+        unit="s",
+        gt=0,
+        le=1e5,
+    )
+    movement: float = option(
+        0.0,
+        "peak-to-peak amplitude of a slow command that is added to the perturbation: a sinusoid over each cycle, or "
+        "the scheduling variable where K, B and G vary with it",
+        unit="rad",
+        ge=0,
+        le=1000,
+    )
+    locked_torque: float = option(
+        0.0,
+        "standard deviation of a voluntary torque that repeats with the cycle, over that of the clean net torque",
+        ge=0,
+        le=1e6,
+    )
+
     # Impedance-controlled load.
     load_inertia: float = option(1.1, "inertia I_L of the simulated load; assumed", unit="kg·m²", ge=1e-6, le=1e6)
     load_viscosity: float = option(7.1, "viscosity B_L of the simulated load; assumed", unit="N·m·s/rad", ge=0, le=1e7)
@@ -80,6 +152,9 @@ class SimulationSettings(Options):
         "prbs", "kind of the position command: pseudorandom binary sequence, or short pulses"
     )
     amplitude: float = option(0.04, "peak-to-peak amplitude of the position command", unit="rad", ge=1e-9, le=1000)
+    perturbation_locked: bool = option(
+        False, "true: the perturbation is the same in every cycle, from which no method can tell it"
+    )
     switching_interval: float = option(
         0.1, "interval at whose multiples the PRBS may switch, or a pulse may begin", unit="s", gt=0, le=1000
     )
@@ -91,7 +166,7 @@ class SimulationSettings(Options):
         le=1000,
     )
 
-    # Disturbances, both of which are fed back through the load.
+    # Disturbances, both of which are fed back through the load. The clean net torque is that of the perturbation alone.
     voluntary: float = option(
         0.05, "standard deviation of the voluntary torque over that of the clean net torque; assumed", ge=0, le=1e6
     )
@@ -168,6 +243,38 @@ class SimulationSettings(Options):
             raise ValueError(f"load must be three numbers (inertia, viscosity, stiffness), got {load!r}.") from None
         parameters = {"load_inertia": inertia, "load_viscosity": viscosity, "load_stiffness": stiffness}
         return super().parse(owner, **{**parameters, **values})
+
+    @field_validator("stiffness_table", "viscosity_table", "gain_table", mode="before")
+    @classmethod
+    def _as_table(cls, values: Any) -> Any:
+        """Tables come as lists from YAML, as arrays from NumPy, and as text from points of a study."""
+        if isinstance(values, str):
+            try:
+                values = [float(value) for value in values.split(",")]
+            except ValueError:
+                raise ValueError(f"a table must be numbers with commas between them, got {values!r}.") from None
+        values = values.tolist() if hasattr(values, "tolist") else values
+        if not isinstance(values, (list, tuple)):
+            return values
+        if not 2 <= len(values) <= MOST_VALUES:
+            raise ValueError(f"a table must hold 2 to {MOST_VALUES} values, got {len(values)}.")
+        return tuple(as_plain(value) for value in values)
+
+    @model_validator(mode="after")
+    def _check_variation(self) -> Self:
+        """Tables hold no negative values, and nothing varies where `variation` says that nothing does."""
+        for name in ("stiffness", "viscosity", "gain"):
+            table, share = getattr(self, f"{name}_table"), getattr(self, f"{name}_variation")
+            if table is not None and min(table) < 0:
+                raise ValueError(f"{name}_table must hold values of at least 0, got {min(table):g}.")
+            if self.variation is None and (table is not None or share > 0):
+                raise ValueError(
+                    f"{name}_{'table' if share == 0 else 'variation'} needs `variation`, what K, B and G vary with: "
+                    "cycle, time or schedule."
+                )
+        if self.variation is not None and self.stiffness_drift != 0:
+            raise ValueError(f"stiffness_drift must be 0 where `variation` is set, got {self.stiffness_drift:g}.")
+        return self
 
     @model_validator(mode="after")
     def _check_grids(self) -> Self:

@@ -18,6 +18,7 @@ from ankleloop.simulation.excitation import draw_noise, draw_prbs, draw_pulses, 
 from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias
 from ankleloop.simulation.loop import Loop, build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.trajectories import Course, Trajectories, draw_course, trajectories
 
 __all__ = ["simulate", "simulate_trials"]
 
@@ -37,7 +38,10 @@ def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None
     .. math:: TQ_I = K P + B \dot P + I \ddot P, \qquad
               TQ_R = \frac{G\,\omega_n^2}{s^2 + 2\zeta\omega_n s + \omega_n^2} \max(0, \dot P(t - \tau)).
 
-    The noise level refers to the clean net torque, that of the same seed without noise and voluntary torque.
+    The noise level refers to the clean net torque, that of the same seed without noise, voluntary torque and movement.
+
+    With `variation`, K, B and G vary with the phase of a cycle, with time or with a scheduling variable. G multiplies
+    the rectified velocity, before the low-pass: it is the gain at the time when the muscle is excited.
 
     Parameters
     ----------
@@ -54,7 +58,9 @@ def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None
     -------
     xarray.Dataset
         A trial with `position`, `torque`, `reference` and the truths `torque_intrinsic`, `torque_reflex`,
-        `torque_voluntary`, `torque_noise`, all behind the same anti-aliasing filter. The settings are attributes.
+        `torque_voluntary`, `torque_noise`, all behind the same anti-aliasing filter. With `variation`, a movement or a
+        locked torque there is `phase`, the phase of the cycle, or `schedule`, the scheduling variable; with `variation`
+        the true `stiffness_true`, `viscosity_true` and `reflex_gain_true` as well. The settings are attributes.
 
     Raises
     ------
@@ -136,6 +142,7 @@ class _Streams(NamedTuple):
     perturbation: np.random.Generator
     voluntary: np.random.Generator
     noise: np.random.Generator
+    course: np.random.Generator
 
 
 class _Disturbance(NamedTuple):
@@ -152,28 +159,66 @@ def _simulate_chunk(
     settling = round(settings.settling * settings.recording_rate)
     samples = settling + round(settings.duration * settings.recording_rate)
     streams = [_open_streams(seed) for seed in seeds]
-    command = np.stack([_draw_command(settings, stream.perturbation, samples) for stream in streams])
+    courses = [draw_course(settings, stream.course) for stream in streams] if _follows_course(settings) else []
+    time = np.arange(-settling, samples - settling) / settings.recording_rate
+    variation = _vary(settings, courses, time + 0.5 / settings.recording_rate)
+    command = _draw_commands(settings, streams, courses, time)
     zeros = np.zeros(command.shape)
     silence = _Disturbance(zeros, zeros)
-    response = _run_stable_loop(loop, settings, command, silence, silence)
+    response = _run_stable_loop(loop, settings, command, silence, silence, variation)
     voluntary = noise = silence
-    if settings.voluntary > 0 or settings.snr_db is not None:
-        deviation = np.std((response[1] + response[2])[:, settling:], axis=1)[:, None]
-        if settings.voluntary > 0:
-            voluntary = _draw_voluntary(settings, streams, samples, settings.voluntary * deviation)
-        if settings.snr_db is not None:
-            ratio = 10 ** (-settings.snr_db / 20)
-            noise = _draw_measurement_noise(settings, streams, samples, ratio * deviation)
-        response = _run_stable_loop(loop, settings, command, noise, voluntary)
+    deviation = np.std((response[1] + response[2])[:, settling:], axis=1)[:, None]
+    if settings.voluntary > 0 or settings.locked_torque > 0:
+        voluntary = _draw_voluntary(settings, streams, courses, time, deviation)
+    if settings.snr_db is not None:
+        ratio = 10 ** (-settings.snr_db / 20)
+        noise = _draw_measurement_noise(settings, streams, samples, ratio * deviation)
+    if settings.movement > 0:
+        command = command + np.stack([course.movement(time) for course in courses])
+    if voluntary is not silence or noise is not silence or settings.movement > 0:
+        response = _run_stable_loop(loop, settings, command, noise, voluntary, variation)
     reference = antialias(command, settings, "zoh")
     for k, seed in enumerate(seeds):
         signals = *response[:, k], voluntary.record[k], noise.record[k], reference[k]
-        yield _make_trial(settings, seed, *(signal[settling:] for signal in signals))
+        truths = _describe_course(courses[k], time[settling:]) if courses else {}
+        yield _make_trial(settings, seed, truths, *(signal[settling:] for signal in signals))
+
+
+def _follows_course(settings: SimulationSettings) -> bool:
+    """Whether anything depends on cycles or on the scheduling variable."""
+    locked = settings.perturbation_locked or settings.locked_torque > 0
+    return settings.variation is not None or settings.movement > 0 or locked
+
+
+def _vary(settings: SimulationSettings, courses: Sequence[Course], time: np.ndarray) -> list[Trajectories]:
+    """K, B and G over time: of each trial, or of all where they are the same; none where they are constant."""
+    if settings.variation is None:
+        return []
+    alike = settings.variation == "time" or (settings.variation == "cycle" and settings.cycle_jitter == 0)
+    return [trajectories(course, time) for course in courses[: 1 if alike else None]]
+
+
+def _describe_course(course: Course, time: np.ndarray) -> dict[str, np.ndarray]:
+    """Variables of a trial whose parameters vary, or that moves: phase or scheduling variable, and true K, B and G."""
+    settings, variables = course.settings, {}
+    if settings.variation == "schedule":
+        variables["schedule"] = course.schedule(time)
+    elif settings.variation == "cycle" or settings.perturbation_locked or settings.locked_torque or settings.movement:
+        variables["phase"] = course.phase(time)
+    if settings.variation is not None:
+        truth = trajectories(course, time)
+        variables |= {
+            "stiffness_true": truth.stiffness,
+            "viscosity_true": truth.viscosity,
+            "reflex_gain_true": truth.gain,
+        }
+    return variables
 
 
 def _make_trial(
     settings: SimulationSettings,
     seed: int | np.random.SeedSequence,
+    truths: dict[str, np.ndarray],
     position: np.ndarray,
     intrinsic: np.ndarray,
     reflex: np.ndarray,
@@ -182,7 +227,7 @@ def _make_trial(
     reference: np.ndarray,
 ) -> xr.Dataset:
     """Trial of recorded signals, with its seed and settings as attributes."""
-    attributes = {name: int(value) if isinstance(value, bool) else value for name, value in settings}
+    attributes = {name: _as_attribute(value) for name, value in settings}
     return new_trial(
         position,
         intrinsic + reflex + voluntary + noise,
@@ -192,10 +237,18 @@ def _make_trial(
         torque_reflex=reflex,
         torque_voluntary=voluntary,
         torque_noise=noise,
+        **truths,
         # As text where the entropy is too long for an integer of a file.
         seed=seed if isinstance(seed, int) and abs(seed) < 2**63 else str(_seed_sequence(seed)),
         **attributes,
     )
+
+
+def _as_attribute(value: Any) -> Any:
+    """A setting as a file can hold it: flags as numbers, tables as text."""
+    if isinstance(value, tuple):
+        return ", ".join(map(repr, value))
+    return int(value) if isinstance(value, bool) else value
 
 
 def _check_seed(seed: Any) -> int | np.random.SeedSequence:
@@ -219,8 +272,22 @@ def _open_streams(seed: int | np.random.SeedSequence) -> _Streams:
     other bits the next time.
     """
     root = _seed_sequence(seed)
-    keys = [(*root.spawn_key, k) for k in range(3)]
+    keys = [(*root.spawn_key, k) for k in range(len(_Streams._fields))]
     return _Streams(*(np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key)) for key in keys))
+
+
+def _draw_commands(
+    settings: SimulationSettings, streams: Sequence[_Streams], courses: Sequence[Course], time: np.ndarray
+) -> np.ndarray:
+    """Perturbations [rad], shape (trials, samples)."""
+    commands = np.stack([_draw_command(settings, stream.perturbation, time.size) for stream in streams])
+    if not settings.perturbation_locked:
+        return commands
+    rows = []
+    for course, command in zip(courses, commands, strict=True):  # each cycle begins with the first samples
+        onset = course.onsets[np.searchsorted(course.onsets, time + 1e-9, side="right") - 1]
+        rows.append(command[np.round((time - onset) * settings.recording_rate).astype(int)])
+    return np.stack(rows)
 
 
 def _draw_command(settings: SimulationSettings, rng: np.random.Generator, samples: int) -> np.ndarray:
@@ -233,12 +300,20 @@ def _draw_command(settings: SimulationSettings, rng: np.random.Generator, sample
 
 
 def _draw_voluntary(
-    settings: SimulationSettings, streams: Sequence[_Streams], samples: int, deviation: np.ndarray
+    settings: SimulationSettings,
+    streams: Sequence[_Streams],
+    courses: Sequence[Course],
+    time: np.ndarray,
+    deviation: np.ndarray,
 ) -> _Disturbance:
-    """Voluntary torque of a standard deviation [N·m], shape (trials, 1)."""
+    """Voluntary torque, at random and in step with the cycle, for deviations [N·m] of the clean net torque."""
     rate, cutoff = settings.recording_rate, settings.voluntary_cutoff
-    signals = [draw_voluntary_torque(stream.voluntary, samples, rate, cutoff) for stream in streams]
-    torque = deviation * np.stack(signals)
+    torque = np.zeros((len(streams), time.size))
+    if settings.voluntary > 0:
+        signals = [draw_voluntary_torque(stream.voluntary, time.size, rate, cutoff) for stream in streams]
+        torque = settings.voluntary * deviation * np.stack(signals)
+    if settings.locked_torque > 0:
+        torque += settings.locked_torque * deviation * np.stack([course.locked_torque(time) for course in courses])
     return _Disturbance(torque, antialias(torque, settings, "foh"))
 
 
@@ -261,10 +336,15 @@ def _recorded_noise_deviation(settings: SimulationSettings, hold: int) -> float:
 
 
 def _run_stable_loop(
-    loop: Loop, settings: SimulationSettings, command: np.ndarray, noise: _Disturbance, voluntary: _Disturbance
+    loop: Loop,
+    settings: SimulationSettings,
+    command: np.ndarray,
+    noise: _Disturbance,
+    voluntary: _Disturbance,
+    variation: Sequence[Trajectories],
 ) -> np.ndarray:
     """Recorded position, intrinsic and reflex torque, shape (3, trials, samples); a loop that diverges is an error."""
-    record, divergence = run_loop(loop, settings, command, noise.torque, voluntary.torque)
+    record, divergence = run_loop(loop, settings, command, noise.torque, voluntary.torque, variation)
     if divergence >= 0:
         raise UnstableLoopError(
             f"the closed loop is unstable: the position passes ±{settings.position_limit:g} rad after "

@@ -55,12 +55,18 @@ class AdaptiveSolution:
         p = self.settings
         return p.stiffness * (1.0 + p.stiffness_drift * (t / p.duration - 0.5))
 
+    def viscosity(self, t):
+        return self.settings.viscosity
+
+    def gain(self, t):
+        return self.settings.reflex_gain
+
     def motion(self, t, state, command, disturbance):
         p = self.settings
         servo = (2 * np.pi * p.actuator_frequency) ** 2 * (command - state[0])
         servo -= 2 * p.actuator_damping * 2 * np.pi * p.actuator_frequency * state[1]
         position, velocity = state[0] - state[2], state[1] - state[3]
-        passive = self.stiffness(t) * position + p.viscosity * velocity
+        passive = self.stiffness(t) * position + self.viscosity(t) * velocity
         load = 0.0
         if p.closed_loop:
             # I_L·l̈ + B_L·l̇ + K_L·l = K·P + B·Ṗ + I·(servo − l̈) + reflex + disturbance
@@ -77,7 +83,7 @@ class AdaptiveSolution:
         disturbance = noise[sample] + float(np.interp(t, self.time, voluntary))
         servo, load, position, intrinsic = self.motion(t, state, float(command[sample]), disturbance)
         out[:4] = state[1], servo, state[3], load
-        drive = p.reflex_gain * max(0.0, self.delayed_velocity(t) - p.reflex_threshold)
+        drive = self.gain(t) * max(0.0, self.delayed_velocity(t) - p.reflex_threshold)
         w, z = p.omega_n, p.zeta
         if self.order == 2:
             out[4:6] = state[5], w**2 * (drive - state[4]) - 2 * z * w * state[5]

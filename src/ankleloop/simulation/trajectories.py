@@ -1,0 +1,164 @@
+"""K, B and G of a simulated joint over time, and the cycles or the scheduling variable that they vary with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ankleloop.simulation.settings import SimulationSettings
+
+__all__ = ["Course", "Trajectories", "draw_course", "parameter_ranges", "trajectories"]
+
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # ratio of two periods that have no common multiple
+PARAMETERS = {"stiffness": "stiffness", "viscosity": "viscosity", "gain": "reflex_gain"}  # names of settings
+LOCKED_HARMONICS = {1: (1.0, 0.0), 2: (0.6, 1.0), 3: (0.3, 2.0)}  # amplitude and phase [rad] of the locked torque
+
+
+class Trajectories(NamedTuple):
+    """Stiffness [N·m/rad], viscosity [N·m·s/rad] and reflex gain [N·m·s/rad] over time, each of shape (N,)."""
+
+    stiffness: np.ndarray
+    viscosity: np.ndarray
+    gain: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Where a trial is, at each time, within what its joint varies with.
+
+    Parameters
+    ----------
+    settings : SimulationSettings
+        Settings of the simulation.
+    onsets : ndarray, shape (cycles + 1,)
+        Start of every cycle [s], from before the settling time to after the end of the record, which begins at 0.
+    angles : ndarray, shape (2,)
+        Phases of the two sinusoids of the scheduling variable [rad].
+    """
+
+    settings: SimulationSettings
+    onsets: np.ndarray
+    angles: np.ndarray
+
+    def phase(self, time: np.ndarray) -> np.ndarray:
+        """Phase of the cycle, from 0 to 1, shape of `time`."""
+        cycle = np.clip(np.searchsorted(self.onsets, time + 1e-9, side="right") - 1, 0, self.onsets.size - 2)
+        return np.clip((time - self.onsets[cycle]) / np.diff(self.onsets)[cycle], 0.0, 1.0)
+
+    def schedule(self, time: np.ndarray) -> np.ndarray:
+        """Scheduling variable, from 0 to 1, shape of `time`."""
+        periods = self.settings.schedule_period * np.array([1.0, GOLDEN])
+        return 0.5 + 0.25 * np.sum(np.sin(2 * np.pi * time[:, None] / periods + self.angles), axis=1)
+
+    def place(self, time: np.ndarray) -> np.ndarray:
+        """Place within 0 … 1 of what K, B and G vary with, shape of `time`."""
+        if self.settings.variation == "cycle":
+            return self.phase(time)
+        if self.settings.variation == "schedule":
+            return self.schedule(time)
+        return np.clip(time / self.settings.duration, 0.0, 1.0)
+
+    def movement(self, time: np.ndarray) -> np.ndarray:
+        """Slow command [rad], shape of `time`."""
+        if self.settings.movement == 0:
+            return np.zeros(time.size)
+        if self.settings.variation == "schedule":
+            return self.settings.movement * (self.schedule(time) - 0.5)
+        return 0.5 * self.settings.movement * np.sin(2 * np.pi * self.phase(time))
+
+    def locked_torque(self, time: np.ndarray) -> np.ndarray:
+        """Torque of unit standard deviation that repeats with the cycle, shape of `time`."""
+        phase = 2 * np.pi * self.phase(time)
+        parts = [a * np.sin(k * phase + angle) for k, (a, angle) in LOCKED_HARMONICS.items()]
+        return np.sum(parts, axis=0) / np.sqrt(0.5 * sum(a**2 for a, _ in LOCKED_HARMONICS.values()))
+
+
+def draw_course(settings: SimulationSettings, rng: np.random.Generator) -> Course:
+    """Draw durations of cycles and the scheduling variable of a trial.
+
+    Parameters
+    ----------
+    settings : SimulationSettings
+        Settings of the simulation.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Returns
+    -------
+    Course
+        Cycles of one duration begin at time 0, others within the settling time.
+
+    Examples
+    --------
+    >>> course = draw_course(SimulationSettings(cycle_duration=2.0, duration=5.0), np.random.default_rng(1))
+    >>> course.onsets.tolist()
+    [-6.0, -4.0, -2.0, 0.0, 2.0, 4.0, 6.0]
+    """
+    angles = rng.uniform(0.0, 2.0 * np.pi, 2)
+    mean, jitter = settings.cycle_duration, settings.cycle_jitter
+    before = int(np.ceil(settings.settling / mean - 1e-9))
+    count = int(np.ceil((before * mean + settings.duration) / (mean * (1.0 - jitter)) - 1e-9))
+    durations = mean * (1.0 + jitter * rng.uniform(-1.0, 1.0, count)) if jitter > 0 else np.full(count, mean)
+    onsets = -mean * before + np.concatenate([[0.0], np.cumsum(durations)])
+    return Course(settings, onsets[: np.searchsorted(onsets, settings.duration - 1e-9) + 1], angles)
+
+
+def trajectories(course: Course, time: np.ndarray) -> Trajectories:
+    """K, B and G at some times.
+
+    Parameters
+    ----------
+    course : Course
+        Course of the trial.
+    time : ndarray, shape (N,)
+        Times [s]; the record begins at 0.
+
+    Returns
+    -------
+    Trajectories
+
+    Examples
+    --------
+    >>> settings = SimulationSettings(variation="cycle", stiffness=100.0, stiffness_table=(80.0, 120.0))
+    >>> trajectories(draw_course(settings, np.random.default_rng(1)), np.array([0.0, 0.35, 0.7])).stiffness.tolist()
+    [80.0, 100.0, 120.0]
+    """
+    place = course.place(time)
+    return Trajectories(*(_profile(course.settings, name, place) for name in PARAMETERS))
+
+
+def parameter_ranges(settings: SimulationSettings) -> dict[str, tuple[float, float]]:
+    """Smallest and largest value of stiffness, viscosity and gain, by name.
+
+    Parameters
+    ----------
+    settings : SimulationSettings
+        Settings of the simulation.
+
+    Returns
+    -------
+    dict of str to tuple of float
+    """
+    ranges = {}
+    for name, setting in PARAMETERS.items():
+        mean, share, table = getattr(settings, setting), *_variation(settings, name)
+        ranges[name] = (mean * (1 - share), mean * (1 + share)) if table is None else (min(table), max(table))
+    drift = 0.5 * abs(settings.stiffness_drift) * settings.stiffness
+    low, high = ranges["stiffness"]
+    return {**ranges, "stiffness": (low - drift, high + drift)}
+
+
+def _variation(settings: SimulationSettings, name: str) -> tuple[float, tuple[float, ...] | None]:
+    return getattr(settings, f"{name}_variation"), getattr(settings, f"{name}_table")
+
+
+def _profile(settings: SimulationSettings, name: str, place: np.ndarray) -> np.ndarray:
+    """Values of a parameter at places within 0 … 1."""
+    mean, (share, table) = getattr(settings, PARAMETERS[name]), _variation(settings, name)
+    if table is not None:
+        values = np.array([*table, table[0]]) if settings.variation == "cycle" else np.array(table)
+        return np.interp(place, np.linspace(0.0, 1.0, values.size), values)
+    wave = np.cos(2 * np.pi * (place - getattr(settings, f"{name}_peak")))
+    return mean * (1.0 + share * (np.where(wave > 0, 1.0, -1.0) if settings.variation_shape == "square" else wave))

@@ -1,0 +1,178 @@
+"""Joints that change within a record: against an adaptive solver, and in the trials that they make."""
+
+import numpy as np
+import pytest
+from test_loop import AdaptiveSolution, append_net, external_signals
+
+from ankleloop import DataError, load_trial, save_trial, simulate
+from ankleloop.joint.prepared import prepare
+from ankleloop.simulation.loop import build_loop, run_loop
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.simulate import simulate_trials
+from ankleloop.simulation.trajectories import draw_course, trajectories
+
+RATE = 1000.0
+LIGHT = {"load_inertia": 0.1, "load_viscosity": 10.0, "load_stiffness": 100.0}
+VARIATION = {
+    "stiffness_variation": 0.5,
+    "stiffness_peak": 0.3,
+    "viscosity_variation": 0.4,
+    "gain_variation": 0.7,
+    "gain_peak": 0.8,
+    "settling": 0.0,
+    "duration": 2.0,
+}
+QUIET = {"voluntary": 0.0, "snr_db": None}
+
+
+class ChangingJoint(AdaptiveSolution):
+    """The equations of motion with K, B and G as functions of time."""
+
+    def __init__(self, settings, course, *external):
+        super().__init__(settings, *external)
+        self.course = course
+
+    def at(self, t):
+        return trajectories(self.course, np.array([t]))
+
+    def stiffness(self, t):
+        return self.at(t).stiffness[0]
+
+    def viscosity(self, t):
+        return self.at(t).viscosity[0]
+
+    def gain(self, t):
+        return self.at(t).gain[0]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "noise"),
+    [
+        ({"variation": "cycle", "cycle_duration": 0.6, **LIGHT}, 0.5),
+        ({"variation": "schedule", "schedule_period": 0.9, "pole": 50.0}, 0.0),
+        ({"variation": "time", "variation_shape": "square", "closed_loop": False, "gain_peak": 0.3}, 0.0),
+    ],
+    ids=["cycle, light load", "schedule, third order", "square wave over time, open loop"],
+)
+def test_a_changing_joint_against_an_adaptive_solver(parameters, noise):
+    external = external_signals(2.0, noise=noise, ramp=0.5 if noise else 0.0)
+    settings = SimulationSettings(**VARIATION, **parameters)
+    course = draw_course(settings, np.random.default_rng(3))
+    expected = append_net(ChangingJoint(settings, course, *external).run())
+    middle = (np.arange(external[0].size) + 0.5) / RATE
+    for integration_rate, tolerance in ((1e4, 5e-5), (4e4, 5e-6)):
+        settings = SimulationSettings(integration_rate=integration_rate, **VARIATION, **parameters)
+        record, divergence = run_loop(build_loop(settings), settings, *external, [trajectories(course, middle)])
+        assert divergence == -1
+        error = np.max(np.abs(append_net(record) - expected), axis=1) / np.max(np.abs(expected), axis=1)
+        assert np.all(error < tolerance), dict(zip(("position", "intrinsic", "reflex", "net"), error, strict=True))
+
+
+def test_a_variation_of_zero_is_a_constant_joint():
+    constant, varying = (simulate(seed=3, duration=3.0, variation=variation, **LIGHT) for variation in (None, "cycle"))
+    for name in ("position", "torque_intrinsic", "torque_reflex", "torque"):
+        np.testing.assert_allclose(varying[name], constant[name], rtol=0, atol=1e-7 * float(abs(constant[name]).max()))
+    assert "stiffness_true" not in constant
+    assert np.ptp(varying["stiffness_true"].values) == 0.0
+
+
+def test_the_true_trajectories_are_those_of_the_torque():
+    """Where K and B are largest and smallest, they are those of the intrinsic torque over all cycles."""
+    settings = {"stiffness_variation": 0.4, "viscosity_variation": 0.3, "viscosity_peak": 0.5, "reflex_gain": 0.0}
+    trial = prepare(simulate(seed=3, duration=40.0, variation="cycle", cycle_duration=2.0, **settings, **QUIET))
+    grid = trial.grid(100.0, 0.04)
+    motion = np.array(trial.motion(grid))
+    torque, phase = trial.channel("torque_intrinsic", grid), trial.samples("phase")[grid.first :: grid.factor]
+    phase = phase[: grid.samples]
+    for place, sign in ((0.5, 1.0), (0.0, -1.0)):
+        rows = np.abs(trial.channel("stiffness_true", grid) - 150.0 * (1 + 0.4 * sign)) < 0.05
+        assert np.all(np.abs((phase[rows] - place + 0.5) % 1.0 - 0.5) < 0.02)
+        stiffness, viscosity, inertia = np.linalg.lstsq(motion[:, rows].T, torque[rows], rcond=None)[0]
+        assert stiffness == pytest.approx(150.0 * (1 + 0.4 * sign), rel=0.005)
+        assert viscosity == pytest.approx(0.8 * (1 + 0.3 * sign), rel=0.05)
+        assert inertia == pytest.approx(0.015, rel=0.02)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.1])
+def test_trials_side_by_side_are_those_of_simulate(jitter):
+    settings = {"duration": 3.0, "variation": "cycle", "stiffness_variation": 0.3, "cycle_jitter": jitter}
+    for seed, trial in enumerate(simulate_trials(range(8), **settings)):
+        if seed in (0, 5):
+            assert trial.identical(simulate(seed=seed, **settings))
+
+
+def test_durations_of_cycles():
+    settings = SimulationSettings(variation="cycle", cycle_jitter=0.2, duration=50.0)
+    course = draw_course(settings, np.random.default_rng(1))
+    durations = np.diff(course.onsets)
+    assert course.onsets[0] <= -5.0
+    assert course.onsets[-1] >= 50.0
+    assert 1.12 <= durations.min() < 1.2
+    assert 1.6 < durations.max() <= 1.68
+    time = course.onsets[:-1] + 0.25 * durations
+    np.testing.assert_allclose(course.phase(time), 0.25, atol=1e-12)
+
+
+def test_tables_are_joined_by_straight_lines():
+    table = {"stiffness_table": [100.0, 200.0, 150.0, 150.0], "gain_table": (5.0, 10.0), "cycle_duration": 1.0}
+    cycle = simulate(seed=1, duration=3.0, variation="cycle", **table)
+    values = cycle["stiffness_true"].values[[0, 125, 250, 375, 500, 875]]
+    np.testing.assert_allclose(values, [100.0, 150.0, 200.0, 175.0, 150.0, 125.0])
+    assert cycle.attrs["stiffness_table"] == "100.0, 200.0, 150.0, 150.0"
+    text = {**table, "stiffness_table": cycle.attrs["stiffness_table"]}
+    assert simulate(seed=1, duration=3.0, variation="cycle", **text).identical(cycle)
+    time = simulate(seed=1, duration=3.0, variation="time", **table)
+    np.testing.assert_allclose(time["reflex_gain_true"].values[[0, 1500]], [5.0, 7.5])
+    assert np.ptp(time["viscosity_true"].values) == 0.0
+
+
+def test_movement_and_locked_torque_repeat_with_the_cycle(tmp_path):
+    settings = {"duration": 8.0, "variation": "cycle", "cycle_duration": 1.0, **QUIET}
+    moving = simulate(seed=2, movement=0.3, locked_torque=0.5, amplitude=1e-6, **settings)
+    for name in ("reference", "torque_voluntary"):
+        cycles = moving[name].values.reshape(8, 1000)
+        assert np.ptp(cycles, axis=0).max() < 1e-3 * np.ptp(cycles)
+    assert np.ptp(moving["reference"].values) == pytest.approx(0.3, rel=0.02)
+    still = simulate(seed=2, **settings)
+    level = float(np.std(still["torque"].values))
+    locked = simulate(seed=2, locked_torque=0.5, movement=0.3, **settings)["torque_voluntary"]
+    assert float(locked.std()) == pytest.approx(0.5 * level, rel=0.02)
+    save_trial(moving, tmp_path / "moving.nc")
+    assert load_trial(tmp_path / "moving.nc").identical(moving)
+
+
+def test_a_locked_perturbation_repeats_with_the_cycle():
+    settings = {"duration": 6.0, "cycle_duration": 1.0, "perturbation_locked": True, "settling": 5.0}
+    trial = simulate(seed=2, **settings)
+    cycles = trial["reference"].values.reshape(6, 1000)
+    assert np.ptp(cycles, axis=0).max() < 1e-9
+    assert np.ptp(cycles) > 0.03
+    assert trial["phase"].values[[0, 250, 1250]].tolist() == pytest.approx([0.0, 0.25, 0.25])
+
+
+def test_the_scheduling_variable_moves_the_joint():
+    trial = simulate(seed=2, duration=30.0, variation="schedule", movement=0.4, stiffness_variation=0.3, amplitude=1e-6)
+    schedule = trial["schedule"].values
+    assert schedule.min() >= 0.0
+    assert schedule.max() <= 1.0
+    assert np.corrcoef(schedule, trial["reference"].values)[0, 1] > 0.999
+    expected = 150.0 * (1 + 0.3 * np.cos(2 * np.pi * (schedule - 0.5)))
+    np.testing.assert_allclose(trial["stiffness_true"], expected)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"stiffness_variation": 0.3}, "stiffness_variation needs `variation`"),
+        ({"gain_table": [1.0, 2.0]}, "gain_table needs `variation`"),
+        ({"variation": "cycle", "gain_table": [1.0, -2.0]}, "gain_table must hold values of at least 0, got -2"),
+        ({"variation": "cycle", "stiffness_drift": 0.1}, "stiffness_drift must be 0"),
+        ({"variation": "cycle", "viscosity_table": [1.0]}, "a table must hold 2 to 1000 values, got 1"),
+        ({"variation": "cycle", "viscosity_table": "1; 2"}, "numbers with commas between them, got '1; 2'"),
+        ({"variation": "cycle", "viscosity_table": [1.0, float("nan")]}, "viscosity_table must be a finite number"),
+    ],
+)
+def test_settings_that_contradict_each_other(settings, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        simulate(seed=1, **settings)
+    assert not isinstance(caught.value, DataError)
