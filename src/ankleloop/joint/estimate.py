@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.models import Model
 from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.joint.torques import TORQUES, torque_dataset
 from ankleloop.quantities import QUANTITIES
 from ankleloop.subspace.matrices import Matrices
@@ -48,6 +50,10 @@ class Estimate:
     predictor : ankleloop.joint.models.Model or None
         The model as data: all that `predict` needs, among it the basis, the delay and the rate of its inputs. None
         where the method has no fixed model.
+    trajectories : xarray.Dataset or None
+        K, B and G over "phase" (0 … 1), "time" [s] or "schedule", with the ends of their 95 % bands "K_low", "K_high",
+        …, where the method estimates parameters that change in time; nan where the record does not show them.
+        `stiffness` and `reflex` then hold their means.
     """
 
     method: str
@@ -58,6 +64,7 @@ class Estimate:
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     diagnostics: dict[str, Any] = field(default_factory=dict)
     predictor: Model | None = field(default=None, repr=False)
+    trajectories: xr.Dataset | None = field(default=None, repr=False)
 
     @cached_property
     def model(self) -> StateSpace | None:
@@ -74,7 +81,9 @@ class Estimate:
         about_data = self.diagnostics.get("data_warnings", ())
         return [text for text in self.diagnostics.get("warnings", ()) if text not in about_data]
 
-    def predict(self, trial: xr.Dataset | PreparedTrial) -> Estimate:
+    def predict(
+        self, trial: xr.Dataset | PreparedTrial, *, cycle_onsets: str | Sequence[float] | None = None
+    ) -> Estimate:
         """The estimate with the torques that its model gives on another trial, from a state of rest.
 
         Delay, basis and identification rate are those of the model, means those of the trial.
@@ -84,6 +93,9 @@ class Estimate:
         trial : xarray.Dataset or PreparedTrial
             A trial that the fit need not have seen, recorded at any multiple of the identification rate; `evaluate`
             scores the result on it.
+        cycle_onsets : str or sequence of float, optional
+            Start of every cycle of this trial [s], or the variable that holds the phase, for a joint that changes with
+            it; by default the variable that was fitted.
 
         Returns
         -------
@@ -98,11 +110,17 @@ class Estimate:
         """
         if self.predictor is None:
             raise DataError(f"{self.method} has no fixed model to predict with: identify by another method.")
-        prepared = prepare(trial)
-        diagnostics, warnings = self.diagnostics, self.predictor.inputs.check_range(prepared)
+        prepared, predictor = prepare(trial), self.predictor
+        if isinstance(predictor, TimeVaryingModel):
+            torque, warnings = predictor.predict(prepared, cycle_onsets), predictor.check_range(prepared)
+        elif cycle_onsets is not None:
+            raise DataError(f"the model of {self.method} does not change with a cycle: leave out cycle_onsets.")
+        else:
+            torque, warnings = predictor.predict(prepared), predictor.inputs.check_range(prepared)
+        diagnostics = self.diagnostics
         if warnings:
             diagnostics = {**diagnostics, "warnings": [*diagnostics.get("warnings", ()), *warnings]}
-        return replace(self, torque=self.predictor.predict(prepared), diagnostics=diagnostics)
+        return replace(self, torque=torque, diagnostics=diagnostics)
 
     def __repr__(self) -> str:
         values = ", ".join(

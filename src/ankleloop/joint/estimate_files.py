@@ -16,6 +16,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.models import model_from_fields
+from ankleloop.joint.time_varying_trajectories import read_trajectories
 from ankleloop.joint.typed_json import dump_values, load_values
 from ankleloop.quantities import QUANTITIES
 from ankleloop.records.files import atomic_netcdf, parse_precision
@@ -30,7 +31,7 @@ __all__ = ["EstimateCollection", "find_estimates", "load_estimates", "load_estim
 PathLike = str | os.PathLike[str]
 MEMORY = 2**21  # bytes of the estimates by a method that are in memory before they go to a temporary file
 WRITTEN = 25  # estimates written at a time: each access to the file costs more than the numbers
-TEXTS = ("reflex_parameters", "intervals", "diagnostics", "model")  # of each estimate, as JSON
+TEXTS = ("reflex_parameters", "intervals", "diagnostics", "model", "trajectories")  # of each estimate, as JSON
 
 
 class EstimateCollection:
@@ -92,6 +93,7 @@ class EstimateCollection:
             "intervals": dump_values(estimate.intervals),
             "diagnostics": dump_values(estimate.diagnostics),
             "model": dump_values(None if model is None else {"kind": model.kind, **model.fields()}),
+            "trajectories": dump_values(_describe_trajectories(estimate)),
         }
         torques = {name: estimate.torque.variables[name].values.astype(self._kind) for name in TORQUES}
         pickle.dump((torques, list(estimate.stiffness.values()), texts), self._rows)
@@ -151,6 +153,13 @@ class EstimateCollection:
         """Place of the first sample of each estimate on the common grid of times."""
         rate = self._first.torque.attrs["identification_rate"] if self._first is not None else 0.0
         return [round((start - float(self._time[0])) * rate) for start in self._starts]
+
+
+def _describe_trajectories(estimate: Estimate) -> dict[str, np.ndarray] | None:
+    """Trajectories by name with their coordinate; None for a method that has none."""
+    if estimate.trajectories is None:
+        return None
+    return {str(name): variable.values for name, variable in estimate.trajectories.variables.items()}
 
 
 def _join_times(grid: np.ndarray, time: np.ndarray, rate: float) -> np.ndarray:
@@ -333,6 +342,7 @@ def _estimates(data: xr.Dataset, source: PathLike) -> list[Estimate]:
     estimates = []
     for row, fields in enumerate(columns["model"]):
         model = None if fields is None else model_from_fields(Fields(f"{source}, model {row}", fields))
+        curves = columns["trajectories"][row]
         estimates.append(
             Estimate(
                 method=data.attrs["method"],
@@ -343,6 +353,7 @@ def _estimates(data: xr.Dataset, source: PathLike) -> list[Estimate]:
                 intervals={name: tuple(ends) for name, ends in columns["intervals"][row].items()},
                 diagnostics=columns["diagnostics"][row],
                 predictor=model,
+                trajectories=None if curves is None else read_trajectories(Fields(f"{source}, row {row}", curves)),
             )
         )
     return estimates

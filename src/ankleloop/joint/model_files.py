@@ -13,6 +13,8 @@ from ankleloop.arguments import check_flag, check_path, show_value
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import Model, ResponseModel, model_from_fields
+from ankleloop.joint.time_varying_model import TimeVaryingModel
+from ankleloop.joint.time_varying_trajectories import read_trajectories
 from ankleloop.joint.torques import TORQUES, torque_dataset
 from ankleloop.joint.typed_json import dump_values, extract_arrays, load_values
 from ankleloop.quantities import QUANTITIES
@@ -37,6 +39,10 @@ DIMENSIONS: Mapping[str, tuple[str, ...]] = {
     "basis_knots": ("knot",),
     "stiffness": ("parameter",),
     "coefficients": ("basis_function",),
+    "limits": ("end",),
+    "stiffness_splines": ("stiffness_spline",),
+    "viscosity_splines": ("viscosity_spline",),
+    "gain_splines": ("gain_spline",),
     "intrinsic_response": ("intrinsic_lag",),
     "reflex_response": ("reflex_lag",),
     "decimation_kernel": ("derivative", "decimation_lag"),
@@ -45,6 +51,12 @@ DIMENSIONS: Mapping[str, tuple[str, ...]] = {
 UNITS = {
     "input_delay": "s",
     "delay": "s",
+    "torque_lag": "s",
+    "rest_position": "rad",
+    "inertia": "kg·m²",
+    "stiffness_splines": "N·m/rad",
+    "viscosity_splines": "N·m·s/rad",
+    "gain_splines": "N·m·s/rad",
     "identification_rate": "Hz",
     "recording_rate": "Hz",
     "basis_scale": "rad/s",
@@ -106,6 +118,8 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite
     }
     if estimate.predictor is not None:
         groups["model"] = _describe_model(estimate.predictor)
+    if estimate.trajectories is not None:
+        groups["trajectories"] = estimate.trajectories
     write_groups(groups, path, VARIABLE, overwrite=overwrite)
 
 
@@ -157,6 +171,7 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
         intervals=_read_intervals(intervals),
         diagnostics=_read_diagnostics(groups["diagnostics"]),
         predictor=predictor,
+        trajectories=read_trajectories(groups["trajectories"]) if "trajectories" in groups else None,
     )
 
 
@@ -216,7 +231,7 @@ def _describe_model(model: Model) -> xr.Dataset:
         leads = model.intrinsic.size // 2
         values["intrinsic_lag"] = np.arange(-leads, leads + 1) / rate
         values["reflex_lag"] = np.arange(model.reflex.size) / rate
-    else:
+    elif not isinstance(model, TimeVaryingModel):
         m = model.matrices
         values |= {"A": m.A, "B": m.B, "C": m.C, "D": m.D, "input_delay": np.array(model.inputs.delays)}
         values |= {"input": list(model.inputs.names), "output": ["torque"]}

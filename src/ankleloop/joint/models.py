@@ -16,6 +16,7 @@ from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
+from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.joint.torques import torque_dataset
 from ankleloop.records.group_files import Fields
 from ankleloop.signals.decimation import decimate
@@ -206,8 +207,10 @@ class ResponseModel:
         return cls(inputs, fields.array("intrinsic_response"), fields.array("reflex_response"))
 
 
-Model = StateSpaceModel | PhysicalModel | ResponseModel
-KINDS: Mapping[str, type[Model]] = {model.kind: model for model in (StateSpaceModel, PhysicalModel, ResponseModel)}
+Model = StateSpaceModel | PhysicalModel | ResponseModel | TimeVaryingModel
+KINDS: Mapping[str, type[Model]] = {
+    model.kind: model for model in (StateSpaceModel, PhysicalModel, ResponseModel, TimeVaryingModel)
+}
 
 
 def model_from_fields(fields: Fields) -> Model:
@@ -220,7 +223,7 @@ def model_from_fields(fields: Fields) -> Model:
 
     Returns
     -------
-    StateSpaceModel, PhysicalModel or ResponseModel
+    StateSpaceModel, PhysicalModel, ResponseModel or TimeVaryingModel
 
     Raises
     ------

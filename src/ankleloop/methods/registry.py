@@ -22,6 +22,7 @@ FAMILIES = (
     "ankleloop.methods.parallel_cascade",
     "ankleloop.methods.real_time",
     "ankleloop.methods.riv",
+    "ankleloop.methods.riv_tv",
 )
 
 METHODS: Mapping[str, Method] = MappingProxyType(
@@ -86,7 +87,8 @@ def identify(
         One of `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
         `ankleloop.methods.moesp.identify_moesp`), "parallel-cascade" (see
         `ankleloop.methods.parallel_cascade.identify_parallel_cascade`), "real-time" (see
-        `ankleloop.methods.real_time.identify_real_time`) or "riv" (see `ankleloop.methods.riv.identify_riv`).
+        `ankleloop.methods.real_time.identify_real_time`), "riv" (see `ankleloop.methods.riv.identify_riv`) or "riv-tv"
+        (see `ankleloop.methods.riv_tv.identify_riv_tv`).
     select : dict of str to sequence, optional
         Options to choose from, each with its candidates from simple to complex. The choice is made on parts of the
         record that the fit has not seen (see `ankleloop.methods.selection.select_options`), then the whole record is

@@ -1,0 +1,186 @@
+"""Errors, bias and coverage of `riv-tv` on simulated joints that change in time, beside least squares.
+
+Light load 0.1/10/100 and moderate load 1.1/7.1/250, cycles of 1.4 s, 10 dB; K 80-220, B 0.55-1.05, G 4-20. Errors are
+root mean squares over the trajectory, over the mean of the truth. A record of n cycles has n cycles in all. No trial is
+written to disk. Writes results/tables/time-varying.csv with a row for each trial and method, and prints the means.
+"""
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+import pandas as pd
+
+from ankleloop.assessment.scores import score_rows
+from ankleloop.errors import DataError
+from ankleloop.joint.prepared import prepare
+from ankleloop.methods.registry import identify
+from ankleloop.simulation.simulate import simulate
+
+ROOT = Path(__file__).resolve().parents[1]
+CYCLE = 1.4  # s
+LIGHT, MODERATE = (0.1, 10.0, 100.0), (1.1, 7.1, 250.0)
+JOINT = {
+    "stiffness": 150.0,
+    "stiffness_variation": 70.0 / 150.0,
+    "stiffness_peak": 0.5,
+    "viscosity": 0.8,
+    "viscosity_variation": 0.25 / 0.8,
+    "viscosity_peak": 0.4,
+    "reflex_gain": 12.0,
+    "gain_variation": 8.0 / 12.0,
+    "gain_peak": 0.7,
+}
+CONSTANT = {f"{name}_variation": 0.0 for name in ("stiffness", "viscosity", "gain")}
+SQUARE = {**CONSTANT, "stiffness_variation": 1.0 / 3.0, "variation_shape": "square"}
+TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}
+
+
+def case(load, voluntary, cycles=40, variation="cycle", **settings):
+    """Settings of the simulation, and what the parameters are functions of."""
+    return {
+        **JOINT,
+        "load": load,
+        "voluntary": voluntary,
+        "variation": variation,
+        "duration": round(cycles * CYCLE, 6) if variation == "cycle" else 120.0,
+        **settings,
+    }
+
+
+CASES = {
+    "light, 5 %, 40 cycles": case(LIGHT, 0.05),
+    "light, 30 %, 20 cycles": case(LIGHT, 0.3, 20),
+    "light, 30 %, 40 cycles": case(LIGHT, 0.3),
+    "light, 30 %, 100 cycles": case(LIGHT, 0.3, 100),
+    "light, 100 %, 100 cycles": case(LIGHT, 1.0, 100),
+    "moderate, 5 %, 40 cycles": case(MODERATE, 0.05),
+    "moderate, 30 %, 40 cycles": case(MODERATE, 0.3),
+    "moderate, 30 %, 100 cycles": case(MODERATE, 0.3, 100),
+    "light, 30 %, slow change over 120 s": case(LIGHT, 0.3, variation="time"),
+    "light, 30 %, scheduling variable, 120 s": case(LIGHT, 0.3, variation="schedule"),
+    "light, 30 %, 40 cycles, durations ± 6 %": case(LIGHT, 0.3, cycle_jitter=0.06),
+    "light, 30 %, 40 cycles, locked torque": case(LIGHT, 0.3, locked_torque=1.0),
+    "light, 30 %, 40 cycles, movement of 0.2 rad": case(LIGHT, 0.3, movement=0.2),
+    "square wave, moderate, 5 %, 40 cycles": case(MODERATE, 0.05, **SQUARE),
+    "constant, light, 30 %, 40 cycles": case(LIGHT, 0.3, **CONSTANT),
+    "open loop, 15 dB, 10 + 4 cycles": case(LIGHT, 0.0, 14, closed_loop=False, snr_db=15.0),
+}
+METHODS = {
+    "riv-tv": {},
+    "least squares": {"reference": "position", "weighting": "flat"},  # ensemble methods for open loop
+    "weighted least squares": {"reference": "position"},
+    "short segments": {"interpolation": "constant"},
+}
+
+
+def course_options(settings):
+    """Options of the method that say what the parameters are functions of."""
+    variation = settings["variation"]
+    return {"cycle": {"cycle_onsets": "phase"}, "schedule": {"schedule": "schedule"}, "time": {}}[variation]
+
+
+def true_trajectories(trial, trajectories):
+    """True K, B and G at the coordinates of estimated trajectories."""
+    dimension = next(iter(trajectories.dims))
+    place = trial[dimension].values if dimension != "time" else trial["time"].values
+    order = np.argsort(place, kind="stable")
+    return {
+        name: np.interp(trajectories[dimension].values, place[order], trial[variable].values[order])
+        for name, variable in TRUTHS.items()
+    }
+
+
+def score_trajectories(trial, trajectories):
+    """Relative error, bias and coverage [%] of each parameter."""
+    row = {}
+    for name, truth in true_trajectories(trial, trajectories).items():
+        error = trajectories[name].values - truth
+        row[f"{name} error"] = 100.0 * np.sqrt(np.mean(error**2)) / truth.mean()
+        row[f"{name} bias"] = 100.0 * np.mean(error) / truth.mean()
+        low, high = trajectories[f"{name}_low"].values, trajectories[f"{name}_high"].values
+        row[f"{name} covered"] = 100.0 * np.mean((low <= truth) & (truth <= high))
+    return row
+
+
+def run_trial(settings, seed, methods):
+    """Rows of all methods on one trial."""
+    trial, rows = simulate(seed=seed, **settings), []
+    for method in methods:
+        options = {**course_options(settings), "rest_position": 0.0, **METHODS[method]}
+        if not settings.get("closed_loop", True):
+            options["reference"] = "position"
+        prepared = prepare(trial)
+        start = time.process_time()
+        try:
+            estimate = identify(prepared, "riv-tv", **options)
+        except DataError as error:
+            rows.append({"method": method, "seed": seed, "failure": str(error)})
+            continue
+        seconds = time.process_time() - start
+        scores = {f"{torque} vaf": value for torque, kind, value in score_rows(prepared, estimate) if kind == "true"}
+        rows.append(
+            {
+                "method": method,
+                "seed": seed,
+                **score_trajectories(trial, estimate.trajectories),
+                **scores,
+                "omega_n": estimate.reflex["omega_n"],
+                "zeta": estimate.reflex["zeta"],
+                "p": estimate.diagnostics["variation_p"]["all"],
+                "rounds": estimate.diagnostics["rounds"],
+                "converged": estimate.diagnostics["converged"],
+                "strength": estimate.diagnostics["instrument_strength"],
+                "seconds": seconds,
+            }
+        )
+    return rows
+
+
+def summarise(table):
+    """Means over trials with half of their 95 % intervals for the errors."""
+    lines = []
+    for (name, method), rows in table.groupby(["case", "method"], sort=False):
+        half = 1.96 / np.sqrt(max(len(rows), 1))
+        errors = [f"{rows[f'{k} error'].mean():5.2f}±{half * rows[f'{k} error'].std():4.2f}" for k in TRUTHS]
+        bias = " ".join(f"{rows[f'{k} bias'].mean():6.2f}" for k in ("K", "B", "G"))
+        covered = "/".join(f"{rows[f'{k} covered'].mean():.0f}" for k in ("K", "B", "G"))
+        lines.append(
+            f"{name:44s} {method:23s} n={len(rows):3d} error {' '.join(errors)} bias {bias} "
+            f"(K ±{half * rows['K bias'].std():.2f}) covered {covered} "
+            f"vaf {rows['intrinsic vaf'].mean():.2f}/{rows['reflex vaf'].mean():.2f} "
+            f"p<.05 {100 * (rows['p'] < 0.05).mean():.1f} % rounds {rows['rounds'].mean():.1f} "
+            f"converged {100 * rows['converged'].mean():.0f} % {rows['seconds'].mean():.3f} s"
+        )
+    return "\n".join(lines)
+
+
+def main():
+    """Simulate and identify all trials, and print the means."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--trials", type=int, default=20)
+    parser.add_argument("--first-seed", type=int, default=100_000)
+    parser.add_argument("--cases", nargs="*", default=list(CASES), help="parts of the names of the cases")
+    parser.add_argument("--methods", nargs="*", default=list(METHODS), choices=list(METHODS))
+    parser.add_argument("--output", type=Path, default=ROOT / "results" / "tables" / "time-varying.csv")
+    arguments = parser.parse_args()
+    tables = []
+    for name, settings in CASES.items():
+        if not any(part in name for part in arguments.cases):
+            continue
+        rows = []
+        for seed in range(arguments.first_seed, arguments.first_seed + arguments.trials):
+            rows += run_trial(settings, seed, arguments.methods)
+        tables.append(pd.DataFrame(rows).assign(case=name))
+        print(summarise(tables[-1]), flush=True)
+    arguments.output.parent.mkdir(parents=True, exist_ok=True)
+    pd.concat(tables).to_csv(arguments.output, index=False)
+
+
+if __name__ == "__main__":
+    main()

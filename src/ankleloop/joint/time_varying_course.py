@@ -1,0 +1,309 @@
+"""What the parameters of a joint vary with: place and segment of each sample of a record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ankleloop.errors import DataError
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.regressors import Grid
+
+__all__ = [
+    "Course",
+    "cycle_place",
+    "find_onsets",
+    "follow_cycles",
+    "follow_schedule",
+    "follow_time",
+    "grid_times",
+    "make_course",
+    "schedule_place",
+]
+
+MARGIN = 1.5  # s at either end of a record that responses and filters touch
+FEWEST_CYCLES = 8
+SEGMENT = 2.0  # s: segments of a record without cycles, which count as independent
+OUTSIDE = 0.02  # share of the samples at either end of a scheduling variable that lie beyond its range
+UNEVEN = 3.0  # ratio of the longest to the shortest cycle
+SAME_PHASE = 1e-4
+FALL = -0.5  # of a phase from 0 to 1, where a cycle begins
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Place of each decimated sample within what the parameters vary with, and the samples that count.
+
+    Parameters
+    ----------
+    dimension : {"phase", "time", "schedule"}
+        What it is.
+    place : ndarray, shape (N,)
+        Place, from 0 to 1.
+    limits : tuple of float
+        Phase, time [s] or scheduling variable at the places 0 and 1.
+    rows : slice
+        Samples that count; they are whole segments.
+    segment : ndarray, shape (rows,)
+        Number of the cycle, or of the segment of a record without cycles, of each of them.
+    since : ndarray, shape (rows,)
+        Samples since the onset of the cycle; of the segment, without cycles.
+    outside : float
+        Share of the samples whose scheduling variable lies beyond the limits.
+    """
+
+    dimension: str
+    place: np.ndarray
+    limits: tuple[float, float]
+    rows: slice
+    segment: np.ndarray
+    since: np.ndarray
+    outside: float = 0.0
+
+    @property
+    def periodic(self) -> bool:
+        """Whether place 1 is place 0 again."""
+        return self.dimension == "phase"
+
+    @property
+    def segments(self) -> int:
+        """Number of cycles or segments."""
+        return int(self.segment[-1]) + 1
+
+    @property
+    def equal_cycles(self) -> int:
+        """Samples of each cycle where all have the same number and phases, else 0."""
+        sizes = np.bincount(self.segment)
+        if not self.periodic or np.ptp(sizes) > 0 or np.ptp(self.place[self.rows][:: sizes[0]]) > SAME_PHASE:
+            return 0
+        return int(sizes[0])
+
+
+def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarray:
+    """Start of every cycle [s].
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    onsets : str or sequence of float
+        The onsets [s], or the variable of the trial that holds the phase, from 0 to 1.
+
+    Returns
+    -------
+    ndarray, shape (cycles,)
+
+    Raises
+    ------
+    DataError
+        If there is no such variable, it is no phase, or the onsets do not increase or are too uneven.
+    """
+    time = trial.samples("time")
+    if isinstance(onsets, str):
+        phase = _variable(trial, onsets, "cycle_onsets")
+        if phase.min() < -1e-6 or phase.max() > 1 + 1e-6:
+            raise DataError(
+                f"{onsets} goes from {phase.min():.3g} to {phase.max():.3g}, and the phase of a cycle goes from 0 to "
+                "1: give the onsets of the cycles in seconds, or a variable with the phase."
+            )
+        starts = np.flatnonzero(np.diff(phase) < FALL) + 1
+        # The phase tells where between two samples the cycle began.
+        slope = np.median(np.diff(phase)[np.diff(phase) > 0]) * trial.rate if starts.size else 1.0
+        values = time[starts] - phase[starts] / slope
+    else:
+        values = np.asarray(onsets, dtype=float)
+    _check_onsets(values, float(time[0]), float(time[-1]))
+    return values
+
+
+def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
+    if onsets.ndim != 1 or onsets.size < 2 or not np.all(np.isfinite(onsets)):
+        raise DataError("there are fewer than two onsets of cycles: give the start of every cycle in seconds.")
+    durations = np.diff(onsets)
+    if durations.min() <= 0:
+        k = int(np.argmin(durations))
+        raise DataError(f"onset {k + 1} ({onsets[k + 1]:g} s) is not after onset {k} ({onsets[k]:g} s): sort them.")
+    if durations.max() > UNEVEN * durations.min():
+        k = int(np.argmax(durations))
+        raise DataError(
+            f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the shortest one "
+            f"{durations.min():.3g} s: is an onset missing, or one too many? Cut the record to cycles of one kind."
+        )
+    if onsets[0] > stop or onsets[-1] < start:
+        raise DataError(
+            f"the onsets of the cycles go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {start:g} to "
+            f"{stop:g} s: give them in seconds of the record."
+        )
+
+
+def _variable(trial: PreparedTrial, name: str, option: str) -> np.ndarray:
+    if name not in trial.trial:
+        variables = ", ".join(map(str, trial.trial.data_vars))
+        raise DataError(f"the trial has no variable {name!r} for {option}; it has {variables}.")
+    return trial.samples(name)
+
+
+def grid_times(trial: PreparedTrial, grid: Grid) -> np.ndarray:
+    """Times of the decimated samples [s], shape (N,)."""
+    return trial.samples("time")[grid.first : grid.first + grid.factor * grid.samples : grid.factor]
+
+
+def follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Course:
+    """Course over the phase of cycles.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    grid : Grid
+        Its decimated samples.
+    onsets : ndarray, shape (cycles + 1,)
+        Start of every cycle; the last one ends the last cycle.
+
+    Returns
+    -------
+    Course
+
+    Raises
+    ------
+    DataError
+        If there are too few whole cycles.
+    """
+    time = grid_times(trial, grid)
+    half = 0.5 / trial.rate
+    place = cycle_place(time, onsets, half)
+    inside = (onsets >= time[0] + MARGIN - half) & (onsets <= time[-1] - MARGIN + half)
+    edges = onsets[inside]
+    if edges.size - 1 < FEWEST_CYCLES:
+        raise DataError(
+            f"{max(edges.size - 1, 0)} whole cycles lie more than {MARGIN:g} s within the record, and riv-tv needs "
+            f"{FEWEST_CYCLES}: record more cycles; about 20 give useful bands."
+        )
+    first, stop = np.searchsorted(time, edges[[0, -1]] - half)
+    segment = np.searchsorted(edges, time[first:stop] + half, side="right") - 1
+    starts = np.searchsorted(segment, np.arange(edges.size - 1))
+    since = np.arange(segment.size) - starts[segment]
+    return Course("phase", place, (0.0, 1.0), slice(int(first), int(stop)), segment, since)
+
+
+def cycle_place(time: np.ndarray, onsets: np.ndarray, half: float) -> np.ndarray:
+    """Phase of samples; before the first and after the last onset the next cycle goes on.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Times of the samples [s].
+    onsets : ndarray, shape (cycles + 1,)
+        Start of every cycle [s].
+    half : float
+        Half of the recording interval [s].
+
+    Returns
+    -------
+    ndarray, shape (N,)
+    """
+    cycle = np.clip(np.searchsorted(onsets, time + half, side="right") - 1, 0, onsets.size - 2)
+    phase = (time - onsets[cycle]) / np.diff(onsets)[cycle]
+    inside = (phase >= 0) & (phase <= 1)
+    # A sample just ahead of an onset that it belongs to would get the phase 1 - ε by the modulus.
+    return np.where(inside, phase, np.where(np.abs(phase) < 1e-3, 0.0, np.mod(phase, 1.0)))
+
+
+def follow_time(trial: PreparedTrial, grid: Grid) -> Course:
+    """Course over the time within the record.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    grid : Grid
+        Its decimated samples.
+
+    Returns
+    -------
+    Course
+    """
+    time = grid_times(trial, grid)
+    rows, segment, since = _segments(time, trial.rate / grid.factor)
+    start, stop = float(time[rows.start]), float(time[rows.stop - 1])
+    return Course("time", np.clip((time - start) / (stop - start), 0.0, 1.0), (start, stop), rows, segment, since)
+
+
+def follow_schedule(trial: PreparedTrial, grid: Grid, name: str, limits: tuple[float, float] | None = None) -> Course:
+    """Course over a scheduling variable, which is clipped to the range of most of its samples.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    grid : Grid
+        Its decimated samples.
+    name : str
+        The variable.
+    limits : tuple of float, optional
+        Range; by default that between the 2nd and the 98th percentile.
+
+    Returns
+    -------
+    Course
+
+    Raises
+    ------
+    DataError
+        If there is no such variable, or it does not vary.
+    """
+    values = schedule_place(trial, grid, name, (0.0, 1.0))
+    rows, segment, since = _segments(grid_times(trial, grid), trial.rate / grid.factor)
+    if limits is None:
+        low, high = np.quantile(values[rows], [OUTSIDE, 1.0 - OUTSIDE]).tolist()
+        if not high - low > 1e-9 * max(abs(low), abs(high)):
+            raise DataError(f"{name} does not vary: a scheduling variable has to.")
+        limits = low, high
+    place = (values - limits[0]) / (limits[1] - limits[0])
+    outside = float(np.mean((place[rows] < 0) | (place[rows] > 1)))
+    return Course("schedule", np.clip(place, 0.0, 1.0), limits, rows, segment, since, outside)
+
+
+def schedule_place(trial: PreparedTrial, grid: Grid, name: str, limits: tuple[float, float]) -> np.ndarray:
+    """Scheduling variable at the decimated samples as a share of its range, shape (N,); not clipped."""
+    _variable(trial, name, "schedule")
+    return (trial.channel(name, grid) - limits[0]) / (limits[1] - limits[0])
+
+
+def _segments(time: np.ndarray, rate: float) -> tuple[slice, np.ndarray, np.ndarray]:
+    """Samples of a record without cycles that count, their segments, and samples since the start of each."""
+    length, margin = round(SEGMENT * rate), round(MARGIN * rate)
+    count = (time.size - 2 * margin) // length
+    if count < FEWEST_CYCLES:
+        raise DataError(
+            f"the record of {time.size / rate:.3g} s is too short: riv-tv without cycles needs "
+            f"{FEWEST_CYCLES * SEGMENT + 2 * MARGIN:g} s."
+        )
+    number = np.arange(count * length)
+    return slice(margin, margin + count * length), number // length, number % length
+
+
+def make_course(trial: PreparedTrial, grid: Grid, onsets: Any, schedule: str | None) -> Course:
+    """Course of a trial: over cycles if their onsets are known, over a scheduling variable, or over time.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    grid : Grid
+        Its decimated samples.
+    onsets : str, sequence of float or None
+        Onsets of cycles [s], or the variable with their phase.
+    schedule : str or None
+        The scheduling variable.
+
+    Returns
+    -------
+    Course
+    """
+    if onsets is not None:
+        return follow_cycles(trial, grid, find_onsets(trial, onsets))
+    return follow_time(trial, grid) if schedule is None else follow_schedule(trial, grid, schedule)

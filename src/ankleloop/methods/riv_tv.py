@@ -1,0 +1,312 @@
+"""Refined instrumental variables for joints that change in time: K, B and G over a cycle, over time, or a schedule."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, Self
+
+import numpy as np
+import xarray as xr
+from pydantic import field_validator, model_validator
+
+from ankleloop.arguments import as_plain
+from ankleloop.errors import DataError
+from ankleloop.joint.basis import fit_basis
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.model_inputs import ModelInputs
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.time_varying_course import make_course
+from ankleloop.joint.time_varying_model import TimeVaryingModel
+from ankleloop.joint.time_varying_splines import Splines
+from ankleloop.joint.time_varying_trajectories import trajectory_dataset
+from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
+from ankleloop.methods.time_varying_bands import TimeVaryingCovariance, covariance, trajectory, variation_p
+from ankleloop.methods.time_varying_checks import check_perturbation, instrument_strength
+from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations
+from ankleloop.methods.time_varying_inputs import TimeVaryingInputs
+from ankleloop.methods.time_varying_search import DELAY_LIMITS, TimeVaryingSolution, solve_time_varying
+from ankleloop.options import Options, option
+
+__all__ = ["METHODS", "RivTvOptions", "identify_riv_tv"]
+
+PLACES = 101  # of a trajectory
+FEW_CYCLES = 20  # below which bands are too narrow
+IDENTIFIED = 0.02  # of the median information about a parameter: less is not identified
+WEAK = 0.1  # canonical correlation of weak instruments
+LOGARITHMIC = ("omega_n", "zeta", "pole")
+
+
+class RivTvOptions(Options):
+    """Options of refined instrumental variables for joints that change in time."""
+
+    cycle_onsets: tuple[float, ...] | str | None = option(
+        None,
+        "start of every cycle, the last one ending the last cycle; or the variable of the trial that holds the phase "
+        "of the cycle, from 0 to 1",
+        unit="s",
+    )
+    schedule: str | None = option(
+        None, "scheduling variable of the trial, of which K, B and G are functions; null without cycles: of time"
+    )
+    knots: tuple[int, int, int] = option((12, 8, 12), "numbers of splines of K, B and G; penalties smooth them")
+    interpolation: Literal["cubic", "constant"] = option(
+        "cubic", "cubic splines; or values that are constant over equal intervals, as of short segments"
+    )
+    order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
+    delay: float | None = delay_option(estimated=True)
+    torque_lag: float | None = option(
+        0.0, "lag of the torque channel behind the position; null estimates it", unit="s", ge=-0.05, le=0.05
+    )
+    rest_position: float | None = option(
+        None,
+        "position at which the elastic torque is zero: what K varies times the distance from it repeats with the "
+        "cycle, and no record tells it from other torque that does; null: the mean position",
+        unit="rad",
+        ge=-10,
+        le=10,
+    )
+    identification_rate: float = rate_option()
+    reference: str = option(
+        "reference",
+        'variable of the trial that the load cannot reach: the command of the servo, or "position" in open loop, which '
+        "is least squares",
+    )
+    weighting: Literal["noise", "flat"] = option(
+        "noise", "weights of frequencies and of phases: the inverse of the noise, or flat"
+    )
+
+    @field_validator("cycle_onsets", "knots", mode="before")
+    @classmethod
+    def _as_tuple(cls, values: Any) -> Any:
+        """Numbers come as lists from YAML, and as arrays from NumPy."""
+        values = values.tolist() if hasattr(values, "tolist") else values
+        if not isinstance(values, (list, tuple)):
+            return values
+        return tuple(as_plain(value) for value in values)
+
+    @model_validator(mode="after")
+    def _check_knots(self) -> Self:
+        least = 4 if self.interpolation == "cubic" else 1
+        for name, count in zip("KBG", self.knots, strict=True):
+            if not least <= count <= 200:
+                raise ValueError(f"knots must be between {least} and 200 for {name}, got {count}.")
+        if self.cycle_onsets is not None and self.schedule is not None:
+            raise ValueError("cycle_onsets and schedule exclude each other: K, B and G are functions of one of them.")
+        return self
+
+
+def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
+    r"""Estimate K, B and G as functions of phase, time or a scheduling variable, consistent in closed loop.
+
+    The model is
+
+    .. math:: TQ = K(\tau) P + B(\tau) \dot P + I \ddot P + H\{G(\tau)\, \max(0, \dot P(t - d))\} + e(\tau) + v
+
+    with a low-pass H of unit gain, a torque e that repeats with the cycle (or changes slowly), and v of any spectrum:
+    voluntary torque and noise, which the load feeds back to P. K, B and G are cubic splines of τ, with penalties on
+    their roughness whose weights restricted likelihood chooses. The instruments are the same regressors made of the
+    position that movement and reference explain. What repeats with the cycle is taken out of torque, regressors and
+    instruments. Frequencies are weighted by the inverse of the noise spectrum, and places by that of its level.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    options : RivTvOptions
+        The options.
+
+    Returns
+    -------
+    Estimate
+        `trajectories` holds K, B and G with their 95 % bands; `stiffness` and `reflex` their means over the record,
+        and I, ωn, ζ, delay. `diagnostics`: rounds, converged, cycles (or segments that count as independent),
+        variation_p (probability of a variation as large, were K, B or G constant), instrument_strength (smallest
+        canonical correlation of instruments and regressors), perturbation_share (share of the perturbation that does
+        not repeat with the cycle), penalties, freedom (effective number of parameters of K, B and G), excitation
+        (information about K, B and G over its median, at the places of the trajectories), torque_lag,
+        noise_frequency [Hz] and noise_spectrum [(N·m)²/Hz].
+
+    Raises
+    ------
+    DataError
+        If there are too few cycles, the perturbation is locked to the cycle, or the record is unusable.
+
+    References
+    ----------
+    D. L. Guarin, R. E. Kearney, "Estimation of time-varying, intrinsic and reflex dynamic joint stiffness during
+    movement", Frontiers in Computational Neuroscience 11, 51, 2017. S. N. Wood, M. Fasiolo, "A generalized
+    Fellner-Schall method for smoothing parameter optimization", Biometrics 73(4), 1071-1081, 2017.
+
+    Examples
+    --------
+    >>> from ankleloop.methods.registry import identify
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = simulate(seed=1, duration=30.0, variation="cycle", stiffness_variation=0.4)
+    >>> estimate = identify(trial, "riv-tv", cycle_onsets="phase")
+    >>> bool(abs(float(estimate.trajectories["K"].sel(phase=0.5)) - 210.0) < 30.0)
+    True
+    """
+    equations = _set_up(trial, options)
+    share = check_perturbation(equations.inputs)
+    solution = solve_time_varying(equations)
+    return _estimate(trial, solution, options, share)
+
+
+def _set_up(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingEquations:
+    if options.reference not in trial.trial:
+        raise DataError(
+            f"the trial has no variable {options.reference!r} to serve as reference; it has "
+            f"{', '.join(map(str, trial.trial.data_vars))}. Give the command of the servo as reference, or "
+            "reference='position' for an open-loop record."
+        )
+    delay = NOMINAL_DELAY if options.delay is None else options.delay
+    grid = trial.grid(options.identification_rate, DELAY_LIMITS[1] if options.delay is None else delay)
+    course = make_course(trial, grid, options.cycle_onsets, options.schedule)
+    degree = 3 if options.interpolation == "cubic" else 0
+    bases = Bases(*(Splines(count, course.periodic, degree) for count in options.knots))
+    return TimeVaryingEquations(
+        TimeVaryingInputs(trial, grid, course, options.reference),
+        bases,
+        delay,
+        order=options.order,
+        estimate_delay=options.delay is None,
+        torque_lag=options.torque_lag,
+        weighting=options.weighting,
+    )
+
+
+def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions, share: float) -> Estimate:
+    """Torques, trajectories with their bands, and means over the record."""
+    equations, inputs = solution.equations, solution.equations.inputs
+    bands = covariance(solution)
+    model = _model(trial, solution, options)
+    trajectories, excitation, blanks = _trajectories(solution, bands)
+    stiffness, reflex, intervals = _means(solution, bands)
+    strength = instrument_strength(solution.system, equations.bases.size)
+    spectrum = solution.spectrum / (0.5 * inputs.rate)
+    return Estimate(
+        method="riv-tv",
+        torque=model.simulate(trial, inputs.grid, inputs.course.place),
+        matrices=None,
+        stiffness=stiffness,
+        reflex=reflex,
+        intervals=intervals if solution.converged else {},
+        diagnostics={
+            "order": equations.order,
+            "rounds": solution.rounds,
+            "converged": solution.converged,
+            "cycles" if inputs.course.periodic else "segments": inputs.course.segments,
+            "variation_p": variation_p(solution),
+            "instrument_strength": strength,
+            "perturbation_share": share,
+            "penalties": solution.penalties,
+            "freedom": dict(zip("KBG", solution.freedom, strict=True)),
+            "excitation": excitation,
+            "torque_lag": solution.parameters.lag,
+            "reference": options.reference,
+            "noise_frequency": equations.band.frequency,
+            "noise_spectrum": spectrum,
+            "warnings": _warnings(solution, strength, blanks),
+        },
+        predictor=model,
+        trajectories=trajectories,
+    )
+
+
+def _model(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions) -> TimeVaryingModel:
+    equations, parameters = solution.equations, solution.parameters
+    course, bases = equations.inputs.course, equations.bases
+    stiffness, viscosity, gain = (parameters.linear[block] for block in bases.blocks)
+    onsets = options.cycle_onsets if isinstance(options.cycle_onsets, str) else ""
+    delay = equations.delay + parameters.shift
+    return TimeVaryingModel(
+        ModelInputs(fit_basis(trial.velocity(delay), "rectifier", 1), delay, equations.inputs.rate, trial.rate),
+        course.dimension,
+        options.schedule or onsets,
+        course.limits,
+        bases.stiffness.degree,
+        (stiffness, viscosity, gain),
+        float(parameters.linear[bases.blocks[1].stop]),
+        parameters.dynamics,
+        parameters.lag,
+        options.rest_position,
+    )
+
+
+def _trajectories(
+    solution: TimeVaryingSolution, bands: TimeVaryingCovariance
+) -> tuple[xr.Dataset, dict[str, np.ndarray], dict[str, str]]:
+    """Trajectories with their bands, the excitation behind each, and where they are blank."""
+    course, places = solution.equations.inputs.course, np.linspace(0.0, 1.0, PLACES)
+    low, high = course.limits
+    coordinate = low + (high - low) * places
+    values: dict[str, np.ndarray] = {}
+    maps, blanks = {}, {}
+    for number, name in enumerate("KBG"):
+        curve = trajectory(solution, bands, number, places, IDENTIFIED)
+        band = 0.0 if solution.converged else np.nan
+        values |= {name: curve.values, f"{name}_low": curve.low + band, f"{name}_high": curve.high + band}
+        maps[name] = curve.excitation
+        if np.isnan(curve.values).any():
+            blanks[name] = _describe_ranges(coordinate, np.isnan(curve.values))
+    return trajectory_dataset(course.dimension, coordinate, values), maps, blanks
+
+
+def _describe_ranges(coordinate: np.ndarray, blank: np.ndarray) -> str:
+    """Ranges of a coordinate where a mask is true, as text."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], blank, [False]]).astype(int)))
+    pairs = zip(edges[::2], edges[1::2], strict=True)
+    return ", ".join(f"{coordinate[start]:.3g} to {coordinate[stop - 1]:.3g}" for start, stop in pairs)
+
+
+def _means(
+    solution: TimeVaryingSolution, bands: TimeVaryingCovariance
+) -> tuple[dict[str, float], dict[str, float], dict[str, tuple[float, float]]]:
+    """Means of K, B and G over the record, I, dynamics and delay of the reflex, and intervals of them."""
+    equations, parameters = solution.equations, solution.parameters
+    course, bases = equations.inputs.course, equations.bases
+    values, margins = {}, {}
+    for name, splines, block in zip("KBG", bases.all, bases.blocks, strict=True):
+        weights = splines(course.place[course.rows]).mean(axis=0)[None]
+        values[name] = float((weights @ parameters.linear[block])[0])
+        margins[name] = float(bands.margin(weights, block)[0])
+    inertia = bases.blocks[1].stop
+    values["I"], one = float(parameters.linear[inertia]), np.ones((1, 1))
+    margins["I"] = float(bands.margin(one, slice(inertia, inertia + 1))[0])
+    values |= {"delay": equations.delay + parameters.shift, **parameters.dynamics.values}
+    for k, name in enumerate(equations.names, bases.size):
+        margins[name] = float(bands.margin(one, slice(k, k + 1))[0])
+    intervals = {}
+    for name, margin in margins.items():
+        if name in LOGARITHMIC:
+            intervals[name] = (values[name] * float(np.exp(-margin)), values[name] * float(np.exp(margin)))
+        elif name in values:
+            intervals[name] = (values[name] - margin, values[name] + margin)
+    reflex = {name: values[name] for name in ("delay", "G", *parameters.dynamics.values)}
+    return {name: values[name] for name in "KBI"}, reflex, intervals
+
+
+def _warnings(solution: TimeVaryingSolution, strength: float, blanks: dict[str, str]) -> list[str]:
+    """What the record does not show, or the search did not reach."""
+    course, warnings = solution.equations.inputs.course, []
+    if course.periodic and course.segments < FEW_CYCLES:
+        warnings.append(f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}.")
+    for name, ranges in blanks.items():
+        warnings.append(
+            f"{name} is not identified at {course.dimension} {ranges}: the perturbation hardly excites the joint there."
+        )
+    if strength < WEAK:
+        warnings.append(
+            f"the instruments are weak: their smallest canonical correlation with the regressors is {strength:.2g}. "
+            "Record more cycles, perturb more strongly, or take fewer knots."
+        )
+    if course.outside > 0:
+        warnings.append(
+            f"{100 * course.outside:.2g} % of the samples lie beyond the range of the scheduling variable that was "
+            f"fitted, {course.limits[0]:.3g} to {course.limits[1]:.3g}: they count as its ends."
+        )
+    if not solution.converged:
+        warnings.append(f"not converged after {solution.rounds} rounds: the trajectories have no bands.")
+    return warnings
+
+
+METHODS = (Method("riv-tv", RivTvOptions, identify_riv_tv, reference=lambda options: options.reference),)

@@ -1,0 +1,204 @@
+"""Covariance of the parameters of `riv-tv`, bands of its trajectories, and the test whether anything varies at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from ankleloop.methods.time_varying_search import TimeVaryingSolution, solve_symmetric
+
+__all__ = ["TimeVaryingCovariance", "Trajectory", "covariance", "excitation", "trajectory", "variation_p"]
+
+PARAMETERS = ("K", "B", "G")
+INTEGRATION = 2001  # places at which squares of splines are summed
+
+
+@dataclass(frozen=True, eq=False)
+class TimeVaryingCovariance:
+    """Covariance of all unknowns, and half of a 95 % interval over its standard error.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (unknowns, unknowns)
+        The covariance.
+    quantile : float
+        Quantile of Student's distribution.
+    """
+
+    matrix: np.ndarray
+    quantile: float
+
+    def margin(self, weights: np.ndarray, places: slice | int) -> np.ndarray:
+        """Half of the 95 % interval of sums of some unknowns, shape (sums,).
+
+        Parameters
+        ----------
+        weights : ndarray, shape (sums, unknowns in `places`)
+            Weight of each unknown in each sum.
+        places : slice
+            The unknowns.
+
+        Returns
+        -------
+        ndarray
+        """
+        block = np.atleast_2d(self.matrix[places, places])
+        return self.quantile * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", weights, block, weights), 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A parameter over what it varies with.
+
+    Parameters
+    ----------
+    values, low, high : ndarray, shape (places,)
+        The parameter and the ends of its band; nan where the record does not show it.
+    excitation : ndarray, shape (places,)
+        Information of the record about the parameter at each place, over its median.
+    """
+
+    values: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    excitation: np.ndarray
+
+
+def covariance(solution: TimeVaryingSolution) -> TimeVaryingCovariance:
+    r"""Covariance of the unknowns about the true ones, smoothing included.
+
+    .. math:: A^{-1} (M + s^2 S_\lambda) A^{-T}, \quad A = Z^T X + S_\lambda,
+
+    with M the sum over cycles of the outer products of their contributions to the left side of the equations, which
+    holds whatever the noise does within a cycle; the second term is what the penalties may have smoothed away, for
+    trajectories as rough as they say (Nychka 1988). Weights from the noise are estimates themselves
+    (`ankleloop.methods.riv_covariance.asymptotic_covariance`).
+
+    Parameters
+    ----------
+    solution : TimeVaryingSolution
+        The solution.
+
+    Returns
+    -------
+    TimeVaryingCovariance
+
+    References
+    ----------
+    D. Nychka, "Bayesian confidence intervals for smoothing splines", Journal of the American Statistical Association
+    83(404), 1134-1143, 1988.
+    """
+    e, system = solution.equations, solution.system
+    course, size = e.inputs.course, e.bases.size
+    residual = system.residual(solution.parameters.linear)
+    starts = np.searchsorted(course.segment, np.arange(course.segments))
+    scores = np.add.reduceat(system.instruments * residual, starts, axis=1)
+    middle = scores @ scores.T
+    middle[:size, :size] += solution.variance * e.bases.penalty(solution.penalties)
+    half = solve_symmetric(solution.matrix, middle)
+    matrix = solve_symmetric(solution.matrix, half.T)
+    factor = (1.0 + 2.0 * e.smoothing_variance) * course.segments / (course.segments - 1.0)
+    return TimeVaryingCovariance(factor * 0.5 * (matrix + matrix.T), float(special.stdtrit(course.segments - 1, 0.975)))
+
+
+def excitation(solution: TimeVaryingSolution) -> list[np.ndarray]:
+    """Information of the record about the splines of K, B and G, over its median, for splines of equal size.
+
+    Parameters
+    ----------
+    solution : TimeVaryingSolution
+        The solution.
+
+    Returns
+    -------
+    list of ndarray, shape (splines,)
+    """
+    information, bases = np.diag(solution.system.information), solution.equations.bases
+    grid = np.linspace(0.0, 1.0, INTEGRATION)
+    maps = []
+    for splines, block in zip(bases.all, bases.blocks, strict=True):
+        density = information[block] / np.mean(splines(grid) ** 2, axis=0)
+        maps.append(density / max(float(np.median(density)), np.finfo(float).tiny))
+    return maps
+
+
+def trajectory(
+    solution: TimeVaryingSolution, covariance: TimeVaryingCovariance, number: int, places: np.ndarray, least: float
+) -> Trajectory:
+    """Trajectory of K, B or G with its band.
+
+    Parameters
+    ----------
+    solution : TimeVaryingSolution
+        The solution.
+    covariance : TimeVaryingCovariance
+        Its covariance.
+    number : {0, 1, 2}
+        Which one.
+    places : ndarray, shape (places,)
+        Places within 0 … 1.
+    least : float
+        Excitation below which the parameter is not identified.
+
+    Returns
+    -------
+    Trajectory
+    """
+    bases = solution.equations.bases
+    splines, block = bases.all[number], bases.blocks[number]
+    weights = splines(places)
+    values, margin = weights @ solution.parameters.linear[block], covariance.margin(weights, block)
+    shown = weights @ excitation(solution)[number]
+    blank = np.where(shown < least, np.nan, 0.0)
+    return Trajectory(values + blank, values - margin + blank, values + margin + blank, shown)
+
+
+def variation_p(solution: TimeVaryingSolution) -> dict[str, float]:
+    """Probability of a variation at least as large as the one that was seen, if K, B and G were constant.
+
+    A score test: the equations are solved for constant parameters, with the weights and the dynamics of the solution,
+    and the left sides of those for the contrasts of the splines are compared with their covariance.
+
+    Parameters
+    ----------
+    solution : TimeVaryingSolution
+        The solution.
+
+    Returns
+    -------
+    dict of str to float
+        By "K", "B" and "G", the others being free to vary, and "all".
+    """
+    bases, unknowns = solution.equations.bases, len(solution.system.normal)
+    contrasts, constants = [], []
+    for splines, block in zip(bases.all, bases.blocks, strict=True):
+        matrix = np.zeros((unknowns, splines.size))
+        matrix[block] = np.linalg.svd(np.ones((1, splines.size)))[2].T
+        constants.append(matrix[:, :1])
+        contrasts.append(matrix[:, 1:])
+    others = np.delete(np.eye(unknowns), np.r_[bases.blocks[0], bases.blocks[1], bases.blocks[2]], axis=1)
+    base = np.hstack([*constants, others])
+    values = {}
+    for k, name in enumerate(PARAMETERS):
+        free = [base, *(contrast for j, contrast in enumerate(contrasts) if j != k)]
+        values[name] = _score_p(solution, np.hstack(free), contrasts[k])
+    values["all"] = _score_p(solution, base, np.hstack(contrasts))
+    return values
+
+
+def _score_p(solution: TimeVaryingSolution, free: np.ndarray, tested: np.ndarray) -> float:
+    """Probability of left sides of tested directions as large as they are, the free ones being solved for."""
+    system = solution.system
+    normal, information = system.normal, system.information
+    inner = free.T @ normal @ free
+    projection = np.eye(len(normal)) - normal @ free @ solve_symmetric(inner, free.T)
+    rows = tested.T @ projection
+    side = rows @ system.side
+    residual = system.torque - (free @ solve_symmetric(inner, free.T @ system.side)) @ system.regressors
+    variance = solution.variance
+    scatter = variance * rows @ information @ rows.T
+    statistic = float(side @ solve_symmetric(scatter, side))
+    del residual
+    return float(special.chdtrc(tested.shape[1], statistic / (1.0 + solution.equations.smoothing_variance)))

@@ -1,0 +1,330 @@
+"""Equations of `riv-tv`: whitened regressors and instruments, less what repeats with the cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.fft import irfft, rfft
+
+from ankleloop.joint.dynamics import ReflexDynamics
+from ankleloop.joint.time_varying_splines import Splines
+from ankleloop.methods.time_varying_inputs import MEAN_SPLINES, TimeVaryingInputs
+from ankleloop.signals.decimation import PASSBAND
+from ankleloop.signals.spectra import Band
+
+__all__ = ["Bases", "TimeVaryingEquations", "TimeVaryingParameters", "WhitenedSystem"]
+
+LOWEST = 0.05  # Hz
+RESOLUTION, FEWEST_BINS = 0.4, 20  # Hz, and frequencies, over which the noise spectrum is smoothed
+NOISE_SPLINES = 8  # of the level of the noise
+LOWEST_LEVEL = 0.05  # of the mean level of the noise
+POWER_FLOOR = 1e-10  # of the largest power of the noise
+
+
+@dataclass(frozen=True)
+class Bases:
+    """Splines of K, B and G.
+
+    Parameters
+    ----------
+    stiffness, viscosity, gain : Splines
+        Splines of each of them.
+    """
+
+    stiffness: Splines
+    viscosity: Splines
+    gain: Splines
+
+    @property
+    def all(self) -> tuple[Splines, Splines, Splines]:
+        """The three of them."""
+        return self.stiffness, self.viscosity, self.gain
+
+    @cached_property
+    def blocks(self) -> tuple[slice, slice, slice]:
+        """Places of the coefficients of K, B and G among the linear parameters; I is between those of B and G."""
+        k, b, g = (splines.size for splines in self.all)
+        return slice(0, k), slice(k, k + b), slice(k + b + 1, k + b + 1 + g)
+
+    @property
+    def size(self) -> int:
+        """Number of linear parameters."""
+        return self.blocks[2].stop
+
+    def penalty(self, weights: np.ndarray) -> np.ndarray:
+        """Weighted sum of the penalties, shape (size, size)."""
+        matrix = np.zeros((self.size, self.size))
+        for splines, block, weight in zip(self.all, self.blocks, weights, strict=True):
+            matrix[block, block] = weight * splines.penalty
+        return matrix
+
+
+@dataclass(frozen=True, eq=False)
+class TimeVaryingParameters:
+    """Coefficients of K, B and G, inertia, dynamics of the reflex, and what delays add.
+
+    Parameters
+    ----------
+    linear : ndarray, shape (size,)
+        Coefficients of K and B, the inertia, coefficients of G.
+    dynamics : ReflexDynamics
+        Dynamics of the reflex.
+    shift : float
+        Delay of the reflex less that of the inputs [s].
+    lag : float
+        Lag of the torque channel behind the position [s].
+    """
+
+    linear: np.ndarray
+    dynamics: ReflexDynamics
+    shift: float = 0.0
+    lag: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class WhitenedSystem:
+    """Whitened instruments, regressors and residual at some parameters.
+
+    Parameters
+    ----------
+    instruments, regressors : ndarray, shape (unknowns, rows)
+        Derivatives of the torque with respect to the unknowns, by the predicted and by the measured inputs.
+    torque : ndarray, shape (rows,)
+        Whitened torque.
+    share : float
+        Share of the frequencies that count: so many independent values a sample has.
+    """
+
+    instruments: np.ndarray
+    regressors: np.ndarray
+    torque: np.ndarray
+    share: float
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Products of instruments and regressors."""
+        return self.instruments @ self.regressors.T
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Products of the instruments."""
+        if self.instruments is self.regressors:
+            return self.normal
+        return self.instruments @ self.instruments.T
+
+    @cached_property
+    def side(self) -> np.ndarray:
+        """Products of instruments and torque."""
+        return self.instruments @ self.torque
+
+    def residual(self, linear: np.ndarray) -> np.ndarray:
+        """Whitened torque less that of linear parameters, shape (rows,)."""
+        return self.torque - linear @ self.regressors[: linear.size]
+
+
+class TimeVaryingEquations:
+    """Spectra of regressors and instruments of a trial, from which whitened systems are made.
+
+    Parameters
+    ----------
+    inputs : TimeVaryingInputs
+        Inputs of the trial.
+    bases : Bases
+        Splines of K, B and G.
+    delay : float
+        Reflex delay of the inputs [s].
+    order : {2, 3}
+        Poles of the reflex dynamics.
+    estimate_delay : bool
+        Whether the delay of the reflex is an unknown.
+    torque_lag : float or None
+        Lag of the torque behind the position [s]; None makes it an unknown.
+    weighting : {"noise", "flat"}
+        Weights of frequencies and of phases.
+    """
+
+    def __init__(
+        self,
+        inputs: TimeVaryingInputs,
+        bases: Bases,
+        delay: float,
+        *,
+        order: int = 2,
+        estimate_delay: bool,
+        torque_lag: float | None,
+        weighting: str,
+    ) -> None:
+        self.inputs, self.bases, self.delay = inputs, bases, delay
+        self.order, self.estimate_delay, self.weighting = order, estimate_delay, weighting
+        self.torque_lag, self.estimate_lag = torque_lag or 0.0, torque_lag is None
+        self.rows = inputs.course.rows
+        samples = self.rows.stop - self.rows.start
+        self.band = Band(samples, inputs.rate, LOWEST, PASSBAND * inputs.rate)
+        self.resolution = max(RESOLUTION, FEWEST_BINS * inputs.rate / samples)
+        self.frequency = np.abs(inputs.s) / (2 * np.pi)
+        self.inside = (self.frequency >= LOWEST) & (self.frequency <= PASSBAND * inputs.rate)
+        self.torque = inputs.spectra(inputs.torque[None])[0]
+        self.place = [splines(inputs.course.place) for splines in bases.all]
+        self.motion = self._motion_spectra(inputs.motion)
+        own = inputs.own_instruments
+        self.predicted_motion = self.motion if own else self._motion_spectra(inputs.predicted_motion)
+        self._set_drives()
+
+    def _set_drives(self) -> None:
+        inputs = self.inputs
+        self.drive = self._drive_spectra(inputs.drive(self.delay))
+        own = inputs.own_instruments
+        self.predicted_drive = self.drive if own else self._drive_spectra(inputs.predicted_drive(self.delay))
+
+    def move_delay(self, parameters: TimeVaryingParameters) -> TimeVaryingParameters:
+        """Make the inputs anew for the delay that was estimated: a delay behind the splines would move G over phase."""
+        self.delay += parameters.shift
+        self._set_drives()
+        return replace(parameters, shift=0.0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns that are not linear."""
+        lag = ("torque_lag",) if self.estimate_lag else ()
+        poles = ("omega_n", "zeta", "pole")[: self.order]
+        return (*poles, *(("delay",) if self.estimate_delay else ()), *lag)
+
+    def _motion_spectra(self, motion: np.ndarray) -> np.ndarray:
+        position, velocity, acceleration = motion
+        columns = np.vstack([self.place[0].T * position, self.place[1].T * velocity, acceleration])
+        return self.inputs.spectra(columns)
+
+    def _drive_spectra(self, drive: np.ndarray) -> np.ndarray:
+        return self.inputs.spectra(self.place[2].T * drive)
+
+    def _responses(self, parameters: TimeVaryingParameters) -> tuple[np.ndarray, np.ndarray]:
+        """Response of the reflex, and its derivatives with respect to its dynamics and to its delay."""
+        s = self.inputs.s
+        response, derivatives = parameters.dynamics.response(s)
+        rows = np.array([*derivatives, -s * response] if self.estimate_delay else derivatives)
+        if parameters.shift:
+            delay = np.exp(-s * parameters.shift)
+            response, rows = delay * response, delay * rows
+        return response, rows
+
+    def _derivatives(
+        self, motion: np.ndarray, drive: np.ndarray, parameters: TimeVaryingParameters, weight: np.ndarray
+    ) -> np.ndarray:
+        """Weighted derivatives of the torque with respect to the unknowns, as signals, shape (unknowns, rows)."""
+        response, rows = self._responses(parameters)
+        gain = parameters.linear[self.bases.blocks[2]]
+        reflex = gain @ drive
+        spectra = [weight * motion, (weight * response) * drive, rows * (weight * reflex)]
+        if self.estimate_lag:
+            intrinsic = parameters.linear[: len(motion)] @ motion
+            spectra.append((-self.inputs.s * weight * (intrinsic + response * reflex))[None])
+        return irfft(np.vstack(spectra), self.inputs.size, axis=1)[:, self.rows]
+
+    def system(self, parameters: TimeVaryingParameters, weight: np.ndarray, level: np.ndarray) -> WhitenedSystem:
+        """Whitened system at some parameters.
+
+        Parameters
+        ----------
+        parameters : TimeVaryingParameters
+            The parameters.
+        weight : ndarray, shape (frequencies,)
+            Weight of each frequency, zero beyond the band.
+        level : ndarray, shape (rows,)
+            Standard deviation of the noise over its mean.
+
+        Returns
+        -------
+        WhitenedSystem
+        """
+        torque = self._lead(parameters) * weight
+        locked = self._locked_part(weight, level)
+        regressors = self._derivatives(self.motion, self.drive, parameters, weight)
+        y = irfft(torque, self.inputs.size)[self.rows]
+        own = self.inputs.own_instruments
+        instruments = (
+            None if own else self._derivatives(self.predicted_motion, self.predicted_drive, parameters, weight)
+        )
+        regressors, y = locked(regressors), locked(y[None])[0]
+        return WhitenedSystem(
+            regressors if instruments is None else locked(instruments), regressors, y, float(np.mean(self.inside))
+        )
+
+    def _lead(self, parameters: TimeVaryingParameters) -> np.ndarray:
+        """Transform of the torque, ahead by its lag."""
+        return self.torque * np.exp(self.inputs.s * parameters.lag) if parameters.lag else self.torque
+
+    def _locked_part(self, weight: np.ndarray, level: np.ndarray):  # type: ignore[no-untyped-def]
+        """Function that takes what repeats with the cycle out of whitened signals, and divides them by the level."""
+        course = self.inputs.course
+        if length := course.equal_cycles:
+
+            def remove(x: np.ndarray) -> np.ndarray:
+                folded = x.reshape(len(x), -1, length)
+                return (folded - folded.mean(axis=1, keepdims=True)).reshape(len(x), -1) / level
+
+            return remove
+        splines = Splines(MEAN_SPLINES, course.periodic)(course.place).T
+        white = irfft(weight * rfft(splines, self.inputs.size, axis=1), self.inputs.size, axis=1)[:, self.rows]
+        white = white / level
+        values, vectors = np.linalg.eigh(white @ white.T)
+        kept = values > 1e-12 * values[-1]
+        directions = (vectors[:, kept] / np.sqrt(values[kept])).T @ white
+
+        def project(x: np.ndarray) -> np.ndarray:
+            x = x / level
+            return x - (x @ directions.T) @ directions
+
+        return project
+
+    def locked_dimension(self) -> int:
+        """Number of parameters of what repeats with the cycle, or changes slowly."""
+        return self.inputs.course.equal_cycles or MEAN_SPLINES
+
+    def torques(self, parameters: TimeVaryingParameters) -> tuple[np.ndarray, np.ndarray]:
+        """Intrinsic and reflex torque less what repeats with the cycle, two arrays of shape (N,)."""
+        response, _ = self._responses(parameters)
+        intrinsic = parameters.linear[: len(self.motion)] @ self.motion
+        reflex = response * (parameters.linear[self.bases.blocks[2]] @ self.drive)
+        both = irfft(np.stack([intrinsic, reflex]), self.inputs.size, axis=1)[:, : self.inputs.grid.samples]
+        return both[0], both[1]
+
+    def noise(self, parameters: TimeVaryingParameters) -> np.ndarray:
+        """Residual torque less what repeats with the cycle, shape (rows,)."""
+        torque = irfft(self._lead(parameters), self.inputs.size)[self.rows]
+        residual = torque - np.sum([part[self.rows] for part in self.torques(parameters)], axis=0)
+        ones = np.ones(self.frequency.size)
+        return self._locked_part(ones, np.ones(residual.size))(residual[None])[0]
+
+    def spectrum(self, noise: np.ndarray) -> np.ndarray:
+        """Smoothed spectrum of the noise at the frequencies of the band [(N·m)²], white noise having its variance."""
+        power = self.band.smooth(np.abs(self.band.transform(noise)) ** 2, self.resolution)
+        power = power / np.sum(self.band.taper**2)
+        return np.maximum(power, POWER_FLOOR * power.max())
+
+    def weight(self, noise: np.ndarray) -> np.ndarray:
+        """Weight of each frequency, the inverse root of the spectrum of the noise, shape (frequencies,)."""
+        spectrum = self.spectrum(noise)
+        if self.weighting == "flat":
+            spectrum = np.full(spectrum.size, spectrum.mean())
+        values = 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum))
+        return np.where(self.inside, values, 0.0)
+
+    def level(self, noise: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """Standard deviation of the whitened noise over its mean, a function of the place, shape (rows,)."""
+        rows = self.rows
+        if self.weighting == "flat":
+            return np.ones(noise.size)
+        padded = np.zeros(self.inputs.grid.samples)
+        padded[rows] = noise
+        white = irfft(weight * rfft(padded, self.inputs.size), self.inputs.size)[rows]
+        splines = Splines(NOISE_SPLINES, self.inputs.course.periodic)(self.inputs.course.place[rows])
+        values = splines @ np.linalg.lstsq(splines, white**2, rcond=1e-6)[0]
+        mean = float(np.mean(white**2))
+        return np.sqrt(np.maximum(values, LOWEST_LEVEL * mean) / mean)
+
+    @property
+    def smoothing_variance(self) -> float:
+        """Variance of the smoothed spectrum over its square; zero for flat weights."""
+        return self.band.smoothing_variance(self.resolution) if self.weighting == "noise" else 0.0

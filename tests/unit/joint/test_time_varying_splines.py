@@ -1,0 +1,46 @@
+"""Splines of parameters that vary, against those of SciPy."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from ankleloop.joint.time_varying_splines import Splines
+
+PLACES = np.linspace(0.0, 1.0, 301)
+
+
+@pytest.mark.parametrize("size", [4, 7, 12])
+def test_open_splines_are_uniform_b_splines(size):
+    intervals = size - 3
+    knots = np.arange(-3, intervals + 4) / intervals
+    expected = BSpline.design_matrix(np.minimum(PLACES, 1 - 1e-12), knots, 3).toarray()
+    np.testing.assert_allclose(Splines(size, periodic=False)(PLACES), expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("size", [4, 5, 12])
+def test_periodic_splines_go_on_behind_the_cycle(size):
+    splines = Splines(size, periodic=True)
+    values = splines(PLACES)
+    np.testing.assert_allclose(values.sum(axis=1), 1.0)
+    np.testing.assert_allclose(values[-1], values[0], atol=1e-12)
+    knots = np.arange(-3, size + 4) / size
+    open_splines = BSpline.design_matrix(np.minimum(PLACES, 1 - 1e-12), knots, 3).toarray()
+    folded = open_splines[:, :size].copy()
+    folded[:, :3] += open_splines[:, size:]
+    np.testing.assert_allclose(values, folded, atol=1e-10)
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_what_costs_nothing(periodic):
+    splines = Splines(9, periodic)
+    values = np.linalg.eigvalsh(splines.penalty)
+    assert np.sum(values > 1e-10) == splines.rank
+    np.testing.assert_allclose(splines.penalty @ np.ones(9), 0.0, atol=1e-12)
+    line = np.arange(9.0)
+    assert (abs(splines.penalty @ line).max() < 1e-12) == (not periodic)
+
+
+def test_intervals():
+    splines = Splines(5, periodic=True, degree=0)
+    np.testing.assert_array_equal(splines(np.array([0.0, 0.19, 0.21, 1.0])).argmax(axis=1), [0, 0, 1, 4])
+    assert splines.rank == 0

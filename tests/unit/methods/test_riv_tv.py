@@ -1,0 +1,249 @@
+"""Joints that change in time, in closed loop: trajectories against the truth, and records that cannot show them."""
+
+import numpy as np
+import pytest
+from scipy import signal as sps
+
+from ankleloop import DataError, evaluate, identify, load_estimate, new_trial, save_estimate, simulate
+from ankleloop.joint.dynamics import ReflexDynamics
+from ankleloop.joint.prepared import prepare
+from ankleloop.methods.riv_tv import RivTvOptions
+
+LIGHT = (0.1, 10.0, 100.0)
+JOINT = {
+    "load": LIGHT,
+    "reflex_gain": 12.0,
+    "stiffness_variation": 0.45,
+    "viscosity_variation": 0.3,
+    "viscosity_peak": 0.4,
+    "gain_variation": 0.6,
+    "gain_peak": 0.7,
+}
+QUIET = {"voluntary": 0.0, "snr_db": None}
+CYCLES = {"variation": "cycle", "duration": 42.0}
+LOCKED = {**CYCLES, "perturbation_locked": True}
+FREQUENCIES = 2j * np.pi * np.linspace(0.1, 30.0, 100)
+TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}
+
+
+def true_trajectories(trial, trajectories):
+    dimension = next(iter(trajectories.dims))
+    order = np.argsort(trial[dimension].values, kind="stable")
+    place = trial[dimension].values[order]
+    return {
+        name: np.interp(trajectories[dimension].values, place, trial[variable].values[order])
+        for name, variable in TRUTHS.items()
+    }
+
+
+def relative_errors(trial, estimate, places=slice(None)):
+    """Root mean square errors of K, B and G over the means of the truth."""
+    truths = true_trajectories(trial, estimate.trajectories)
+    return {
+        name: float(np.sqrt(np.mean((estimate.trajectories[name].values - truth)[places] ** 2)) / truth.mean())
+        for name, truth in truths.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return prepare(simulate(seed=11, voluntary=0.3, **CYCLES, **JOINT))
+
+
+@pytest.fixture(scope="module")
+def estimate(noisy):
+    return identify(noisy, "riv-tv", cycle_onsets="phase", rest_position=0.0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "options"),
+    [
+        (CYCLES, {"cycle_onsets": "phase"}),
+        ({**CYCLES, "cycle_jitter": 0.06, "movement": 0.2}, {"cycle_onsets": "phase"}),
+        ({**CYCLES, "locked_torque": 1.0, "pole": 60.0}, {"cycle_onsets": "phase", "order": 3}),
+        ({"variation": "time", "duration": 40.0}, {}),
+        ({"variation": "schedule", "duration": 60.0, "movement": 0.1}, {"schedule": "schedule"}),
+    ],
+    ids=["cycle", "uneven cycles and movement", "locked torque, third order", "time", "schedule"],
+)
+def test_noise_free_limit(settings, options):
+    """What is left is how closely a dozen splines follow a cosine, and the decimation of the rectifier."""
+    trial = simulate(seed=1, **QUIET, **settings, **JOINT)
+    result = identify(trial, "riv-tv", **options)
+    # The ends of a scheduling variable stand for what lies beyond them, too.
+    errors = relative_errors(trial, result, slice(10, 85) if "schedule" in options else slice(None))
+    assert errors["K"] < 0.006, errors
+    assert errors["B"] < 0.015, errors
+    assert errors["G"] < 0.015, errors
+    assert result.stiffness["I"] == pytest.approx(0.015, rel=0.01)
+    true = [40.0, 40.0, *([settings["pole"]] if "pole" in settings else [])]
+    dynamics = ReflexDynamics(*(result.reflex[name] for name in ("omega_n", "zeta", "pole") if name in result.reflex))
+    np.testing.assert_allclose(dynamics.response(FREQUENCIES)[0], _lowpass(true), atol=0.01)
+
+
+def _lowpass(poles):
+    return np.prod([pole / (FREQUENCIES + pole) for pole in poles], axis=0)
+
+
+def test_fed_back_torque_does_not_bias(noisy, estimate):
+    errors = relative_errors(noisy.trial, estimate)
+    assert errors["K"] < 0.05, errors
+    assert errors["G"] < 0.12, errors
+    squares = identify(noisy, "riv-tv", cycle_onsets="phase", reference="position", weighting="flat")
+    truth = true_trajectories(noisy.trial, estimate.trajectories)["K"]
+    assert np.mean(squares.trajectories["K"].values - truth) < -0.04 * truth.mean()
+    assert abs(np.mean(estimate.trajectories["K"].values - truth)) < 0.03 * truth.mean()
+    scores = evaluate(noisy, estimate).set_index(["torque", "against"])["vaf"]
+    assert scores["intrinsic", "true"] > 99.5
+    assert scores["reflex", "true"] > 99.0
+
+
+def test_bands_and_means(noisy, estimate):
+    truths = true_trajectories(noisy.trial, estimate.trajectories)
+    for name, truth in truths.items():
+        low, high = estimate.trajectories[f"{name}_low"].values, estimate.trajectories[f"{name}_high"].values
+        assert np.all(low < estimate.trajectories[name].values)
+        assert np.all(estimate.trajectories[name].values < high)
+        assert np.mean((low <= truth) & (truth <= high)) > 0.6
+    means = estimate.stiffness | estimate.reflex
+    for name in "KBG":
+        assert means[name] == pytest.approx(float(estimate.trajectories[name][:-1].mean()), rel=0.02)
+        low, high = estimate.intervals[name]
+        assert low < means[name] < high
+    assert estimate.trajectories["K"].attrs["units"] == "N·m/rad"
+    assert estimate.diagnostics["cycles"] == 26
+    assert estimate.diagnostics["warnings"] == []
+    assert max(estimate.diagnostics["variation_p"][name] for name in ("K", "B", "G", "all")) < 0.01
+
+
+def test_a_constant_joint_is_that_of_riv():
+    trial = prepare(
+        simulate(seed=5, duration=56.0, voluntary=0.3, load=LIGHT, perturbation_locked=False, variation="cycle")
+    )
+    varying, constant = identify(trial, "riv-tv", cycle_onsets="phase"), identify(trial, "riv")
+    values = constant.stiffness | constant.reflex
+    for name in "KBG":
+        low, high = (varying.trajectories[f"{name}_{end}"].values for end in ("low", "high"))
+        assert np.mean((low < values[name]) & (values[name] < high)) > 0.8
+    assert varying.diagnostics["variation_p"]["all"] > 0.001
+    for name in ("I", "omega_n", "zeta"):
+        low, high = varying.intervals[name]
+        assert low < values[name] < high
+
+
+def test_onsets_in_seconds_are_those_of_the_phase(noisy, estimate):
+    onsets = 1.4 * np.arange(31)
+    other = identify(noisy, "riv-tv", cycle_onsets=onsets, rest_position=0.0)
+    for name in "KBG":
+        np.testing.assert_allclose(other.trajectories[name], estimate.trajectories[name], rtol=1e-6)
+
+
+def test_the_delay_and_the_lag_of_the_torque_are_estimated():
+    trial = simulate(seed=3, delay=0.05, voluntary=0.05, snr_db=20.0, **CYCLES, **JOINT)
+    trial["torque"][2:] = trial["torque"].values[:-2]  # a channel that is 2 ms behind
+    result = identify(trial, "riv-tv", cycle_onsets="phase", delay=None, torque_lag=None)
+    assert result.reflex["delay"] == pytest.approx(0.05, abs=0.001)
+    assert result.diagnostics["torque_lag"] == pytest.approx(0.002, abs=0.0003)
+    low, high = result.intervals["delay"]
+    assert low < 0.05 < high
+    known = identify(trial, "riv-tv", cycle_onsets="phase", delay=0.05, torque_lag=0.002)
+    assert relative_errors(trial, known)["B"] < 0.15
+
+
+def test_another_trial_is_predicted(estimate, tmp_path):
+    other = simulate(seed=12, voluntary=0.3, cycle_jitter=0.1, **CYCLES, **JOINT)
+    prediction = estimate.predict(other)
+    scores = evaluate(other, prediction).set_index(["torque", "against"])["vaf"]
+    assert scores["intrinsic", "true"] > 99.0
+    assert scores["reflex", "true"] > 99.0
+    starts = other["time"].values[1:][np.diff(other["phase"].values) < -0.5]
+    by_onsets = estimate.predict(other, cycle_onsets=starts)
+    np.testing.assert_allclose(by_onsets.torque["net"][200:-200], prediction.torque["net"][200:-200], atol=0.02)
+    save_estimate(estimate, tmp_path / "estimate.nc")
+    again = load_estimate(tmp_path / "estimate.nc")
+    assert again.predict(other).torque.identical(prediction.torque)
+    assert again.trajectories.identical(estimate.trajectories)
+
+
+def test_a_scheduling_variable_beyond_its_range():
+    settings = {"variation": "schedule", "duration": 40.0, "voluntary": 0.1, **JOINT}
+    trial = simulate(seed=2, **settings)
+    result = identify(trial, "riv-tv", schedule="schedule", knots=(6, 6, 6))
+    assert any("beyond the range of the scheduling variable" in text for text in result.diagnostics["warnings"])
+    other = simulate(seed=3, **settings)
+    other["schedule"] += 0.5
+    assert any("lies beyond the fitted range" in text for text in result.predict(other).diagnostics["warnings"])
+
+
+def excited_trial(window, cycles=40, rate=1000.0, period=1.0, seed=4):
+    """An open-loop record whose perturbation acts in a part of each cycle, and its torque by a filter of SciPy."""
+    rng = np.random.default_rng(seed)
+    samples = int(cycles * period * rate)
+    phase = np.arange(samples) / rate / period % 1.0
+    steps = 0.04 * (np.repeat(rng.integers(0, 2, samples // 50), 50) - 0.5) * window(phase)
+    position = sps.lfilter(*sps.butter(2, 15.0, fs=rate), sps.lfilter(*sps.butter(2, 15.0, fs=rate), steps))
+    velocity, acceleration = np.gradient(position, 1 / rate), np.gradient(np.gradient(position, 1 / rate), 1 / rate)
+    stiffness = 100.0 + 40.0 * np.sin(2 * np.pi * phase)
+    drive = 8.0 * np.maximum(0.0, np.roll(velocity, 40))
+    reflex = sps.lfilter(*sps.bilinear([1600.0], [1.0, 80.0, 1600.0], rate), drive)
+    torque = stiffness * position + 0.8 * velocity + 0.015 * acceleration + reflex
+    torque += 0.05 * torque.std() * rng.standard_normal(samples)
+    return new_trial(position, torque, rate, phase=phase), stiffness
+
+
+def test_phases_without_excitation_are_blank():
+    trial, _ = excited_trial(lambda phase: (phase < 0.5).astype(float))
+    result = identify(trial, "riv-tv", cycle_onsets="phase", reference="position")
+    curve = result.trajectories["K"]
+    assert np.all(np.isnan(curve.sel(phase=slice(0.7, 0.85))))
+    assert np.all(np.isnan(result.trajectories["K_low"].sel(phase=slice(0.7, 0.85))))
+    inside = curve.sel(phase=slice(0.1, 0.4))
+    np.testing.assert_allclose(inside, 100.0 + 40.0 * np.sin(2 * np.pi * inside["phase"]), rtol=0.08)
+    assert any(text.startswith("K is not identified at phase 0.") for text in result.diagnostics["warnings"])
+    assert result.diagnostics["excitation"]["K"][80] < 0.02
+
+
+@pytest.mark.parametrize(
+    ("settings", "options", "message"),
+    [
+        ({**CYCLES, "perturbation_locked": True}, {"cycle_onsets": "phase"}, "the perturbation is locked to it"),
+        (
+            {**CYCLES, "perturbation_locked": True, "cycle_jitter": 0.06, "movement": 0.2},
+            {"cycle_onsets": "phase"},
+            "locked",
+        ),
+        ({"duration": 9.0, "variation": "cycle"}, {"cycle_onsets": "phase"}, "whole cycles lie more than 1.5 s"),
+        ({"duration": 15.0}, {}, "without cycles needs 19 s"),
+        (CYCLES, {"cycle_onsets": "position"}, "the phase of a cycle goes from 0 to 1"),
+        (CYCLES, {"cycle_onsets": "heel"}, "no variable 'heel' for cycle_onsets"),
+        (CYCLES, {"cycle_onsets": [0.0, 1.4, 1.2, 3.0]}, r"onset 2 \(1.2 s\) is not after onset 1 \(1.4 s\)"),
+        (CYCLES, {"cycle_onsets": [0.0, 1.4, 2.8, 8.0, 9.4]}, "is an onset missing"),
+        (CYCLES, {"cycle_onsets": [100.0, 101.4, 102.8]}, "give them in seconds of the record"),
+        (CYCLES, {"schedule": "angle"}, "no variable 'angle' for schedule"),
+        (CYCLES, {"cycle_onsets": "phase", "reference": "command"}, "no variable 'command' to serve as reference"),
+    ],
+)
+def test_records_that_cannot_show_the_change(settings, options, message):
+    trial = simulate(seed=1, **settings)
+    with pytest.raises(DataError, match=message):
+        identify(trial, "riv-tv", **options)
+
+
+def test_few_cycles_are_warned_about():
+    trial = simulate(seed=1, duration=21.0, variation="cycle")
+    result = identify(trial, "riv-tv", cycle_onsets="phase")
+    assert any("cycles are few" in text for text in result.diagnostics["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"knots": (12, 3, 12)}, "knots must be between 4 and 200 for B, got 3"),
+        ({"cycle_onsets": "phase", "schedule": "angle"}, "exclude each other"),
+        ({"knots": (12, 8)}, "knots"),
+        ({"delay": 2.0}, "delay must be"),
+    ],
+)
+def test_options_that_contradict_each_other(options, message):
+    with pytest.raises(ValueError, match=message):
+        RivTvOptions.parse("riv-tv", **options)
