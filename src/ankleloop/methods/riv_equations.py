@@ -16,7 +16,7 @@ from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
 
-__all__ = ["MOTION", "NOISE_RESOLUTION", "RivEquations", "RivParameters", "RivPoint", "solve_scaled"]
+__all__ = ["DELAY_LIMITS", "MOTION", "NOISE_RESOLUTION", "RivEquations", "RivParameters", "RivPoint", "solve_scaled"]
 
 LOWEST = 0.05  # Hz: drifts and means lie below
 NOISE_RESOLUTION = 0.4  # Hz

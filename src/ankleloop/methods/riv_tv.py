@@ -19,18 +19,19 @@ from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.joint.time_varying_splines import Splines
 from ankleloop.joint.time_varying_trajectories import trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
+from ankleloop.methods.riv_equations import DELAY_LIMITS
 from ankleloop.methods.time_varying_bands import TimeVaryingCovariance, covariance, trajectory, variation_p
 from ankleloop.methods.time_varying_checks import check_perturbation, instrument_strength
 from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations
 from ankleloop.methods.time_varying_inputs import TimeVaryingInputs
-from ankleloop.methods.time_varying_search import DELAY_LIMITS, TimeVaryingSolution, solve_time_varying
+from ankleloop.methods.time_varying_search import TimeVaryingSolution, solve_time_varying
 from ankleloop.options import Options, option
 
 __all__ = ["METHODS", "RivTvOptions", "identify_riv_tv"]
 
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
-IDENTIFIED = 0.02  # of the median information about a parameter: less is not identified
+IDENTIFIED = 0.03  # of the mean information about a parameter: less is not identified
 WEAK = 0.1  # canonical correlation of weak instruments
 LOGARITHMIC = ("omega_n", "zeta", "pole")
 
@@ -53,6 +54,9 @@ class RivTvOptions(Options):
     )
     order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
     delay: float | None = delay_option(estimated=True)
+    basis: Literal["rectifier"] | None = option(
+        None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
+    )
     torque_lag: float | None = option(
         0.0, "lag of the torque channel behind the position; null estimates it", unit="s", ge=-0.05, le=0.05
     )
@@ -122,7 +126,7 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
         variation_p (probability of a variation as large, were K, B or G constant), instrument_strength (smallest
         canonical correlation of instruments and regressors), perturbation_share (share of the perturbation that does
         not repeat with the cycle), penalties, freedom (effective number of parameters of K, B and G), excitation
-        (information about K, B and G over its median, at the places of the trajectories), torque_lag,
+        (information about K, B and G over its mean, at the places of the trajectories), torque_lag,
         noise_frequency [Hz] and noise_spectrum [(N·m)²/Hz].
 
     Raises

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ankleloop.methods.time_varying_search import TimeVaryingSolution, solve_symmetric
+from ankleloop.methods.riv_equations import solve_scaled
+from ankleloop.methods.time_varying_search import TimeVaryingSolution
 
 __all__ = ["TimeVaryingCovariance", "Trajectory", "covariance", "excitation", "trajectory", "variation_p"]
 
@@ -57,7 +58,7 @@ class Trajectory:
     values, low, high : ndarray, shape (places,)
         The parameter and the ends of its band; nan where the record does not show it.
     excitation : ndarray, shape (places,)
-        Information of the record about the parameter at each place, over its median.
+        Information of the record about the parameter at each place, over its mean.
     """
 
     values: np.ndarray
@@ -97,14 +98,14 @@ def covariance(solution: TimeVaryingSolution) -> TimeVaryingCovariance:
     scores = np.add.reduceat(system.instruments * residual, starts, axis=1)
     middle = scores @ scores.T
     middle[:size, :size] += solution.variance * e.bases.penalty(solution.penalties)
-    half = solve_symmetric(solution.matrix, middle)
-    matrix = solve_symmetric(solution.matrix, half.T)
+    half = solve_scaled(solution.matrix, middle)
+    matrix = solve_scaled(solution.matrix, half.T)
     factor = (1.0 + 2.0 * e.smoothing_variance) * course.segments / (course.segments - 1.0)
     return TimeVaryingCovariance(factor * 0.5 * (matrix + matrix.T), float(special.stdtrit(course.segments - 1, 0.975)))
 
 
 def excitation(solution: TimeVaryingSolution) -> list[np.ndarray]:
-    """Information of the record about the splines of K, B and G, over its median, for splines of equal size.
+    """Information of the record about the splines of K, B and G, over its mean, for splines of equal size.
 
     Parameters
     ----------
@@ -120,7 +121,7 @@ def excitation(solution: TimeVaryingSolution) -> list[np.ndarray]:
     maps = []
     for splines, block in zip(bases.all, bases.blocks, strict=True):
         density = information[block] / np.mean(splines(grid) ** 2, axis=0)
-        maps.append(density / max(float(np.median(density)), np.finfo(float).tiny))
+        maps.append(density / max(float(np.mean(density)), np.finfo(float).tiny))
     return maps
 
 
@@ -191,14 +192,11 @@ def variation_p(solution: TimeVaryingSolution) -> dict[str, float]:
 def _score_p(solution: TimeVaryingSolution, free: np.ndarray, tested: np.ndarray) -> float:
     """Probability of left sides of tested directions as large as they are, the free ones being solved for."""
     system = solution.system
-    normal, information = system.normal, system.information
-    inner = free.T @ normal @ free
-    projection = np.eye(len(normal)) - normal @ free @ solve_symmetric(inner, free.T)
+    normal = system.normal
+    projection = np.eye(len(normal)) - normal @ free @ solve_scaled(free.T @ normal @ free, free.T)
     rows = tested.T @ projection
     side = rows @ system.side
-    residual = system.torque - (free @ solve_symmetric(inner, free.T @ system.side)) @ system.regressors
-    variance = solution.variance
-    scatter = variance * rows @ information @ rows.T
-    statistic = float(side @ solve_symmetric(scatter, side))
-    del residual
+    scatter = solution.variance * rows @ system.information @ rows.T
+    statistic = float(side @ solve_scaled(scatter, side))
+    # Weights from the noise are an estimate, by which left sides scatter more.
     return float(special.chdtrc(tested.shape[1], statistic / (1.0 + solution.equations.smoothing_variance)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -255,7 +256,7 @@ class TimeVaryingEquations:
         """Transform of the torque, ahead by its lag."""
         return self.torque * np.exp(self.inputs.s * parameters.lag) if parameters.lag else self.torque
 
-    def _locked_part(self, weight: np.ndarray, level: np.ndarray):  # type: ignore[no-untyped-def]
+    def _locked_part(self, weight: np.ndarray, level: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Function that takes what repeats with the cycle out of whitened signals, and divides them by the level."""
         course = self.inputs.course
         if length := course.equal_cycles:

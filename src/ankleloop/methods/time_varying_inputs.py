@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -229,11 +230,15 @@ def _predict_folds(lagged: np.ndarray, responses: np.ndarray, bounds: np.ndarray
     return np.concatenate([response @ lagged[:, start:stop] for response, (start, stop) in parts])
 
 
-def _whitening(residual: np.ndarray, rate: float):  # type: ignore[no-untyped-def]
+def _whitening(residual: np.ndarray, rate: float) -> Callable[[np.ndarray], np.ndarray]:
     """Filter that whitens a residual below the pass band."""
     size = int(next_fast_len(residual.size + round(PADDING * rate), real=True))
     power = smooth(np.abs(rfft(residual - residual.mean(), size)) ** 2, RESOLUTION * size / rate)
     frequency = np.fft.rfftfreq(size)
     weight = np.where(frequency <= PASSBAND, 1.0 / np.sqrt(np.maximum(power, 1e-10 * power.max())), 0.0)
     weight /= weight.max()
-    return lambda x: irfft(weight * rfft(x, size, axis=-1), size, axis=-1)[..., : residual.size]
+
+    def whiten(x: np.ndarray) -> np.ndarray:
+        return irfft(weight * rfft(x, size, axis=-1), size, axis=-1)[..., : residual.size]
+
+    return whiten

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ankleloop.joint.dynamics import ReflexDynamics
+from ankleloop.methods.riv_equations import DELAY_LIMITS, solve_scaled
 from ankleloop.methods.time_varying_equations import TimeVaryingEquations, TimeVaryingParameters, WhitenedSystem
 from ankleloop.signals.spectra import smooth
 
-__all__ = ["DELAY_LIMITS", "TimeVaryingSolution", "solve_symmetric", "solve_time_varying"]
+__all__ = ["TimeVaryingSolution", "solve_time_varying"]
 
 MOST_ROUNDS = 30
 LARGEST_STEPS = {"omega_n": 0.3, "zeta": 0.3, "pole": 0.3, "delay": 0.008, "torque_lag": 0.004}
@@ -18,7 +19,6 @@ CONVERGED = 0.02  # of its standard error: largest step of a parameter of the dy
 SMOOTHING_STEPS = 5  # of the penalties in one round
 LARGEST_PENALTY, SMALLEST_PENALTY = 1e8, 1e-8  # in units of the information over the penalty
 RENEWED = 1e-4  # s: change of the delay for which inputs are made anew
-DELAY_LIMITS = (0.015, 0.15)  # s
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class TimeVaryingSolution:
         information = self.system.information
         penalised = information.copy()
         penalised[:size, :size] += bases.penalty(self.penalties)
-        hat = solve_symmetric(penalised, information)
+        hat = solve_scaled(penalised, information)
         return np.array([np.trace(hat[block, block]) for block in bases.blocks])
 
 
@@ -182,9 +182,9 @@ def choose_penalties(
     for _ in range(SMOOTHING_STEPS):
         penalty = np.zeros((unknowns, unknowns))
         penalty[:size, :size] = bases.penalty(penalties)
-        solution = solve_symmetric(system.normal + penalty, system.side)
+        solution = solve_scaled(system.normal + penalty, system.side)
         variance = _noise_variance(equations, system, solution, penalty)
-        inverse = solve_symmetric(system.information + penalty, np.eye(unknowns))
+        inverse = solve_scaled(system.information + penalty, np.eye(unknowns))
         new = penalties.copy()
         for k, (splines, block) in enumerate(zip(bases.all, bases.blocks, strict=True)):
             if splines.rank == 0:
@@ -207,20 +207,6 @@ def _noise_variance(
     return float(residual @ residual / max(freedom, 1.0))
 
 
-def solve_symmetric(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve equations whose unknowns differ in unit; directions without information get zero."""
-    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.finfo(float).tiny))
-    scaled = matrix * (scale[:, None] * scale)
-    side = (right.T * scale).T
-    try:
-        solution = np.linalg.solve(scaled, side)
-        if not np.all(np.isfinite(solution)):
-            raise np.linalg.LinAlgError
-    except np.linalg.LinAlgError:
-        solution = np.linalg.lstsq(scaled, side, rcond=1e-12)[0]
-    return (solution.T * scale).T
-
-
 def _step(
     equations: TimeVaryingEquations,
     parameters: TimeVaryingParameters,
@@ -232,7 +218,7 @@ def _step(
     size = equations.bases.size
     # The columns of the dynamics are those of the linear parameters where the round begins.
     steps = dict(zip(equations.names, solution[size:].tolist(), strict=True))
-    inverse = solve_symmetric(system.information, np.eye(len(system.information)))
+    inverse = solve_scaled(system.information, np.eye(len(system.information)))
     errors = np.sqrt(np.maximum(variance * np.diag(inverse)[size:], 0.0))
     limited = {name: float(np.clip(step, -LARGEST_STEPS[name], LARGEST_STEPS[name])) for name, step in steps.items()}
     dynamics = parameters.dynamics.scale(np.array([limited[name] for name in parameters.dynamics.values]))

@@ -66,6 +66,7 @@ VALIDITY: Mapping[str, Validity] = {
     "moesp": Validity(None, {}, "", WHITE_NOISE),
     "parallel-cascade": Validity(None, {}, one_pass=lambda options: options.get("max_passes") == 1),
     "real-time": Validity(None, {}, one_pass=lambda options: True),
+    "riv-tv": Validity({}, {"reference": "position"}),
 }
 
 
