@@ -108,6 +108,17 @@ def score_trajectories(trial, trajectories):
     return row
 
 
+def agreement(trial, trajectories):
+    """Share of the bands that hold the constant parameters of `riv` [%]."""
+    estimate = identify(trial, "riv")
+    values = estimate.stiffness | estimate.reflex
+    inside = [
+        (trajectories[f"{name}_low"].values <= values[name]) & (values[name] <= trajectories[f"{name}_high"].values)
+        for name in TRUTHS
+    ]
+    return 100.0 * float(np.mean(inside))
+
+
 def run_trial(settings, seed, methods):
     """Rows of all methods on one trial."""
     trial, rows = simulate(seed=seed, **settings), []
@@ -123,6 +134,7 @@ def run_trial(settings, seed, methods):
             rows.append({"method": method, "seed": seed, "failure": str(error)})
             continue
         seconds = time.process_time() - start
+        constant = all(settings[name] == 0.0 for name in CONSTANT)
         scores = {f"{torque} vaf": value for torque, kind, value in score_rows(prepared, estimate) if kind == "true"}
         rows.append(
             {
@@ -137,6 +149,7 @@ def run_trial(settings, seed, methods):
                 "converged": estimate.diagnostics["converged"],
                 "strength": estimate.diagnostics["instrument_strength"],
                 "seconds": seconds,
+                "agrees with riv": agreement(prepared, estimate.trajectories) if constant else np.nan,
             }
         )
     return rows
@@ -156,6 +169,7 @@ def summarise(table):
             f"vaf {rows['intrinsic vaf'].mean():.2f}/{rows['reflex vaf'].mean():.2f} "
             f"p<.05 {100 * (rows['p'] < 0.05).mean():.1f} % rounds {rows['rounds'].mean():.1f} "
             f"converged {100 * rows['converged'].mean():.0f} % {rows['seconds'].mean():.3f} s"
+            + (f" holds riv {rows['agrees with riv'].mean():.1f} %" if rows["agrees with riv"].notna().any() else "")
         )
     return "\n".join(lines)
 

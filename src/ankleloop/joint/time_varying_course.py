@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,9 @@ __all__ = [
     "schedule_place",
 ]
 
-MARGIN = 1.5  # s at either end of a record that responses and filters touch
+MARGIN = 0.75  # s at either end of a record that responses and filters touch
 FEWEST_CYCLES = 8
-SEGMENT = 2.0  # s: segments of a record without cycles, which count as independent
+SEGMENT = 1.0  # s: segments of a record without cycles, which count as independent
 OUTSIDE = 0.02  # share of the samples at either end of a scheduling variable that lie beyond its range
 UNEVEN = 3.0  # ratio of the longest to the shortest cycle
 SAME_PHASE = 1e-4
@@ -68,12 +69,12 @@ class Course:
         """Whether place 1 is place 0 again."""
         return self.dimension == "phase"
 
-    @property
+    @cached_property
     def segments(self) -> int:
         """Number of cycles or segments."""
         return int(self.segment[-1]) + 1
 
-    @property
+    @cached_property
     def equal_cycles(self) -> int:
         """Samples of each cycle where all have the same number and phases, else 0."""
         sizes = np.bincount(self.segment)

@@ -32,7 +32,7 @@ __all__ = ["METHODS", "RivTvOptions", "identify_riv_tv"]
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
 IDENTIFIED = 0.03  # of the mean information about a parameter: less is not identified
-WEAK = 0.1  # canonical correlation of weak instruments
+WEAK = 10.0  # statistic of weak instruments (Staiger and Stock 1997)
 LOGARITHMIC = ("omega_n", "zeta", "pole")
 
 
@@ -138,7 +138,8 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     ----------
     D. L. Guarin, R. E. Kearney, "Estimation of time-varying, intrinsic and reflex dynamic joint stiffness during
     movement", Frontiers in Computational Neuroscience 11, 51, 2017. S. N. Wood, M. Fasiolo, "A generalized
-    Fellner-Schall method for smoothing parameter optimization", Biometrics 73(4), 1071-1081, 2017.
+    Fellner-Schall method for smoothing parameter optimization", Biometrics 73(4), 1071-1081, 2017. D. Staiger,
+    J. H. Stock, "Instrumental variables regression with weak instruments", Econometrica 65(3), 557-586, 1997.
 
     Examples
     --------
@@ -298,7 +299,7 @@ def _warnings(solution: TimeVaryingSolution, strength: float, blanks: dict[str, 
         warnings.append(
             f"{name} is not identified at {course.dimension} {ranges}: the perturbation hardly excites the joint there."
         )
-    if strength < WEAK:
+    if _strength_statistic(solution, strength) < WEAK:
         warnings.append(
             f"the instruments are weak: their smallest canonical correlation with the regressors is {strength:.2g}. "
             "Record more cycles, perturb more strongly, or take fewer knots."
@@ -311,6 +312,13 @@ def _warnings(solution: TimeVaryingSolution, strength: float, blanks: dict[str, 
     if not solution.converged:
         warnings.append(f"not converged after {solution.rounds} rounds: the trajectories have no bands.")
     return warnings
+
+
+def _strength_statistic(solution: TimeVaryingSolution, strength: float) -> float:
+    """F statistic of the direction that the instruments explain least, which weak instruments have below 10."""
+    system, parameters = solution.system, solution.equations.bases.size
+    independent = system.torque.size * system.share - parameters
+    return strength**2 / max(1.0 - strength**2, 1e-12) * independent / parameters
 
 
 METHODS = (Method("riv-tv", RivTvOptions, identify_riv_tv, reference=lambda options: options.reference),)

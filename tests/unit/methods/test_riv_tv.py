@@ -111,7 +111,7 @@ def test_bands_and_means(noisy, estimate):
         low, high = estimate.intervals[name]
         assert low < means[name] < high
     assert estimate.trajectories["K"].attrs["units"] == "N·m/rad"
-    assert estimate.diagnostics["cycles"] == 26
+    assert estimate.diagnostics["cycles"] == 28
     assert estimate.diagnostics["warnings"] == []
     assert max(estimate.diagnostics["variation_p"][name] for name in ("K", "B", "G", "all")) < 0.01
 
@@ -212,8 +212,8 @@ def test_phases_without_excitation_are_blank():
             {"cycle_onsets": "phase"},
             "locked",
         ),
-        ({"duration": 9.0, "variation": "cycle"}, {"cycle_onsets": "phase"}, "whole cycles lie more than 1.5 s"),
-        ({"duration": 15.0}, {}, "without cycles needs 19 s"),
+        ({"duration": 9.0, "variation": "cycle"}, {"cycle_onsets": "phase"}, "whole cycles lie more than 0.75 s"),
+        ({"duration": 9.0}, {}, "without cycles needs 9.5 s"),
         (CYCLES, {"cycle_onsets": "position"}, "the phase of a cycle goes from 0 to 1"),
         (CYCLES, {"cycle_onsets": "heel"}, "no variable 'heel' for cycle_onsets"),
         (CYCLES, {"cycle_onsets": [0.0, 1.4, 1.2, 3.0]}, r"onset 2 \(1.2 s\) is not after onset 1 \(1.4 s\)"),
@@ -230,7 +230,7 @@ def test_records_that_cannot_show_the_change(settings, options, message):
 
 
 def test_few_cycles_are_warned_about():
-    trial = simulate(seed=1, duration=21.0, variation="cycle")
+    trial = simulate(seed=1, duration=21.0, variation="cycle", cycle_duration=1.2)
     result = identify(trial, "riv-tv", cycle_onsets="phase")
     assert any("cycles are few" in text for text in result.diagnostics["warnings"])
 
