@@ -45,7 +45,7 @@ class Course:
     place : ndarray, shape (N,)
         Place, from 0 to 1.
     limits : tuple of float
-        Phase, time [s] or scheduling variable at the places 0 and 1.
+        Phase, time from the first sample of the record [s] or scheduling variable at the places 0 and 1.
     rows : slice
         Samples that count; they are whole segments.
     segment : ndarray, shape (rows,)
@@ -227,7 +227,7 @@ def follow_time(trial: PreparedTrial, grid: Grid) -> Course:
     -------
     Course
     """
-    time = grid_times(trial, grid)
+    time = grid_times(trial, grid) - float(trial.samples("time")[0])
     rows, segment, since = _segments(time, trial.rate / grid.factor)
     start, stop = float(time[rows.start]), float(time[rows.stop - 1])
     return Course("time", np.clip((time - start) / (stop - start), 0.0, 1.0), (start, stop), rows, segment, since)

@@ -41,7 +41,7 @@ class TimeVaryingModel:
     variable : str
         Variable of a trial that holds the phase or the scheduling variable; empty where onsets come as numbers.
     limits : tuple of float
-        Phase, time [s] or scheduling variable at the first and at the last place.
+        Phase, time from the first sample of a trial [s] or scheduling variable at the first and at the last place.
     degree : {3, 0}
         Degree of the splines.
     coefficients : tuple of ndarray
@@ -96,15 +96,19 @@ class TimeVaryingModel:
 
     def place(self, trial: PreparedTrial, grid: Grid, cycle_onsets: str | Sequence[float] | None = None) -> np.ndarray:
         """Place of each decimated sample within 0 … 1."""
-        time = grid_times(trial, grid)
         if self.dimension == "time":
-            return np.clip((time - self.limits[0]) / (self.limits[1] - self.limits[0]), 0.0, 1.0)
+            return np.clip(self._time_place(trial, grid), 0.0, 1.0)
         if self.dimension == "schedule":
             return np.clip(schedule_place(trial, grid, self.variable, self.limits), 0.0, 1.0)
         onsets = cycle_onsets if cycle_onsets is not None else self.variable
         if isinstance(onsets, str) and not onsets:
             raise DataError("the model varies with the cycle: give predict the cycle_onsets of this trial.")
-        return cycle_place(time, find_onsets(trial, onsets), 0.5 / trial.rate)
+        return cycle_place(grid_times(trial, grid), find_onsets(trial, onsets), 0.5 / trial.rate)
+
+    def _time_place(self, trial: PreparedTrial, grid: Grid) -> np.ndarray:
+        """Time from the first sample of a trial as a share of the time that was fitted, shape (N,)."""
+        time = grid_times(trial, grid) - float(trial.samples("time")[0])
+        return (time - self.limits[0]) / (self.limits[1] - self.limits[0])
 
     def simulate(self, trial: PreparedTrial, grid: Grid, place: np.ndarray) -> xr.Dataset:
         """Torques of a trial whose samples are at known places.
@@ -154,7 +158,7 @@ class TimeVaryingModel:
         if self.dimension == "schedule":
             place, name = schedule_place(trial, grid, self.variable, self.limits), self.variable
         elif self.dimension == "time":
-            place = (grid_times(trial, grid) - self.limits[0]) / (self.limits[1] - self.limits[0])
+            place = self._time_place(trial, grid)
             name = "the time"
         else:
             return []

@@ -10,7 +10,7 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.subspace.matrices import Matrices
 
 PREDICTING = [name for name in METHODS if name != "real-time"]
-BASES = {"parallel-cascade": ("rectifier",)}
+BASES = {"parallel-cascade": ("rectifier",), "riv-tv": ("rectifier",)}
 NOISE_FREE = {"snr_db": None, "voluntary": 0.0}
 
 

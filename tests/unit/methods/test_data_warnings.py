@@ -9,7 +9,7 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.methods.method import Method
 from ankleloop.methods.selection import select_options
 
-WITH_REFERENCE = ("pr-moesp", "riv")
+WITH_REFERENCE = ("pr-moesp", "riv", "riv-tv")
 
 
 @pytest.fixture(scope="module")

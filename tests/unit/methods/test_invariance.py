@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from ankleloop import METHODS, identify, simulate
 from ankleloop.joint.prepared import prepare
 
-OWN_BASIS = ("parallel-cascade", "real-time")  # have the rectifier alone
+OWN_BASIS = ("parallel-cascade", "real-time", "riv-tv")  # have the rectifier alone
 VARIANTS = [
     *((method, {"basis": basis}) for method in METHODS if method not in OWN_BASIS for basis in ("chebyshev", "spline")),
     *((method, {"basis": "rectifier"}) for method in METHODS),
