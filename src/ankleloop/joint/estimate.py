@@ -48,6 +48,20 @@ class Estimate:
     predictor : ankleloop.joint.models.Model or None
         The model as data: all that `predict` needs, among it the basis, the delay and the rate of its inputs. None
         where the method has no fixed model.
+
+    Examples
+    --------
+    >>> from ankleloop import identify, simulate
+    >>> estimate = identify(simulate(seed=1, duration=20.0), "riv")
+    >>> low, high = estimate.intervals["K"]
+    >>> low < estimate.stiffness["K"] < high
+    True
+    >>> list(estimate.torque)
+    ['net', 'intrinsic', 'reflex']
+    >>> estimate.model.ninputs, estimate.reflex["delay"]
+    (4, 0.04)
+    >>> estimate.predict(simulate(seed=2, duration=20.0)).torque.sizes == estimate.torque.sizes
+    True
     """
 
     method: str

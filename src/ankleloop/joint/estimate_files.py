@@ -229,6 +229,17 @@ def load_estimates(path: PathLike, group: str) -> list[Estimate]:
     ------
     DataError
         If there is no such file, it is damaged, or it has no such group.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ankleloop import identify, simulate
+    >>> trial = simulate(seed=1, duration=10.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_estimates({"pr-moesp": EstimateCollection([identify(trial)])}, f"{folder}/0.nc")
+    ...     [estimate] = load_estimates(f"{folder}/0.nc", "pr-moesp")
+    >>> estimate.predict(trial).method
+    'pr-moesp'
     """
     with _open(path) as file:
         return _estimates(_group(file, path, group).load(), path)

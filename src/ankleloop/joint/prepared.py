@@ -260,6 +260,13 @@ def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
     ------
     DataError
         If the trial is not valid.
+
+    Examples
+    --------
+    >>> from ankleloop import identify, simulate
+    >>> trial = prepare(simulate(seed=1, duration=20.0))
+    >>> [identify(trial, method).method for method in ("riv", "pr-moesp")]  # they share derivatives and spectra
+    ['riv', 'pr-moesp']
     """
     return trial if isinstance(trial, PreparedTrial) else PreparedTrial(trial)
 

@@ -101,6 +101,14 @@ class Method:
         ``merge(trials, options)`` merges several trials into one identification, and gives an estimate for each.
     reference : callable, optional
         ``reference(options)`` names the variable whose leads or lags are instruments, or is None if there are none.
+
+    Examples
+    --------
+    >>> from ankleloop import METHODS, simulate
+    >>> METHODS["riv"].merges, METHODS["pr-moesp"].merges
+    (False, True)
+    >>> METHODS["pr-moesp"](simulate(seed=1, duration=20.0), basis="rectifier").method
+    'pr-moesp'
     """
 
     name: str
