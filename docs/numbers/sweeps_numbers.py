@@ -38,7 +38,7 @@ def read_sweep_study(name, **options):
     shown = study.settings.sweep.model_copy(update=options).model_dump()
     shared = study.settings.simulation.model_dump()
     path = RESULTS / "tables" / f"{name}-trials.parquet"
-    return SweepStudy.read(path, study.varied, study.labels, shown, shared)
+    return SweepStudy.read(path, study.varied, study.labels, shown, shared, study.algorithms)
 
 
 @block("sweeps-map", SOURCES)

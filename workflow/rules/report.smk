@@ -71,7 +71,7 @@ rule report:
         "../scripts/render.py"
 
 
-# A figure of a notebook, under the name that a reader opens.
+# A figure of a notebook with the numbers that it draws, under the names that a reader opens.
 rule figure:
     input:
         folder="results/rendered/{study}",
@@ -82,6 +82,7 @@ rule figure:
             caption="../report/study.rst",
         ),
         pdf="results/figures/{study}-{figure}.pdf",
+        csv="results/figures/{study}-{figure}.csv",
     log:
         "logs/figure/{study}-{figure}.log",
     localrule: True
@@ -92,4 +93,4 @@ rule figure:
         notebook=lambda wildcards: study_of(wildcards).settings.notebook,
         stem=lambda wildcards, input: f"{input.folder}/{wildcards.study}-{wildcards.figure}",
     shell:
-        "(cp {params.stem}.png {output.png} && cp {params.stem}.pdf {output.pdf}) > {log} 2>&1"
+        "(cp {params.stem}.png {output.png} && cp {params.stem}.pdf {output.pdf} && cp {params.stem}.csv {output.csv}) > {log} 2>&1"

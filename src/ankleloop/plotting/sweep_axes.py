@@ -98,6 +98,10 @@ class SweepAxis:
         numbers = {value: number for number, value in enumerate(self.values)}
         return np.array([numbers[_as_value(value)] for value in values], dtype=float)
 
+    def value_at(self, place: float) -> Any:
+        """The value at a place: the number itself, or what stands there in the list."""
+        return self.texts[round(place)] if self.kind == "listed" else float(place)
+
     def edges(self) -> np.ndarray:
         """Edges of the cells around all values: halfway between neighbours, on the scale of the axis."""
         places = self._scaled(self.places(self.values))

@@ -11,14 +11,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ankleloop.plotting.fault_marks import draw_crosses, draw_rings
-from ankleloop.plotting.style import ALL_FAILED, FAULT_RING, STYLE
+from ankleloop.plotting.legends import add_entries
+from ankleloop.plotting.style import ALL_FAILED, FAULT_RING, STYLE, TWO_COLUMNS, DataFigure, inches
 from ankleloop.plotting.sweep_axes import SweepAxis
-from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, mark_rows, value_limits
+from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, mark_rows, tabulate_sweep, value_limits
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,10 +33,11 @@ NO_POINT = "no point"
 GREY = "#d5d5d5"  # of cells without a point: zero may be white
 HATCHED: dict[str, Any] = {"hatch": "////", "facecolor": "#f4f4f4", "edgecolor": "#b5b5b5", "linewidth": 0.0}
 MOST_COLUMNS = 4
-TITLE = 32  # characters of a line
-PANEL = (2.35, 2.15)  # in
-SMALLEST_CELL = 9.0  # pt: smaller cells have no room for a ring; regions of them are outlined
-ROOM = tuple(int(72 * 0.8 * size / SMALLEST_CELL) for size in PANEL)  # cells with room for a ring, in either direction
+TITLE = 26  # characters of a line
+PANEL = (40.0, 36.0)  # mm, with labels, where four are side by side
+SMALLEST_CELL = 7.5  # pt: smaller cells have no room for a ring; regions of them are outlined
+# Cells with room for a ring, in either direction.
+ROOM = tuple(int(72 * 0.75 * inches(size) / SMALLEST_CELL) for size in PANEL)
 REGION_SHARE = 0.1  # of the trials of a region that failed or came with a warning, from which on it is outlined
 RASTERISED = 2000  # cells from which on they are a picture inside a PDF
 
@@ -49,7 +51,7 @@ def maps_figure(
     series: Sequence[SweepSeries],
     difference: SweepSeries | None = None,
     slices: Sequence[str] = ("",),
-) -> Figure:
+) -> DataFigure:
     """Means over two parameters: a block for each quantity, with a panel for each method and for a difference of two.
 
     Parameters
@@ -72,21 +74,21 @@ def maps_figure(
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has the means of all cells.
     """
     items = [[*series, *([difference] if difference and panel.difference else [])] for panel in panels]
     counts = [len(block) * len(slices) for block in items]
     columns = min(MOST_COLUMNS // len(slices) * len(slices), max(counts))
-    heights = [-(-count // columns) * PANEL[1] + 0.35 for count in counts]
-    figure = Figure(figsize=(columns * PANEL[0] + 1.6, sum(heights) + 0.4), layout="constrained")
+    heights = [inches(-(-count // columns) * PANEL[1] + 8.0) for count in counts]
+    figure = DataFigure(figsize=(inches(TWO_COLUMNS), sum(heights)), layout="constrained")
     blocks = figure.subfigures(len(panels), 1, squeeze=False, height_ratios=heights).ravel()
     marks: dict[str, Any] = {}
     for block, panel, block_items in zip(blocks, panels, items, strict=True):
         rows = table[table["quantity"] == panel.quantity]
         marks |= _draw_block(block, rows, axes, edges, panel, block_items, slices, columns)
-    if marks:
-        entries = min(len(marks), max(1, int(figure.get_figwidth() // 1.9)))
-        figure.legend(list(marks.values()), list(marks), loc="outside lower center", ncols=entries)
+    add_entries(figure, {}, marks)
+    figure.data = tabulate_sweep(table, axes, panels, [*series, *([difference] if difference else [])])
     return figure
 
 
@@ -107,7 +109,7 @@ def _draw_block(
     bars: dict[bool, tuple[Any, list[Axes], str]] = {}
     marks: dict[str, Any] = {}
     norms = {
-        kind: _norm(table, panel, [item for item in items if (item.number is None) == kind]) for kind in (False, True)
+        kind: _norm(table, panel, [item for item in items if (item.is_difference) == kind]) for kind in (False, True)
     }
     for number, axis in enumerate(grid.ravel()):
         if number >= len(shown):
@@ -115,12 +117,12 @@ def _draw_block(
             continue
         item, name = shown[number]
         part = table[(table["method"] == item.method) & (table["slice"] == name)]
-        norm, cmap, extend = norms[item.number is None]
+        norm, cmap, extend = norms[item.is_difference]
         image, own = _draw_map(axis, part, edges, panel, {"norm": norm, "cmap": cmap})
         marks |= own
         axis.set_title("\n".join(line for text in (item.label, name) for line in textwrap.wrap(text, TITLE)))
         _label_axes(axis, axes, number % columns == 0, number + columns >= len(shown))
-        bars.setdefault(item.number is None, (image, [], extend))[1].append(axis)
+        bars.setdefault(item.is_difference, (image, [], extend))[1].append(axis)
     if edges is None:
         _share_limits(list(grid.ravel()[: len(shown)]))
     for is_difference, (image, own_axes, extend) in sorted(bars.items(), reverse=rows > 1, key=lambda item: item[0]):
@@ -151,7 +153,7 @@ def _label_axes(axis: Axes, axes: tuple[SweepAxis, SweepAxis], first: bool, last
 def _norm(table: pd.DataFrame, panel: SweepPanel, items: Sequence[SweepSeries]) -> tuple[Normalize, str, str]:
     """Scale and colours of all panels of a quantity, and the ends at which values are beyond the scale."""
     means = table.loc[table["method"].isin([item.method for item in items]), "mean"].to_numpy()
-    is_difference = bool(items) and items[0].number is None
+    is_difference = bool(items) and items[0].is_difference
     low, high = value_limits(means, "zero" if is_difference else panel.desired)
     cmap = "viridis"
     if is_difference or panel.desired == "zero":

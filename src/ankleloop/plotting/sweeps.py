@@ -11,18 +11,31 @@ from typing import TYPE_CHECKING, Any, Literal
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from ankleloop.plotting.fault_marks import draw_crosses, draw_rings
-from ankleloop.plotting.style import COLOURS, MARKERS, REFERENCE_LINE, STYLE, add_legend, panel_grid
+from ankleloop.plotting.legends import add_legend
+from ankleloop.plotting.method_styles import MethodStyle
+from ankleloop.plotting.panels import panel_grid, split_label
+from ankleloop.plotting.style import REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure, inches
 from ankleloop.plotting.sweep_axes import SweepAxis
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FAULT_SHARE", "SweepPanel", "SweepSeries", "effects_figure", "lines_figure", "mark_rows", "value_limits"]
+__all__ = [
+    "DIFFERENCE_STYLE",
+    "FAULT_SHARE",
+    "SweepPanel",
+    "SweepSeries",
+    "effects_figure",
+    "lines_figure",
+    "mark_rows",
+    "tabulate_sweep",
+    "value_limits",
+]
 
-LEGEND = 26  # characters of a line: longer entries would be cut off
+LEGEND = 60  # characters of a line of an entry
+DIFFERENCE_STYLE = MethodStyle("#222222", "o")
 FAULT_SHARE = 0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked
 BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}  # %, beyond which a value says no more than that it is lost
 
@@ -65,20 +78,16 @@ class SweepSeries:
         Value of the column `method`.
     label : str
         Its name in the legend or the title.
-    number : int or None
-        Its number among the methods of the study, which gives colour and marker; None for a difference.
+    style : MethodStyle
+        Colour, symbol and line; of a difference `DIFFERENCE_STYLE`.
+    is_difference : bool
+        Whether it is a difference of two methods.
     """
 
     method: str
     label: str
-    number: int | None = None
-
-    @property
-    def style(self) -> dict[str, Any]:
-        """Colour and marker."""
-        if self.number is None:
-            return {"color": "#222222", "marker": "o"}
-        return {"color": COLOURS[self.number % len(COLOURS)], "marker": MARKERS[self.number % len(MARKERS)]}
+    style: MethodStyle = DIFFERENCE_STYLE
+    is_difference: bool = False
 
 
 @matplotlib.rc_context(STYLE)
@@ -90,7 +99,7 @@ def lines_figure(
     difference: SweepSeries | None = None,
     *,
     band: Literal["mean", "trials"] = "mean",
-) -> Figure:
+) -> DataFigure:
     """Means against one parameter: a panel for each quantity, and beside it one for the difference of two methods.
 
     Parameters
@@ -111,19 +120,20 @@ def lines_figure(
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has the means and bands.
     """
     rows = _rows(panels, series, difference)
     columns = min(len(rows), 4 if difference and len(panels) > 2 else 2 if difference else 3)
-    figure, axes = panel_grid(len(rows), columns, (2.7 if columns == 4 else 3.2, 2.4), (0.4, 0.8))
-    figure.set_layout_engine("constrained", w_pad=0.08)
+    figure, axes = panel_grid(len(rows), columns, 46.0 if columns > 2 else 52.0)
     for number, (panel_axis, row) in enumerate(zip(axes, rows, strict=True)):
         _draw_panel(panel_axis, table, axis, *row, band)
-        panel_axis.set_ylabel(_row_label(*row))
-        axis.set_ticks(panel_axis, "x")
+        panel_axis.set_ylabel(_row_label(*row).replace(" [", "\n[") if columns == 4 else _row_label(*row))
+        axis.set_ticks(panel_axis, "x", room=5 if columns == 4 else 6)
         if number + columns < len(rows):
             panel_axis.set_xlabel("")
     add_legend(figure, axes)
+    figure.data = tabulate_sweep(table, [axis], panels, [*series, *([difference] if difference else [])])
     return figure
 
 
@@ -136,7 +146,7 @@ def effects_figure(
     difference: SweepSeries | None = None,
     *,
     band: Literal["mean", "trials"] = "mean",
-) -> Figure:
+) -> DataFigure:
     """Means over each of several parameters: a column for each parameter, a row for each quantity and each difference.
 
     Parameters
@@ -148,16 +158,17 @@ def effects_figure(
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has the means and bands.
     """
     rows = _rows(panels, series, difference)
-    size = (max(4.5, 1.9 * len(axes) + 0.8), 1.6 * len(rows) + 0.9)
-    figure = Figure(figsize=size, layout="constrained")
+    size = (inches(TWO_COLUMNS), inches(33.0 * len(rows) + 8.0))
+    figure = DataFigure(figsize=size, layout="constrained")
     grid = figure.subplots(len(rows), len(axes), squeeze=False, sharex="col", sharey="row")
     for (number, row), (column, axis) in product(enumerate(rows), enumerate(axes)):
         _draw_panel(grid[number, column], table, axis, *row, band)
         if number == len(rows) - 1:
-            axis.set_ticks(grid[number, column], "x", room=5)
+            axis.set_ticks(grid[number, column], "x", room=5 if len(axes) <= 4 else 3)
             grid[number, column].xaxis.label.set_wrap(True)
     for axis_row, row in zip(grid, rows, strict=True):
         low, high, _ = _row_limits(table[table["parameter"].isin([axis.name for axis in axes])], *row, band)
@@ -165,7 +176,47 @@ def effects_figure(
         axis_row[0].set_ylabel(_row_label(*row).replace(" [", "\n["))
     joined = [column for column, axis in enumerate(axes) if axis.ordered]  # their entries have a line, too
     add_legend(figure, [*grid.ravel(), *grid[:, joined].ravel()])
+    figure.data = tabulate_sweep(table, axes, panels, [*series, *([difference] if difference else [])])
     return figure
+
+
+def tabulate_sweep(
+    table: pd.DataFrame, axes: Sequence[SweepAxis], panels: Sequence[SweepPanel], series: Sequence[SweepSeries]
+) -> pd.DataFrame:
+    """What a picture of a sweep draws as a table for readers, with quantities and units.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Table of `lines_figure`, with the columns `parameter` and `place`, or of
+        `ankleloop.plotting.sweep_maps.maps_figure`, with `x` and `y`.
+    axes : sequence of SweepAxis
+        Its parameters.
+    panels : sequence of SweepPanel
+        Its quantities.
+    series : sequence of SweepSeries
+        Its methods, and their difference.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each mean. Places on an axis of a list are the values themselves.
+    """
+    shown, names = {panel.quantity: panel for panel in panels}, {item.method: item for item in series}
+    rows = table[table["quantity"].isin(shown) & table["method"].isin(names)].reset_index(drop=True)
+    items = zip(rows["quantity"], rows["method"], strict=True)
+    labels = [_row_label(shown[quantity], [names[method]]) for quantity, method in items]
+    parts: dict[str, Any] = {"quantity": [split_label(label)[0] for label in labels]}
+    parts |= {"unit": [split_label(label)[1] for label in labels], "method": [names[m].label for m in rows["method"]]}
+    if "parameter" in rows:
+        by_name = {axis.name: axis for axis in axes}
+        parts["parameter"] = [by_name[name].label for name in rows["parameter"]]
+        places = zip(rows["parameter"], rows["place"], strict=True)
+        parts["value of the parameter"] = [by_name[name].value_at(place) for name, place in places]
+    else:
+        parts |= {a.label: [a.value_at(place) for place in rows[n]] for a, n in zip(axes, "xy", strict=True)}
+    columns = ["slice", "mean", "margin", "low", "high", "trials", "failures", "warnings"]
+    return rows.assign(**parts)[[*parts, *[name for name in columns if name in rows]]]
 
 
 def _rows(
@@ -181,7 +232,7 @@ def _rows(
 
 
 def _row_label(panel: SweepPanel, series: Sequence[SweepSeries]) -> str:
-    return panel.difference if series[0].number is None else panel.label
+    return panel.difference if series[0].is_difference else panel.label
 
 
 def _draw_panel(
@@ -194,14 +245,15 @@ def _draw_panel(
         _draw_means(axis, rows, item, offset, parameter.ordered, band)
         if panel.marked:
             _mark_means(axis, rows, item, offset, 0.03 + 0.06 * number)
-    if panel.truth is not None and series[0].number is not None:
+    if panel.truth is not None and not series[0].is_difference:
         axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=0.5)
-    elif panel.desired == "zero" or series[0].number is None:
+    elif panel.desired == "zero" or series[0].is_difference:
         axis.axhline(0.0, **REFERENCE_LINE, zorder=0.5)
     low, high, lowest = _row_limits(table, panel, series, band)
     axis.set_ylim(low, high)
     if lowest < low:
-        axis.annotate(f"lowest mean: {lowest:.4g}", (0.03, 0.03), xycoords="axes fraction", fontsize=7, color="#555555")
+        note = f"lowest mean: {lowest:.4g}"
+        axis.annotate(note, (0.03, 0.03), xycoords="axes fraction", fontsize=6.5, color="#555555")
     if parameter.kind == "listed":
         axis.set_xlim(-0.5, len(parameter.values) - 0.5)
     if not table["mean"].notna().any():
@@ -214,19 +266,19 @@ def _draw_means(axis: Axes, rows: pd.DataFrame, series: SweepSeries, offset: flo
     low, high = _band(rows, band)
     style = series.style
     if joined:
-        axis.fill_between(places, low, high, color=style["color"], alpha=0.22, lw=0)
+        axis.fill_between(places, low, high, color=style.colour, alpha=0.22, lw=0)
     else:
-        axis.vlines(places, low, high, color=style["color"], lw=1.2)
-    size = 3.2 if len(rows) <= 25 else 0.0
-    line = {"lw": 1.1, "ls": "-"} if joined else {"ls": ""}
-    axis.plot(places, mean, **style, **line, ms=size, label=textwrap.fill(series.label, LEGEND))
+        axis.vlines(places, low, high, color=style.colour, lw=1.2)
+    size = {"markersize": 0.0} if len(rows) > 25 else {}
+    properties: dict[str, Any] = {**(style.curve if joined else {**style.symbol, "linestyle": ""}), **size}
+    axis.plot(places, mean, **properties, label=textwrap.fill(series.label, LEGEND))
 
 
 def _mark_means(axis: Axes, rows: pd.DataFrame, series: SweepSeries, offset: float, height: float) -> None:
     places, mean = rows["place"].to_numpy() + offset, rows["mean"].to_numpy()
     marked, failed = mark_rows(rows)
     draw_rings(axis, places[marked], mean[marked])
-    draw_crosses(axis, places[failed], height, series.style["color"], axis.get_xaxis_transform())
+    draw_crosses(axis, places[failed], height, series.style.colour, axis.get_xaxis_transform())
 
 
 def _band(rows: pd.DataFrame, band: str) -> tuple[np.ndarray, np.ndarray]:
@@ -262,7 +314,7 @@ def _row_limits(
     rows = table[(table["quantity"] == panel.quantity) & table["method"].isin([item.method for item in series])]
     low, high = _band(rows, band)
     places = np.r_[rows["mean"].to_numpy(), low, high]
-    is_difference = series[0].number is None
+    is_difference = series[0].is_difference
     fixed = [0.0] if is_difference or panel.desired == "zero" else [] if panel.truth is None else [panel.truth]
     limits = value_limits(np.r_[places, fixed], "zero" if is_difference else panel.desired)
     margin = 0.06 * (limits[1] - limits[0]) or 0.06 * abs(limits[0]) or 1.0

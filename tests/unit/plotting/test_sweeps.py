@@ -1,12 +1,13 @@
 import itertools
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.colors import to_hex
 
-from ankleloop.plotting.style import COLOURS, FAULT_RING, STYLE
+from ankleloop.plotting.method_styles import METHOD_STYLES
+from ankleloop.plotting.style import FAULT_RING, STYLE
 from ankleloop.plotting.sweep_axes import SweepAxis
 from ankleloop.plotting.sweep_maps import NO_POINT, NO_VALUE, maps_figure
 from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, effects_figure, lines_figure, mark_rows, value_limits
@@ -16,8 +17,11 @@ PANELS = [
     SweepPanel("K", "K [N·m/rad]", "Δ K [N·m/rad]", None, 150.0),
     SweepPanel("failures", "failed trials [% of trials]", "", "low", None, False),
 ]
-SERIES = [SweepSeries("riv", "RIV", 0), SweepSeries("moesp", "PR-MOESP", 3)]
-DIFFERENCE = SweepSeries("riv − moesp", "RIV − PR-MOESP")
+SERIES = [
+    SweepSeries("riv", "RIV", METHOD_STYLES["riv"]),
+    SweepSeries("moesp", "PR-MOESP", METHOD_STYLES["pr-moesp"]),
+]
+DIFFERENCE = SweepSeries("riv − moesp", "RIV − PR-MOESP", is_difference=True)
 GAIN = SweepAxis.of("reflex_gain", "reflex gain [N·m·s/rad]", [5.0, 10.0, 15.0, 20.0])
 NOISE = SweepAxis.of("voluntary", "voluntary torque [1]", [0.1, 1.0, 10.0])
 BASIS = SweepAxis.of("basis", "basis [1]", ["chebyshev", "rectifier"])
@@ -66,7 +70,7 @@ def bars_of(figure):
 
 def test_lines_have_a_panel_for_each_quantity_and_each_difference():
     figure = draw(lines_figure(effects(GAIN), GAIN, PANELS, SERIES, DIFFERENCE))
-    labels = [axis.get_ylabel() for axis in panels_of(figure)]
+    labels = [axis.get_ylabel().replace("\n", " ") for axis in panels_of(figure)]
     assert labels == [
         "reflex VAF [%]",
         "Δ reflex VAF [points]",
@@ -77,11 +81,12 @@ def test_lines_have_a_panel_for_each_quantity_and_each_difference():
     assert panels_of(figure)[-1].get_xlabel() == "reflex gain [N·m·s/rad]"
 
 
-def test_methods_keep_the_colours_of_their_numbers():
+def test_methods_have_their_own_styles():
     figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:1], SERIES))
     lines = {line.get_label(): line for line in panels_of(figure)[0].get_lines()}
-    assert to_hex(lines["RIV"].get_color()) == COLOURS[0].lower()
-    assert to_hex(lines["PR-MOESP"].get_color()) == COLOURS[3].lower()
+    for item in SERIES:
+        line = lines[item.label]
+        assert (line.get_color(), line.get_marker()) == (item.style.colour, item.style.marker)
 
 
 def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
@@ -155,6 +160,18 @@ def test_cells_of_a_map_are_the_means():
     axis = panels_of(draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES)))[1]
     values = axis.collections[0].get_array()
     np.testing.assert_array_equal(values, 90.0 + np.arange(12).reshape(3, 4))
+
+
+def test_tables_of_sweeps_have_what_is_drawn():
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS, SERIES, DIFFERENCE))
+    rows = figure.data.query("quantity == 'reflex VAF' and method == 'PR-MOESP'").sort_values([NOISE.label, GAIN.label])
+    mesh = panels_of(figure)[1].collections[0]
+    np.testing.assert_array_equal(mesh.get_array().ravel(), rows["mean"])
+    assert set(figure.data["unit"]) == {"%", "points", "N·m/rad", "% of trials"}
+    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:1], SERIES))
+    rows = figure.data.query("method == 'RIV'")
+    line = next(line for line in panels_of(figure)[0].get_lines() if line.get_label() == "RIV")
+    np.testing.assert_array_equal(line.get_xydata(), rows[["value of the parameter", "mean"]].astype(float))
 
 
 def test_colours_of_differences_are_centred_at_zero():
@@ -281,10 +298,13 @@ def test_words_and_units_of_values():
 
 
 def test_legend_is_inside_the_figure():
-    series = [SweepSeries("riv", "Refined instrumental variables", 0), SweepSeries("moesp", "PR-MOESP, squares", 1)]
-    difference = SweepSeries("riv − moesp", "Refined instrumental variables − PR-MOESP, least squares")
+    labels = "Refined instrumental variables", "PR-MOESP, least squares"
+    series = [replace(item, label=label) for item, label in zip(SERIES, labels, strict=True)]
+    difference = replace(DIFFERENCE, label=" − ".join(labels))
     table = effects(GAIN).assign(warnings=1)
     figure = draw(lines_figure(table, GAIN, PANELS[:2], series, difference))
-    box, frame = figure.legends[0].get_window_extent(), figure.bbox
-    assert frame.x0 <= box.x0
-    assert box.x1 <= frame.x1
+    for legend in figure.legends:
+        box, frame = legend.get_window_extent(), figure.bbox
+        assert frame.x0 <= box.x0
+        assert box.x1 <= frame.x1
+        assert frame.y0 <= box.y0
