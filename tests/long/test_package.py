@@ -1,0 +1,38 @@
+"""The wheel in an environment with nothing but what it requires: a recording is identified there, from file to page."""
+
+import pytest
+from package_builds import build, make_environment, run
+
+from ankleloop import simulate
+from ankleloop.records.recording_files import FILE_FORMATS, write_recording
+
+
+@pytest.fixture(scope="module")
+def programs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("package")
+    return make_environment(folder / "environment", build("wheel", folder))
+
+
+def test_the_demonstration(programs, tmp_path):
+    text = run(programs / "ankleloop", "demo", "--no-open", "--duration", "20", folder=tmp_path)
+    assert "take Refined instrumental variables" in text
+    page = (tmp_path / "ankleloop-demo" / "results" / "demo-csv.html").read_text(encoding="utf-8")
+    assert "<svg" in page or "data:image" in page
+
+
+@pytest.mark.parametrize("kind", FILE_FORMATS)
+def test_every_file_format(programs, tmp_path, kind):
+    path = tmp_path / f"S1{FILE_FORMATS[kind][0]}"
+    write_recording(simulate(seed=2, duration=20.0), path, kind)
+    run(programs / "ankleloop", "identify", path.name, "--method", "riv", folder=tmp_path)
+    results = tmp_path / f"{path.name}-results"
+    assert {file.name for file in (results / "S1").iterdir()} == {"riv.nc", "riv.mat", "riv.csv"}
+    code = "import ankleloop, sys; print(ankleloop.load_estimate(sys.argv[1]).stiffness['K'])"
+    stiffness = float(run(programs / "python", "-c", code, results / "S1" / "riv.nc", folder=tmp_path))
+    assert stiffness == pytest.approx(150.0, rel=0.1)
+
+
+def test_a_study_of_recordings_can_be_written(programs, tmp_path):
+    write_recording(simulate(seed=2, duration=20.0), tmp_path / "S1.mat", "matlab-7.3")
+    run(programs / "ankleloop", "study", "new.yaml", "S1.mat", folder=tmp_path)
+    assert "position: position" in (tmp_path / "new.yaml").read_text(encoding="utf-8")
