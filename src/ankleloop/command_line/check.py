@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ankleloop.command_line.reading import Reading, map_file, reading_options
-from ankleloop.command_line.terminal import name_options, show_next, show_verdict
+from ankleloop.command_line.terminal import echo, name_options, show_next, show_verdict
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,7 +41,7 @@ def check(file: Path, **values: Any) -> int:
     reading = map_file(file, **values)
     trial, result = check_file(file, reading)
     show_reading(file, reading, trial)
-    click.echo()
+    echo()
     for finding in result.findings:
         show_verdict(finding.verdict, finding.name, finding.text)
     refused = result.verdict == "refused"
@@ -98,16 +98,16 @@ def show_reading(path: Path, reading: Reading, trial: xr.Dataset | None = None) 
     recording, reasons = reading.recording, reading.reasons
     unit = f"{recording.position_unit}, {reasons['position_unit']}"
     turned = {"position": recording.position_sign, "torque": recording.torque_sign}
-    click.echo(click.style(path.name, bold=True))
+    echo(click.style(path.name, bold=True))
     for channel in ("position", "torque", "reference"):
         name = getattr(recording, channel)
         units = "N·m" if channel == "torque" else unit
         sign = ", turned round" if turned.get(channel) == -1 else ""
         text = f"{name} ({reasons[channel]}), in {units}{sign}" if name else f"none ({reasons.get(channel, 'option')})"
-        click.echo(f"  {channel:<10}{text}")
+        echo(f"  {channel:<10}{text}")
     if trial is not None:
         rate, samples = float(trial.attrs["sampling_rate"]), trial.sizes["time"]
-        click.echo(f"  {'rate':<10}{rate:g} Hz, {samples / rate:.4g} s")
+        echo(f"  {'rate':<10}{rate:g} Hz, {samples / rate:.4g} s")
 
 
 def list_options(reading: Reading) -> list[str]:

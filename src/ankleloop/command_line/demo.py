@@ -12,7 +12,7 @@ import click
 from ankleloop.command_line.check import show_reading
 from ankleloop.command_line.identify import identify_recording, show_results
 from ankleloop.command_line.reading import map_file
-from ankleloop.command_line.terminal import format_table, show_next, show_progress
+from ankleloop.command_line.terminal import echo, format_table, show_next, show_progress
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,18 +53,18 @@ def demo(output: Path, seed: int, duration: float, overwrite: bool, opens: bool)
     """
     from ankleloop.simulation.simulate import simulate
 
-    click.echo(f"Simulating {duration:g} s of a closed loop, seed {seed}.")
+    echo(f"Simulating {duration:g} s of a closed loop, seed {seed}.")
     trial = simulate(seed=seed, duration=duration)
     files = _write_files(trial, output, overwrite=overwrite)
     path = files[0]
     reading = map_file(path)
-    click.echo()
+    echo()
     show_reading(path, reading)
     with show_progress():
         table, page = identify_recording(path, reading, output / "results", overwrite=overwrite)
-    click.echo()
+    echo()
     status = show_results(table, page)
-    click.echo(f"\n{_compare(trial, table)}")
+    echo(f"\n{_compare(trial, table)}")
     if opens and not webbrowser.open(page.absolute().as_uri()):
         show_next(f"there is no browser that could be opened: open {page} yourself.")
     show_next(*(shlex.join(["ankleloop", verb, str(path)]) for verb in ("check", "identify")))
@@ -95,7 +95,7 @@ def _write_files(trial: xr.Dataset, folder: Path, *, overwrite: bool) -> list[Pa
         write_recording(trial, path, kind, overwrite=overwrite)
         copy = read_trial(path, **map_file(path).recording.model_dump(include={*READ}))
         errors = [float(np.abs(copy[name] - trial[name]).max() / trial[name].std()) for name in CHANNELS]
-        click.echo(f"  {path}  read again: the largest difference is {max(errors):.1g} of a standard deviation")
+        echo(f"  {path}  read again: the largest difference is {max(errors):.1g} of a standard deviation")
     return list(paths.values())
 
 

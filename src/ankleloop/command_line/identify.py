@@ -13,7 +13,7 @@ import click
 
 from ankleloop.command_line.check import show_reading
 from ankleloop.command_line.reading import Reading, map_file, name_recording, reading_options
-from ankleloop.command_line.terminal import COLOURS, format_table, name_options, show_next, show_progress
+from ankleloop.command_line.terminal import COLOURS, echo, format_table, name_options, show_next, show_progress
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,7 +67,7 @@ def identify(file: Path, output: Path | None, overwrite: bool, methods: tuple[st
     folder = output or file.with_name(f"{file.name}-results")
     with show_progress():
         table, page = identify_recording(file, reading, folder, methods=methods, overwrite=overwrite)
-    click.echo()
+    echo()
     return show_results(table, page)
 
 
@@ -186,7 +186,7 @@ def show_results(table: pd.DataFrame, page: Path) -> int:
     from ankleloop.recordings.recommendation import format_with_interval, select_valid_methods
 
     first, valid = table.iloc[0], select_valid_methods(table)
-    click.echo(f"{click.style(first['verdict'], fg=COLOURS[first['verdict']])}: {first['recommendation']}")
+    echo(f"{click.style(first['verdict'], fg=COLOURS[first['verdict']])}: {first['recommendation']}")
     if not valid.empty:
         columns = [name for name in ("vaf_unseen", *PARAMETERS) if name in valid]
         heading = ["method", *(QUANTITIES[name].label for name in columns), ""]
@@ -194,12 +194,12 @@ def show_results(table: pd.DataFrame, page: Path) -> int:
             [row["label"], *(format_with_interval(row, name) for name in columns), "" if row["trusted"] else "warning"]
             for _, row in valid.iterrows()
         ]
-        click.echo(f"\n{format_table([heading, *rows])}")
+        echo(f"\n{format_table([heading, *rows])}")
     elif first["verdict"] == "refused":
-        click.echo(first["reasons"])
+        echo(first["reasons"])
         show_next(*name_options(first["reasons"]))
-    click.echo(f"\npage       {page}\ntable      {page.with_name(f'{page.stem}-parameters.csv')}")
+    echo(f"\npage       {page}\ntable      {page.with_name(f'{page.stem}-parameters.csv')}")
     if not valid.empty:
-        click.echo(f"estimates  {page.with_suffix('')}")
+        echo(f"estimates  {page.with_suffix('')}")
         show_next(f"open {page} in a browser.")
     return int(valid.empty)

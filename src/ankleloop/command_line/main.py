@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import os
-import sys
 import traceback
 import warnings
 from collections.abc import Sequence
@@ -14,13 +12,13 @@ from typing import Any
 import click
 
 import ankleloop
-from ankleloop.command_line.terminal import show_error, show_warning
+from ankleloop.command_line.terminal import echo, show_error, show_warning
 from ankleloop.errors import DataError
 
 __all__ = ["DATA", "DONE", "INTERRUPTED", "MISTAKE", "USAGE", "commands", "main"]
 
 DONE, DATA, USAGE, MISTAKE, INTERRUPTED = 0, 1, 2, 3, 130
-CLOSED_PIPE = 141  # as of a program that SIGPIPE ends
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # The modules of the verbs are imported when they are used, because `ankleloop --help` needs none of them.
 VERBS = {
     "check": "Check what can be identified from a recording.",
@@ -76,15 +74,12 @@ class _Verbs(click.Group):
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
 @click.version_option(ankleloop.__version__, "--version", message="ankleloop %(version)s")
-@click.pass_context
-def commands(context: click.Context) -> None:
+def commands() -> None:
     """Separate the torque of a joint into its intrinsic and reflex parts.
 
     Recordings are CSV, MATLAB (v5, v7.3), HDF5 or NetCDF files with the position and the torque of a joint, and the
     command of the servo where it was recorded. `ankleloop VERB --help` describes a verb.
     """
-    if os.environ.get("NO_COLOR"):
-        context.color = False
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -107,6 +102,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ankleloop ...
     True
     """
+    for name in THREADS:  # before numpy is imported; as in the jobs of the workflow, for equal bits
+        os.environ.setdefault(name, "1")
     with warnings.catch_warnings():
         warnings.showwarning = show_warning
         try:
@@ -119,17 +116,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             error.show()
             return USAGE
         except (click.Abort, KeyboardInterrupt):
-            click.echo(err=True)
+            echo(err=True)
             show_error("interrupted.")
             return INTERRUPTED
         except DataError as error:
             show_error(str(error))
             return DATA
-        except OSError as error:
-            if error.errno != errno.EPIPE:
-                return _report_mistake(error)
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nobody reads what is left
-            return CLOSED_PIPE
         except Exception as error:
             return _report_mistake(error)
     return status if isinstance(status, int) else DONE

@@ -12,7 +12,7 @@ import click
 
 from ankleloop.command_line.check import check_file, show_reading
 from ankleloop.command_line.reading import map_file, name_recording, reading_options
-from ankleloop.command_line.terminal import show_next
+from ankleloop.command_line.terminal import echo, show_next
 
 __all__ = ["study"]
 
@@ -50,7 +50,7 @@ def study(new: Path, files: tuple[Path, ...], varied: tuple[str, ...], overwrite
     _check_output(new, files, overwrite=overwrite)
     text = _describe_recordings(new, files, values) if files else _describe_sweep(new, varied)
     _write(new, text, files, overwrite=overwrite)
-    click.echo(f"\n{new} is written.")
+    echo(f"\n{new} is written.")
     show_next(
         f"look through {new}, then, in the folder of the repository: "
         + shlex.join(["snakemake", "--cores", "2", "--configfile", str(new.absolute())])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import sys
 import time
@@ -14,6 +15,7 @@ import click
 
 __all__ = [
     "COLOURS",
+    "echo",
     "format_table",
     "name_options",
     "show_error",
@@ -31,6 +33,21 @@ OPTION_WORDS = re.compile(
 )
 
 
+def echo(text: str = "", *, err: bool = False, nl: bool = True) -> None:
+    """Print a text, with its colours on a terminal only, and not if the variable NO_COLOR is set.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    err : bool
+        Whether it goes to the standard error.
+    nl : bool
+        Whether a line ends behind it.
+    """
+    click.echo(text, err=err, nl=nl, color=False if os.environ.get("NO_COLOR") else None)
+
+
 def show_verdict(verdict: str, name: str, text: str) -> None:
     """Show a finding, with the colour of its verdict.
 
@@ -41,7 +58,7 @@ def show_verdict(verdict: str, name: str, text: str) -> None:
     name, text : str
         What was checked, and with which result.
     """
-    click.echo(f"{click.style(f'{verdict:>8}', fg=COLOURS[verdict])}  {name}: {text}")
+    echo(f"{click.style(f'{verdict:>8}', fg=COLOURS[verdict])}  {name}: {text}")
 
 
 def show_error(text: str) -> None:
@@ -52,7 +69,7 @@ def show_error(text: str) -> None:
     text : str
         The message.
     """
-    click.echo(f"{click.style('error', fg='red', bold=True)}: {text}", err=True)
+    echo(f"{click.style('error', fg='red', bold=True)}: {text}", err=True)
     show_next(*name_options(text))
 
 
@@ -72,7 +89,7 @@ def show_warning(
         As of `warnings.showwarning`.
     """
     if issubclass(category, UserWarning):
-        click.echo(f"{click.style('warning', fg='yellow')}: {message}", err=True)
+        echo(f"{click.style('warning', fg='yellow')}: {message}", err=True)
 
 
 def show_next(*steps: str) -> None:
@@ -84,7 +101,7 @@ def show_next(*steps: str) -> None:
         Commands or options, a line each.
     """
     for step in steps:
-        click.echo(f"{click.style('next', fg='cyan')}: {step}", err=True)
+        echo(f"{click.style('next', fg='cyan')}: {step}", err=True)
 
 
 def name_options(text: str) -> list[str]:
@@ -143,14 +160,14 @@ class _Progress(logging.Handler):
             return
         text = f"{record.getMessage()} ({time.monotonic() - self._start:.0f} s)"
         if self._is_terminal:
-            click.echo(f"\r\x1b[K{text}", nl=False, err=True)
+            echo(f"\r\x1b[K{text}", nl=False, err=True)
         else:
-            click.echo(text, err=True)
+            echo(text, err=True)
 
     def clear(self) -> None:
         """Remove the line."""
         if self._is_terminal:
-            click.echo("\r\x1b[K", nl=False, err=True)
+            echo("\r\x1b[K", nl=False, err=True)
 
 
 def format_table(rows: list[list[Any]]) -> str:

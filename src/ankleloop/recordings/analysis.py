@@ -136,7 +136,7 @@ def analyse(
     )
 
 
-def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, int]:
+def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Largest order and number of block rows that any method may use: the movement has to excite as much.
 
     Parameters

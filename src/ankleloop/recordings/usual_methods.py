@@ -12,8 +12,8 @@ __all__ = ["usual_methods"]
 def usual_methods(*, reference: bool) -> dict[str, dict[str, Any]]:
     """Methods with labels and options that suit a minute of a recording at the ankle.
 
-    The nonlinearity of the reflex path is a spline whose degree, and the order, are selected on data that the fit has
-    not used.
+    The nonlinearity of the reflex path is a spline whose degree is selected on data that the fit has not used. In open
+    loop without a reference that is done for the order of riv, too: there a third pole shows itself in its VAF.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def usual_methods(*, reference: bool) -> dict[str, dict[str, Any]]:
             "label": f"Refined instrumental variables (spline){as_reference}",
             "method": "riv",
             "options": {**position, "weighting": "noise" if reference else "flat", "basis": "spline"},
-            "select": {"degree": [6, 8, 12], "order": [2, 3]},
+            "select": {"degree": [6, 8, 12]} | ({} if reference else {"order": [2, 3]}),
         },
         "pr-moesp": {
             "label": f"PR-MOESP{as_reference}",

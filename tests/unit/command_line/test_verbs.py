@@ -1,0 +1,291 @@
+"""`check`, `identify`, `study` and `demo` with real files."""
+
+import logging
+import os
+import re
+import runpy
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from ankleloop import load_estimate, new_trial, simulate
+from ankleloop.command_line.identify import METHODS
+from ankleloop.recordings.usual_methods import usual_methods
+from ankleloop.records.recording_files import write_recording
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.studies.config_files import check_config_file
+from ankleloop.studies.run_config import read_run
+from ankleloop.studies.study import read_studies
+
+ROOT = Path(__file__).parents[3]
+SCRIPTS = ROOT / "workflow" / "scripts"
+FILES = {"ankle_pf.mat": [], "ankle_df.csv.gz": [], "ankle_df3.h5": []}  # real ones
+
+
+@pytest.fixture(scope="session")
+def recordings():
+    """Folder of real recordings."""
+    folder = os.environ.get("ANKLELOOP_RECORDINGS")
+    if not folder:
+        pytest.skip("there are no real recordings: ANKLELOOP_RECORDINGS is not set")
+    return Path(folder)
+
+
+def turned(trial, path):
+    """The trial with its torque turned round, as a file."""
+    signals = (trial.position, -trial.torque, trial.attrs["sampling_rate"], trial.reference)
+    write_recording(new_trial(*(getattr(signal, "values", signal) for signal in signals)), path, "hdf5")
+    return path
+
+
+def contents(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+# --- check
+
+
+def test_check(run, recording):
+    result = run("check", recording)
+    assert result.status == 0
+    lines = result.out.splitlines()
+    assert lines[0] == "S1 (pre).csv"
+    assert "  position  angle_deg (by its name), in deg, stated by the file" in lines
+    assert "  rate      1000 Hz, 20 s" in lines
+    assert re.search(r"^      ok  loop: closed", result.out, re.MULTILINE)
+    assert "next: ankleloop identify '" in result.err
+    assert "--position angle_deg --torque torque_nm --reference command_deg --position-unit deg" in result.err
+
+
+def test_check_refuses(run, trial, tmp_path):
+    result = run("check", turned(trial, tmp_path / "a.h5"))
+    assert result.status == 1
+    assert re.search(r"^ refused  sign of the torque: .* the torque has the other sign", result.out, re.MULTILINE)
+    assert result.err == "next: on the command line this is --torque-sign.\n"
+    assert run("check", tmp_path / "a.h5", "--torque-sign", "-1").status == 0
+
+
+def test_check_refuses_a_file_that_is_damaged(run, tmp_path):
+    (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0" + bytes(300))
+    result = run("check", tmp_path / "a.mat")
+    assert result.status == 1
+    assert result.err.startswith("error: a.mat: cannot be read as .mat")
+
+
+# --- identify
+
+
+def run_workflow(path, reading, folder, methods):
+    """What the rule `recordings` of the workflow makes of a file."""
+    settings = {"kind": "recordings", "folder": str(path.parent), "files": {"S1-pre": reading}, "methods": methods}
+    study = read_studies({"studies": {"laboratory": settings}})[1]["laboratory"]
+    folder.mkdir()
+    job = SimpleNamespace(
+        params=SimpleNamespace(
+            points=study.mappings(0), methods=study.analysed_methods, figure=study.settings.figure.model_dump()
+        ),
+        output=SimpleNamespace(folder=str(folder), table=str(folder / "S1-pre-parameters.csv")),
+        log=str(folder.with_suffix(".log")),
+        rule="recordings",
+        wildcards={},
+    )
+    handlers, level = logging.root.handlers[:], logging.root.level
+    try:
+        runpy.run_path(str(SCRIPTS / "recordings.py"), init_globals={"snakemake": job})
+    finally:
+        logging.root.handlers[:], logging.root.level = handlers, level
+
+
+def test_identify_makes_what_the_workflow_makes(run, recording, tmp_path, monkeypatch):
+    result = run("identify", recording, "--method", "pr-moesp", "--subject", "007")
+    assert result.status == 0, result.err
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    reading = {"file": recording.name, "position": "angle_deg", "torque": "torque_nm", "reference": "command_deg"}
+    reading |= {"position_unit": "deg", "subject": "007"}
+    methods = {"pr-moesp": usual_methods(reference=True)["pr-moesp"]}
+    run_workflow(recording, reading, tmp_path / "workflow", methods)
+    made = contents(tmp_path / "S1 (pre).csv-results")
+    assert made == contents(tmp_path / "workflow")
+    names = {f"S1-pre/pr-moesp{suffix}" for suffix in (".nc", ".mat", ".csv")}
+    assert set(made) == names | {"S1-pre.html", "S1-pre-parameters.csv"}
+    estimate = load_estimate(tmp_path / "S1 (pre).csv-results" / "S1-pre" / "pr-moesp.nc")
+    assert f"{estimate.stiffness['K']:.4g}" in result.out
+    assert "method 1 of 1: PR-MOESP" in result.err
+    assert "take PR-MOESP" in result.out
+
+
+def test_results_are_replaced_where_it_is_asked_for(run, recording, tmp_path):
+    folder = tmp_path / "results"
+    assert run("identify", recording, "--method", "pr-moesp", "--output", folder).status == 0
+    (folder / "S1-pre" / "notes.txt").write_text("of the user")
+    before = contents(tmp_path)
+    result = run("identify", recording, "--method", "pi-moesp", "--output", folder)
+    assert result.status == 2
+    assert "exists already" in result.err
+    assert "--overwrite replaces results" in " ".join(result.err.split())
+    assert contents(tmp_path) == before
+    assert (
+        run("identify", recording, "--method", "riv", "--no-reference", "--output", folder, "--overwrite").status == 0
+    )
+    names = {path.name for path in (folder / "S1-pre").iterdir()}
+    assert names == {"riv.nc", "riv.mat", "riv.csv", "notes.txt"}
+    assert set(pd.read_csv(folder / "S1-pre-parameters.csv")["key"]) == {"riv"}
+    assert (folder / "S1-pre" / "notes.txt").read_text() == "of the user"
+
+
+def test_identify_refuses(run, trial, tmp_path):
+    path = turned(trial, tmp_path / "a.h5")
+    result = run("identify", path)
+    assert result.status == 1
+    assert "refused: Nothing can be concluded from this recording: it was refused." in result.out
+    assert "next: on the command line this is --torque-sign." in result.err
+    assert set(contents(tmp_path / "a.h5-results")) == {"a.html", "a-parameters.csv"}
+    assert "the torque has the other sign" in (tmp_path / "a.h5-results" / "a.html").read_text(encoding="utf-8")
+    # No method is valid: the parallel cascade does not hold in closed loop.
+    result = run("identify", path, "--torque-sign", "-1", "--method", "parallel-cascade", "--overwrite")
+    assert result.status == 1
+    assert "no method is valid for it" in result.out
+
+
+def test_a_folder_that_cannot_be_made(run, recording, tmp_path):
+    (tmp_path / "file").write_text("x")
+    before = contents(tmp_path)
+    result = run("identify", recording, "--output", tmp_path / "file" / "results")
+    assert result.status == 2
+    assert "cannot be made or written to" in " ".join(result.err.split())
+    assert contents(tmp_path) == before
+
+
+def test_usual_methods_are_those_of_the_example():
+    example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
+    named = {method["method"]: method for method in example["studies"]["recordings"]["methods"].values()}
+    for key, method in usual_methods(reference=False).items():
+        for name in ("options", "select"):
+            assert method.get(name, {}) == named[key].get(name, {}), key
+    assert tuple(usual_methods(reference=True)) == tuple(usual_methods(reference=False)) == METHODS
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_real_recordings(run, recordings, tmp_path, file):
+    """With the sign that the check asks for, each is identified by its name alone."""
+    refused = run("check", recordings / file)
+    assert refused.status == 1
+    assert "next: on the command line this is --torque-sign." in refused.err
+    result = run(
+        *("identify", recordings / file, "--torque-sign", "-1", "--stop", "30", "--method", "parallel-cascade"),
+        *("--output", tmp_path),
+    )
+    assert result.status == 0, result.err
+    table = pd.read_csv(tmp_path / f"{file.partition('.')[0]}-parameters.csv")
+    assert table["valid"].all()
+    assert (table["K"] > 0).all()
+
+
+# --- study
+
+
+def test_study_of_recordings(run, trial, recording, tmp_path):
+    turned(trial, tmp_path / "S2.h5")
+    new = tmp_path / "new.yaml"
+    result = run("study", new, recording, tmp_path / "S2.h5", "--subject", "012")
+    assert result.status == 0, result.err
+    assert f"snakemake --cores 2 --configfile {new}" in result.err
+    check_config_file(new)
+    text = new.read_text(encoding="utf-8")
+    assert max(map(len, text.splitlines())) <= 120
+    study = read_run(yaml.safe_load(text), [new])[1]["recordings"]
+    first, second = study.points["S1-pre"], study.points["S2"]
+    assert (first["file"], first["position"], first["position_unit"]) == ("S1 (pre).csv", "angle_deg", "deg")
+    assert (first["torque_sign"], second["torque_sign"]) == (1, -1)
+    assert first["subject"] == second["subject"] == "012"
+    assert "# as the file has it, the torque does not oppose stretch" in text
+    assert "# null takes it from the file, 1000 Hz" in text
+    assert "# start: null" in text
+    assert study.paths("S2") == [str(tmp_path / "S2.h5")]
+    before = new.read_bytes()
+    assert run("study", new, recording).status == 2
+    assert new.read_bytes() == before
+    assert run("study", new, recording, "--overwrite").status == 0
+    assert new.read_bytes() != before
+
+
+def test_study_of_recordings_with_and_without_a_reference(run, trial, tmp_path):
+    (tmp_path / "$x").mkdir()
+    write_recording(trial, tmp_path / "$x" / "a.nc", "netcdf")
+    write_recording(trial.drop_vars("reference"), tmp_path / "a.mat", "matlab-5")
+    new = tmp_path / "new.yaml"
+    assert run("study", new, tmp_path / "$x" / "a.nc", tmp_path / "a.mat").status == 0
+    study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["recordings"]
+    assert study.paths("a") == [str(tmp_path / "$x" / "a.nc")]
+    assert study.paths("a-mat") == [str(tmp_path / "a.mat")]
+    assert set(study.methods) == {*METHODS, *(f"{key}-no-reference" for key in METHODS[:3])}
+
+
+@pytest.mark.parametrize("setting", SimulationSettings.model_fields)
+def test_study_of_a_sweep(run, tmp_path, setting):
+    new = tmp_path / "new.yaml"
+    assert run("study", new, "--sweep", setting).status == 0
+    study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["sweep"]
+    assert study.varied == [setting]
+    assert 2 <= len(study.points) <= 5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "name either the files of recordings, or settings by --sweep"),
+        (["{recording}", "--sweep", "reflex_gain"], "name either"),
+        (["--sweep", "reflex_gian"], "there is no setting 'reflex_gian': did you mean 'reflex_gain'?"),
+    ],
+)
+def test_study_refuses(run, recording, tmp_path, arguments, words):
+    result = run("study", tmp_path / "new.yaml", *(argument.format(recording=recording) for argument in arguments))
+    assert result.status == 2
+    assert words in " ".join(result.err.split())
+    assert not (tmp_path / "new.yaml").exists()
+    assert run("study", tmp_path / "new.txt", "--sweep", "delay").status == 2
+
+
+# --- demo
+
+
+def test_demo(run, tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or True)
+    folder = tmp_path / "demo"
+    result = run("demo", "--output", folder, "--duration", "20")
+    assert result.status == 0, result.err
+    assert opened == [(folder / "results" / "demo-csv.html").as_uri()]
+    names = {path.name for path in folder.iterdir()}
+    assert names == {
+        "demo-csv.csv",
+        "demo-matlab-5.mat",
+        "demo-matlab-7.3.mat",
+        "demo-hdf5.h5",
+        "demo-netcdf.nc",
+        "results",
+    }
+    true = simulate(seed=1, duration=20.0)
+    estimate = load_estimate(folder / "results" / "demo-csv" / "riv.nc")
+    assert estimate.stiffness["K"] == pytest.approx(true.attrs["stiffness"], rel=0.1)
+    assert re.search(r"^K \[N·m/rad\] +150 +1", result.out, re.MULTILINE)
+    errors = [float(text) for text in re.findall(r"difference is (\S+) of", result.out)]
+    assert len(errors) == 5
+    assert max(errors) < 1e-12
+    before = contents(folder)
+    assert run("demo", "--output", folder, "--duration", "20", "--no-open").status == 2
+    assert contents(folder) == before
+    assert len(opened) == 1
+
+
+def test_written_recordings_hold_no_true_torques(trial, tmp_path):
+    write_recording(trial, tmp_path / "a.nc", "netcdf")
+    import xarray as xr
+
+    with xr.open_dataset(tmp_path / "a.nc") as data:
+        assert set(data.data_vars) == {"position", "torque", "reference"}
+        np.testing.assert_array_equal(data["torque"], trial["torque"])
