@@ -12,8 +12,7 @@ class DataError(ValueError):
     >>> new_trial(position=[0.0, 0.1, float("nan")], torque=[0.0, 1.0, 2.0], sampling_rate=1000.0)
     Traceback (most recent call last):
       ...
-    ankleloop.errors.DataError: trial: position is not finite at sample 2 (0.002 s), 1 sample in all: cut the trial there \
-or repair the channel.
+    ankleloop.errors.DataError: trial: position is not finite at sample 2 (0.002 s), 1 sample in all: cut the trial ...
     """
 
 

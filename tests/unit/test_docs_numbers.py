@@ -76,7 +76,7 @@ def test_a_block_is_replaced_and_its_neighbours_stay(blocks):
 # A measured number: a time, memory, a spread or a share of trials. Definitions (filters, rates, thresholds, settings of
 # the paper) are not measured; a line that needs one of these units for a definition is listed with its text.
 MEASURED = re.compile(r"±\s?\d|\d\s?(?:ms|µs|MiB|MB|GB|min|minutes?|seconds?|hours?|times)\b|\bmedian\b")
-DEFINITIONS = ("poles 0.75 ± 0.37j", "(±40 ms)", "10 s and 1 s for each MB")
+DEFINITIONS = ("poles 0.75 ± 0.37j", "(±40 ms)", "10 s and 1 s for each MB", "default: 1 minute", "passes ±1 rad")
 
 
 def measured_lines(text, blocks):
