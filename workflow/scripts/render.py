@@ -74,5 +74,6 @@ with running(snakemake):
     log.info("executed %s", notebook)
     report = next(path for path in snakemake.output if path.endswith(".html"))
     with atomic_file(report, overwrite=True) as path:
-        page = render_notebook_page(parameters["title"], body, describe_failures_of(parameters))
+        note, index = describe_failures_of(parameters), "index.html" if "studies" in parameters else "../index.html"
+        page = render_notebook_page(parameters["title"], body, note, index=index)
         path.write_text(page, encoding="utf-8")

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
 __all__ = ["EmbeddedFigure", "embed_figure"]
 
-LARGEST_WIDTH = 960  # px
-PIXELS_PER_INCH = 100  # of the page, at which letters of figures can be read
-DOTS_PER_INCH = 150  # of the picture
+LARGEST_WIDTH = 980  # px
+PIXELS_PER_INCH = 137.5  # of the page: a figure of two columns fills it
+DOTS_PER_INCH = 220  # of the picture
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,13 @@ class EmbeddedFigure:
         The picture as a data URI.
     width : int
         Width in the page [px].
+    interactive: str
+        HTML of the same figure with more in it, for the screen; empty where there is none.
     """
 
     source: str
     width: int
+    interactive: str = ""
 
 
 def embed_figure(figure: Figure) -> EmbeddedFigure:
@@ -50,7 +53,7 @@ def embed_figure(figure: Figure) -> EmbeddedFigure:
     >>> from matplotlib.figure import Figure
     >>> picture = embed_figure(Figure(figsize=(4.0, 3.0)))
     >>> picture.width, picture.source[:22]
-    (400, 'data:image/png;base64,')
+    (550, 'data:image/png;base64,')
     """
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import html
 
-from ankleloop.pages.rendering import render_template
+from ankleloop.pages.rendering import render_page
 
 __all__ = ["render_notebook_page"]
 
 
-def render_notebook_page(title: str, body_html: str, note: str = "") -> str:
+def render_notebook_page(title: str, body_html: str, note: str = "", *, index: str | None = None) -> str:
     """Page of an executed notebook.
 
     Parameters
@@ -20,6 +20,8 @@ def render_notebook_page(title: str, body_html: str, note: str = "") -> str:
         Cells as HTML, from an exporter that has escaped them.
     note : str
         Text above the cells; it is escaped.
+    index : str, optional
+        Path of the page that lists all results, relative to this one.
 
     Returns
     -------
@@ -33,4 +35,4 @@ def render_notebook_page(title: str, body_html: str, note: str = "") -> str:
     (True, True)
     """
     notice = f"<p><strong>{html.escape(note)}</strong></p>\n" if note else ""
-    return render_template("notebook.html.j2", title=title, body=notice + body_html)
+    return render_page(title, notice + body_html, index=index)

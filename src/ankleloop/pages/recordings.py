@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ankleloop.pages.figures import EmbeddedFigure, embed_figure
-from ankleloop.pages.rendering import render_template
+from ankleloop.pages.interactive import render_interactive_torques
+from ankleloop.pages.rendering import render_page, render_template
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
 from ankleloop.plotting.torques import torque_figure
 from ankleloop.quantities import QUANTITIES
@@ -62,7 +64,11 @@ def embed_recording_figures(
         figures["torques"] = torque_figure(recording, estimates, start=start, length=length)
         figures["models"] = model_figure(estimates)
         figures["residuals"] = residual_figure({marked[label]: test for label, test in analysis.residuals.items()})
-    return {name: embed_figure(figure) for name, figure in figures.items()}
+    embedded = {name: embed_figure(figure) for name, figure in figures.items()}
+    if "torques" in embedded:
+        interactive = render_interactive_torques(recording, estimates, window={"start": start, "length": length})
+        embedded["torques"] = replace(embedded["torques"], interactive=interactive)
+    return embedded
 
 
 def render_recording_page(
@@ -71,6 +77,8 @@ def render_recording_page(
     analysis: Analysis,
     recommendation: Recommendation,
     figures: Mapping[str, EmbeddedFigure],
+    *,
+    index: str | None = None,
 ) -> str:
     """Page of a recording: recommendation, checks, methods side by side, figures, tests of the residuals.
 
@@ -86,6 +94,8 @@ def render_recording_page(
         The method to take.
     figures : dict of str to EmbeddedFigure
         From `embed_recording_figures`.
+    index : str, optional
+        Path of the page that lists all results, relative to this one.
 
     Returns
     -------
@@ -93,7 +103,7 @@ def render_recording_page(
         HTML; all texts are escaped.
     """
     valid, marked = select_valid_methods(analysis.table), _mark_labels(analysis)
-    return render_template(
+    body = render_template(
         "recording.html.j2",
         title=name,
         description=_describe(mapping),
@@ -105,6 +115,7 @@ def render_recording_page(
         remarks=_list_remarks(analysis.table),
         residuals={marked[label]: test for label, test in analysis.residuals.items()},
     )
+    return render_page(name, body, index=index)
 
 
 def _describe(mapping: Mapping[str, Any]) -> list[str]:
