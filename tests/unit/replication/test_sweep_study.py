@@ -40,9 +40,11 @@ def test_standard_quantities_and_axes_are_those_of_the_table(sweep):
     assert set(sweep.shown_trials["method"]) == {"riv", "moesp", "riv − moesp"}
 
 
-def test_methods_keep_their_numbers_where_one_alone_is_shown(read):
+def test_methods_keep_their_styles_where_one_alone_is_shown(read):
     sweep = read(make_trials(POINTS), ["reflex_gain", "voluntary"], methods=["moesp"])
-    assert [(item.method, item.number) for item in sweep.series] == [("moesp", 1)]
+    every = {item.method: item for item in read(make_trials(POINTS), ["reflex_gain", "voluntary"]).series}
+    assert sweep.series == [every["moesp"]]
+    assert every["moesp"].style != every["riv"].style
     assert set(sweep.shown_trials["method"]) == {"moesp"}
 
 
@@ -166,7 +168,8 @@ def test_notebook_runs_on_the_table_alone(tmp_path, count):
         figure_stem=str(tmp_path / "s"),
     )
     written = {path.name for path in tmp_path.iterdir()}
-    figures = {"s-sweep.png", "s-sweep.pdf", *({"s-map.png", "s-map.pdf"} if count == 3 else ())}
+    names = ("sweep", "map") if count == 3 else ("sweep",)
+    figures = {f"s-{name}.{suffix}" for name in names for suffix in ("png", "pdf", "csv")}
     assert written == {"s-trials.parquet", "s.csv", "s.md", *figures}
     lines = (tmp_path / "s.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 1 + 2**count * 3  # points, methods and their difference
