@@ -128,7 +128,7 @@ class Picture:
         -------
         bytes
         """
-        limits = [(*axis.get_xlim(), *axis.get_ylim()) for axis in self._torques.values()]
+        limits: list[tuple[float, ...]] = [(*axis.get_xlim(), *axis.get_ylim()) for axis in self._torques.values()]
         with matplotlib.rc_context(STYLE):
             if self._limits != limits:  # the axes alone, which stay as they are under most changes
                 self._canvas.draw()
