@@ -13,6 +13,7 @@ import numpy as np
 from ankleloop.joint.estimate import TORQUES
 from ankleloop.pages.rendering import render_template
 from ankleloop.plotting.envelopes import envelope
+from ankleloop.plotting.style import STYLE
 from ankleloop.plotting.torque_series import TorqueSeries, Trace, limit_values, torque_series
 from ankleloop.quantities import QUANTITIES
 
@@ -31,6 +32,9 @@ HEIGHT, STRIP = 190, 70  # px of a panel, and of the strip that shows the window
 STRIP_BINS = 900
 SHORTEST = 0.05  # s of a window
 UNIT = QUANTITIES["torque"].unit
+BORDER = 62  # px left of the frames
+BIN = ("left", "right", "low", "high")  # edges of a rectangle
+GRID_COLOUR = STYLE["grid.color"]
 LINE_WIDTH = 1.3
 ALPHA = {"residual": 0.45}  # of its colour, which is that of the estimate
 
@@ -131,12 +135,12 @@ def _describe_figure(
     """Bokeh's description of the figure: panels without samples, which the script of the page fills in."""
     from bokeh.embed import json_item  # here: it takes a second, and few jobs need it
     from bokeh.layouts import column, gridplot
-    from bokeh.models import Range1d, RangeTool, Span
+    from bokeh.models import Range1d, RangeTool
+    from bokeh.models.annotations import Span
 
-    x_range = Range1d(*window, bounds=record, min_interval=SHORTEST)
+    x_range = Range1d(start=window[0], end=window[1], bounds=record, min_interval=SHORTEST)
     cursor = Span(dimension="height", line_color="#888888", line_width=1, line_dash="dotted")
     panels = [_draw_panel(torque, series, x_range, cursor) for torque in TORQUES]
-    panels[-1].below[0].axis_label = "time [s]"
     strip = _draw_strip(series, record)
     strip.add_tools(RangeTool(x_range=x_range))
     grid = gridplot(
@@ -145,7 +149,7 @@ def _describe_figure(
         toolbar_location="above",
         toolbar_options={"logo": None},
     )
-    item = json_item(column(grid, strip, sizing_mode="stretch_width"), "panels")
+    item = json_item(column(grid, strip, sizing_mode="stretch_width"))
     return _number_models(item)
 
 
@@ -167,29 +171,35 @@ def _draw_panel(torque: str, series: Sequence[TorqueSeries], x_range: Range1d, c
         Line,
         PanTool,
         Quad,
-        Range1d,
         ResetTool,
         SaveTool,
+        Toolbar,
         WheelZoomTool,
     )
 
     drag = PanTool(dimensions="width")
-    tools = [drag, BoxZoomTool(), WheelZoomTool(dimensions="width", modifiers={"ctrl": True}), ResetTool(), SaveTool()]
-    panel = _new_plot(x_range, Range1d(*_find_limits(torque, series)), HEIGHT, f"{torque} torque [{UNIT}]")
-    panel.name, panel.min_border_left = torque, 62  # frames of all panels begin at the same place
-    panel.add_tools(*tools, CrosshairTool(overlay=cursor, dimensions="height"))
-    panel.toolbar.active_drag = drag
-    panel.toolbar.active_scroll = tools[2]
+    wheel = WheelZoomTool(dimensions="width", modifiers={"ctrl": True})
+    tools: list[Any] = [
+        drag,
+        BoxZoomTool(),
+        wheel,
+        ResetTool(),
+        SaveTool(),
+        CrosshairTool(overlay=cursor, dimensions="height"),
+    ]
+    labels = ("time [s]" if torque == TORQUES[-1] else None, f"{torque} torque [{UNIT}]")
+    panel = _new_plot(x_range, _find_limits(torque, series), HEIGHT, labels)
+    panel.name = torque
+    panel.toolbar = Toolbar(tools=tools, active_drag=drag, active_scroll=wheel)
     for number, item in enumerate(series):
         if torque in item.traces:
             colour, alpha = item.colour, ALPHA.get(item.kind, 1.0)
             line = Line(x="x", y="y", line_color=colour, line_alpha=alpha, line_width=LINE_WIDTH)
             area = Quad(left="left", right="right", bottom="low", top="high", fill_color=colour, fill_alpha=alpha)
             area.line_color = None
-            panel.add_glyph(ColumnDataSource({"x": [], "y": []}), line, name=f"{torque} {number} line")
-            panel.add_glyph(
-                ColumnDataSource({"left": [], "right": [], "low": [], "high": []}), area, name=f"{torque} {number} area"
-            )
+            sources = [ColumnDataSource({name: [] for name in names}) for names in (("x", "y"), BIN)]
+            panel.add_glyph(sources[0], line, name=f"{torque} {number} line")
+            panel.add_glyph(sources[1], area, name=f"{torque} {number} area")
     return panel
 
 
@@ -211,26 +221,31 @@ def _draw_strip(series: Sequence[TorqueSeries], record: tuple[float, float]) -> 
     low, _ = envelope(trace.low, width)
     _, high = envelope(trace.high, width)
     time = trace.start + (np.arange(low.size) + 0.5) * width * trace.step
-    strip = _new_plot(Range1d(*record), Range1d(*_find_limits("net", series[:1])), STRIP, "")
-    strip.name, strip.min_border_left = "strip", 62
-    strip.left[0].visible = False
-    strip.toolbar_location = None
+    limits = _find_limits("net", series[:1])
+    strip = _new_plot(Range1d(start=record[0], end=record[1]), limits, STRIP, None)
+    strip.name, strip.toolbar_location = "strip", None
     source = ColumnDataSource({"x": time.astype(np.float32), "low": low, "high": high})
     strip.add_glyph(source, VArea(x="x", y1="low", y2="high", fill_color=series[0].colour))
     return strip
 
 
-def _new_plot(x_range: Range1d, y_range: Range1d, height: int, label: str) -> Plot:
-    from bokeh.models import Grid, LinearAxis, Plot
+def _new_plot(
+    x_range: Range1d, limits: tuple[float, float], height: int, labels: tuple[str | None, str] | None
+) -> Plot:
+    """A plot whose frame begins where those of the others do; without labels it has no ordinate."""
+    from bokeh.models import Grid, LinearAxis, Plot, Range1d
 
-    plot = Plot(x_range=x_range, y_range=y_range, height=height, sizing_mode="stretch_width", output_backend="canvas")
-    below, left = LinearAxis(), LinearAxis(axis_label=label or None)
-    for axis in (below, left):
-        axis.axis_label_text_font_style = "normal"
-        axis.axis_label_text_font_size = "12px"
-        axis.minor_tick_line_color = None
+    y_range = Range1d(start=limits[0], end=limits[1])
+    plot = Plot(x_range=x_range, y_range=y_range, height=height, sizing_mode="stretch_width")
+    plot.min_border_left = BORDER
+    below, left = (
+        LinearAxis(
+            axis_label=label, axis_label_text_font_style="normal", axis_label_text_font_size="12px", visible=visible
+        )
+        for label, visible in zip(labels or (None, None), (True, labels is not None), strict=True)
+    )
     plot.add_layout(below, "below")
     plot.add_layout(left, "left")
-    for dimension, axis in enumerate((below, left)):
-        plot.add_layout(Grid(dimension=dimension, ticker=axis.ticker, grid_line_color="#dddddd"))
+    plot.add_layout(Grid(dimension=0, ticker=below.ticker, grid_line_color=GRID_COLOUR))
+    plot.add_layout(Grid(dimension=1, ticker=left.ticker, grid_line_color=GRID_COLOUR))
     return plot
