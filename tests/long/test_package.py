@@ -1,5 +1,8 @@
 """The wheel in an environment with nothing but what it requires: a recording is identified there, from file to page."""
 
+import os
+
+import pandas as pd
 import pytest
 from package_builds import build, make_environment, run
 
@@ -36,3 +39,16 @@ def test_a_study_of_recordings_can_be_written(programs, tmp_path):
     write_recording(simulate(seed=2, duration=20.0), tmp_path / "S1.mat", "matlab-7.3")
     run(programs / "ankleloop", "study", "new.yaml", "S1.mat", folder=tmp_path)
     assert "position: position" in (tmp_path / "new.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("file", ["ankle_pf.mat", "ankle_df.csv.gz", "ankle_df3.h5"])
+def test_real_recordings(programs, tmp_path, file):
+    folder = os.environ.get("ANKLELOOP_RECORDINGS")
+    if not folder:
+        pytest.skip("there are no real recordings: ANKLELOOP_RECORDINGS is not set")
+    options = ("--torque-sign", "-1", "--output", tmp_path)
+    text = run(programs / "ankleloop", "identify", f"{folder}/{file}", *options, folder=tmp_path)
+    assert "If the loop was open: take" in text
+    table = pd.read_csv(tmp_path / f"{file.partition('.')[0]}-parameters.csv")
+    assert (table.loc[table["valid"], "K"] > 0).all()
+    assert table["valid"].sum() >= 3

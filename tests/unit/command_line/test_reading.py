@@ -45,7 +45,7 @@ def test_names_that_leave_no_choice(tmp_path, names, expected):
         (("angle", "left_torque", "right_torque"), "2 variables may be the torque: left_torque,", "--torque NAME"),
         (("angle", "torque", "ref", "cmd"), "2 variables may be the reference: ref, cmd.", "--no-reference"),
         (("x", "torque"), "no variable is called position or pos or angle or theta", "--position NAME"),
-        (("angle", "force"), "the file has: angle, force. Name one of these.", "--torque NAME"),
+        (("angle", "force"), "no variable is called torque or moment or tq or trq", "--torque NAME"),
     ],
 )
 def test_names_that_leave_a_choice_are_not_guessed(run, tmp_path, names, words, option):
