@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ankleloop.pages.figures import EmbeddedFigure, embed_figure
 from ankleloop.pages.interactive import render_interactive_torques
 from ankleloop.pages.rendering import render_page, render_template
+from ankleloop.plotting.method_styles import method_styles
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
 from ankleloop.plotting.torques import torque_figure
 from ankleloop.quantities import QUANTITIES
@@ -63,7 +64,9 @@ def embed_recording_figures(
         estimates = {marked[label]: estimate for label, estimate in analysis.estimates.items()}
         figures["torques"] = torque_figure(recording, estimates, start=start, length=length)
         figures["models"] = model_figure(estimates)
-        figures["residuals"] = residual_figure({marked[label]: test for label, test in analysis.residuals.items()})
+        styles = method_styles({label: estimate.method for label, estimate in estimates.items()})
+        tests = {marked[label]: test for label, test in analysis.residuals.items()}
+        figures["residuals"] = residual_figure(tests, styles=styles)
     embedded = {name: embed_figure(figure) for name, figure in figures.items()}
     if "torques" in embedded:
         interactive = render_interactive_torques(recording, estimates, window={"start": start, "length": length})

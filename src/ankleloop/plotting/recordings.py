@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
 
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.plotting.legends import add_legend
@@ -29,6 +31,7 @@ __all__ = ["group_figure", "model_figure", "residual_figure", "spectra_figure"]
 LONGEST = 0.4  # s of impulse responses
 FREQUENCIES = np.geomspace(0.2, 38.0, 200)  # Hz of Bode diagrams
 GROUP_COLUMNS = 4  # methods side by side; more are drawn below
+TITLE = 24  # characters of a line above a panel
 MOST_SUBJECTS = 9  # that have an entry in the legend
 CHARACTERS = 110  # of tick labels that fit side by side into the width of a figure
 
@@ -111,6 +114,9 @@ def model_figure(estimates: Mapping[str, Estimate], *, styles: Mapping[str, Meth
     reflex_phase.set(xlabel="frequency [Hz]", ylabel="reflex phase without delay [°]")
     for axis in (intrinsic_gain, reflex_gain, reflex_phase):
         axis.xaxis.set_major_formatter("{x:g}")
+    intrinsic_gain.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))  # hardly more than a decade
+    intrinsic_gain.yaxis.set_major_formatter("{x:g}")
+    intrinsic_gain.yaxis.set_minor_formatter("")
     add_legend(figure, (intrinsic_gain, curve))  # the others have the same methods
     figure.data = tabulate_lines(axes)
     return figure
@@ -165,14 +171,14 @@ def residual_figure(
     tests : dict of str to ResidualTest
         Tests by the label of the method.
     styles : dict of str to MethodStyle, optional
-        Style of each label.
+        Style of each label; those of the registry, if the labels are its names, if left out.
 
     Returns
     -------
     DataFigure
         `data` has all curves.
     """
-    styles = styles or ordinal_styles(tests)
+    styles = styles or method_styles({label: label for label in tests})
     figure, (density, correlation) = panel_grid(2, 2, 55.0)
     for label, test in tests.items():
         style = {**styles[label].line, "lw": 0.9, "label": label}
@@ -230,9 +236,9 @@ def group_figure(
         _draw_subjects(axis, rows, conditions, subjects, styles)
         axis.set_xticks(range(len(conditions)), conditions)
         axis.margins(x=0.15)
-        axis.set_title(label if row == 0 else "")
+        axis.set_title(textwrap.fill(label, TITLE) if row == 0 else "")
         axis.tick_params(labelleft=method % columns == 0, labelbottom=row == len(names) - 1)
-        axis.set_ylabel(QUANTITIES[name].label if method % columns == 0 else "")
+        axis.set_ylabel(QUANTITIES[name].label.replace(", ", ",\n") if method % columns == 0 else "")
         if row == len(names) - 1:
             axis.set_xlabel(condition)
             _turn_labels(axis, conditions, columns)
