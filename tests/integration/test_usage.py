@@ -138,7 +138,7 @@ def test_a_module_makes_its_results_in_the_folder_that_uses_it(clean, snakemake,
     table = pd.read_csv(tmp_path / "results/tables/tiny.csv")
     assert set(table["method"]) == {"pr-moesp", "riv"}
     assert set(table["n"]) == {3}
-    for suffix in ("png", "pdf"):
+    for suffix in ("png", "pdf", "csv"):
         assert (tmp_path / f"results/figures/tiny-figure3.{suffix}").stat().st_size > 4_000
     assert not (clean / "results").exists()
     # In the other folder the same study has the same results, with its chunks divided otherwise.
