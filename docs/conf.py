@@ -13,6 +13,8 @@ project_copyright = author
 version = release = ankleloop.__version__
 root_doc = "index"
 language = "en"
+smartquotes = False  # of messages and code, which readers search for
+toc_object_entries = False
 
 extensions = [
     "myst_nb",

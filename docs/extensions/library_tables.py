@@ -1,7 +1,13 @@
 """Tables that the site reads from the library: options, settings, quantities; and names in its docstrings."""
 
+import json
+import re
+from typing import ClassVar
+
 from click import unstyle
 from docutils import nodes
+from docutils.parsers.rst.directives import flag
+from pydantic_core import to_jsonable_python
 from sphinx.addnodes import pending_xref
 from sphinx.ext.autosummary import import_by_name
 from sphinx.util.docutils import SphinxDirective, SphinxRole
@@ -11,15 +17,26 @@ from ankleloop.options import Options, type_name
 from ankleloop.quantities import QUANTITIES
 
 
-def options_rows(options):
-    """Name, type, default, unit, bounds and meaning of each option."""
+def options_rows(options, *, yaml=False):
+    """Name, meaning, default, unit, bounds and type of each option, as Python or as YAML writes them."""
     rows = []
     for name, field in options.model_fields.items():
-        default = "required" if field.is_required() else repr(field.get_default())
+        default = "required" if field.is_required() else _default(field, yaml=yaml)
+        meaning = field.description or ""
+        meaning = meaning if yaml else re.sub(r"\bnull\b", "None", meaning)
         unit = "" if options.unit(name) == "1" else options.unit(name)
         bounds = _bounds(options.limits(name))
-        rows.append((name, type_name(field.annotation), default, unit, bounds, field.description or ""))
+        rows.append(
+            (field.alias or name if yaml else name, meaning, default, unit, bounds, type_name(field.annotation))
+        )
     return rows
+
+
+def _default(field, *, yaml):
+    value = field.get_default(call_default_factory=True)
+    if isinstance(value, Options):  # of keys that have a table of their own
+        return "{}"
+    return json.dumps(to_jsonable_python(value), ensure_ascii=False) if yaml else repr(value)
 
 
 def _bounds(limits):
@@ -33,17 +50,20 @@ def quantity_rows():
 
 
 class OptionsTable(SphinxDirective):
-    """The directive `options-table`: the fields of a class of options."""
+    """The directive `options-table`: the fields of a class of options; with `:yaml:` as the configuration has them."""
 
     required_arguments = 1
+    option_spec: ClassVar = {"yaml": flag}
 
     def run(self):
         """Make the table."""
         _, options, *_ = import_by_name(self.arguments[0])
         if not (isinstance(options, type) and issubclass(options, Options)):
             raise self.error(f"{self.arguments[0]} is no class of options.")
-        head = ("name", "type", "default", "unit", "bounds", "meaning")
-        return [_table(head, options_rows(options), code=(0, 1, 2))]
+        head = ("name", "meaning", "default", "unit", "bounds", "type")
+        table = _table(head, options_rows(options, yaml="yaml" in self.options), code=(0, 2, 5))
+        table["classes"].append("options-table")
+        return [table]
 
 
 class QuantitiesTable(SphinxDirective):
@@ -63,7 +83,7 @@ class CommandHelp(SphinxDirective):
         """Take the text from the command itself."""
         verbs = [self.arguments[0]] if self.arguments else []
         text = command_help(verbs)
-        return [nodes.literal_block(text, text, language="text")]
+        return [nodes.literal_block(text, text, language="none")]
 
 
 def command_help(verbs):

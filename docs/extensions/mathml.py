@@ -12,7 +12,7 @@ def inline(writer, node):
 
 def block(writer, node):
     """Write an equation on a line of its own."""
-    writer.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>')
+    writer.body.append(f'<div class="equation">{convert(node.astext(), display="block")}</div>')
     raise SkipNode
 
 
