@@ -287,7 +287,10 @@ def test_recordings_of_a_laboratory(repository, laboratory, snakemake):
     assert "cannot be told without a usable reference" in page(repository / "results/reports/recordings/A1.html")
     assert "nowhere.csv" in (repository / "results/reports/recordings/A3.html").read_text(encoding="utf-8")
     assert (repository / "results/figures/recordings-group.png").stat().st_size > 10_000
-    exported = sorted(path.name for path in (repository / "results/estimates/recordings/A1").glob("[a-z]*"))
+    folder = repository / "results/estimates/recordings/A1"
+    numbers = sorted(path.stem.removeprefix("figure-") for path in folder.glob("figure-*.csv"))
+    assert numbers == ["models", "residuals", "spectra", "torques"]
+    exported = sorted(path.name for path in folder.glob("[a-z]*") if not path.name.startswith("figure-"))
     assert exported[:3] == ["parallel-cascade.csv", "parallel-cascade.mat", "parallel-cascade.nc"]
     assert len(exported) == 12
 

@@ -37,6 +37,7 @@ Results, in the folder FILE-results or that of --output:
   NAME-parameters.csv   a row for each method: parameters with intervals, scores, warnings
   NAME/METHOD.nc, .mat  the estimate with its model, for ankleloop.load_estimate, MATLAB and others
   NAME/METHOD.csv       its torques
+  NAME/figure-*.csv     the numbers that the figures of the page draw
 
 Exit status: 0 done; 1 the recording is refused, or no method is valid for it (the page says why); 2 wrong usage.
 """

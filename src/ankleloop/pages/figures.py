@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import base64
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import matplotlib
+
+from ankleloop.plotting.style import STYLE
+
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 __all__ = ["EmbeddedFigure", "embed_figure"]
@@ -29,11 +34,14 @@ class EmbeddedFigure:
         Width in the page [px].
     interactive: str
         HTML of the same figure with more in it, for the screen; empty where there is none.
+    data : pandas.DataFrame or None
+        Numbers that the figure draws.
     """
 
     source: str
     width: int
     interactive: str = ""
+    data: pd.DataFrame | None = field(default=None, compare=False, repr=False)
 
 
 def embed_figure(figure: Figure) -> EmbeddedFigure:
@@ -56,6 +64,8 @@ def embed_figure(figure: Figure) -> EmbeddedFigure:
     (550, 'data:image/png;base64,')
     """
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    with matplotlib.rc_context(STYLE):
+        figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
     width = min(LARGEST_WIDTH, round(PIXELS_PER_INCH * figure.get_size_inches()[0]))
-    return EmbeddedFigure(f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}", width)
+    source = f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    return EmbeddedFigure(source, width, data=getattr(figure, "data", None))

@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
+from ankleloop.pages.figures import EmbeddedFigure
 from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
@@ -111,7 +112,16 @@ class _Job:
         records = {self._keys[label]: estimates for label, estimates in analysis.records.items()}
         export_estimates(records, self._folder / name, overwrite=True)
         figures = embed_recording_figures(trial, analysis, **self._window)
+        if records:
+            self._write_numbers(name, figures)
         page = render_recording_page(name, mapping, analysis, recommend(analysis), figures, index=self._index)
         with atomic_file(self._folder / f"{name}.html", overwrite=True) as path:
             path.write_text(page, encoding="utf-8")
         return table, [finding.text for finding in analysis.check.findings if finding.verdict == "refused"]
+
+    def _write_numbers(self, name: str, figures: Mapping[str, EmbeddedFigure]) -> None:
+        """Write the numbers that the figures of a recording draw."""
+        for kind, figure in figures.items():
+            if figure.data is not None:
+                with atomic_file(self._folder / name / f"figure-{kind}.csv", overwrite=True) as path:
+                    figure.data.to_csv(path, index=False, lineterminator="\n")

@@ -118,6 +118,7 @@ def test_identify_makes_what_the_workflow_makes(run, recording, tmp_path, monkey
     folder = tmp_path / "S1 (pre).csv-results"
     made, expected = contents(folder), contents(tmp_path / "workflow")
     names = {f"S1-pre/pr-moesp{suffix}" for suffix in (".nc", ".mat", ".csv")}
+    names |= {f"S1-pre/figure-{kind}.csv" for kind in ("spectra", "torques", "models", "residuals")}
     assert set(made) == set(expected) == names | {"S1-pre.html", "S1-pre-parameters.csv"}
     for name in ("S1-pre/pr-moesp.nc", "S1-pre/pr-moesp.csv", "S1-pre-parameters.csv"):
         assert made[name] == expected[name], name
