@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ankleloop.command_line.check import show_reading
+from ankleloop.command_line.check import announce_compilation, show_reading
 from ankleloop.command_line.reading import Reading, map_file, name_recording, reading_options
 from ankleloop.command_line.terminal import COLOURS, echo, format_table, name_options, show_next, show_progress
 
@@ -69,7 +69,9 @@ def identify(file: Path, output: Path | None, overwrite: bool, methods: tuple[st
     with show_progress():
         table, page = identify_recording(file, reading, folder, methods=methods, overwrite=overwrite)
     echo()
-    return show_results(table, page)
+    status = show_results(table, page)
+    show_next(f"open {page} in a browser.")
+    return status
 
 
 def identify_recording(
@@ -107,6 +109,7 @@ def identify_recording(
     name = name_recording(path)
     study = _make_study(path, reading, name, tuple(methods))
     outputs = _check_outputs(folder, name, path, overwrite=overwrite)
+    announce_compilation()
     window = study.settings.figure.model_dump(include={"start", "length"})
     with tempfile.TemporaryDirectory(prefix="ankleloop-") as temporary:
         made = Path(temporary)
@@ -136,10 +139,12 @@ def _make_study(path: Path, reading: Reading, name: str, methods: tuple[str, ...
 def _check_outputs(folder: Path, name: str, path: Path, *, overwrite: bool) -> list[Path]:
     """Files that the results may have; refuse to replace any of them unasked, before anything is computed or made."""
     from ankleloop.errors import DataError
+    from ankleloop.pages.recordings import FIGURES
     from ankleloop.records.files import check_output
 
     estimates = [Path(name, f"{key}{suffix}") for key in METHODS for suffix in SUFFIXES]
-    outputs = [Path(f"{name}.html"), Path(f"{name}-parameters.csv"), *estimates]
+    numbers = [Path(name, f"figure-{kind}.csv") for kind in FIGURES]
+    outputs = [Path(f"{name}.html"), Path(f"{name}-parameters.csv"), *estimates, *numbers]
     existing = next(parent for parent in (folder / name).absolute().parents if parent.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK):
         raise click.UsageError(f"{folder}: the folder cannot be made or written to: name another one by --output.")
@@ -202,5 +207,4 @@ def show_results(table: pd.DataFrame, page: Path) -> int:
     echo(f"\npage       {page}\ntable      {page.with_name(f'{page.stem}-parameters.csv')}")
     if not valid.empty:
         echo(f"estimates  {page.with_suffix('')}")
-        show_next(f"open {page} in a browser.")
     return int(valid.empty)

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
     from ankleloop.recordings.analysis import Analysis
     from ankleloop.recordings.recommendation import Recommendation
 
-__all__ = ["embed_recording_figures", "render_recording_page"]
+__all__ = ["FIGURES", "embed_recording_figures", "render_recording_page"]
 
+FIGURES = ("spectra", "torques", "models", "residuals")  # of a page
 SCORES = ("vaf_unseen", "vaf_net", "vaf_intrinsic", "vaf_reflex")
 PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "threshold", "delay")
 # Rows of the table of methods: columns of `Analysis.table` with their headings.
