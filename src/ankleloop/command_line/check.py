@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from ankleloop.recordings.checks import Check
 
-__all__ = ["check", "check_file", "show_reading"]
+__all__ = ["announce_compilation", "check", "check_file", "show_reading"]
 
 EPILOG = """\b
 Examples:
@@ -75,12 +75,22 @@ def check_file(path: Path, reading: Reading) -> tuple[xr.Dataset | None, Check]:
     from ankleloop.recordings.files import load_recording, refuse_recording
     from ankleloop.recordings.usual_methods import usual_methods
 
+    announce_compilation()
     methods = usual_methods(reference=reading.recording.reference is not None)
     try:
         trial = load_recording(path, reading.recording.model_dump())
         return trial, check_trial(trial, **largest_options(methods))
     except NUMERICAL_ERRORS as error:
         return None, refuse_recording(error).check
+
+
+def announce_compilation() -> None:
+    """Say so where the kernels have not been compiled yet, which takes as long as many identifications."""
+    from ankleloop.joint.check_kernels import scan_samples
+    from ankleloop.kernels import is_kept
+
+    if not is_kept(scan_samples):
+        echo("The first use compiles the numerical kernels: up to a minute, once.", err=True)
 
 
 def show_reading(path: Path, reading: Reading, trial: xr.Dataset | None = None) -> None:

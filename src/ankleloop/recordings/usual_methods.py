@@ -8,12 +8,15 @@ from ankleloop.recordings.validity import INSTRUMENTS
 
 __all__ = ["usual_methods"]
 
+DEGREE = 8  # of the basis
+
 
 def usual_methods(*, reference: bool) -> dict[str, dict[str, Any]]:
     """Methods with labels and options that suit a minute of a recording at the ankle.
 
-    The nonlinearity of the reflex path is a spline whose degree is selected on data that the fit has not used. In open
-    loop without a reference that is done for the order of riv, too: there a third pole shows itself in its VAF.
+    The nonlinearity of the reflex path is a spline, which takes a rectifier with or without a threshold. Without a
+    reference its degree and the order of riv are selected on data that the fit has not used: there the VAF tells them
+    apart. With a reference they are fixed, since a selection by instruments needs more than 20 s.
 
     Parameters
     ----------
@@ -36,23 +39,25 @@ def usual_methods(*, reference: bool) -> dict[str, dict[str, Any]]:
     position = {} if reference else {"reference": "position"}
     instruments = dict(INSTRUMENTS) if reference else {}
     as_reference = "" if reference else ", position as reference"
+    spline: dict[str, Any] = {"basis": "spline", **({"degree": DEGREE} if reference else {})}
+    degrees = {} if reference else {"degree": [6, DEGREE, 12]}
     return {
         "riv": {
             "label": f"Refined instrumental variables (spline){as_reference}",
             "method": "riv",
-            "options": {**position, "weighting": "noise" if reference else "flat", "basis": "spline"},
-            "select": {"degree": [6, 8, 12]} | ({} if reference else {"order": [2, 3]}),
+            "options": {**position, "weighting": "noise" if reference else "flat", **spline},
+            "select": {} if reference else {**degrees, "order": [2, 3]},
         },
         "pr-moesp": {
             "label": f"PR-MOESP{as_reference}",
             "method": "pr-moesp",
-            "options": {**position, **instruments, "degree": 8, "block_rows": 20},
+            "options": {**position, **instruments, "degree": DEGREE, "block_rows": 20},
         },
         "pi-moesp": {
             "label": "PI-MOESP (spline)",
             "method": "pi-moesp",
-            "options": {**instruments, "block_rows": 20, "basis": "spline"},
-            "select": {"degree": [6, 8, 12]},
+            "options": {**instruments, "block_rows": 20, **spline},
+            "select": degrees,
         },
         "parallel-cascade": {"label": "Parallel cascade, to convergence", "method": "parallel-cascade", "options": {}},
     }
