@@ -34,6 +34,8 @@ templates_path = ["templates"]
 # Pages whose text stands elsewhere in the project.
 outside_pages = {
     "how-to/configuration": "config/README.md",
+    "how-to/contributing": "CONTRIBUTING.md",
+    "reference/changes": "CHANGELOG.md",
     "reference/published-data": "data/README.md",
     "explanation/security": "SECURITY.md",
 }

@@ -10,7 +10,8 @@ import re
 from pathlib import Path
 
 FENCE = re.compile(r"(^ *(`{3,}|~{3,}).*?^ *\2`*\s*?$)", re.MULTILINE | re.DOTALL)
-LINK = re.compile(r"\]\((?!\w+:|#)([^)\s#]+)(#[^)\s]*)?\)")
+# [text](target#place), and a line [name]: target.
+LINK = re.compile(r"(\]\(|^\[[^\]\n]+\]: )(?!\w+:|#)([^)\s#]+)(#[^)\s]*)?(?=\)|$)", re.MULTILINE)
 
 
 def rewrite_links(text, origin, page, docs, pages):
@@ -22,9 +23,9 @@ def rewrite_links(text, origin, page, docs, pages):
     shown = {(docs.parent / file).resolve(): docs / f"{name}.md" for name, file in pages.items()}
 
     def rewrite(match):
-        target = (origin.parent / match[1]).resolve()
+        target = (origin.parent / match[2]).resolve()
         target = shown.get(target, target)
-        return f"]({os.path.relpath(target, page.parent)}{match[2] or ''})"
+        return f"{match[1]}{os.path.relpath(target, page.parent)}{match[3] or ''}"
 
     parts = FENCE.split(text)  # every third one is code, the one behind it its fence
     return "".join(part if k % 3 == 1 else LINK.sub(rewrite, part) for k, part in enumerate(parts) if k % 3 != 2)
