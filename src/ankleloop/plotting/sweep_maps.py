@@ -33,8 +33,10 @@ NO_POINT = "no point"
 GREY = "#d5d5d5"  # of cells without a point: zero may be white
 HATCHED: dict[str, Any] = {"hatch": "////", "facecolor": "#f4f4f4", "edgecolor": "#b5b5b5", "linewidth": 0.0}
 MOST_COLUMNS = 4
-TITLE = 26  # characters of a line
-PANEL = (40.0, 36.0)  # mm, with labels, where four are side by side
+TITLE = 84  # characters of the titles of all panels in a row
+LABEL = 20  # characters of a line beside a panel
+PANEL = (40.0, 34.0)  # mm, with labels, where four are side by side
+LINE = 3.4  # mm of a line of a title
 SMALLEST_CELL = 7.5  # pt: smaller cells have no room for a ring; regions of them are outlined
 # Cells with room for a ring, in either direction.
 ROOM = tuple(int(72 * 0.75 * inches(size) / SMALLEST_CELL) for size in PANEL)
@@ -80,7 +82,8 @@ def maps_figure(
     items = [[*series, *([difference] if difference and panel.difference else [])] for panel in panels]
     counts = [len(block) * len(slices) for block in items]
     columns = min(MOST_COLUMNS // len(slices) * len(slices), max(counts))
-    heights = [inches(-(-count // columns) * PANEL[1] + 8.0) for count in counts]
+    lines = max(len(_title_lines(item, name, columns)) for block in items for item in block for name in slices)
+    heights = [inches(-(-count // columns) * (PANEL[1] + LINE * lines) + 4.0) for count in counts]
     figure = DataFigure(figsize=(inches(TWO_COLUMNS), sum(heights)), layout="constrained")
     blocks = figure.subfigures(len(panels), 1, squeeze=False, height_ratios=heights).ravel()
     marks: dict[str, Any] = {}
@@ -120,8 +123,8 @@ def _draw_block(
         norm, cmap, extend = norms[item.is_difference]
         image, own = _draw_map(axis, part, edges, panel, {"norm": norm, "cmap": cmap})
         marks |= own
-        axis.set_title("\n".join(line for text in (item.label, name) for line in textwrap.wrap(text, TITLE)))
-        _label_axes(axis, axes, number % columns == 0, number + columns >= len(shown))
+        axis.set_title("\n".join(_title_lines(item, name, columns)))
+        _label_axes(axis, axes, number % columns == 0, number + columns >= len(shown), columns)
         bars.setdefault(item.is_difference, (image, [], extend))[1].append(axis)
     if edges is None:
         _share_limits(list(grid.ravel()[: len(shown)]))
@@ -132,6 +135,13 @@ def _draw_block(
     return marks
 
 
+def _title_lines(item: SweepSeries, name: str, columns: int) -> list[str]:
+    """Lines of the title of a panel: the method, and the value of a further parameter."""
+    return [
+        line for text in (item.label, name) for line in textwrap.wrap(text, TITLE // columns, break_on_hyphens=False)
+    ]
+
+
 def _share_limits(axes: Sequence[Axes]) -> None:
     """Equal limits of all panels, whose points may differ."""
     for name in ("x", "y"):
@@ -140,14 +150,16 @@ def _share_limits(axes: Sequence[Axes]) -> None:
             getattr(axis, f"set_{name}lim")(limits[:, 0].min(), limits[:, 1].max())
 
 
-def _label_axes(axis: Axes, axes: tuple[SweepAxis, SweepAxis], first: bool, last: bool) -> None:
+def _label_axes(axis: Axes, axes: tuple[SweepAxis, SweepAxis], first: bool, last: bool, columns: int) -> None:
     axes[0].set_ticks(axis, "x", room=6)
     axes[1].set_ticks(axis, "y", room=10)
-    if not first:
+    if first:
+        axis.set_ylabel(textwrap.fill(axes[1].label, LABEL))
+    else:
         axis.set_ylabel("")
         axis.tick_params(labelleft=False)
-    if not last:
-        axis.set_xlabel("")
+    words = textwrap.fill(axis.get_xlabel(), TITLE // columns)
+    axis.set_xlabel(words if last else "")
 
 
 def _norm(table: pd.DataFrame, panel: SweepPanel, items: Sequence[SweepSeries]) -> tuple[Normalize, str, str]:

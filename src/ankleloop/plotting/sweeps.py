@@ -130,8 +130,9 @@ def lines_figure(
         _draw_panel(panel_axis, table, axis, *row, band)
         panel_axis.set_ylabel(_row_label(*row).replace(" [", "\n[") if columns == 4 else _row_label(*row))
         axis.set_ticks(panel_axis, "x", room=5 if columns == 4 else 6)
-        if number + columns < len(rows):
-            panel_axis.set_xlabel("")
+        words = panel_axis.get_xlabel()
+        words = words.replace(" [", "\n[") if columns == 4 else words
+        panel_axis.set_xlabel(words if number + columns >= len(rows) else "")
     add_legend(figure, axes)
     figure.data = tabulate_sweep(table, [axis], panels, [*series, *([difference] if difference else [])])
     return figure

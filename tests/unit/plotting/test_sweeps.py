@@ -78,7 +78,7 @@ def test_lines_have_a_panel_for_each_quantity_and_each_difference():
         "Δ K [N·m/rad]",
         "failed trials [% of trials]",
     ]
-    assert panels_of(figure)[-1].get_xlabel() == "reflex gain [N·m·s/rad]"
+    assert panels_of(figure)[-1].get_xlabel().replace("\n", " ") == "reflex gain [N·m·s/rad]"
 
 
 def test_methods_have_their_own_styles():
