@@ -43,6 +43,11 @@ class Fit:
         a part that is zero.
     poles : ndarray of complex
         Poles of the reflex dynamics at the identification rate.
+
+    Examples
+    --------
+    >>> Fit("riv", refusal="order must be one of 2 or 3; got 4.").remark
+    'order must be one of 2 or 3; got 4.'
     """
 
     method: str
@@ -78,6 +83,11 @@ class Result:
         True poles of the reflex.
     seconds : dict of str to float
         Processor time of each step.
+
+    Examples
+    --------
+    >>> Result(None, None, "the closed loop is unstable").fits
+    []
     """
 
     settings: SimulationSettings | None

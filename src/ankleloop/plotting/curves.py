@@ -67,6 +67,14 @@ def curves_figure(
     -------
     DataFigure
         `data` has the means and bands.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> rows = [{"panel": "K", "series": "riv", "x": x, "value": 150.0 + x} for x in (1.0, 2.0) for _ in "ab"]
+    >>> figure = curves_figure(pd.DataFrame(rows), {"K": Panel("K [N·m/rad]", truth=150.0)}, xlabel="gain [1]")
+    >>> figure.data[["gain [1]", "mean", "true_value"]].values.tolist()
+    [[1.0, 151.0, 150.0], [2.0, 152.0, 150.0]]
     """
     import pandas as pd
 

@@ -33,6 +33,16 @@ def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
         The figure, with constrained layout; it grows by the height of the legend.
     axes : iterable of matplotlib.axes.Axes
         Its axes.
+
+    Examples
+    --------
+    >>> from ankleloop.plotting.panels import panel_grid
+    >>> figure, axes = panel_grid(2, 2, 40.0)
+    >>> for axis in axes:
+    ...     _ = axis.plot([0, 1], [0, 1], label="estimate")
+    >>> add_legend(figure, axes)
+    >>> [text.get_text() for text in figure.legends[0].get_texts()]
+    ['estimate']
     """
     lines = {str(line.get_label()): line for axis in axes for line in axis.get_lines()}
     lines = {label: line for label, line in lines.items() if label[0] != "_"}
@@ -51,6 +61,15 @@ def add_entries(figure: Figure, series: Mapping[str, Any], marks: Mapping[str, A
     series, marks : mapping of str to artist
         Entries by their label: those of series, and those of marks, which follow in a row of their own if one row has
         no room for all.
+
+    Examples
+    --------
+    >>> from matplotlib.lines import Line2D
+    >>> from ankleloop.plotting.panels import panel_grid
+    >>> figure, _ = panel_grid(1, 1, 40.0)
+    >>> add_entries(figure, {"riv": Line2D([], [])}, {"true value": Line2D([], [])})
+    >>> len(figure.legends)  # one row has room for both
+    1
     """
     handles = {**series, **marks}
     if not handles:

@@ -123,6 +123,13 @@ def share_ordinates(axes: Sequence[Axes], panels: Sequence[Panel], columns: int)
         What they show.
     columns : int
         Panels in a row.
+
+    Examples
+    --------
+    >>> figure, axes = panel_grid(2, 2, 40.0)
+    >>> share_ordinates(axes, [Panel("VAF [%]", "net torque"), Panel("VAF [%]", "reflex torque")], 2)
+    >>> [axis.get_ylabel() for axis in axes]
+    ['VAF [%]', '']
     """
     first: dict[str, Axes] = {}
     for number, (axis, panel) in enumerate(zip(axes, panels, strict=True)):

@@ -49,6 +49,13 @@ def spectra_figure(spectra: Mapping[str, np.ndarray]) -> DataFigure:
     -------
     DataFigure
         `data` has the spectra.
+
+    Examples
+    --------
+    >>> values = np.array([1.0, 2.0])
+    >>> figure = spectra_figure({"frequency": values, "position": values, "torque": values, "coherence": values / 2})
+    >>> figure.axes[2].get_ylabel()
+    'squared coherence [1]'
     """
     figure, axes = panel_grid(3, 3, 48.0)
     position, torque, coherence = axes
@@ -85,6 +92,13 @@ def model_figure(estimates: Mapping[str, Estimate], *, styles: Mapping[str, Meth
     -------
     DataFigure
         `data` has all curves.
+
+    Examples
+    --------
+    >>> from ankleloop import identify, simulate
+    >>> figure = model_figure({"RIV": identify(simulate(seed=1, duration=20.0), "riv")})
+    >>> sorted(set(figure.data["series"]))
+    ['RIV']
     """
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     figure, axes = panel_grid(6, 3, 52.0)
@@ -218,6 +232,13 @@ def group_figure(
     -------
     DataFigure
         `data` has the value of each recording, and the mean that its subject and condition have.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"label": "riv", "subject": "S1", "condition": ["rest", "rest"], "K": [100.0, 120.0]})
+    >>> group_figure(table, ["K"]).data["mean"].tolist()
+    [110.0, 110.0]
     """
     labels, conditions, subjects = (list(dict.fromkeys(table[name])) for name in ("label", condition, subject))
     data = _tabulate_group(table, names, condition, subject)

@@ -1,17 +1,13 @@
-"""Charts of many trials: maps, traces over time, errors, intervals, singular values."""
+"""Charts of many trials: traces over time, errors, intervals, singular values."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
-from matplotlib.image import AxesImage
-from matplotlib.patches import Rectangle
 
 from ankleloop.plotting.fault_marks import mark_means
 from ankleloop.plotting.legends import add_legend
@@ -32,89 +28,13 @@ if TYPE_CHECKING:
 __all__ = [
     "estimates_figure",
     "interval_figure",
-    "map_figure",
     "order_figure",
     "ratio_figure",
     "traces_figure",
 ]
 
-FRAME = "#D55E00"  # of cells within a limit
 MISSED = "#D55E00"  # of intervals that do not hold the truth
 COLUMNS = 3  # panels side by side
-TITLE = 32  # characters of a line above a panel
-
-
-@matplotlib.rc_context({**STYLE, "axes.grid": False})
-def map_figure(
-    table: pd.DataFrame,
-    *,
-    x: str,
-    y: str,
-    panel: str,
-    value: str,
-    xlabel: str,
-    ylabel: str,
-    title: str,
-    limit: float,
-) -> DataFigure:
-    """Map of a quantity over two parameters, a panel for each value of a third.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row per cell; columns as named by the next four, and optionally `fault`: whether a trial of the cell failed
-        or came with a warning. Such cells have an asterisk.
-    x, y, panel, value : str
-        Columns of the abscissa, the ordinate, the panels and the quantity.
-    xlabel, ylabel, title : str
-        Labels with units; `title` is formatted with the value of `panel`.
-    limit : float
-        Cells at or below it are framed: there the condition holds.
-
-    Returns
-    -------
-    DataFigure
-        `data` has the values of all cells.
-    """
-    names = list(dict.fromkeys(table[panel]))
-    figure, axes = panel_grid(len(names), COLUMNS, 52.0, sharex=True, sharey=True)
-    norm = LogNorm(max(0.5, table[value].min()), max(1.0, table[value].max()))
-    for number, (axis, name) in enumerate(zip(axes, names, strict=True)):
-        rows = table[table[panel] == name]
-        cells = rows.pivot(index=y, columns=x, values=value)
-        faults = rows.assign(fault=rows.get("fault", False)).pivot(index=y, columns=x, values="fault")
-        image = _draw_cells(axis, cells, faults.eq(True).to_numpy(), norm, limit)
-        lines = [part for line in title.format(name).split("\n") for part in textwrap.wrap(line, TITLE)]
-        axis.set(title="\n".join(lines))
-        if number % COLUMNS == 0:
-            axis.set_ylabel(ylabel)
-        if number + COLUMNS >= len(names):
-            axis.set_xlabel(xlabel)
-    label = "largest deviation from the paper [points of VAF]"
-    bar = figure.colorbar(image, ax=figure.axes, label=label, aspect=40, pad=0.02)
-    bar.ax.yaxis.set_major_formatter("{x:g}")
-    bar.ax.yaxis.set_minor_formatter("{x:g}")
-    bar.ax.tick_params(which="minor", labelsize=6)
-    data = table.assign(panel=table[panel].str.replace("\n", ", "), fault=table.get("fault", False))
-    figure.data = data[["panel", x, y, value, "fault"]].rename(columns={x: xlabel, y: ylabel, value: label})
-    return figure
-
-
-def _draw_cells(axis: Axes, cells: pd.DataFrame, faults: np.ndarray, norm: LogNorm, limit: float) -> AxesImage:
-    image = axis.imshow(cells.to_numpy(), norm=norm, cmap="viridis_r", origin="lower", aspect="auto")
-    axis.set_xticks(range(cells.shape[1]), [f"{value:g}" for value in cells.columns])
-    axis.set_yticks(range(cells.shape[0]), [f"{value:g}" for value in cells.index])
-    for (row, column), value in np.ndenumerate(cells.to_numpy()):
-        if not np.isfinite(value):
-            text = "failed" if faults[row, column] else "unstable"
-            axis.text(column, row, text, ha="center", va="center", fontsize=6)
-            continue
-        text = (f"{value:.1f}" if value < 100 else f"{value:.0f}") + "*" * int(faults[row, column])
-        colour = "white" if norm(value) > 0.5 else "black"  # on a dark or a light cell
-        axis.text(column, row, text, ha="center", va="center", fontsize=6.5, color=colour)
-        if value <= limit:
-            axis.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, ec=FRAME, lw=2))
-    return image
 
 
 @matplotlib.rc_context(STYLE)
@@ -142,6 +62,13 @@ def traces_figure(
     -------
     DataFigure
         `data` has the traces.
+
+    Examples
+    --------
+    >>> trace = {"time": np.array([0.0, 1.0]), "K": np.array([140.0, 149.0])}
+    >>> figure = traces_figure({"closed loop": trace}, {"K": ("K [N·m/rad]", 150.0)})
+    >>> figure.data[["time [s]", "estimate"]].values.tolist()
+    [[0.0, 140.0], [1.0, 149.0]]
     """
     import pandas as pd
 
@@ -195,6 +122,13 @@ def ratio_figure(
     -------
     DataFigure
         `data` has all ratios, those beyond the largest as they are.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"panel": "gain 13", "row": ["K", "B"], "series": "riv", "ratio": [1.1, 1.2]})
+    >>> ratio_figure(table, limit=1.5).data["parameter"].tolist()
+    ['K', 'B']
     """
     panels, names = list(dict.fromkeys(table["panel"])), list(dict.fromkeys(table["row"]))
     styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
@@ -274,6 +208,14 @@ def estimates_figure(
     -------
     DataFigure
         `data` has all means and intervals, those beyond the limits as they are.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> row = {"panel": "K", "row": "complete", "series": "PR-MOESP", "value": 2.0, "margin": 0.5}
+    >>> figure = estimates_figure(pd.DataFrame([row]), {"K": Panel("error of K [%]", truth=0.0)})
+    >>> figure.data[["low", "high"]].values.tolist()
+    [[1.5, 2.5]]
     """
     names = list(dict.fromkeys(table["row"]))
     styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
@@ -348,6 +290,13 @@ def interval_figure(
     -------
     DataFigure
         `data` has the estimates with their intervals.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"panel": "K", "value": [149.0], "low": [145.0], "high": [153.0]})
+    >>> interval_figure(table, {"K": ("K [N·m/rad]", 150.0)}).data["holds"].tolist()
+    [True]
     """
     import pandas as pd
 
@@ -407,6 +356,12 @@ def order_figure(
     -------
     DataFigure
         `data` has the singular values.
+
+    Examples
+    --------
+    >>> figure = order_figure({"PR-MOESP": [np.array([4.0, 2.0, 0.1])]}, order=2)
+    >>> figure.data["singular value over the first [1]"].tolist()
+    [1.0, 0.5, 0.025]
     """
     import pandas as pd
 

@@ -138,6 +138,15 @@ def save_figure(
         If a CSV is wanted of a figure without numbers.
     DataError
         If a file exists, or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_figure(Figure(figsize=(1.0, 1.0)), Path(folder, "empty"))
+    ...     sorted(path.name for path in Path(folder).iterdir())
+    ['empty.pdf', 'empty.png']
     """
     stem, data = Path(stem), getattr(figure, "data", None)
     if suffixes is None:

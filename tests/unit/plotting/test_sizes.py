@@ -10,12 +10,12 @@ from matplotlib.text import Text
 
 from ankleloop.plotting.curves import curves_figure
 from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
+from ankleloop.plotting.maps import map_figure
 from ankleloop.plotting.panels import Panel
 from ankleloop.plotting.recordings import group_figure, residual_figure, spectra_figure
 from ankleloop.plotting.studies import (
     estimates_figure,
     interval_figure,
-    map_figure,
     order_figure,
     ratio_figure,
     traces_figure,

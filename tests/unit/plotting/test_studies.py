@@ -5,11 +5,11 @@ from matplotlib.markers import CARETRIGHTBASE
 from scipy import stats
 
 from ankleloop.plotting.curves import curves_figure
+from ankleloop.plotting.maps import map_figure
 from ankleloop.plotting.panels import Panel
 from ankleloop.plotting.studies import (
     estimates_figure,
     interval_figure,
-    map_figure,
     order_figure,
     ratio_figure,
     traces_figure,
