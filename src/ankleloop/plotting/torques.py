@@ -62,6 +62,14 @@ def torque_figure(
     -------
     DataFigure
         `data` has the torques in the window.
+
+    Examples
+    --------
+    >>> from ankleloop import identify, simulate
+    >>> trial = simulate(seed=1, duration=20.0)
+    >>> figure = torque_figure(trial, {"RIV": identify(trial, "riv")})
+    >>> len(figure.axes)  # net, intrinsic and reflex torque
+    3
     """
     trial = prepare(trial)
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
