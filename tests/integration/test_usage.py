@@ -29,9 +29,9 @@ TINY = {
 }
 RULES = {
     *("simulate", "identify", "recordings", "publish", "report", "figure"),
-    *("diagrams", "economy", "verify", "article", "crate", "all", "everything"),
+    *("diagrams", "economy", "verify", "article", "crate", "index", "all", "everything"),
 }
-PLANNED = {"simulate": 2, "identify": 2, "report": 1, "figure": 2, "crate": 1}
+PLANNED = {"simulate": 2, "identify": 2, "report": 1, "figure": 2, "crate": 1, "index": 1}
 
 
 @pytest.fixture(scope="module")

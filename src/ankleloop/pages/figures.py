@@ -32,7 +32,7 @@ class EmbeddedFigure:
         The picture as a data URI.
     width : int
         Width in the page [px].
-    interactive: str
+    interactive : str
         HTML of the same figure with more in it, for the screen; empty where there is none.
     data : pandas.DataFrame or None
         Numbers that the figure draws.
