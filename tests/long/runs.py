@@ -28,6 +28,8 @@ STUDY = {
     },
 }
 CHUNKS = 4
+# Files that hold times of the run.
+DATED = {".snakemake_timestamp", "index.html", "ro-crate-metadata.json"}
 
 
 class Run:
@@ -83,9 +85,9 @@ class Run:
 
 
 def read_results(folder):
-    """Content of every file below `results`, by its path."""
+    """Content of every file below `results` by its path, but for those that say when they were made."""
     root = Path(folder) / "results"
-    files = [path for path in sorted(root.rglob("*")) if path.is_file() and path.name != ".snakemake_timestamp"]
+    files = [path for path in sorted(root.rglob("*")) if path.is_file() and path.name not in DATED]
     return {str(path.relative_to(root)): path.read_bytes() for path in files}
 
 

@@ -31,8 +31,11 @@ VERDICT_COLOURS = {
     CONTRADICTION: "#f6dd9b",
     BY_CONSTRUCTION: "#cfe0f5",
 }
+# Of the ledger, in their order: a narrow screen shows the first ones.
+LEDGER_COLUMNS = ["verdict", "statement", "paper", "ours", "difference", "tolerance", "unit", "reason", "section", "id"]
 MOST_ROWS = 1000  # of a table in its page
-LONG_TEXT = 40  # letters of a cell from which its column is wide
+LONG_TEXTS = {100: "long", 40: "text"}  # letters of a cell from which its column has a class, which is wider
+FILTERED_ROWS = 15  # of a table from which it has a field that filters
 
 
 @dataclass(frozen=True)
@@ -144,9 +147,9 @@ def render_ledger(ledger: pd.DataFrame) -> str:
             verdict: (int(counts.get(verdict, 0)), meaning, VERDICT_COLOURS[verdict])
             for verdict, meaning in VERDICTS.items()
         },
-        table=_describe_table(tabulate_ledger(ledger), colours=VERDICT_COLOURS),
+        table=_describe_table(tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS),
     )
-    return render_page("Ledger", body, index="index.html")
+    return render_page("Ledger", body, index="index.html", wide=True)
 
 
 def render_tables(tables: Mapping[str, pd.DataFrame]) -> str:
@@ -166,7 +169,7 @@ def render_tables(tables: Mapping[str, pd.DataFrame]) -> str:
         name: (_describe_table(table.head(MOST_ROWS), identifier=f"table-{name}"), len(table))
         for name, table in tables.items()
     }
-    return render_page("Tables", render_template("tables.html.j2", tables=described), index="index.html")
+    return render_page("Tables", render_template("tables.html.j2", tables=described), index="index.html", wide=True)
 
 
 def _describe_table(
@@ -179,6 +182,7 @@ def _describe_table(
     """A table for its template: names, classes of the columns, rows, and links of the first column."""
     return {
         "identifier": identifier,
+        "filtered": len(table) >= FILTERED_ROWS,
         "names": list(table.columns),
         "classes": [_class_of(table[name]) for name in table.columns],
         "rows": list(table.itertuples(index=False, name=None)),
@@ -191,7 +195,8 @@ def _class_of(column: pd.Series) -> str:
     texts = [text for text in column if text not in ("", "–")]
     if texts and all(_is_number(text) for text in texts):
         return "number"
-    return "text" if any(len(text) > LONG_TEXT for text in texts) else ""
+    longest = max(map(len, texts), default=0)
+    return next((name for letters, name in LONG_TEXTS.items() if longest > letters), "")
 
 
 def _is_number(text: str) -> bool:

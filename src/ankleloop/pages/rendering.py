@@ -53,7 +53,9 @@ def render_template(name: str, **values: Any) -> str:
     return _environment().get_template(name).render(**values)
 
 
-def render_page(title: str, body: str, *, index: str | None = None, pictures_of_files: bool = False) -> str:
+def render_page(
+    title: str, body: str, *, index: str | None = None, wide: bool = False, pictures_of_files: bool = False
+) -> str:
     """Page around a body: table of contents, link to the index, style, and the scripts that the body needs.
 
     Parameters
@@ -64,6 +66,8 @@ def render_page(title: str, body: str, *, index: str | None = None, pictures_of_
         HTML whose texts have been escaped.
     index : str, optional
         Path of the page that lists all results, relative to this one.
+    wide : bool
+        Whether the page takes the whole width of the screen, for tables of many columns.
     pictures_of_files : bool
         Whether the page shows pictures from files beside it; all others hold their pictures.
 
@@ -87,6 +91,7 @@ def render_page(title: str, body: str, *, index: str | None = None, pictures_of_
         body=body,
         contents=headings,
         index=index,
+        wide=wide,
         pictures_of_files=pictures_of_files,
         scripts=scripts,
         hashes=[_hash_script(script) for script in scripts] or ["'none'"],

@@ -111,11 +111,11 @@ def _is_ledger(path: str, folder: Path) -> bool:
 
 
 def _count_verdicts(path: Path) -> dict[str, int]:
-    """Number of claims with each verdict, those without any left out."""
+    """Number of claims with each verdict; empty without a ledger."""
     if not path.exists():
         return {}
     counts = pd.read_csv(path)["verdict"].value_counts()
-    return {verdict: int(counts[verdict]) for verdict in VERDICTS if verdict in counts}
+    return {verdict: int(counts.get(verdict, 0)) for verdict in VERDICTS}
 
 
 def _tabulate_studies(studies: Mapping[str, Mapping[str, Any]], times: pd.DataFrame) -> pd.DataFrame:

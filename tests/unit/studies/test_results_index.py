@@ -64,7 +64,7 @@ def test_what_is_there_is_listed(folder):
         "verification.csv",
         "configuration.json",
     ]
-    assert results.verdicts == {"reproduced": 1, "cannot be judged": 1}
+    assert results.verdicts == dict.fromkeys(VERDICTS, 0) | {"reproduced": 1, "cannot be judged": 1}
     assert results.study_links == {STUDIES["table1"]["title"]: "reports/table1.html"}
     assert [figure.name for figure in results.figures[STUDIES["table1"]["title"]]] == ["table1-order"]
     assert results.recording_links == {"A1": "reports/laboratory/A1.html"}
