@@ -25,6 +25,13 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
     Returns
     -------
     xarray.Dataset
+
+    Examples
+    --------
+    >>> zero = np.zeros(3)
+    >>> torque = torque_dataset(0.01 * np.arange(3), 100.0, net=zero, intrinsic=zero, reflex=zero)
+    >>> torque["net"].attrs["units"], torque.attrs["identification_rate"]
+    ('N·m', 100.0)
     """
     variables = {
         name: ("time", values, {"units": "N·m", "long_name": f"estimated {name} torque"})

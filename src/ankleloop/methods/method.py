@@ -36,12 +36,28 @@ NOMINAL_DELAY = 0.04  # s, where the delay is estimated
 
 
 def delay_option(description: str = "reflex delay", *, estimated: bool = False) -> Any:
-    """Declare the reflex delay; a method that estimates it takes None."""
+    """Declare the reflex delay; a method that estimates it takes None.
+
+    Examples
+    --------
+    >>> class Fit(Options):
+    ...     delay: float = delay_option()
+    >>> Fit.defaults(), Fit.unit("delay")
+    ({'delay': 0.04}, 's')
+    """
     return option(0.04, description + ("; null estimates it" if estimated else ""), unit="s", ge=0, le=1)
 
 
 def rate_option() -> Any:
-    """Declare the identification rate."""
+    """Declare the identification rate.
+
+    Examples
+    --------
+    >>> class Fit(Options):
+    ...     identification_rate: float = rate_option()
+    >>> Fit.defaults(), Fit.unit("identification_rate")
+    ({'identification_rate': 100.0}, 'Hz')
+    """
     return option(
         100.0, "rate of the identification; the sampling rate has to be a multiple of it", unit="Hz", ge=1, le=10000
     )

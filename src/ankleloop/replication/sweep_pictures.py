@@ -29,6 +29,30 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     -------
     figure : matplotlib.figure.Figure
     caption : str
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pandas as pd
+    >>> from ankleloop.simulation.settings import SimulationSettings
+    >>> from ankleloop.studies.sweep_settings import SweepSettings
+    >>> table = pd.DataFrame(
+    ...     [
+    ...         {"study": "s", "point": f"G={gain}", "reflex_gain": gain, "method": "riv", "trial": trial}
+    ...         | {"vaf_net_true": 99.0, "failure": None, "warnings": ""}
+    ...         for gain in (5.0, 10.0)
+    ...         for trial in range(2)
+    ...     ]
+    ... )
+    >>> shown = SweepSettings(quantities=["vaf_net_true"]).model_dump()
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     table.to_parquet(f"{folder}/s-trials.parquet")
+    ...     sweep = SweepStudy.read(
+    ...         f"{folder}/s-trials.parquet", ["reflex_gain"], {"riv": "RIV"}, shown, SimulationSettings.defaults()
+    ...     )
+    >>> figure, caption = draw_sweep(sweep)
+    >>> len(figure.axes)
+    1
     """
     if len(sweep.axes) == 2:
         return draw_map(sweep)

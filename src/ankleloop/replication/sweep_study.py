@@ -60,6 +60,29 @@ class SweepStudy:
         Settings of the simulation that all points share.
     algorithms : dict of str to str
         Name of each method in the registry; methods that are left out are those of their own name.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pandas as pd
+    >>> from ankleloop.simulation.settings import SimulationSettings
+    >>> from ankleloop.studies.sweep_settings import SweepSettings
+    >>> table = pd.DataFrame(
+    ...     [
+    ...         {"study": "s", "point": f"G={gain}", "reflex_gain": gain, "method": "riv", "trial": trial}
+    ...         | {"vaf_net_true": 99.0, "failure": None, "warnings": ""}
+    ...         for gain in (5.0, 10.0)
+    ...         for trial in range(2)
+    ...     ]
+    ... )
+    >>> shown = SweepSettings(quantities=["vaf_net_true"]).model_dump()
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     table.to_parquet(f"{folder}/s-trials.parquet")
+    ...     sweep = SweepStudy.read(
+    ...         f"{folder}/s-trials.parquet", ["reflex_gain"], {"riv": "RIV"}, shown, SimulationSettings.defaults()
+    ...     )
+    >>> [axis.name for axis in sweep.axes], len(sweep.trials)
+    (['reflex_gain'], 4)
     """
 
     trials: pd.DataFrame
