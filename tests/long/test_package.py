@@ -1,19 +1,38 @@
 """The wheel in an environment with nothing but what it requires: a recording is identified there, from file to page."""
 
 import os
+from pathlib import Path
 
 import pandas as pd
 import pytest
 from package_builds import build, make_environment, run
 
+import ankleloop
 from ankleloop import simulate
 from ankleloop.records.recording_files import FILE_FORMATS, write_recording
+
+WORKFLOW = ("snakemake", "papermill", "nbconvert", "IPython", "pytest")
+IMPORT_ALL = f"""
+import importlib, importlib.util, pkgutil
+import ankleloop
+for module in pkgutil.walk_packages(ankleloop.__path__, "ankleloop."):
+    importlib.import_module(module.name)
+print(ankleloop.__file__)
+print([name for name in {WORKFLOW!r} if importlib.util.find_spec(name)])
+"""
 
 
 @pytest.fixture(scope="module")
 def programs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("package")
     return make_environment(folder / "environment", build("wheel", folder))
+
+
+def test_the_library_imports_without_the_workflow(programs, tmp_path):
+    file, others = run(programs / "python", "-c", IMPORT_ALL, folder=tmp_path).splitlines()
+    assert Path(file).is_relative_to(programs.parent)
+    assert others == "[]"
+    assert run(programs / "ankleloop", "--version", folder=tmp_path).strip() == f"ankleloop {ankleloop.__version__}"
 
 
 def test_the_demonstration(programs, tmp_path):

@@ -116,6 +116,9 @@ def test_warnings_of_the_library_are_lines(run, monkeypatch):
         ("take a shorter part of the recording (start, stop).", "--start, --stop"),
         ("the loop is closed: input_matrices='instruments'", ""),
         ("there is no variable 'sampling_rate_2'.", ""),
+        ("a.nc: its sampling_rate.", "--sampling-rate"),
+        ("a drift of 7 %: drift: 1 takes out a straight line.", "--drift"),
+        ("there is drift in it.", ""),
     ],
 )
 def test_messages_name_the_option(message, options):
