@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ankleloop.assessment.bootstrap import block_bootstrap
 from ankleloop.assessment.scores import evaluate
 from ankleloop.errors import NUMERICAL_ERRORS
 from ankleloop.exploration.controls import usable_options
@@ -20,9 +21,11 @@ from ankleloop.methods.registry import identify
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
-__all__ = ["DURATION", "Experiment", "Fit", "Result", "pole_frequency"]
+__all__ = ["DURATION", "REPETITIONS", "Experiment", "Fit", "Result", "pole_frequency"]
 
 DURATION = 20.0  # s of a record
+REPETITIONS = 40  # of the bootstrap: the fewest that an interval of 95 % takes
+BLOCK = 1.5  # s of its blocks
 SCORED = {"net": "measured", "intrinsic": "true", "reflex": "true"}  # what each VAF is against
 
 
@@ -43,6 +46,8 @@ class Fit:
         a part that is zero.
     poles : ndarray of complex
         Poles of the reflex dynamics at the identification rate.
+    intervals : dict of str to tuple of float
+        95 % intervals of K, B, I and the parameters of the reflex: the method's own, or those of a bootstrap.
 
     Examples
     --------
@@ -55,6 +60,7 @@ class Fit:
     refusal: str = ""
     vaf: dict[str, float] = field(default_factory=dict)
     poles: np.ndarray = field(default_factory=lambda: np.empty(0, complex))
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def remark(self) -> str:
@@ -121,7 +127,9 @@ class Experiment:
         self.seed, self.duration = seed, duration
         self._last: tuple[SimulationSettings, PreparedTrial] | None = None
 
-    def run(self, settings: Mapping[str, Any], methods: Sequence[Mapping[str, Any]]) -> Result:
+    def run(
+        self, settings: Mapping[str, Any], methods: Sequence[Mapping[str, Any]], *, bootstrap: bool = False
+    ) -> Result:
         """Simulate, identify and score; a trial is simulated again only where its settings have changed.
 
         Parameters
@@ -130,20 +138,22 @@ class Experiment:
             Settings of the simulation by name.
         methods : sequence of mapping
             For each method `method` and its `options`.
+        bootstrap : bool
+            Compute intervals of methods that give none, which repeats their identification `REPETITIONS` times.
 
         Returns
         -------
         Result
             An unstable loop, a refused trial and a refused option are sentences in it, not errors.
         """
-        seconds = {"simulation": 0.0, "identification": 0.0, "scores": 0.0}
+        seconds = {"simulation": 0.0, "identification": 0.0, "bootstrap": 0.0, "scores": 0.0}
         try:
             with _clock(seconds, "simulation"):
                 chosen = SimulationSettings.parse("simulate", duration=self.duration, **settings)
                 trial = self._simulate(chosen)
         except NUMERICAL_ERRORS as error:
             return Result(None, None, str(error), seconds=seconds)
-        fits = [_fit(trial, entry["method"], entry["options"], seconds) for entry in methods]
+        fits = [_fit(trial, entry["method"], entry["options"], bootstrap, seconds) for entry in methods]
         truth = {"K": chosen.stiffness, "B": chosen.viscosity, "I": chosen.inertia, "G": chosen.reflex_gain}
         dynamics = ReflexDynamics(chosen.omega_n, chosen.zeta, chosen.pole)
         rate = next((fit.estimate.torque.attrs["identification_rate"] for fit in fits if fit.estimate), 100.0)
@@ -155,16 +165,33 @@ class Experiment:
         return self._last[1]
 
 
-def _fit(trial: PreparedTrial, method: str, options: Mapping[str, Any], seconds: dict[str, float]) -> Fit:
+def _fit(
+    trial: PreparedTrial, method: str, options: Mapping[str, Any], bootstrap: bool, seconds: dict[str, float]
+) -> Fit:
+    usable = usable_options(method, options)
     try:
         with _clock(seconds, "identification"):
-            estimate = identify(trial, method, **usable_options(method, options))
+            estimate = identify(trial, method, **usable)
     except NUMERICAL_ERRORS as error:
         return Fit(method, refusal=str(error))
     with _clock(seconds, "scores"):
         scores = evaluate(trial, estimate).set_index(["torque", "against"])["vaf"]
         vaf = {torque: float(scores.get((torque, against), np.nan)) for torque, against in SCORED.items()}
-    return Fit(method, estimate, "", vaf, _poles(estimate))
+    intervals = dict(estimate.intervals)
+    if bootstrap and not intervals:
+        with _clock(seconds, "bootstrap"):
+            intervals = _bootstrap_intervals(trial, method, usable)
+    return Fit(method, estimate, "", vaf, _poles(estimate), intervals)
+
+
+def _bootstrap_intervals(
+    trial: PreparedTrial, method: str, options: Mapping[str, Any]
+) -> dict[str, tuple[float, float]]:
+    """Intervals by the block bootstrap; none where too many of its repetitions fail."""
+    try:
+        return block_bootstrap(trial, method, repetitions=REPETITIONS, block=BLOCK, **options).intervals()
+    except NUMERICAL_ERRORS:
+        return {}
 
 
 @contextmanager

@@ -247,8 +247,8 @@ class _MethodArtists:
         scale = {name: 100.0 / truth[name] if truth[name] else np.nan for name in PARAMETERS}
         self._place(0, np.array([values.get(name, np.nan) * scale[name] for name in PARAMETERS]), 0.0, LARGEST)
         for row, (name, line) in enumerate(zip(PARAMETERS, self._intervals, strict=True)):
-            if name in fit.estimate.intervals:
-                ends = np.array(fit.estimate.intervals[name]) * scale[name]
+            if name in fit.intervals:
+                ends = np.array(fit.intervals[name]) * scale[name]
                 line.set_data(ends, [row + self._offset] * 2)
 
     def _place(self, number: int, values: np.ndarray, low: float, high: float) -> None:
@@ -296,7 +296,7 @@ def _describe_values(fit: Fit) -> str:
     lines = []
     for name in PARAMETERS:
         if name in values:
-            interval = fit.estimate.intervals.get(name)
+            interval = fit.intervals.get(name)
             ends = "" if interval is None else " ({:.3g} … {:.3g})".format(*interval)
             lines.append(f"{QUANTITIES[name].symbol} = {values[name]:.3g}{ends} {QUANTITIES[name].unit}")
     lines.append("VAF [%]: " + ", ".join(f"{torque} {_format(value)}" for torque, value in fit.vaf.items()))

@@ -74,6 +74,20 @@ def test_the_picture_shows_what_the_library_computes(experiment, picture):
     np.testing.assert_allclose(picture._methods[1]._poles.get_xdata(), np.linalg.eigvals(estimate.matrices.A).real)
 
 
+def test_intervals_of_a_method_that_gives_none_are_those_of_the_bootstrap(experiment, picture):
+    settings, methods = default_values()
+    assert experiment.run(settings, methods).fits[0].intervals == {}
+    result = experiment.run(settings, methods, bootstrap=True)
+    pr_moesp, riv = result.fits
+    assert riv.intervals == riv.estimate.intervals
+    trial = ankleloop.simulate(seed=1, duration=20.0)
+    expected = ankleloop.block_bootstrap(trial, "pr-moesp", repetitions=40, block=1.5, **methods[0]["options"])
+    assert pr_moesp.intervals == expected.intervals()
+    picture.update(result)
+    low, high = pr_moesp.intervals["K"]
+    np.testing.assert_allclose(picture._methods[0]._intervals[0].get_xdata(), [low / 1.5, high / 1.5])
+
+
 def test_true_poles_are_those_of_the_reflex(experiment):
     result = run(experiment)
     expected = np.exp(-40.0 / 100.0)  # ωn = 40 rad/s, ζ = 1, at 100 Hz
