@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -16,9 +17,6 @@ from ankleloop.plotting.method_styles import MethodStyle, ordinal_styles
 from ankleloop.plotting.panels import Panel, panel_grid, share_ordinates, split_label
 from ankleloop.plotting.style import ONE_COLUMN, REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure, inches
 from ankleloop.signals.vaf import confidence_margin
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 __all__ = ["curves_figure"]
 
@@ -76,8 +74,6 @@ def curves_figure(
     >>> figure.data[["gain [1]", "mean", "true_value"]].values.tolist()
     [[1.0, 151.0, 150.0], [2.0, 152.0, 150.0]]
     """
-    import pandas as pd
-
     means = pd.concat([_summarise(table[table["panel"] == name], panel) for name, panel in panels.items()])
     styles = styles or ordinal_styles(dict.fromkeys(means["series"]))
     columns = min(columns, len(panels))

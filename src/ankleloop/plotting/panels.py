@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import pandas as pd
 from matplotlib.axes import Axes
 
 from ankleloop.plotting.style import TWO_COLUMNS, DataFigure, inches
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 __all__ = ["Panel", "panel_grid", "share_ordinates", "split_label", "tabulate_lines"]
 
@@ -164,8 +161,6 @@ def tabulate_lines(axes: Iterable[Axes]) -> pd.DataFrame:
     >>> tabulate_lines([axis]).values.tolist()[0]
     ['torque', 'N·m', 'measured', 'time', 's', 0.0, 2.0]
     """
-    import pandas as pd
-
     parts = []
     for axis in axes:
         (quantity, unit), (x_quantity, x_unit) = split_label(axis.get_ylabel()), split_label(axis.get_xlabel())

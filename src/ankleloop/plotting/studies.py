@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 
 from ankleloop.plotting.fault_marks import mark_means
@@ -21,9 +22,6 @@ from ankleloop.plotting.style import (
     DataFigure,
     inches,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 __all__ = [
     "estimates_figure",
@@ -70,8 +68,6 @@ def traces_figure(
     >>> figure.data[["time [s]", "estimate"]].values.tolist()
     [[0.0, 140.0], [1.0, 149.0]]
     """
-    import pandas as pd
-
     style = style or ordinal_styles(["estimate"])["estimate"]
     size = (inches(TWO_COLUMNS), inches(32.0 * len(truths) + 6.0))
     figure = DataFigure(figsize=size, layout="constrained")
@@ -298,8 +294,6 @@ def interval_figure(
     >>> interval_figure(table, {"K": ("K [N·m/rad]", 150.0)}).data["holds"].tolist()
     [True]
     """
-    import pandas as pd
-
     style = style or ordinal_styles(["estimate"])["estimate"]
     miss = MethodStyle(MISSED, "s", filled=False)
     size = (inches(TWO_COLUMNS), inches(27.0 * len(panels) + 6.0))
@@ -363,8 +357,6 @@ def order_figure(
     >>> figure.data["singular value over the first [1]"].tolist()
     [1.0, 0.5, 0.025]
     """
-    import pandas as pd
-
     styles = styles or ordinal_styles(singular_values)
     size = (inches(TWO_COLUMNS), inches(52.0))
     figure = DataFigure(figsize=size, layout="constrained")
