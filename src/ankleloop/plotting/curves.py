@@ -130,8 +130,21 @@ def _name_columns(means: pd.DataFrame, panels: Mapping[str, Panel], xlabel: str)
     names = {name: (*split_label(panel.label), panel.title) for name, panel in panels.items()}
     quantity, unit, title = ([names[name][part] for name in means["panel"]] for part in range(3))
     table = means.assign(panel=title, quantity=quantity, unit=unit)
-    shown = ["quantity", "unit", "panel", "series", "x", "mean", "low", "high", "true_value", "marked", "failed"]
-    return table[shown].rename(columns={"x": xlabel}).reset_index(drop=True)
+    shown = [
+        "quantity",
+        "unit",
+        "panel",
+        "series",
+        "x",
+        "mean",
+        "low",
+        "high",
+        "count",
+        "true_value",
+        "marked",
+        "failed",
+    ]
+    return table[shown].rename(columns={"x": xlabel, "count": "trials"}).reset_index(drop=True)
 
 
 def _draw_panel(
