@@ -77,6 +77,8 @@ def _describe_recordings(new: Path, files: Sequence[Path], values: dict[str, Any
         is_turned = values.get("torque_sign") is None and any(
             finding.name == "sign of the torque" and finding.verdict == "refused" for finding in check.findings
         )
+        if is_turned:
+            echo("  torque_sign is -1 in the configuration: as the file has it, the torque does not oppose stretch.")
         recorded[name] = RecordedFile(relative, reading, trial, check, is_turned=is_turned)
     return recordings_text(new, folder, recorded)
 

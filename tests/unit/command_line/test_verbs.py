@@ -203,6 +203,7 @@ def test_study_of_recordings(run, trial, recording, tmp_path):
     result = run("study", new, recording, tmp_path / "S2.h5", "--subject", "012")
     assert result.status == 0, result.err
     assert f"snakemake --cores 2 --configfile {new}" in result.err
+    assert result.out.count("torque_sign is -1 in the configuration") == 1
     check_config_file(new)
     text = new.read_text(encoding="utf-8")
     assert max(map(len, text.splitlines())) <= 120
