@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["RecordedFile", "recordings_text", "sweep_text"]
 
-PLAIN = re.compile(r"[A-Za-z][A-Za-z_ -]*[A-Za-z]")  # texts that YAML reads as they are, but for its own words
+PLAIN = re.compile(r"[A-Za-z][\w ./()-]*[\w)]", re.ASCII)  # texts that YAML reads as they are, but for its own words
 WORDS = ("null", "true", "false", "yes", "no", "on", "off", "y", "n", "nan", "inf")
 CHANNELS = ("position", "torque", "reference", "position_unit")
 DURATION = 20.0  # s of each trial of a sweep
@@ -100,6 +100,7 @@ def recordings_text(new: Path, folder: Path, files: Mapping[str, RecordedFile]) 
 def _describe_file(file: RecordedFile) -> list[str]:
     recording, reasons = file.reading.recording, file.reading.reasons
     remarks = {name: _describe_field(Recording, name) for name in Recording.model_fields} | dict(reasons)
+    remarks["position_unit"] = remarks["position_unit"].replace("--position-unit ", "")
     remarks |= {"file": "", "sampling_rate": "in Hz; null takes it from the file"}
     if file.trial is not None and recording.sampling_rate is None:
         remarks["sampling_rate"] = f"null takes it from the file, {file.trial.attrs['sampling_rate']:g} Hz"
