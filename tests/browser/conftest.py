@@ -1,6 +1,7 @@
 """Chromium without a window, and what a page does in it."""
 
 import shutil
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -38,23 +39,34 @@ class Visit:
         return self
 
 
-@pytest.fixture
-def visit(browser):
-    """Open a page at a width, without a network."""
-    contexts = []
+@pytest.fixture(scope="session")
+def new_visit(browser):
+    """An empty page at a width, without a network."""
+    contexts = {
+        width: browser.new_context(viewport={"width": pixels, "height": 900}, offline=True)
+        for width, pixels in WIDTHS.items()
+    }
 
-    def visit(path, width="desktop"):
-        context = browser.new_context(viewport={"width": WIDTHS[width], "height": 900}, offline=True)
-        contexts.append(context)
-        result = Visit(context.new_page())
-        result.page.on("pageerror", lambda error: result.errors.append(str(error)))
-        result.page.on("console", lambda text: text.type in ("error", "warning") and result.errors.append(text.text))
-        result.page.on("request", lambda request: result.requests.append(request.url))
-        return result.open(path)
+    @contextmanager
+    def new_visit(width="desktop"):
+        visited = Visit(contexts[width].new_page())
+        page = visited.page
+        page.on("pageerror", lambda error: visited.errors.append(str(error)))
+        page.on("console", lambda text: text.type in ("error", "warning") and visited.errors.append(text.text))
+        page.on("request", lambda request: visited.requests.append(request.url))
+        yield visited
+        page.close()
 
-    yield visit
-    for context in contexts:
+    yield new_visit
+    for context in contexts.values():
         context.close()
+
+
+@pytest.fixture
+def visit(new_visit):
+    """Open a page as wide as a desktop."""
+    with ExitStack() as stack:
+        yield lambda path: stack.enter_context(new_visit()).open(path)
 
 
 @pytest.fixture(scope="session")
@@ -64,6 +76,6 @@ def keep_screenshot():
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
 
     def keep(page, name):
-        page.screenshot(path=SCREENSHOTS / f"{name}.jpg", full_page=True, type="jpeg", quality=70)
+        page.screenshot(path=SCREENSHOTS / f"{name}.jpg", full_page=True, type="jpeg", quality=60)
 
     return keep

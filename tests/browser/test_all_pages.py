@@ -12,6 +12,11 @@ pytestmark = pytest.mark.workflow
 LAYOUT = Path(__file__).with_name("layout.js").read_text(encoding="utf-8")
 LINKS = "() => [...document.querySelectorAll('a[href]')].map((link) => link.href)"
 ANCHORS = "() => [...document.querySelectorAll('[id]')].map((element) => element.id)"
+CONTENTS = """() => ({
+  headings: document.querySelectorAll("h2, h3").length,
+  contents: document.querySelectorAll("nav .contents a").length,
+  back: document.querySelector("nav a.back")?.href,
+})"""
 
 
 @pytest.fixture(scope="module")
@@ -23,43 +28,58 @@ def pages(reproduction):
     return {path.relative_to(results).as_posix(): path for path in paths}
 
 
-@pytest.mark.parametrize("width", ["desktop", "phone"])
-def test_every_page_is_whole_and_fetches_nothing(pages, visit, keep_screenshot, width):
-    faults = {}
+@pytest.fixture(scope="module", params=["desktop", "phone"])
+def views(request, pages, new_visit, keep_screenshot):
+    """What there is to see on each page, as wide as a desktop or a phone."""
+    views = {}
     for name, path in pages.items():
-        visited = visit(path, width)
-        layout = visited.page.evaluate(LAYOUT)
-        keep_screenshot(visited.page, f"{name.removesuffix('.html').replace('/', '-')}-{width}")
-        foreign = [url for url in visited.requests if not url.startswith(("file:", "data:", "blob:"))]
-        assert layout.pop("texts") > 10
-        faults[name] = visited.errors + foreign + [(kind, value) for kind, value in layout.items() if value]
+        with new_visit(request.param) as visited:
+            page = visited.open(path).page
+            view = {"layout": page.evaluate(LAYOUT), **page.evaluate(CONTENTS)}
+            view |= {"links": page.evaluate(LINKS), "anchors": set(page.evaluate(ANCHORS))}
+            keep_screenshot(page, f"{name.removesuffix('.html').replace('/', '-')}-{request.param}")
+            views[name] = {**view, "errors": visited.errors, "requests": visited.requests}
+    return views
+
+
+def test_every_page_is_whole(views):
+    """No error, no picture that is missing, no text over text, no heading without text, nothing wider than the page."""
+    faults = {}
+    for name, view in views.items():
+        layout = dict(view["layout"])
+        assert layout.pop("texts") > 10, name
+        faults[name] = view["errors"] + [(kind, value) for kind, value in layout.items() if value]
     assert {name: texts for name, texts in faults.items() if texts} == {}
 
 
-def test_every_link_leads_somewhere(pages, visit):
-    anchors, links = {}, {}
-    for path in pages.values():
-        page = visit(path).page
-        anchors[path.resolve()] = set(page.evaluate(ANCHORS))
-        links[path] = page.evaluate(LINKS)
+def test_no_page_fetches_anything(views, pages):
+    """Only the index shows files beside it: its figures."""
+    for name, view in views.items():
+        files = [url for url in view["requests"] if not url.startswith("data:")]
+        assert files[0] == pages[name].as_uri()
+        pictures = pages["index.html"].with_name("figures").as_uri()
+        assert all(name == "index.html" and url.startswith(pictures) for url in files[1:]), name
+
+
+def test_every_link_leads_somewhere(views, pages):
+    anchors = {pages[name].resolve(): view["anchors"] for name, view in views.items()}
     broken = []
-    for path, urls in links.items():
-        for url in urls:
+    for name, view in views.items():
+        for url in view["links"]:
             parts = urlsplit(url)
-            target, fragment = Path(unquote(parts.path)).resolve(), unquote(parts.fragment)
-            whole = parts.scheme == "file" and target.exists()
-            if not whole or (fragment and fragment not in anchors.get(target, {fragment})):
-                broken.append((path.name, url))
+            target = Path(unquote(parts.path)).resolve()
+            # Browsers look for the name of an anchor as it stands, and then for what it means.
+            names = {parts.fragment, unquote(parts.fragment)} - {""}
+            if parts.scheme != "file" or not target.exists() or (names and not names & anchors[target]):
+                broken.append((name, url))
     assert broken == []
 
 
-def test_every_page_links_back_and_has_its_contents(pages, visit):
-    index = pages["index.html"].resolve().as_uri()
-    for name, path in pages.items():
-        page = visit(path).page
-        assert page.locator("nav .contents a").count() == page.locator("h2, h3").count() or name == "index.html"
-        if name != "index.html":
-            assert page.locator("nav a.back").evaluate("link => link.href") == index, name
+def test_every_page_links_back_and_has_its_contents(views, pages):
+    index = pages["index.html"].as_uri()
+    for name, view in views.items():
+        assert view["contents"] == view["headings"] > 0, name
+        assert view["back"] == (None if name == "index.html" else index), name
 
 
 def test_the_index_leads_to_everything(pages, reproduction, visit):

