@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const PIXEL = 0.6; // half of the least height of a bin [pixels]
-  const MOST_BINS = 12000; // in all panels: more take longer than 100 ms to draw
+  const MOST_BINS = 7000; // in all panels: more take longer than 100 ms to draw
 
   const decode = (text) => new Float32Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
 
