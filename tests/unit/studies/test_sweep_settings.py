@@ -26,10 +26,11 @@ def test_wrong_settings_are_refused(values, message):
 @pytest.mark.parametrize(
     ("values", "varied", "message"),
     [
-        ({"methods": ["moesp"]}, VARIED, "sweep: methods: there is no method 'moesp'"),
-        ({"difference": ["riv", "eiv"]}, VARIED, "sweep: difference: there is no method 'eiv'"),
-        ({"axes": ["voluntary"]}, VARIED, "sweep: axes: there is no varied parameter 'voluntary'"),
-        ({}, [], "sweep: no setting and no option differs"),
+        ({"methods": ["moesp"]}, VARIED, "methods: there is no method 'moesp'"),
+        ({"difference": ["riv", "eiv"]}, VARIED, "difference: there is no method 'eiv'"),
+        ({"axes": ["voluntary"]}, VARIED, "axes: there is no varied parameter 'voluntary'"),
+        ({}, [], "no setting and no option differs"),
+        ({"quantities": ["vaf_reflex_measured"]}, VARIED, "against: null has no vaf_reflex_measured; it has vaf_net"),
     ],
 )
 def test_pictures_of_what_a_study_lacks_are_refused(values, varied, message):
@@ -40,3 +41,9 @@ def test_pictures_of_what_a_study_lacks_are_refused(values, varied, message):
 def test_what_a_study_has_is_accepted():
     settings = SweepSettings(methods=["riv"], difference=["pr-moesp", "riv"], axes=["riv.delay", "reflex_gain"])
     check_sweep(settings, VARIED, METHODS)
+
+
+def test_scores_against_the_measured_torque_have_no_truth():
+    settings = SweepSettings(quantities=["K_error", "vaf_net_true"])
+    with pytest.raises(ValueError, match="against: measured has no vaf_net_true; it has vaf_net_measured"):
+        check_sweep(settings, VARIED, METHODS, "measured")
