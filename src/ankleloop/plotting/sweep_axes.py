@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +20,7 @@ __all__ = ["MOST_LISTED", "SweepAxis"]
 MOST_LISTED = 12  # distinct values that are drawn one by one; more are drawn in bins
 MOST_TICKS = 8  # values that all have a label of their own
 BINS = 10
+LABEL = 30  # characters of a line of a label
 DIGITS = ((1.0, 2.0, 5.0), (1.0, 3.0))  # that have a label in each decade, by the room that there is
 LEAST_DECADE = 5.0  # largest over smallest value, from which on an axis may be logarithmic
 NARROWEST = 0.25  # smallest over mean distance of neighbours; closer ones are listed, so that all can be read
@@ -76,6 +79,16 @@ class SweepAxis:
         return "log" if logarithmic else "linear"
 
     @property
+    def description(self) -> str:
+        """The label without its unit."""
+        return self.label.partition(" [")[0]
+
+    @property
+    def unit(self) -> str:
+        """The unit; empty for numbers without one."""
+        return self.label.rstrip("]").partition(" [")[2].removesuffix("1")
+
+    @property
     def texts(self) -> list[str]:
         """Values as words."""
         return [self._format(value) for value in self.values]
@@ -87,9 +100,9 @@ class SweepAxis:
 
     def describe(self, value: Any) -> str:
         """A value with name and unit, such as "block rows 12 samples"."""
-        name, _, unit = self.label.rstrip("]").partition(" [")
         value = _as_value(value)
-        return f"{name} {self._format(value)}" + (f" {unit}" if _is_number(value) and unit not in ("", "1") else "")
+        unit = self.unit if _is_number(value) else ""
+        return f"{self.description} {self._format(value)} {unit}".rstrip()
 
     def places(self, values: Iterable[Any]) -> np.ndarray:
         """Places of values on the axis: the values themselves, or their numbers in the list."""
@@ -150,7 +163,8 @@ class SweepAxis:
             Values that have room for a label each.
         """
         axis = axes.xaxis if direction == "x" else axes.yaxis
-        axis.set_label_text(self.label if self.ordered else self.label.removesuffix(" [1]"))
+        label = self.label if self.ordered else self.label.removesuffix(" [1]")
+        axis.set_label_text(textwrap.fill(label, LABEL if direction == "y" else max(5 * room, LABEL)))
         if self.kind == "listed":
             self._list_ticks(axis, direction, room)
             return
@@ -171,11 +185,15 @@ class SweepAxis:
             axes.locator_params(axis=direction, nbins=min(room, 6))
 
     def _list_ticks(self, axis: Axis, direction: str, room: int) -> None:
-        """Ticks at listed values; long texts on an abscissa are turned."""
+        """Ticks at listed values; long texts on an abscissa have several lines, or are turned."""
         step = -(-len(self.values) // room)
         texts = self.texts[::step]
+        pitch = 4 * room // len(texts)  # characters between neighbours on an abscissa
+        if direction == "x":
+            texts = [textwrap.fill(text, pitch, break_long_words=False) for text in texts]
         axis.set_ticks(range(0, len(self.values), step), texts)
-        if direction == "x" and max(map(len, texts)) * len(texts) > 4 * room:
+        widths = [max(map(len, text.splitlines())) for text in texts]
+        if direction == "x" and any(first + second > 2 * pitch for first, second in pairwise(widths)):
             for label in axis.get_ticklabels():
                 label.set(rotation=35, ha="right", rotation_mode="anchor")
 

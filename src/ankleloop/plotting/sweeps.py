@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
 __all__ = ["FAULT_SHARE", "SweepPanel", "SweepSeries", "effects_figure", "lines_figure", "mark_rows", "value_limits"]
 
+LABEL = 22  # characters of a line of a label of a row of effects
 LEGEND = 26  # characters of a line: longer entries would be cut off
 FAULT_SHARE = 0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked
-BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}  # %, beyond which a value says no more than that it is lost
+BOUNDS = {"high": (-100.0, 100.0), "zero": (-200.0, 200.0)}  # %, beyond which a value says no more than that it is lost
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,11 @@ class SweepSeries:
     number: int | None = None
 
     @property
+    def is_difference(self) -> bool:
+        """Whether this is the difference of two methods."""
+        return self.number is None
+
+    @property
     def style(self) -> dict[str, Any]:
         """Colour and marker."""
         if self.number is None:
@@ -114,8 +120,8 @@ def lines_figure(
     matplotlib.figure.Figure
     """
     rows = _rows(panels, series, difference)
-    columns = min(len(rows), 4 if difference and len(panels) > 2 else 2 if difference else 3)
-    figure, axes = panel_grid(len(rows), columns, (2.7 if columns == 4 else 3.2, 2.4), (0.4, 0.8))
+    columns = min(len(rows), 2 if difference else 3)
+    figure, axes = panel_grid(len(rows), columns, (3.2, 2.4), (0.4, 0.8))
     figure.set_layout_engine("constrained", w_pad=0.08)
     for number, (panel_axis, row) in enumerate(zip(axes, rows, strict=True)):
         _draw_panel(panel_axis, table, axis, *row, band)
@@ -162,7 +168,7 @@ def effects_figure(
     for axis_row, row in zip(grid, rows, strict=True):
         low, high, _ = _row_limits(table[table["parameter"].isin([axis.name for axis in axes])], *row, band)
         axis_row[0].set_ylim(low, high)
-        axis_row[0].set_ylabel(_row_label(*row).replace(" [", "\n["))
+        axis_row[0].set_ylabel(textwrap.fill(_row_label(*row), LABEL))
     joined = [column for column, axis in enumerate(axes) if axis.ordered]  # their entries have a line, too
     add_legend(figure, [*grid.ravel(), *grid[:, joined].ravel()])
     return figure
@@ -181,22 +187,23 @@ def _rows(
 
 
 def _row_label(panel: SweepPanel, series: Sequence[SweepSeries]) -> str:
-    return panel.difference if series[0].number is None else panel.label
+    return panel.difference if series[0].is_difference else panel.label
 
 
 def _draw_panel(
     axis: Axes, table: pd.DataFrame, parameter: SweepAxis, panel: SweepPanel, series: Sequence[SweepSeries], band: str
 ) -> None:
     table = table[(table["parameter"] == parameter.name) & (table["quantity"] == panel.quantity)]
+    band = band if panel.marked else "none"  # a share of the trials is a count
     for number, item in enumerate(series):
         rows = table[table["method"] == item.method].sort_values("place")
         offset = 0.0 if parameter.ordered else 0.12 * (number - 0.5 * (len(series) - 1))
         _draw_means(axis, rows, item, offset, parameter.ordered, band)
         if panel.marked:
             _mark_means(axis, rows, item, offset, 0.03 + 0.06 * number)
-    if panel.truth is not None and series[0].number is not None:
+    if panel.truth is not None and not series[0].is_difference:
         axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=0.5)
-    elif panel.desired == "zero" or series[0].number is None:
+    elif panel.desired == "zero" or series[0].is_difference:
         axis.axhline(0.0, **REFERENCE_LINE, zorder=0.5)
     low, high, lowest = _row_limits(table, panel, series, band)
     axis.set_ylim(low, high)
@@ -232,7 +239,8 @@ def _mark_means(axis: Axes, rows: pd.DataFrame, series: SweepSeries, offset: flo
 def _band(rows: pd.DataFrame, band: str) -> tuple[np.ndarray, np.ndarray]:
     if band == "trials":
         return rows["low"].to_numpy(), rows["high"].to_numpy()
-    mean, margin = rows["mean"].to_numpy(), rows["margin"].to_numpy()
+    mean = rows["mean"].to_numpy()
+    margin = rows["margin"].to_numpy() if band == "mean" else 0.0
     return mean - margin, mean + margin
 
 
@@ -260,9 +268,9 @@ def _row_limits(
 ) -> tuple[float, float, float]:
     """Limits of the ordinate, and the lowest mean."""
     rows = table[(table["quantity"] == panel.quantity) & table["method"].isin([item.method for item in series])]
-    low, high = _band(rows, band)
+    low, high = _band(rows, band if panel.marked else "none")
     places = np.r_[rows["mean"].to_numpy(), low, high]
-    is_difference = series[0].number is None
+    is_difference = series[0].is_difference
     fixed = [0.0] if is_difference or panel.desired == "zero" else [] if panel.truth is None else [panel.truth]
     limits = value_limits(np.r_[places, fixed], "zero" if is_difference else panel.desired)
     margin = 0.06 * (limits[1] - limits[0]) or 0.06 * abs(limits[0]) or 1.0

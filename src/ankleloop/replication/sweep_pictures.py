@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ankleloop.plotting.sweep_maps import maps_figure
 from ankleloop.plotting.sweeps import effects_figure, lines_figure
-from ankleloop.replication.sweep_captions import describe_effects, describe_lines, describe_map
+from ankleloop.replication.sweep_captions import describe_map, describe_means
 from ankleloop.replication.sweep_cells import list_slices, summarise_cells
 from ankleloop.replication.sweep_study import SweepStudy
 from ankleloop.replication.sweep_summary import summarise_effects
@@ -35,10 +35,12 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     bins = LINE_BINS if len(sweep.axes) == 1 else {}
     trials = sweep.shown_trials
     effects = pd.concat([summarise_effects(trials, axis, sweep.quantities, **bins) for axis in sweep.axes])
-    arguments, band = (sweep.panels, sweep.series, sweep.difference), sweep.settings["band"]
+    content = (sweep.panels, sweep.series, sweep.difference)
     if len(sweep.axes) == 1:
-        return lines_figure(effects, sweep.axes[0], *arguments, band=band), describe_lines(sweep, effects)
-    return effects_figure(effects, sweep.axes, *arguments, band=band), describe_effects(sweep, effects)
+        figure = lines_figure(effects, sweep.axes[0], *content, band=sweep.settings["band"])
+    else:
+        figure = effects_figure(effects, sweep.axes, *content, band=sweep.settings["band"])
+    return figure, describe_means(sweep, effects)
 
 
 def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Collection, Mapping, Sequence
 
 import pandas as pd
@@ -23,7 +22,8 @@ __all__ = [
     "summarise_scores",
 ]
 
-MOST_LISTED = 20  # points and methods with failures that a sentence each is about
+MOST_REASONS = 5  # of failures that a sentence each is about
+NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
 COUNTS = ["trials", "failures", "warnings"]  # columns of every table of means over trials
 
 
@@ -206,28 +206,27 @@ def describe_failures(parameters: pd.DataFrame) -> str:
     Returns
     -------
     str
-        A sentence for each method at each point, for the first twenty of them; empty if none failed.
+        How many, and an example of each of the five most frequent reasons; empty if none failed. Reasons that differ in
+        numbers alone are one.
 
     Examples
     --------
     >>> key = {"point": "only", "method": "riv", "trial": [0, 1, 2]}
     >>> describe_failures(pd.DataFrame(key | {"failure": [None, "Singular matrix", None]}))
-    '1 of 3 identifications failed; means leave them out. riv at only, 1 of 3 trials: Singular matrix'
+    '1 of 3 identifications failed; means leave them out. 1 of them, such as riv at only: Singular matrix'
     """
-    count = int(_list_faults(parameters)["failures"].sum())
-    if not count:
+    columns = ["point", "method", "failure"]
+    failed = parameters.reindex(columns=columns).dropna(subset="failure").astype(str)
+    if failed.empty:
         return ""
-    keys = ["point", "method"]
-    failed = parameters[parameters["failure"].notna()].astype(dict.fromkeys((*keys, "failure"), object))
-    trials = parameters.groupby(keys, sort=False, observed=True).size()
-    groups = failed.groupby(keys, sort=False)["failure"]
-    parts = []
-    for (point, method), reasons in itertools.islice(groups, MOST_LISTED):
-        reason = reasons.value_counts().index[0].rstrip(".")
-        parts.append(f"{method} at {point}, {len(reasons)} of {trials[point, method]} trials: {reason}")
-    if groups.ngroups > MOST_LISTED:
-        parts.append(f"{groups.ngroups - MOST_LISTED} other points and methods have failures, too")
-    return f"{count} of {len(parameters)} identifications failed; means leave them out. {'. '.join(parts)}"
+    groups = failed.groupby(failed["failure"].str.replace(NUMBER, "#", regex=True), sort=False)
+    examples = groups.first().assign(count=groups.size()).sort_values("count", ascending=False, kind="stable")
+    parts = [f"{len(failed):,} of {len(parameters):,} identifications failed; means leave them out"]
+    for row in examples.head(MOST_REASONS).itertuples():
+        parts.append(f"{row.count:,} of them, such as {row.method} at {row.point}: {row.failure.rstrip('.')}")
+    if len(examples) > MOST_REASONS:
+        parts.append(f"Other reasons are in the table of trials ({len(examples) - MOST_REASONS})")
+    return ". ".join(parts)
 
 
 def describe_warnings(parameters: pd.DataFrame, labels: Mapping[str, str] | None = None) -> str:

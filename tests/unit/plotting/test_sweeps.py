@@ -14,7 +14,7 @@ from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, effects_figure, l
 PANELS = [
     SweepPanel("vaf", "reflex VAF [%]", "Δ reflex VAF [points]", "high"),
     SweepPanel("K", "K [N·m/rad]", "Δ K [N·m/rad]", None, 150.0),
-    SweepPanel("failures", "failed trials [% of trials]", "", "low", None, False),
+    SweepPanel("failures", "failed trials [%]", "", "low", None, False),
 ]
 SERIES = [SweepSeries("riv", "RIV", 0), SweepSeries("moesp", "PR-MOESP", 3)]
 DIFFERENCE = SweepSeries("riv − moesp", "RIV − PR-MOESP")
@@ -72,7 +72,7 @@ def test_lines_have_a_panel_for_each_quantity_and_each_difference():
         "Δ reflex VAF [points]",
         "K [N·m/rad]",
         "Δ K [N·m/rad]",
-        "failed trials [% of trials]",
+        "failed trials [%]",
     ]
     assert panels_of(figure)[-1].get_xlabel() == "reflex gain [N·m·s/rad]"
 
@@ -145,9 +145,11 @@ def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
     assert titles == ["RIV", "PR-MOESP", "RIV − PR-MOESP"] * 2 + ["RIV", "PR-MOESP"]
     labels = [axis.get_ylabel().replace("\n", " ") for axis in bars_of(figure)]
     expected = ["reflex VAF [%]", "Δ reflex VAF [points]", "K [N·m/rad]", "Δ K [N·m/rad]"]
-    assert labels == [*expected, "failed trials [% of trials]"]
-    first = panels_of(figure)[0]
-    assert (first.get_xlabel(), first.get_ylabel(), first.get_yscale()) == (GAIN.label, NOISE.label, "log")
+    assert labels == [*expected, "failed trials [%]"]
+    panels = panels_of(figure)
+    assert [axis.get_xlabel() for axis in panels] == [""] * 5 + [GAIN.label] * 3  # below the last panel of each column
+    assert [axis.get_ylabel() for axis in panels] == [NOISE.label, "", ""] * 2 + [NOISE.label, ""]
+    assert {axis.get_yscale() for axis in panels} == {"log"}
 
 
 def test_cells_of_a_map_are_the_means():
@@ -166,6 +168,22 @@ def test_colours_of_differences_are_centred_at_zero():
     assert len(shared) == 1
 
 
+def test_colours_of_a_parameter_are_centred_at_its_true_value():
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS[1:2], SERIES, DIFFERENCE))
+    mesh = panels_of(figure)[0].collections[0]
+    assert (mesh.norm.vmin + mesh.norm.vmax) / 2 == 150.0
+    assert mesh.get_cmap().name == "PuOr"
+
+
+def test_long_labels_are_inside_their_panels():
+    long = SweepAxis.of("pr.block_rows", "block rows of PR-MOESP, least squares [samples]", NOISE.values)
+    figure = draw(maps_figure(cells(), (GAIN, long), EDGES, PANELS, SERIES))
+    boxes = [axis.yaxis.label.get_window_extent() for axis in panels_of(figure) if axis.get_ylabel()]
+    assert len(boxes) == 3
+    assert boxes[0].y1 <= figure.bbox.y1
+    assert all(upper.y0 > lower.y1 for upper, lower in itertools.pairwise(boxes))
+
+
 def test_cells_without_a_value_are_hatched_and_those_without_a_point_are_grey():
     table = cells()
     table = table[~((table["x"] == 20.0) & (table["y"] == 10.0))]
@@ -177,6 +195,7 @@ def test_cells_without_a_value_are_hatched_and_those_without_a_point_are_grey():
     first, second = panels_of(figure)
     assert np.isnan(first.collections[0].get_array().filled(np.nan)).sum() == 2
     assert first.collections[1].get_hatch() == "////"
+    assert [to_hex(colour) for colour in first.collections[1].get_facecolor()] == ["#f4f4f4"]
     assert len(second.collections) == 1
 
 

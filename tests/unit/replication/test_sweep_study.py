@@ -87,7 +87,7 @@ def test_axes_choose_the_picture(read):
     assert caption.startswith("Effect of each parameter")
     figure, caption = draw_sweep(read(table, varied, axes=["voluntary"], quantities=["K"]))
     assert figure.axes[0].get_xlabel() == "relative voluntary torque [1]"
-    assert "Means are also over reflex gain, block rows." in caption
+    assert "relative voluntary torque, and over reflex gain, block rows; bands are" in caption
     figure, caption = draw_map(read(table, varied, quantities=["K"]))
     titles = [axis.get_title().split("\n")[-1] for axis in figure.axes if axis.get_title()]
     assert titles == ["block rows 10 samples", "block rows 12 samples"] * 2
