@@ -241,7 +241,8 @@ def _rows_of_designs() -> list[BadInput]:
 def _rows_of_tables() -> list[BadInput]:
     return [
         row("no table of points", study(points={"table": "nowhere.csv"}), "there is no table", "nowhere.csv"),
-        row("keys beside a table", study(points={"table": "a.csv", "zeta": [1]}), f"{PLACE}: unknown key 'zeta'"),
+        row("keys beside a table", study(points={"table": "a.csv", "zeta": [1]}), f"{PLACE}: zeta stands beside table"),
+        row("a setting beside a design", design(zeta=[1]), f"{PLACE}: zeta stands beside design: points have one form"),
         row("a header without rows", table("zeta"), "sweep.csv has no rows"),
         row("semicolons", table("zeta;voluntary", "1;0"), "line 1: the columns are separated by semicolons"),
         row("two columns of one name", table("zeta,zeta", "1,2"), "line 1: 2 columns are called 'zeta'"),
