@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from itertools import product
+from itertools import groupby, product
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
@@ -47,11 +47,9 @@ def maps_figure(
     axes: tuple[SweepAxis, SweepAxis],
     edges: Edges | None,
     panels: Sequence[SweepPanel],
-    series: Sequence[SweepSeries],
-    difference: SweepSeries | None = None,
     slices: Sequence[str] = ("",),
 ) -> Figure:
-    """Means over two parameters: a block for each quantity, with a panel for each method and for a difference of two.
+    """Means over two parameters: a row for each quantity, with a map for each method and for a difference of two.
 
     Parameters
     ----------
@@ -63,37 +61,29 @@ def maps_figure(
     edges : tuple of ndarray, or None
         Edges of the cells in either direction; None draws each point by itself.
     panels : sequence of SweepPanel
-        The quantities.
-    series : sequence of SweepSeries
-        The methods.
-    difference : SweepSeries, optional
-        Difference of two methods; its colours diverge from zero.
+        Quantities with their methods; a difference stands behind its quantity, and has a colour bar of its own.
     slices : sequence of str
-        Values of the column `slice`, such as those of a third parameter, each of which has panels of its own.
+        Values of the column `slice`, such as those of a third parameter, each of which has maps of its own.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    blocks = [
-        list(product([*series, *([difference] if difference and panel.difference else [])], slices)) for panel in panels
-    ]
-    most = max(map(len, blocks)) // len(slices)
-    lines = -(-most // (MOST_COLUMNS // len(slices)))
-    columns = -(-most // lines) * len(slices)
-    rows = [-(-len(block) // columns) for block in blocks]
-    figure = Figure(figsize=(columns * PANEL[0] + 1.4, sum(rows) * PANEL[1] + 0.8), layout="constrained")
-    grid = figure.subplots(sum(rows), columns, squeeze=False, sharex=True, sharey=True)
+    rows = [list(group) for _, group in groupby(panels, key=lambda panel: panel.quantity)]
+    counts = [sum(len(panel.series) for panel in row) for row in rows]  # of methods and differences
+    lines = -(-max(counts) // (MOST_COLUMNS // len(slices)))
+    columns = -(-max(counts) // lines) * len(slices)
+    heights = [-(-count * len(slices) // columns) for count in counts]
+    figure = Figure(figsize=(columns * PANEL[0] + 1.4, sum(heights) * PANEL[1] + 0.8), layout="constrained")
+    grid = figure.subplots(sum(heights), columns, squeeze=False, sharex=True, sharey=True)
     marks: dict[str, Any] = {}
-    for panel, block, part in zip(panels, blocks, np.split(grid, np.cumsum(rows)[:-1]), strict=True):
-        for axis in part.ravel()[len(block) :]:
+    for row, part in zip(rows, np.split(grid, np.cumsum(heights)[:-1]), strict=True):
+        places = iter(part.ravel())
+        for panel in row:
+            maps = [(next(places), item, name) for item, name in product(panel.series, slices)]
+            marks |= _draw_maps(figure, panel.rows(table), edges, panel, maps)
+        for axis in places:
             axis.set_visible(False)
-        quantity = table[table["quantity"] == panel.quantity]
-        for is_difference in (False, True):
-            pairs = zip(part.ravel(), block, strict=False)
-            shown = [(axis, *item) for axis, item in pairs if item[0].is_difference is is_difference]
-            if shown:
-                marks |= _draw_block(figure, quantity, edges, panel, shown)
     _label_axes(grid, axes)
     if marks:
         entries = min(len(marks), max(1, int(figure.get_figwidth() // 1.9)))
@@ -101,25 +91,23 @@ def maps_figure(
     return figure
 
 
-def _draw_block(
+def _draw_maps(
     figure: Figure,
     table: pd.DataFrame,
     edges: Edges | None,
     panel: SweepPanel,
-    shown: Sequence[tuple[Axes, SweepSeries, str]],
+    maps: Sequence[tuple[Axes, SweepSeries, str]],
 ) -> dict[str, Any]:
-    """Panels of a quantity, or of its differences, with their colour bar; returns the legend entries of their marks."""
-    means = table.loc[table["method"].isin([item.method for _, item, _ in shown]), "mean"].to_numpy()
-    is_difference = shown[0][1].is_difference
-    colours, extend = _choose_colours(means, panel, is_difference)
+    """Maps of a quantity or of its difference, with a colour bar; returns the legend entries of their marks."""
+    colours, extend = _choose_colours(table["mean"].to_numpy(), panel)
     marks: dict[str, Any] = {}
-    for axis, item, name in shown:
+    for axis, item, name in maps:
         rows = table[(table["method"] == item.method) & (table["slice"] == name)]
         image, own = _draw_map(axis, rows, edges, panel, colours)
         marks |= own
         axis.set_title("\n".join(textwrap.fill(text, TITLE) for text in (item.label, name) if text))
-    label = textwrap.fill(panel.difference if is_difference else panel.label, TITLE)
-    figure.colorbar(image, ax=[axis for axis, *_ in shown], label=label, extend=extend, aspect=22, pad=0.02)
+    label = textwrap.fill(panel.label, TITLE)
+    figure.colorbar(image, ax=[axis for axis, *_ in maps], label=label, extend=extend, aspect=22, pad=0.02)
     return marks
 
 
@@ -138,17 +126,17 @@ def _label_axes(grid: np.ndarray, axes: tuple[SweepAxis, SweepAxis]) -> None:
                 axis.set_xlabel("")
 
 
-def _choose_colours(means: np.ndarray, panel: SweepPanel, is_difference: bool) -> tuple[dict[str, Any], str]:
-    """Scale and colours of panels, and the ends at which values are beyond the scale.
+def _choose_colours(means: np.ndarray, panel: SweepPanel) -> tuple[dict[str, Any], str]:
+    """Scale and colours of maps, and the ends at which values are beyond the scale.
 
     Colours diverge from zero for differences and errors, and from the truth of a parameter that all points share.
     """
-    low, high = value_limits(means, "zero" if is_difference else panel.desired)
-    centre = 0.0 if is_difference or panel.desired == "zero" else panel.truth
+    low, high = value_limits(means, panel.desired)
+    centre = 0.0 if panel.desired == "zero" else panel.truth
     cmap = "viridis"
     if centre is not None:
         reach = max(abs(low - centre), abs(high - centre)) or 1.0
-        low, high, cmap = centre - reach, centre + reach, "RdBu" if is_difference else "PuOr"
+        low, high, cmap = centre - reach, centre + reach, "RdBu" if panel.is_difference else "PuOr"
     elif low == high:
         low, high = low - 0.5, high + 0.5
     beyond = bool((means < low).any()), bool((means > high).any())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib
@@ -29,34 +28,6 @@ BOUNDS = {"high": (-100.0, 100.0), "zero": (-200.0, 200.0)}  # %, beyond which a
 
 
 @dataclass(frozen=True)
-class SweepPanel:
-    """What a row or a panel shows.
-
-    Parameters
-    ----------
-    quantity : str
-        Value of the column `quantity`.
-    label : str
-        Name with unit.
-    difference : str
-        Label of the difference of two methods.
-    desired : {"high", "zero", "low"} or None
-        What a method should reach.
-    truth : float or None
-        True value, where all points have the same.
-    marked : bool
-        Whether means of which trials failed or came with a warning are marked; their share itself needs no marks.
-    """
-
-    quantity: str
-    label: str
-    difference: str
-    desired: Literal["high", "zero", "low"] | None = None
-    truth: float | None = None
-    marked: bool = True
-
-
-@dataclass(frozen=True)
 class SweepSeries:
     """A method, or the difference of two.
 
@@ -75,11 +46,6 @@ class SweepSeries:
     number: int | None = None
 
     @property
-    def is_difference(self) -> bool:
-        """Whether this is the difference of two methods."""
-        return self.number is None
-
-    @property
     def style(self) -> dict[str, Any]:
         """Colour and marker."""
         if self.number is None:
@@ -87,17 +53,52 @@ class SweepSeries:
         return {"color": COLOURS[self.number % len(COLOURS)], "marker": MARKERS[self.number % len(MARKERS)]}
 
 
+@dataclass(frozen=True)
+class SweepPanel:
+    """A quantity of several methods, or of the difference of two.
+
+    Parameters
+    ----------
+    quantity : str
+        Value of the column `quantity`.
+    label : str
+        Its name with unit.
+    series : sequence of SweepSeries
+        The methods, or a difference alone.
+    desired : {"high", "zero", "low"} or None
+        What a method should reach; "zero" for a difference.
+    truth : float or None
+        True value, where all points have the same.
+    marked : bool
+        Whether means of which trials failed or came with a warning are marked; their share itself needs no marks.
+    """
+
+    quantity: str
+    label: str
+    series: Sequence[SweepSeries]
+    desired: Literal["high", "zero", "low"] | None = None
+    truth: float | None = None
+    marked: bool = True
+
+    @property
+    def is_difference(self) -> bool:
+        """Whether it shows the difference of two methods."""
+        return self.series[0].number is None
+
+    def rows(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Its rows of a summary."""
+        return table[(table["quantity"] == self.quantity) & table["method"].isin([item.method for item in self.series])]
+
+
 @matplotlib.rc_context(STYLE)
 def lines_figure(
     table: pd.DataFrame,
     axis: SweepAxis,
     panels: Sequence[SweepPanel],
-    series: Sequence[SweepSeries],
-    difference: SweepSeries | None = None,
     *,
     band: Literal["mean", "trials"] = "mean",
 ) -> Figure:
-    """Means against one parameter: a panel for each quantity, and beside it one for the difference of two methods.
+    """Means against one parameter, in panels side by side.
 
     Parameters
     ----------
@@ -107,11 +108,7 @@ def lines_figure(
     axis : SweepAxis
         The parameter.
     panels : sequence of SweepPanel
-        The quantities.
-    series : sequence of SweepSeries
-        The methods.
-    difference : SweepSeries, optional
-        Difference of two methods.
+        The panels; a difference stands behind its quantity.
     band : {"mean", "trials"}
         Whether bands are the interval of the mean (`margin`) or hold most of the trials (`low` to `high`).
 
@@ -119,15 +116,14 @@ def lines_figure(
     -------
     matplotlib.figure.Figure
     """
-    rows = _rows(panels, series, difference)
-    columns = min(len(rows), 2 if difference else 3)
-    figure, axes = panel_grid(len(rows), columns, (3.2, 2.4), (0.4, 0.8))
+    columns = min(len(panels), 2 if any(panel.is_difference for panel in panels) else 3)
+    figure, axes = panel_grid(len(panels), columns, (3.2, 2.4), (0.4, 0.8))
     figure.set_layout_engine("constrained", w_pad=0.08)
-    for number, (panel_axis, row) in enumerate(zip(axes, rows, strict=True)):
-        _draw_panel(panel_axis, table, axis, *row, band)
-        panel_axis.set_ylabel(_row_label(*row))
+    for number, (panel_axis, panel) in enumerate(zip(axes, panels, strict=True)):
+        _draw_panel(panel_axis, table, axis, panel, band)
+        panel_axis.set_ylabel(panel.label)
         axis.set_ticks(panel_axis, "x")
-        if number + columns < len(rows):
+        if number + columns < len(panels):
             panel_axis.set_xlabel("")
     add_legend(figure, axes)
     return figure
@@ -138,8 +134,6 @@ def effects_figure(
     table: pd.DataFrame,
     axes: Sequence[SweepAxis],
     panels: Sequence[SweepPanel],
-    series: Sequence[SweepSeries],
-    difference: SweepSeries | None = None,
     *,
     band: Literal["mean", "trials"] = "mean",
 ) -> Figure:
@@ -147,7 +141,7 @@ def effects_figure(
 
     Parameters
     ----------
-    table, panels, series, difference, band
+    table, panels, band
         As of `lines_figure`.
     axes : sequence of SweepAxis
         The parameters.
@@ -156,56 +150,35 @@ def effects_figure(
     -------
     matplotlib.figure.Figure
     """
-    rows = _rows(panels, series, difference)
-    size = (max(4.5, 1.9 * len(axes) + 0.8), 1.6 * len(rows) + 0.9)
+    size = (max(4.5, 1.9 * len(axes) + 0.8), 1.6 * len(panels) + 0.9)
     figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(len(rows), len(axes), squeeze=False, sharex="col", sharey="row")
-    for (number, row), (column, axis) in product(enumerate(rows), enumerate(axes)):
-        _draw_panel(grid[number, column], table, axis, *row, band)
-        if number == len(rows) - 1:
-            axis.set_ticks(grid[number, column], "x", room=5)
-            grid[number, column].xaxis.label.set_wrap(True)
-    for axis_row, row in zip(grid, rows, strict=True):
-        low, high, _ = _row_limits(table[table["parameter"].isin([axis.name for axis in axes])], *row, band)
-        axis_row[0].set_ylim(low, high)
-        axis_row[0].set_ylabel(textwrap.fill(_row_label(*row), LABEL))
+    grid = figure.subplots(len(panels), len(axes), squeeze=False, sharex="col", sharey="row")
+    for panel_axes, panel in zip(grid, panels, strict=True):
+        for panel_axis, axis in zip(panel_axes, axes, strict=True):
+            _draw_panel(panel_axis, table, axis, panel, band)
+        panel_axes[0].set_ylim(*_row_limits(table, panel, band)[:2])
+        panel_axes[0].set_ylabel(textwrap.fill(panel.label, LABEL))
+    for panel_axis, axis in zip(grid[-1], axes, strict=True):
+        axis.set_ticks(panel_axis, "x", room=5)
     joined = [column for column, axis in enumerate(axes) if axis.ordered]  # their entries have a line, too
     add_legend(figure, [*grid.ravel(), *grid[:, joined].ravel()])
     return figure
 
 
-def _rows(
-    panels: Sequence[SweepPanel], series: Sequence[SweepSeries], difference: SweepSeries | None
-) -> list[tuple[SweepPanel, list[SweepSeries]]]:
-    """Each quantity with its methods, and behind it with the difference; a share of faults has none."""
-    rows = []
-    for panel in panels:
-        rows.append((panel, list(series)))
-        if difference is not None and panel.difference:
-            rows.append((panel, [difference]))
-    return rows
-
-
-def _row_label(panel: SweepPanel, series: Sequence[SweepSeries]) -> str:
-    return panel.difference if series[0].is_difference else panel.label
-
-
-def _draw_panel(
-    axis: Axes, table: pd.DataFrame, parameter: SweepAxis, panel: SweepPanel, series: Sequence[SweepSeries], band: str
-) -> None:
-    table = table[(table["parameter"] == parameter.name) & (table["quantity"] == panel.quantity)]
-    band = band if panel.marked else "none"  # a share of the trials is a count
-    for number, item in enumerate(series):
+def _draw_panel(axis: Axes, table: pd.DataFrame, parameter: SweepAxis, panel: SweepPanel, band: str) -> None:
+    table = panel.rows(table[table["parameter"] == parameter.name])
+    for number, item in enumerate(panel.series):
         rows = table[table["method"] == item.method].sort_values("place")
-        offset = 0.0 if parameter.ordered else 0.12 * (number - 0.5 * (len(series) - 1))
-        _draw_means(axis, rows, item, offset, parameter.ordered, band)
+        offset = 0.0 if parameter.ordered else 0.12 * (number - 0.5 * (len(panel.series) - 1))
+        # A share of the trials is a count, and has no band.
+        _draw_means(axis, rows, item, offset, parameter.ordered, band if panel.marked else "none")
         if panel.marked:
             _mark_means(axis, rows, item, offset, 0.03 + 0.06 * number)
-    if panel.truth is not None and not series[0].is_difference:
+    if panel.truth is not None:
         axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=0.5)
-    elif panel.desired == "zero" or series[0].is_difference:
+    elif panel.desired == "zero":
         axis.axhline(0.0, **REFERENCE_LINE, zorder=0.5)
-    low, high, lowest = _row_limits(table, panel, series, band)
+    low, high, lowest = _row_limits(table, panel, band)
     axis.set_ylim(low, high)
     if lowest < low:
         axis.annotate(f"lowest mean: {lowest:.4g}", (0.03, 0.03), xycoords="axes fraction", fontsize=7, color="#555555")
@@ -263,19 +236,15 @@ def mark_rows(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
     return (faults > 0) & (faults >= FAULT_SHARE * trials) & ~failed, failed
 
 
-def _row_limits(
-    table: pd.DataFrame, panel: SweepPanel, series: Sequence[SweepSeries], band: str
-) -> tuple[float, float, float]:
+def _row_limits(table: pd.DataFrame, panel: SweepPanel, band: str) -> tuple[float, float, float]:
     """Limits of the ordinate, and the lowest mean."""
-    rows = table[(table["quantity"] == panel.quantity) & table["method"].isin([item.method for item in series])]
-    low, high = _band(rows, band if panel.marked else "none")
-    places = np.r_[rows["mean"].to_numpy(), low, high]
-    is_difference = series[0].is_difference
-    fixed = [0.0] if is_difference or panel.desired == "zero" else [] if panel.truth is None else [panel.truth]
-    limits = value_limits(np.r_[places, fixed], "zero" if is_difference else panel.desired)
-    margin = 0.06 * (limits[1] - limits[0]) or 0.06 * abs(limits[0]) or 1.0
+    rows = panel.rows(table)
+    reference = [0.0] if panel.desired == "zero" else [] if panel.truth is None else [panel.truth]
+    places = np.r_[rows["mean"].to_numpy(), *_band(rows, band if panel.marked else "none"), reference]
+    low, high = value_limits(places, panel.desired)
+    margin = 0.06 * (high - low) or 0.06 * abs(low) or 1.0
     means = rows["mean"].dropna()
-    return limits[0] - margin, limits[1] + margin, float(means.min()) if len(means) else np.inf
+    return low - margin, high + margin, float(means.min()) if len(means) else np.inf
 
 
 def value_limits(values: np.ndarray, desired: str | None) -> tuple[float, float]:

@@ -118,13 +118,11 @@ def describe_map(
 
 def _is_clipped(sweep: SweepStudy, cells: pd.DataFrame) -> bool:
     """Whether means are beyond the colours of their panels."""
-    differences = cells["method"] == (sweep.difference.method if sweep.difference else "")
     for panel in sweep.panels:
-        for kind, goal in ((~differences, panel.desired), (differences, "zero")):
-            means = cells.loc[kind & (cells["quantity"] == panel.quantity), "mean"].dropna()
-            low, high = value_limits(means.to_numpy(), goal)
-            if ((means < low) | (means > high)).any():
-                return True
+        means = panel.rows(cells)["mean"].dropna()
+        low, high = value_limits(means.to_numpy(), panel.desired)
+        if ((means < low) | (means > high)).any():
+            return True
     return False
 
 

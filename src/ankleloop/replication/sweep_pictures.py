@@ -35,11 +35,11 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     bins = LINE_BINS if len(sweep.axes) == 1 else {}
     trials = sweep.shown_trials
     effects = pd.concat([summarise_effects(trials, axis, sweep.quantities, **bins) for axis in sweep.axes])
-    content = (sweep.panels, sweep.series, sweep.difference)
+    band = sweep.settings["band"]
     if len(sweep.axes) == 1:
-        figure = lines_figure(effects, sweep.axes[0], *content, band=sweep.settings["band"])
+        figure = lines_figure(effects, sweep.axes[0], sweep.panels, band=band)
     else:
-        figure = effects_figure(effects, sweep.axes, *content, band=sweep.settings["band"])
+        figure = effects_figure(effects, sweep.axes, sweep.panels, band=band)
     return figure, describe_means(sweep, effects)
 
 
@@ -61,5 +61,5 @@ def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
     slices = list_slices(sweep.shown_trials, others)
     cells, edges = summarise_cells(sweep.shown_trials, (x, y), sweep.quantities, slices)
     names = list(dict.fromkeys(slices.values())) or [""]
-    figure = maps_figure(cells, (x, y), edges, sweep.panels, sweep.series, sweep.difference, names)
+    figure = maps_figure(cells, (x, y), edges, sweep.panels, names)
     return figure, describe_map(sweep, cells, edges, bool(slices))

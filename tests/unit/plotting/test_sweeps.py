@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -11,13 +12,14 @@ from ankleloop.plotting.sweep_axes import SweepAxis
 from ankleloop.plotting.sweep_maps import NO_POINT, NO_VALUE, maps_figure
 from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, effects_figure, lines_figure, mark_rows, value_limits
 
-PANELS = [
-    SweepPanel("vaf", "reflex VAF [%]", "Δ reflex VAF [points]", "high"),
-    SweepPanel("K", "K [N·m/rad]", "Δ K [N·m/rad]", None, 150.0),
-    SweepPanel("failures", "failed trials [%]", "", "low", None, False),
-]
 SERIES = [SweepSeries("riv", "RIV", 0), SweepSeries("moesp", "PR-MOESP", 3)]
 DIFFERENCE = SweepSeries("riv − moesp", "RIV − PR-MOESP")
+VAF = SweepPanel("vaf", "reflex VAF [%]", SERIES, "high")
+VAF_DIFFERENCE = SweepPanel("vaf", "Δ reflex VAF [points]", [DIFFERENCE], "zero")
+STIFFNESS = SweepPanel("K", "K [N·m/rad]", SERIES, None, 150.0)
+STIFFNESS_DIFFERENCE = SweepPanel("K", "Δ K [N·m/rad]", [DIFFERENCE], "zero")
+FAILURES = SweepPanel("failures", "failed trials [%]", SERIES, "low", None, False)
+PANELS = [VAF, VAF_DIFFERENCE, STIFFNESS, STIFFNESS_DIFFERENCE, FAILURES]
 GAIN = SweepAxis.of("reflex_gain", "reflex gain [N·m·s/rad]", [5.0, 10.0, 15.0, 20.0])
 NOISE = SweepAxis.of("voluntary", "voluntary torque [1]", [0.1, 1.0, 10.0])
 BASIS = SweepAxis.of("basis", "basis [1]", ["chebyshev", "rectifier"])
@@ -65,7 +67,7 @@ def bars_of(figure):
 
 
 def test_lines_have_a_panel_for_each_quantity_and_each_difference():
-    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS, SERIES, DIFFERENCE))
+    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS))
     labels = [axis.get_ylabel() for axis in panels_of(figure)]
     assert labels == [
         "reflex VAF [%]",
@@ -78,7 +80,7 @@ def test_lines_have_a_panel_for_each_quantity_and_each_difference():
 
 
 def test_methods_keep_the_colours_of_their_numbers():
-    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:1], SERIES))
+    figure = draw(lines_figure(effects(GAIN), GAIN, [VAF]))
     lines = {line.get_label(): line for line in panels_of(figure)[0].get_lines()}
     assert to_hex(lines["RIV"].get_color()) == COLOURS[0].lower()
     assert to_hex(lines["PR-MOESP"].get_color()) == COLOURS[3].lower()
@@ -86,7 +88,7 @@ def test_methods_keep_the_colours_of_their_numbers():
 
 def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
     for band, half in (("mean", 1.0), ("trials", 3.0)):
-        figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:1], SERIES, band=band))
+        figure = draw(lines_figure(effects(GAIN), GAIN, [VAF], band=band))
         axis = panels_of(figure)[0]
         line = next(line for line in axis.get_lines() if line.get_label() == "RIV")
         np.testing.assert_array_equal(line.get_xydata(), [(5, 95), (10, 96), (15, 97), (20, 98)])
@@ -96,14 +98,14 @@ def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
 
 
 def test_true_value_is_a_line_of_its_panel_alone():
-    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:2], SERIES))
+    figure = draw(lines_figure(effects(GAIN), GAIN, [VAF, STIFFNESS]))
     labels = [[line.get_label() for line in axis.get_lines()] for axis in panels_of(figure)]
     assert "true value" not in labels[0]
     assert "true value" in labels[1]
 
 
 def test_texts_have_no_line_between_them():
-    axis = panels_of(draw(lines_figure(effects(BASIS), BASIS, PANELS[:1], SERIES)))[0]
+    axis = panels_of(draw(lines_figure(effects(BASIS), BASIS, [VAF])))[0]
     assert {line.get_linestyle() for line in axis.get_lines()} == {"None"}
     assert [text.get_text() for text in axis.get_xticklabels()] == ["chebyshev", "rectifier"]
     assert axis.get_xlabel() == "basis"
@@ -111,7 +113,7 @@ def test_texts_have_no_line_between_them():
 
 def test_effects_have_a_column_for_each_parameter_and_a_row_for_each_quantity():
     table = pd.concat([effects(axis) for axis in (GAIN, NOISE, BASIS)])
-    figure = draw(effects_figure(table, (GAIN, NOISE, BASIS), PANELS, SERIES, DIFFERENCE))
+    figure = draw(effects_figure(table, (GAIN, NOISE, BASIS), PANELS))
     panels = panels_of(figure)
     assert len(panels) == 3 * 5
     assert [axis.get_xlabel() for axis in panels[-3:]] == [GAIN.label, NOISE.label, "basis"]
@@ -126,7 +128,7 @@ def test_marks_stand_where_trials_failed_or_warned():
     last = (table["place"] == 20.0) & (table["method"] == "moesp")
     table.loc[last, ["mean", "margin", "low", "high"]] = np.nan
     table.loc[last, "failures"] = 5
-    axis = panels_of(draw(lines_figure(table, GAIN, PANELS[:1], SERIES)))[0]
+    axis = panels_of(draw(lines_figure(table, GAIN, [VAF])))[0]
     lines = {line.get_label(): line for line in axis.get_lines()}
     np.testing.assert_array_equal(lines[FAULT_RING["label"]].get_xydata(), [(5.0, 95.0)])
     assert lines["every trial failed"].get_xdata().tolist() == [20.0]
@@ -140,7 +142,7 @@ def test_only_a_relevant_share_of_faults_is_marked():
 
 
 def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
-    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS, SERIES, DIFFERENCE))
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS))
     titles = [axis.get_title() for axis in panels_of(figure)]
     assert titles == ["RIV", "PR-MOESP", "RIV − PR-MOESP"] * 2 + ["RIV", "PR-MOESP"]
     labels = [axis.get_ylabel().replace("\n", " ") for axis in bars_of(figure)]
@@ -154,13 +156,13 @@ def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
 
 def test_cells_of_a_map_are_the_means():
     table = cells().sample(frac=1.0, random_state=2)
-    axis = panels_of(draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES)))[1]
+    axis = panels_of(draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF])))[1]
     values = axis.collections[0].get_array()
     np.testing.assert_array_equal(values, 90.0 + np.arange(12).reshape(3, 4))
 
 
 def test_colours_of_differences_are_centred_at_zero():
-    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS[:1], SERIES, DIFFERENCE))
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, [VAF, VAF_DIFFERENCE]))
     mesh = panels_of(figure)[2].collections[0]
     assert mesh.norm.vmin == -mesh.norm.vmax
     assert mesh.get_cmap().name == "RdBu"
@@ -169,7 +171,7 @@ def test_colours_of_differences_are_centred_at_zero():
 
 
 def test_colours_of_a_parameter_are_centred_at_its_true_value():
-    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS[1:2], SERIES, DIFFERENCE))
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, [STIFFNESS, STIFFNESS_DIFFERENCE]))
     mesh = panels_of(figure)[0].collections[0]
     assert (mesh.norm.vmin + mesh.norm.vmax) / 2 == 150.0
     assert mesh.get_cmap().name == "PuOr"
@@ -177,7 +179,7 @@ def test_colours_of_a_parameter_are_centred_at_its_true_value():
 
 def test_long_labels_are_inside_their_panels():
     long = SweepAxis.of("pr.block_rows", "block rows of PR-MOESP, least squares [samples]", NOISE.values)
-    figure = draw(maps_figure(cells(), (GAIN, long), EDGES, PANELS, SERIES))
+    figure = draw(maps_figure(cells(), (GAIN, long), EDGES, [VAF, STIFFNESS, FAILURES]))
     boxes = [axis.yaxis.label.get_window_extent() for axis in panels_of(figure) if axis.get_ylabel()]
     assert len(boxes) == 3
     assert boxes[0].y1 <= figure.bbox.y1
@@ -190,7 +192,7 @@ def test_cells_without_a_value_are_hatched_and_those_without_a_point_are_grey():
     hit = (table["x"] == 5.0) & (table["y"] == 0.1) & (table["method"] == "riv")
     table.loc[hit, "mean"] = np.nan
     table.loc[hit, "failures"] = 5
-    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES))
+    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF]))
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [NO_POINT, NO_VALUE, "every trial failed"]
     first, second = panels_of(figure)
     assert np.isnan(first.collections[0].get_array().filled(np.nan)).sum() == 2
@@ -203,7 +205,7 @@ def test_small_cells_have_outlined_regions_and_no_rings():
     axis = SweepAxis.of("x", "x [1]", np.linspace(0.0, 1.0, 60).tolist())
     table = rows_of([{"x": x, "y": y} for y in axis.values for x in axis.values], slice="")
     table.loc[(table["x"] > 0.5) & (table["y"] > 0.5), "warnings"] = 2
-    figure = draw(maps_figure(table, (axis, axis), (axis.edges(), axis.edges()), PANELS[:1], SERIES))
+    figure = draw(maps_figure(table, (axis, axis), (axis.edges(), axis.edges()), [VAF]))
     panel = panels_of(figure)[0]
     assert not panel.get_lines()
     outline = np.concatenate([np.asarray(part) for part in panel.collections[-1].get_segments()])
@@ -213,7 +215,7 @@ def test_small_cells_have_outlined_regions_and_no_rings():
 
 def test_points_of_an_irregular_design_are_drawn_by_themselves():
     table = cells().drop_duplicates(["x", "method", "quantity"])
-    figure = draw(maps_figure(table, (GAIN, NOISE), None, PANELS[:1], SERIES))
+    figure = draw(maps_figure(table, (GAIN, NOISE), None, [VAF]))
     points = panels_of(figure)[0].collections[0]
     assert len(points.get_offsets()) == 4
 
@@ -221,7 +223,7 @@ def test_points_of_an_irregular_design_are_drawn_by_themselves():
 def test_slices_have_panels_of_their_own():
     table = pd.concat([cells().assign(slice=name) for name in ("block rows 12", "block rows 18")])
     names = ("block rows 12", "block rows 18")
-    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES, DIFFERENCE, names))
+    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF, VAF_DIFFERENCE], names))
     visible = panels_of(figure)
     assert len(visible) == 6
     assert visible[1].get_title() == "PR-MOESP\nblock rows 12" or visible[1].get_title() == "RIV\nblock rows 18"
@@ -230,7 +232,7 @@ def test_slices_have_panels_of_their_own():
 def test_quantity_without_estimates_says_so():
     table = cells()
     table.loc[table["method"] == "moesp", "mean"] = np.nan
-    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES))
+    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF]))
     assert [text.get_text() for text in panels_of(figure)[1].texts] == ["not estimated"]
     assert not panels_of(figure)[0].texts
 
@@ -281,7 +283,7 @@ def test_tick_labels_do_not_overlap():
         for scale in (np.linspace(0.0, 30.0, count), np.geomspace(0.01, 1000.0, count)):
             axis = SweepAxis.of("x", "reflex gain [N·m·s/rad]", scale.tolist())
             table = effects(axis)
-            panel = panels_of(draw(lines_figure(table, axis, PANELS[:1] * 3, SERIES[:1])))[0]
+            panel = panels_of(draw(lines_figure(table, axis, [replace(VAF, series=SERIES[:1])] * 3)))[0]
             low, high = sorted(panel.get_xlim())
             boxes = [
                 label.get_window_extent()
@@ -302,8 +304,9 @@ def test_words_and_units_of_values():
 def test_legend_is_inside_the_figure():
     series = [SweepSeries("riv", "Refined instrumental variables", 0), SweepSeries("moesp", "PR-MOESP, squares", 1)]
     difference = SweepSeries("riv − moesp", "Refined instrumental variables − PR-MOESP, least squares")
+    panels = [replace(VAF, series=series), replace(VAF_DIFFERENCE, series=[difference])]
     table = effects(GAIN).assign(warnings=1)
-    figure = draw(lines_figure(table, GAIN, PANELS[:2], series, difference))
+    figure = draw(lines_figure(table, GAIN, panels))
     box, frame = figure.legends[0].get_window_extent(), figure.bbox
     assert frame.x0 <= box.x0
     assert box.x1 <= frame.x1
