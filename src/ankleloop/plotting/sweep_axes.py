@@ -113,21 +113,14 @@ class SweepAxis:
 
     def edges(self) -> np.ndarray:
         """Edges of the cells around all values: halfway between neighbours, on the scale of the axis."""
-        places = self._scaled(self.places(self.values))
+        places = self._scale(self.places(self.values))
         if places.size == 1:
-            return self._unscaled(places[0] + np.array([-0.5, 0.5]))
+            return self._unscale(places[0] + np.array([-0.5, 0.5]))
         middles = (places[1:] + places[:-1]) / 2
-        return self._unscaled(np.r_[2 * places[0] - middles[0], middles, 2 * places[-1] - middles[-1]])
+        return self._unscale(np.r_[2 * places[0] - middles[0], middles, 2 * places[-1] - middles[-1]])
 
-    def bins(self, count: int = BINS) -> np.ndarray:
-        """Edges of bins of equal width, on the scale of the axis."""
-        first, last = self._scaled(self.places(self.values))[[0, -1]]
-        return self._unscaled(np.linspace(first, last, count + 1))
-
-    def binned(
-        self, values: Iterable[Any], count: int = BINS, most: int = MOST_LISTED
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Centre of the bin of each value, and the edges of all bins; a value each where there are few of them.
+    def bin(self, values: Iterable[Any], count: int = BINS, most: int = MOST_LISTED) -> tuple[np.ndarray, np.ndarray]:
+        """Divide values into bins of equal width on the scale of the axis, or by value where there are few of them.
 
         Parameters
         ----------
@@ -140,15 +133,18 @@ class SweepAxis:
 
         Returns
         -------
-        centres, edges : ndarray
+        centres : ndarray
+            Centre of the bin of each value.
+        edges : ndarray
+            Edges of all bins.
         """
         if self.kind == "listed" or len(self.values) <= most:
             return self.places(values), self.edges()
-        edges = self.bins(count)
-        scaled = self._scaled(edges)
-        centres = self._unscaled((scaled[1:] + scaled[:-1]) / 2)
-        places = self.places(values)
-        return centres[np.clip(np.searchsorted(edges, places, side="right") - 1, 0, count - 1)], edges
+        first, last = self._scale([self.values[0], self.values[-1]])
+        edges = np.linspace(first, last, count + 1)
+        numbers = np.digitize(self._scale(self.places(values)), edges) - 1
+        centres = (edges[1:] + edges[:-1]) / 2
+        return self._unscale(centres)[np.clip(numbers, 0, count - 1)], self._unscale(edges)
 
     def set_ticks(self, axes: Axes, direction: Literal["x", "y"], room: int = MOST_TICKS) -> None:
         """Set scale, label and ticks of an axis of a panel.
@@ -203,11 +199,11 @@ class SweepAxis:
         standard = {None: "none", True: "true", False: "false"}
         return self.words.get(value) or standard.get(value) or str(value)
 
-    def _scaled(self, places: ArrayLike) -> np.ndarray:
+    def _scale(self, places: ArrayLike) -> np.ndarray:
         return np.log(places) if self.kind == "log" else np.asarray(places, dtype=float)
 
-    def _unscaled(self, scaled: ArrayLike) -> np.ndarray:
-        return np.exp(scaled) if self.kind == "log" else np.asarray(scaled, dtype=float)
+    def _unscale(self, values: ArrayLike) -> np.ndarray:
+        return np.exp(values) if self.kind == "log" else np.asarray(values, dtype=float)
 
 
 def _unevenness(numbers: np.ndarray) -> float:

@@ -24,8 +24,9 @@ __all__ = [
 EXTREMES = (
     "Points with the best and the worst mean (of an error: by the root mean square over trials), or the lowest and "
     "the highest of a quantity that has no best; mean ± standard deviation over trials. Points of which less than half "
-    "of the trials have a value are not ranked. Failures are trials without an estimate, which means leave out; "
-    "warnings are trials whose estimate came with a warning, which means hold. All points are in the CSV file."
+    "of the trials have a value are not ranked; a point of which half came with a warning is never the best. Failures "
+    "are trials without an estimate, which means leave out; warnings are trials whose estimate came with a warning, "
+    "which means hold. All points are in the CSV file."
 )
 LEAST_SHARE = 0.5  # of the trials of a point that need an estimate for its mean to be ranked
 
@@ -168,7 +169,8 @@ def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Text: quantity, method, rank, a column for each parameter, mean ± sd, and numbers of trials, failures and
-        warnings. Points of which less than half of the trials have a value are not ranked.
+        warnings. Points of which less than half of the trials have a value are not ranked; a point of which half came
+        with a warning is never the best.
     """
     labels = {item.method: item.label for item in sweep.series}
     ranked = summary[summary["mean"].notna() & (summary["n"] >= LEAST_SHARE * summary["trials"])]
@@ -199,5 +201,7 @@ def _rank(part: pd.DataFrame, quantity: str) -> list[tuple[str, int]]:
         size = np.sqrt(part["mean"] ** 2 + (part["sd"] ** 2 * share).fillna(0.0))
     else:
         size = -part["mean"] if goal == "high" else part["mean"]
-    words = ("best", "worst") if goal else ("lowest", "highest")
-    return [(words[0], size.idxmin()), (words[1], size.idxmax())]
+    if not goal:
+        return [("lowest", size.idxmin()), ("highest", size.idxmax())]
+    plain = size[part["warnings"] < LEAST_SHARE * part["trials"]]
+    return [*([("best", plain.idxmin())] if len(plain) else []), ("worst", size.idxmax())]

@@ -64,7 +64,7 @@ def summarise_cells(
         edges = (x.edges(), y.edges()) if is_grid else None
     else:
         count = int(np.clip(np.sqrt(combinations / POINTS_PER_TILE), *TILES))
-        places, lines = zip(*(axis.binned(trials[axis.name], count) for axis in axes), strict=True)
+        places, lines = zip(*(axis.bin(trials[axis.name], count) for axis in axes), strict=True)
         edges = lines[0], lines[1]
     table = trials.assign(x=places[0], y=places[1], slice=trials["point"].map(slices) if slices else "")
     return summarise_sweep(table, ["x", "y", "slice", "method"], quantities), edges

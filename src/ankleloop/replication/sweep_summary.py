@@ -255,7 +255,7 @@ def summarise_effects(
     """
     settings = [name for name in SimulationSettings.model_fields if name in trials]
     condition = _group(trials, settings).ngroup() if settings else 0
-    place = axis.binned(trials[axis.name], bins, most)[0]
+    place = axis.bin(trials[axis.name], bins, most)[0]
     table = trials.assign(parameter=axis.name, place=place, condition=condition)
     by = ["parameter", "place", "method"]
     summary = summarise_sweep(table, by, quantities)
