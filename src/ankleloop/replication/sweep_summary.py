@@ -12,7 +12,7 @@ from ankleloop.errors import DataError
 from ankleloop.plotting.sweep_axes import MOST_LISTED, SweepAxis
 from ankleloop.replication.results import SETTINGS
 from ankleloop.replication.sweep_quantities import FAULT_SHARES, error_source
-from ankleloop.replication.trial_counts import COUNTS
+from ankleloop.replication.trial_counts import COUNTS, list_faults
 from ankleloop.replication.trial_tables import read_trial_table, trial_table_columns
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.simulation.settings import SimulationSettings
@@ -92,19 +92,18 @@ def read_sweep(
     if missing:
         raise DataError(f"{path}: the table has no column {missing[0]!r}: delete it, and run again: it is made anew.")
     sources = {name: _source_column(name, columns) for name in available_quantities(quantities, columns)}
-    faults = [name for name in ("failure", "warnings") if name in columns]
-    wanted = [*TRIAL, "method", *varied, *faults, *(name for name in sources.values() if name)]
+    texts = [name for name in ("failure", "warnings") if name in columns]
+    wanted = [*TRIAL, "method", *varied, *texts, *(name for name in sources.values() if name)]
     table = read_trial_table(path, columns=list(dict.fromkeys(wanted)))
     if methods is not None:
         table = table[table["method"].isin(list(methods))]
     if table.empty:
         raise DataError(f"{path}: the table has no trial of {', '.join(methods or ('any method',))}.")
-    failed, warned = _list_faults(table)
+    faults = list_faults(table)
     parts = {name: table[name] for name in (*TRIAL, *varied, "method")}
     parts |= {name: _quantity(table, name, source, settings) for name, source in sources.items() if source}
-    shares = {"failures": failed, "warnings": warned}
-    parts |= {name: 100.0 * shares[name] for name, source in sources.items() if not source}
-    return pd.DataFrame({**parts, "failed": failed, "warned": warned}).reset_index(drop=True)
+    parts |= {name: 100.0 * faults[name] for name, source in sources.items() if not source}
+    return pd.DataFrame({**parts, "failed": faults["failures"], "warned": faults["warnings"]}).reset_index(drop=True)
 
 
 def _source_column(quantity: str, columns: Collection[str]) -> str:
@@ -116,16 +115,6 @@ def _source_column(quantity: str, columns: Collection[str]) -> str:
         return ""
     name = error_source(quantity) or quantity
     return f"{name}_estimated" if f"{name}_estimated" in columns else name
-
-
-def _list_faults(table: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
-    """Whether each identification failed, and whether its estimate came with a warning."""
-    failed = table["failure"].notna() if "failure" in table else pd.Series(False, table.index)
-    if "warnings" not in table:
-        return failed, pd.Series(False, table.index)
-    texts = table["warnings"].astype("category")  # few different texts, many rows
-    empty = [text for text in texts.cat.categories if not str(text).strip()]
-    return failed, texts.notna() & ~texts.isin(empty) & ~failed
 
 
 def _quantity(table: pd.DataFrame, quantity: str, source: str, settings: Mapping[str, Any]) -> pd.Series:

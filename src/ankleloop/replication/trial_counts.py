@@ -17,6 +17,7 @@ __all__ = [
     "describe_failures",
     "describe_faults",
     "describe_warnings",
+    "list_faults",
     "list_outcomes",
     "mark_faults",
     "summarise_scores",
@@ -27,12 +28,28 @@ NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
 COUNTS = ["trials", "failures", "warnings"]  # columns of every table of means over trials
 
 
-def _list_faults(parameters: pd.DataFrame) -> pd.DataFrame:
-    """Whether each identification failed, and whether its estimate came with a warning; such an estimate counts."""
+def list_faults(parameters: pd.DataFrame) -> pd.DataFrame:
+    """Whether each identification failed, and whether its estimate came with a warning; such an estimate counts.
+
+    Parameters
+    ----------
+    parameters : pandas.DataFrame
+        One row for each trial and method: `failure` and `warnings` where there are any.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `failures` and `warnings` of bool.
+
+    Examples
+    --------
+    >>> list_faults(pd.DataFrame({"failure": ["no pole", None], "warnings": [None, "a pole"]})).to_numpy().tolist()
+    [[True, False], [False, True]]
+    """
     table = parameters.reindex(columns=["failure", "warnings"])
-    failure, texts = table["failure"].notna(), table["warnings"].astype("object").fillna("").astype(str)
-    warning = texts.str.strip() != ""
-    return pd.DataFrame({"failures": failure, "warnings": warning & ~failure})
+    failure, texts = table["failure"].notna(), table["warnings"].astype("category")  # few texts, many rows
+    empty = [text for text in texts.cat.categories if not str(text).strip()]
+    return pd.DataFrame({"failures": failure, "warnings": texts.notna() & ~texts.isin(empty) & ~failure})
 
 
 def list_outcomes(parameters: pd.DataFrame) -> pd.Series:
@@ -53,7 +70,7 @@ def list_outcomes(parameters: pd.DataFrame) -> pd.Series:
     >>> list_outcomes(pd.DataFrame({"failure": ["no pole", None, None], "warnings": [None, "a pole", " "]})).tolist()
     ['failure', 'warning', 'estimate']
     """
-    faults = _list_faults(parameters)
+    faults = list_faults(parameters)
     outcomes = pd.Series("estimate", parameters.index)
     return outcomes.mask(faults["warnings"], "warning").mask(faults["failures"], "failure")
 
@@ -107,7 +124,7 @@ def count_outcomes(parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     if "trial" not in parameters:
         parameters = parameters.assign(trial=range(len(parameters)))
     trial = list(dict.fromkeys([*by, *(name for name in ("point", "trial") if name in parameters)]))
-    faults = parameters[trial].assign(**_list_faults(parameters))
+    faults = parameters[trial].assign(**list_faults(parameters))
     trials = faults.groupby(trial, sort=False, dropna=False).any().reset_index().assign(trials=1)
     if not by:
         return trials[COUNTS].sum().astype(int).to_frame().T
@@ -252,7 +269,7 @@ def describe_warnings(parameters: pd.DataFrame, labels: Mapping[str, str] | None
     >>> describe_warnings(table.tail(2))
     'none of 2 estimates came with a warning'
     """
-    counts = _list_faults(parameters).groupby(parameters["method"], sort=False).sum()
+    counts = list_faults(parameters).groupby(parameters["method"], sort=False).sum()
     failures, warnings = (int(counts[name].sum()) for name in ("failures", "warnings"))
     estimates = len(parameters) - failures
     words = "identification failed and is" if failures == 1 else "identifications failed and are"
@@ -317,6 +334,6 @@ def describe_faults(parameters: pd.DataFrame) -> str:
     >>> describe_faults(pd.DataFrame({"failure": [None, None]}))
     ''
     """
-    if not _list_faults(parameters).any(axis=None):
+    if not list_faults(parameters).any(axis=None):
         return ""
     return " Rings mark means of which a trial failed, which leave it out, or came with a warning, which hold it."
