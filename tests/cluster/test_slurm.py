@@ -7,7 +7,7 @@ from pathlib import Path
 from runs import CHUNKS, list_differences, read_results
 from slurm import CORES
 
-SECONDS = 1500  # each job of a cluster starts Snakemake three times
+SECONDS = 1500  # each job of a cluster starts Snakemake twice, and then its script
 # For docs/scaling.md.
 SUMMARY = Path(__file__).parents[2] / "results" / "scaling" / "cluster.json"
 
