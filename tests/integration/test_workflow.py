@@ -101,7 +101,7 @@ def test_the_table_of_all_trials_has_every_parameter_and_score(reproduction):
     for path in (reproduction / "results/tables").glob("*-trials.parquet"):
         study = path.stem.removesuffix("-trials")
         key = ["point", "method", "trial"]
-        table = read_trial_table(path).set_index(key).sort_index()
+        table = read_trial_table(path).astype({"point": str, "method": str}).set_index(key).sort_index()
         parameters = read_results((reproduction / "results/parameters" / study).glob("*.csv")).set_index(key)
         assert table.index.is_unique
         assert list(table.index) == sorted(parameters.index)
