@@ -81,7 +81,9 @@ def maps_figure(
         places = iter(part.ravel())
         for panel in row:
             maps = [(next(places), item, name) for item, name in product(panel.series, slices)]
-            marks |= _draw_maps(figure, panel.rows(table), edges, panel, maps)
+            # A quantity whose maps are in several rows has its colour bars at the right of all of them.
+            beside = [axis for axis, *_ in maps] if len(part) == 1 else list(part.ravel())
+            marks |= _draw_maps(beside, panel.rows(table), edges, panel, maps)
         for axis in places:
             axis.set_visible(False)
     _label_axes(grid, axes)
@@ -92,13 +94,13 @@ def maps_figure(
 
 
 def _draw_maps(
-    figure: Figure,
+    beside: Sequence[Axes],
     table: pd.DataFrame,
     edges: Edges | None,
     panel: SweepPanel,
     maps: Sequence[tuple[Axes, SweepSeries, str]],
 ) -> dict[str, Any]:
-    """Maps of a quantity or of its difference, with a colour bar; returns the legend entries of their marks."""
+    """Maps of a quantity or of its difference, and a colour bar beside some axes; returns legend entries of marks."""
     colours, extend = _choose_colours(table["mean"].to_numpy(), panel)
     marks: dict[str, Any] = {}
     for axis, item, name in maps:
@@ -107,7 +109,7 @@ def _draw_maps(
         marks |= own
         axis.set_title("\n".join(textwrap.fill(text, TITLE) for text in (item.label, name) if text))
     label = textwrap.fill(panel.label, TITLE)
-    figure.colorbar(image, ax=[axis for axis, *_ in maps], label=label, extend=extend, aspect=22, pad=0.02)
+    beside[0].figure.colorbar(image, ax=beside, label=label, extend=extend, aspect=22, pad=0.02)
     return marks
 
 

@@ -170,6 +170,15 @@ def test_colours_of_differences_are_centred_at_zero():
     assert len(shared) == 1
 
 
+def test_colour_bars_do_not_overlap_where_a_quantity_has_several_rows():
+    series = [SweepSeries("riv", f"method {number}", number) for number in range(5)]
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, [replace(VAF, series=series), VAF_DIFFERENCE]))
+    assert len(panels_of(figure)) == 6
+    first, second = sorted((bar.get_tightbbox() for bar in bars_of(figure)), key=lambda box: box.x0)
+    assert first.x1 <= second.x0
+    assert second.x1 <= figure.bbox.x1
+
+
 def test_colours_of_a_parameter_are_centred_at_its_true_value():
     figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, [STIFFNESS, STIFFNESS_DIFFERENCE]))
     mesh = panels_of(figure)[0].collections[0]
