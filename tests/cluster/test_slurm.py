@@ -37,7 +37,7 @@ def test_after_a_node_has_failed_only_the_jobs_that_it_ran_are_repeated(start_cl
         return sorted(folder.glob("results/trials/study/*.nc"))
 
     def log_of(path):
-        """Log of the job that wrote a trial file: Snakemake renews the time of the file itself, but not that of the log."""
+        """Log of the job that wrote a trial file: Snakemake renews the time of the file, but not that of the log."""
         return folder / "logs" / "simulate" / "study" / f"{path.stem}.log"
 
     run.wait_for(lambda: len(trial_files()) > CORES and slurm.running_jobs(), SECONDS)
