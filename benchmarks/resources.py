@@ -140,7 +140,7 @@ def read_benchmarks(studies, folder):
         }
         if study["notebook"]:
             points = study["points"]["reflex_gain"]["count"] if study["notebook"] == "sweep" else 1
-            table = {"rows": points * study["trials"] * len(study["methods"])}
+            table = {"notebook": study["notebook"], "rows": points * study["trials"] * len(study["methods"])}
             rows.append({"rule": "report", **table, **_read_job(folder / "logs/report" / f"{name}.tsv")})
         if study["notebook"] != "sweep":
             for rule in ("simulate", "identify"):
@@ -172,7 +172,7 @@ def describe_time(row):
     if row["rule"] == "recordings":
         return {"start": 1.0, "recording": row["recordings"]}
     if row["rule"] == "report":
-        return {"report": 1.0, "row of a table": row["rows"]}
+        return _describe_report(row)
     trials, samples = row["trials"], row["trials"] * row["samples"]
     if row["rule"] == "simulate":
         return {"start": 1.0, "simulated trial": trials, "simulated sample": samples}
@@ -182,12 +182,18 @@ def describe_time(row):
     return parts
 
 
+def _describe_report(row):
+    """Notebooks differ in what they draw, but a row of their table costs the same: the largest tables tell that."""
+    name = "report of a sweep" if row["notebook"] == "sweep" else "report"
+    return {name: 1.0, "row of a table": row["rows"]}
+
+
 def describe_memory(row):
     """What the memory of a job is made of."""
     if row["rule"] == "recordings":
         return {"recordings": 1.0, "byte of a recording": row["bytes"]}
     if row["rule"] == "report":
-        return {"report": 1.0, "row of a table": row["rows"]}
+        return _describe_report(row)
     if row["rule"] == "simulate":
         return {"simulate": 1.0, "simulated sample": row["samples"]}
     read = row["samples"] * min(row["trials"], READ_TRIALS)
