@@ -45,7 +45,7 @@ class Block:
     name: str
     write: Callable[[], str]
     sources: tuple[str, ...]
-    studies: tuple[str, ...]
+    studies: tuple[str, ...] = ()
     imports: bool = True
 
     @property

@@ -28,10 +28,11 @@ TINY = {
     },
 }
 RULES = {
-    *("simulate", "identify", "recordings", "publish", "report", "figure"),
+    *("simulate", "identify", "sweep", "sweep_estimates", "trial_table", "small_trial_table"),
+    *("recordings", "publish", "report", "figure"),
     *("diagrams", "economy", "verify", "article", "crate", "index", "all", "everything"),
 }
-PLANNED = {"simulate": 2, "identify": 2, "report": 1, "figure": 2, "crate": 1, "index": 1}
+PLANNED = {"simulate": 2, "identify": 2, "small_trial_table": 1, "report": 1, "figure": 2, "crate": 1, "index": 1}
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +84,9 @@ def test_resources_of_a_rule(clean, snakemake):
     for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
         memory.setdefault(rule, set()).update(re.findall(r"mem_mb=(\d+)", block))
     assert memory["identify"] == {"3000"}
-    assert memory["simulate"] == memory["verify"] == {"2000"}  # of profiles/default
+    # Each rule states its own, and none has that of profiles/default.
+    assert memory["simulate"] != memory["verify"]
+    assert "2000" not in memory["simulate"] | memory["verify"]
 
 
 def test_simulations_and_long_jobs_come_first(clean, snakemake):

@@ -12,6 +12,7 @@ import yaml
 import ankleloop
 from ankleloop.replication.results import read_results
 from ankleloop.replication.trial_counts import COUNTS, count_outcomes, count_trials
+from ankleloop.replication.trial_tables import read_trial_table
 from ankleloop.studies.seeds import trial_entropy
 
 pytestmark = pytest.mark.workflow
@@ -84,7 +85,8 @@ def test_table_and_figure_of_the_paper(reproduction):
 
 def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
     for path in (reproduction / "results/tables").glob("*.csv"):
-        if path.stem == "economy":  # of runs that cannot fail, beside the studies
+        # The economy is that of runs that cannot fail; tables of trials have no means.
+        if path.stem == "economy" or path.stem.endswith("-trials"):
             continue
         table = pd.read_csv(path)
         details = read_results((reproduction / "results/parameters" / path.stem).glob("*.csv"))
@@ -96,6 +98,20 @@ def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
             assert expected.min() <= table["warnings"].min() <= table["warnings"].max() <= details["trial"].max() + 1
         page = (path.with_suffix(".md")).read_text(encoding="utf-8")
         assert all(name in page for name in COUNTS), path.name
+
+
+def test_the_table_of_all_trials_has_every_parameter_and_score(reproduction):
+    for path in (reproduction / "results/tables").glob("*-trials.parquet"):
+        study = path.stem.removesuffix("-trials")
+        key = ["point", "method", "trial"]
+        table = read_trial_table(path).astype({"point": str, "method": str}).set_index(key).sort_index()
+        parameters = read_results((reproduction / "results/parameters" / study).glob("*.csv")).set_index(key)
+        assert table.index.is_unique
+        assert list(table.index) == sorted(parameters.index)
+        scores = read_results((reproduction / "results/scores" / study).glob("*.csv"))
+        for (torque, against), rows in scores.groupby(["torque", "against"]):
+            values = table[f"vaf_{torque}_{against}"].dropna()
+            assert values.equals(rows.set_index(key)["vaf"].sort_index().rename(values.name))
 
 
 def test_scores_are_means_of_trials(reproduction):

@@ -1,31 +1,10 @@
 # One notebook for each study: its tables, its figures and a page that needs nothing else.
-def unless_sweep(files):
-    """Files of a study for its notebook; that of a sweep reads the table of all trials alone."""
-    return lambda wildcards: (
-        [] if shows_sweep(study_of(wildcards)) else files(wildcards)
-    )
-
-
-def score_files_of(wildcards):
-    """Scores of a study; recordings have none."""
-    study = study_of(wildcards)
-    return chunk_files("scores", study) if isinstance(study, SimulatedStudy) else []
-
-
-def trial_table_of(wildcards):
-    """Table of all trials of a study; none of recordings."""
-    study = study_of(wildcards)
-    return trial_table_files(study)[:1] if isinstance(study, SimulatedStudy) else []
-
-
 rule report:
     input:
         trials=unless_sweep(trial_files_of),
         estimates=unless_sweep(estimates_of),
         scores=unless_sweep(score_files_of),
-        parameters=unless_sweep(
-            lambda wildcards: chunk_files("parameters", study_of(wildcards))
-        ),
+        parameters=unless_sweep(parameter_files_of),
         table=trial_table_of,
         notebook=lambda wildcards: repository_file(notebook_of(wildcards)),
         published=PUBLISHED,

@@ -5,6 +5,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+import matplotlib
 import nbformat
 import papermill
 from nbconvert import HTMLExporter
@@ -32,6 +33,9 @@ def check_parameters(notebook: str, parameters: Mapping) -> None:
 
 def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
     """Run a notebook."""
+    # Where the home cannot be written, they name another folder to the notebook, whose page would show the message.
+    matplotlib.get_configdir()
+    matplotlib.get_cachedir()
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/executed.ipynb"
         papermill.execute_notebook(notebook, path, parameters, kernel_name="python3", progress_bar=False)

@@ -94,7 +94,7 @@ class EstimateCollection:
             "model": dump_values(None if model is None else {"kind": model.kind, **model.fields()}),
         }
         torques = {name: estimate.torque.variables[name].values.astype(self._kind) for name in TORQUES}
-        pickle.dump((torques, list(estimate.stiffness.values()), texts), self._rows)
+        pickle.dump((torques, list(estimate.stiffness.values()), texts), self._rows, pickle.HIGHEST_PROTOCOL)
         time = estimate.torque.variables["time"].values
         self._first = estimate if self._first is None else self._first
         self._time = _join_times(self._time, time, estimate.torque.attrs["identification_rate"])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 
 from ankleloop.plotting.fault_marks import draw_crosses, draw_rings
@@ -18,9 +18,6 @@ from ankleloop.plotting.method_styles import MethodStyle
 from ankleloop.plotting.panels import panel_grid, split_label
 from ankleloop.plotting.style import REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure, inches
 from ankleloop.plotting.sweep_axes import SweepAxis
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 __all__ = [
     "DIFFERENCE_STYLE",
@@ -34,38 +31,11 @@ __all__ = [
     "value_limits",
 ]
 
+LABEL = 22  # characters of a line of a label of a row of effects
 LEGEND = 60  # characters of a line of an entry
 DIFFERENCE_STYLE = MethodStyle("#222222", "o")
 FAULT_SHARE = 0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked
 BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}  # %, beyond which a value says no more than that it is lost
-
-
-@dataclass(frozen=True)
-class SweepPanel:
-    """What a row or a panel shows.
-
-    Parameters
-    ----------
-    quantity : str
-        Value of the column `quantity`.
-    label : str
-        Name with unit.
-    difference : str
-        Label of the difference of two methods.
-    desired : {"high", "zero", "low"} or None
-        What a method should reach.
-    truth : float or None
-        True value, where all points have the same.
-    marked : bool
-        Whether means of which trials failed or came with a warning are marked; their share itself needs no marks.
-    """
-
-    quantity: str
-    label: str
-    difference: str
-    desired: Literal["high", "zero", "low"] | None = None
-    truth: float | None = None
-    marked: bool = True
 
 
 @dataclass(frozen=True)
@@ -90,17 +60,52 @@ class SweepSeries:
     is_difference: bool = False
 
 
+@dataclass(frozen=True)
+class SweepPanel:
+    """A quantity of several methods, or of the difference of two.
+
+    Parameters
+    ----------
+    quantity : str
+        Value of the column `quantity`.
+    label : str
+        Its name with unit.
+    series : sequence of SweepSeries
+        The methods, or a difference alone.
+    desired : {"high", "zero", "low"} or None
+        What a method should reach; "zero" for a difference.
+    truth : float or None
+        True value, where all points have the same.
+    marked : bool
+        Whether means of which trials failed or came with a warning are marked; their share itself needs no marks.
+    """
+
+    quantity: str
+    label: str
+    series: Sequence[SweepSeries]
+    desired: Literal["high", "zero", "low"] | None = None
+    truth: float | None = None
+    marked: bool = True
+
+    @property
+    def is_difference(self) -> bool:
+        """Whether it shows the difference of two methods."""
+        return self.series[0].is_difference
+
+    def rows(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Its rows of a summary."""
+        return table[(table["quantity"] == self.quantity) & table["method"].isin([item.method for item in self.series])]
+
+
 @matplotlib.rc_context(STYLE)
 def lines_figure(
     table: pd.DataFrame,
     axis: SweepAxis,
     panels: Sequence[SweepPanel],
-    series: Sequence[SweepSeries],
-    difference: SweepSeries | None = None,
     *,
     band: Literal["mean", "trials"] = "mean",
 ) -> DataFigure:
-    """Means against one parameter: a panel for each quantity, and beside it one for the difference of two methods.
+    """Means against one parameter, in panels side by side.
 
     Parameters
     ----------
@@ -110,11 +115,7 @@ def lines_figure(
     axis : SweepAxis
         The parameter.
     panels : sequence of SweepPanel
-        The quantities.
-    series : sequence of SweepSeries
-        The methods.
-    difference : SweepSeries, optional
-        Difference of two methods.
+        The panels; a difference stands behind its quantity.
     band : {"mean", "trials"}
         Whether bands are the interval of the mean (`margin`) or hold most of the trials (`low` to `high`).
 
@@ -123,18 +124,18 @@ def lines_figure(
     DataFigure
         `data` has the means and bands.
     """
-    rows = _rows(panels, series, difference)
-    columns = min(len(rows), 4 if difference and len(panels) > 2 else 2 if difference else 3)
-    figure, axes = panel_grid(len(rows), columns, 46.0 if columns > 2 else 52.0)
-    for number, (panel_axis, row) in enumerate(zip(axes, rows, strict=True)):
-        _draw_panel(panel_axis, table, axis, *row, band)
-        panel_axis.set_ylabel(_row_label(*row).replace(" [", "\n[") if columns == 4 else _row_label(*row))
-        axis.set_ticks(panel_axis, "x", room=5 if columns == 4 else 6)
-        words = panel_axis.get_xlabel()
-        words = words.replace(" [", "\n[") if columns == 4 else words
-        panel_axis.set_xlabel(words if number + columns >= len(rows) else "")
-    add_legend(figure, axes)
-    figure.data = tabulate_sweep(table, [axis], panels, [*series, *([difference] if difference else [])])
+    has_difference = any(panel.is_difference for panel in panels)
+    columns = min(len(panels), 4 if has_difference and len(panels) > 4 else 2 if has_difference else 3)
+    narrow = columns == 4
+    figure, panel_axes = panel_grid(len(panels), columns, 46.0 if columns > 2 else 52.0)
+    for number, (panel_axis, panel) in enumerate(zip(panel_axes, panels, strict=True)):
+        _draw_panel(panel_axis, table, axis, panel, band)
+        axis.set_ticks(panel_axis, "x", room=5 if narrow else 6)
+        panel_axis.set_ylabel(_break_unit(panel.label) if narrow else panel.label)
+        words = panel_axis.get_xlabel() if number + columns >= len(panels) else ""
+        panel_axis.set_xlabel(_break_unit(words) if narrow else words)
+    add_legend(figure, panel_axes)
+    figure.data = tabulate_sweep(table, [axis], panels)
     return figure
 
 
@@ -143,8 +144,6 @@ def effects_figure(
     table: pd.DataFrame,
     axes: Sequence[SweepAxis],
     panels: Sequence[SweepPanel],
-    series: Sequence[SweepSeries],
-    difference: SweepSeries | None = None,
     *,
     band: Literal["mean", "trials"] = "mean",
 ) -> DataFigure:
@@ -152,7 +151,7 @@ def effects_figure(
 
     Parameters
     ----------
-    table, panels, series, difference, band
+    table, panels, band
         As of `lines_figure`.
     axes : sequence of SweepAxis
         The parameters.
@@ -162,28 +161,24 @@ def effects_figure(
     DataFigure
         `data` has the means and bands.
     """
-    rows = _rows(panels, series, difference)
-    size = (inches(TWO_COLUMNS), inches(33.0 * len(rows) + 8.0))
+    size = (inches(TWO_COLUMNS), inches(33.0 * len(panels) + 8.0))
     figure = DataFigure(figsize=size, layout="constrained")
-    grid = figure.subplots(len(rows), len(axes), squeeze=False, sharex="col", sharey="row")
-    for (number, row), (column, axis) in product(enumerate(rows), enumerate(axes)):
-        _draw_panel(grid[number, column], table, axis, *row, band)
-        if number == len(rows) - 1:
-            axis.set_ticks(grid[number, column], "x", room=5 if len(axes) <= 4 else 3)
-            grid[number, column].xaxis.label.set_wrap(True)
-    for axis_row, row in zip(grid, rows, strict=True):
-        low, high, _ = _row_limits(table[table["parameter"].isin([axis.name for axis in axes])], *row, band)
-        axis_row[0].set_ylim(low, high)
-        axis_row[0].set_ylabel(_row_label(*row).replace(" [", "\n["))
+    grid = figure.subplots(len(panels), len(axes), squeeze=False, sharex="col", sharey="row")
+    for panel_axes, panel in zip(grid, panels, strict=True):
+        for panel_axis, axis in zip(panel_axes, axes, strict=True):
+            _draw_panel(panel_axis, table, axis, panel, band)
+        panel_axes[0].set_ylim(*_row_limits(table, panel, band)[:2])
+        panel_axes[0].set_ylabel(textwrap.fill(panel.label, LABEL))
+    for panel_axis, axis in zip(grid[-1], axes, strict=True):
+        axis.set_ticks(panel_axis, "x", room=5 if len(axes) <= 4 else 3)
+        panel_axis.xaxis.label.set_wrap(True)
     joined = [column for column, axis in enumerate(axes) if axis.ordered]  # their entries have a line, too
     add_legend(figure, [*grid.ravel(), *grid[:, joined].ravel()])
-    figure.data = tabulate_sweep(table, axes, panels, [*series, *([difference] if difference else [])])
+    figure.data = tabulate_sweep(table, axes, panels)
     return figure
 
 
-def tabulate_sweep(
-    table: pd.DataFrame, axes: Sequence[SweepAxis], panels: Sequence[SweepPanel], series: Sequence[SweepSeries]
-) -> pd.DataFrame:
+def tabulate_sweep(table: pd.DataFrame, axes: Sequence[SweepAxis], panels: Sequence[SweepPanel]) -> pd.DataFrame:
     """What a picture of a sweep draws as a table for readers, with quantities and units.
 
     Parameters
@@ -194,21 +189,20 @@ def tabulate_sweep(
     axes : sequence of SweepAxis
         Its parameters.
     panels : sequence of SweepPanel
-        Its quantities.
-    series : sequence of SweepSeries
-        Its methods, and their difference.
+        Its quantities with their methods.
 
     Returns
     -------
     pandas.DataFrame
         One row for each mean. Places on an axis of a list are the values themselves.
     """
-    shown, names = {panel.quantity: panel for panel in panels}, {item.method: item for item in series}
-    rows = table[table["quantity"].isin(shown) & table["method"].isin(names)].reset_index(drop=True)
-    items = zip(rows["quantity"], rows["method"], strict=True)
-    labels = [_row_label(shown[quantity], [names[method]]) for quantity, method in items]
-    parts: dict[str, Any] = {"quantity": [split_label(label)[0] for label in labels]}
-    parts |= {"unit": [split_label(label)[1] for label in labels], "method": [names[m].label for m in rows["method"]]}
+    return pd.concat([_tabulate_panel(panel.rows(table), axes, panel) for panel in panels], ignore_index=True)
+
+
+def _tabulate_panel(rows: pd.DataFrame, axes: Sequence[SweepAxis], panel: SweepPanel) -> pd.DataFrame:
+    quantity, unit = split_label(panel.label)
+    labels = {item.method: item.label for item in panel.series}
+    parts: dict[str, Any] = {"quantity": quantity, "unit": unit, "method": [labels[name] for name in rows["method"]]}
     if "parameter" in rows:
         by_name = {axis.name: axis for axis in axes}
         parts["parameter"] = [by_name[name].label for name in rows["parameter"]]
@@ -220,37 +214,25 @@ def tabulate_sweep(
     return rows.assign(**parts)[[*parts, *[name for name in columns if name in rows]]]
 
 
-def _rows(
-    panels: Sequence[SweepPanel], series: Sequence[SweepSeries], difference: SweepSeries | None
-) -> list[tuple[SweepPanel, list[SweepSeries]]]:
-    """Each quantity with its methods, and behind it with the difference; a share of faults has none."""
-    rows = []
-    for panel in panels:
-        rows.append((panel, list(series)))
-        if difference is not None and panel.difference:
-            rows.append((panel, [difference]))
-    return rows
+def _break_unit(label: str) -> str:
+    """Put the unit into a line of its own."""
+    return label.replace(" [", "\n[")
 
 
-def _row_label(panel: SweepPanel, series: Sequence[SweepSeries]) -> str:
-    return panel.difference if series[0].is_difference else panel.label
-
-
-def _draw_panel(
-    axis: Axes, table: pd.DataFrame, parameter: SweepAxis, panel: SweepPanel, series: Sequence[SweepSeries], band: str
-) -> None:
-    table = table[(table["parameter"] == parameter.name) & (table["quantity"] == panel.quantity)]
-    for number, item in enumerate(series):
+def _draw_panel(axis: Axes, table: pd.DataFrame, parameter: SweepAxis, panel: SweepPanel, band: str) -> None:
+    table = panel.rows(table[table["parameter"] == parameter.name])
+    for number, item in enumerate(panel.series):
         rows = table[table["method"] == item.method].sort_values("place")
-        offset = 0.0 if parameter.ordered else 0.12 * (number - 0.5 * (len(series) - 1))
-        _draw_means(axis, rows, item, offset, parameter.ordered, band)
+        offset = 0.0 if parameter.ordered else 0.12 * (number - 0.5 * (len(panel.series) - 1))
+        # A share of the trials is a count, and has no band.
+        _draw_means(axis, rows, item, offset, parameter.ordered, band if panel.marked else "none")
         if panel.marked:
             _mark_means(axis, rows, item, offset, 0.03 + 0.06 * number)
-    if panel.truth is not None and not series[0].is_difference:
+    if panel.truth is not None:
         axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=0.5)
-    elif panel.desired == "zero" or series[0].is_difference:
+    elif panel.desired == "zero":
         axis.axhline(0.0, **REFERENCE_LINE, zorder=0.5)
-    low, high, lowest = _row_limits(table, panel, series, band)
+    low, high, lowest = _row_limits(table, panel, band)
     axis.set_ylim(low, high)
     if lowest < low:
         note = f"lowest mean: {lowest:.4g}"
@@ -285,7 +267,8 @@ def _mark_means(axis: Axes, rows: pd.DataFrame, series: SweepSeries, offset: flo
 def _band(rows: pd.DataFrame, band: str) -> tuple[np.ndarray, np.ndarray]:
     if band == "trials":
         return rows["low"].to_numpy(), rows["high"].to_numpy()
-    mean, margin = rows["mean"].to_numpy(), rows["margin"].to_numpy()
+    mean = rows["mean"].to_numpy()
+    margin = rows["margin"].to_numpy() if band == "mean" else 0.0
     return mean - margin, mean + margin
 
 
@@ -308,19 +291,15 @@ def mark_rows(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
     return (faults > 0) & (faults >= FAULT_SHARE * trials) & ~failed, failed
 
 
-def _row_limits(
-    table: pd.DataFrame, panel: SweepPanel, series: Sequence[SweepSeries], band: str
-) -> tuple[float, float, float]:
+def _row_limits(table: pd.DataFrame, panel: SweepPanel, band: str) -> tuple[float, float, float]:
     """Limits of the ordinate, and the lowest mean."""
-    rows = table[(table["quantity"] == panel.quantity) & table["method"].isin([item.method for item in series])]
-    low, high = _band(rows, band)
-    places = np.r_[rows["mean"].to_numpy(), low, high]
-    is_difference = series[0].is_difference
-    fixed = [0.0] if is_difference or panel.desired == "zero" else [] if panel.truth is None else [panel.truth]
-    limits = value_limits(np.r_[places, fixed], "zero" if is_difference else panel.desired)
-    margin = 0.06 * (limits[1] - limits[0]) or 0.06 * abs(limits[0]) or 1.0
+    rows = panel.rows(table)
+    reference = [0.0] if panel.desired == "zero" else [] if panel.truth is None else [panel.truth]
+    places = np.r_[rows["mean"].to_numpy(), *_band(rows, band if panel.marked else "none"), reference]
+    low, high = value_limits(places, panel.desired)
+    margin = 0.06 * (high - low) or 0.06 * abs(low) or 1.0
     means = rows["mean"].dropna()
-    return limits[0] - margin, limits[1] + margin, float(means.min()) if len(means) else np.inf
+    return low - margin, high + margin, float(means.min()) if len(means) else np.inf
 
 
 def value_limits(values: np.ndarray, desired: str | None) -> tuple[float, float]:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ankleloop.plotting.sweep_maps import maps_figure
 from ankleloop.plotting.sweeps import effects_figure, lines_figure
-from ankleloop.replication.sweep_captions import describe_effects, describe_lines, describe_map
+from ankleloop.replication.sweep_captions import describe_map, describe_means
 from ankleloop.replication.sweep_cells import list_slices, summarise_cells
 from ankleloop.replication.sweep_study import SweepStudy
 from ankleloop.replication.sweep_summary import summarise_effects
@@ -59,10 +59,12 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     bins = LINE_BINS if len(sweep.axes) == 1 else {}
     trials = sweep.shown_trials
     effects = pd.concat([summarise_effects(trials, axis, sweep.quantities, **bins) for axis in sweep.axes])
-    arguments, band = (sweep.panels, sweep.series, sweep.difference), sweep.settings["band"]
+    band = sweep.settings["band"]
     if len(sweep.axes) == 1:
-        return lines_figure(effects, sweep.axes[0], *arguments, band=band), describe_lines(sweep, effects)
-    return effects_figure(effects, sweep.axes, *arguments, band=band), describe_effects(sweep, effects)
+        figure = lines_figure(effects, sweep.axes[0], sweep.panels, band=band)
+    else:
+        figure = effects_figure(effects, sweep.axes, sweep.panels, band=band)
+    return figure, describe_means(sweep, effects)
 
 
 def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
@@ -83,5 +85,5 @@ def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
     slices = list_slices(sweep.shown_trials, others)
     cells, edges = summarise_cells(sweep.shown_trials, (x, y), sweep.quantities, slices)
     names = list(dict.fromkeys(slices.values())) or [""]
-    figure = maps_figure(cells, (x, y), edges, sweep.panels, sweep.series, sweep.difference, names)
+    figure = maps_figure(cells, (x, y), edges, sweep.panels, names)
     return figure, describe_map(sweep, cells, edges, bool(slices))

@@ -166,31 +166,28 @@ class SweepStudy:
         return SweepSeries(f"{first} − {second}", label, is_difference=True)
 
     @cached_property
-    def paired(self) -> list[str]:
-        """Quantities that have a difference."""
-        return [name for name in self.quantities if name not in FAULT_SHARES]
-
-    @cached_property
     def shown_trials(self) -> pd.DataFrame:
         """Trials of the methods that are shown, and differences of methods behind them."""
         shown = self.trials[self.trials["method"].isin([item.method for item in self.series])]
         if not self.settings["difference"]:
             return shown
         first, second = self.settings["difference"]
-        pairs = pair_methods(self.trials, first, second, self.paired)
+        paired = [name for name in self.quantities if name not in FAULT_SHARES]
+        pairs = pair_methods(self.trials, first, second, paired)
         return pd.concat([shown, pairs], ignore_index=True)
 
     @cached_property
     def panels(self) -> list[SweepPanel]:
-        """Quantities with their labels and, where all points share it, their truth."""
+        """Quantities of the methods that are shown and, behind each, of the difference."""
         varied = {axis.name for axis in self.parameters}
         shared = {name: value for name, value in self.simulation.items() if name not in varied and value is not None}
         panels = []
         for name in self.quantities:
-            quantity = SWEEP_QUANTITIES[name]
-            delta = "" if name in FAULT_SHARES else label_difference(quantity)
-            truth = _truth(name, shared)
-            panels.append(SweepPanel(name, quantity.label, delta, desired_value(name), truth, name not in FAULT_SHARES))
+            quantity, marked = SWEEP_QUANTITIES[name], name not in FAULT_SHARES
+            desired, truth = desired_value(name), _truth(name, shared)
+            panels.append(SweepPanel(name, quantity.label, self.series, desired, truth, marked))
+            if self.difference and marked:
+                panels.append(SweepPanel(name, label_difference(quantity), [self.difference], "zero"))
         return panels
 
     def summarise(self) -> pd.DataFrame:
