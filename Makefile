@@ -1,17 +1,8 @@
-# make          set up what is missing, then reproduce the paper
-# make test     set up what is missing, then run the tests
-# make test-long  the faults that a run survives: kills, full disks, damaged files
-# make test-cluster  a study on a Slurm of one node, which the test installs and starts (as root, Debian or Ubuntu)
-# make audit    licences, bill of materials and known vulnerabilities of what ankleloop is built on
-# make beyond   the paper, and the studies that go further
-# make unlock   after a run that was killed: take away its lock, so that make can go on; nothing is lost
-# make coverage how often the intervals of riv hold the truth: 1,000 trials of eight settings
-# make fuzz     damaged files, ten minutes for each reader
-# make benchmark  time, memory and accuracy beside other programs
+# `make help` lists the targets: the texts behind ## below.
 SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := all
-.PHONY: all setup test test-long test-cluster audit fuzz beyond coverage benchmark expected docs-numbers lint format rulegraph lock unlock clean
+.PHONY: all help setup test test-long test-cluster audit fuzz beyond coverage benchmark expected docs docs-links docs-numbers lint format pre-commit package rulegraph lock unlock clean
 
 CORES ?= 2
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
@@ -27,49 +18,53 @@ unexport PYTHONPATH PYTHONHOME
 LOCK_HINT := test -z "$$(ls .snakemake/locks 2>/dev/null)" || echo "If no other run is going on in this folder, one that \
 was killed has left its lock: make unlock, then the same command again. Nothing is lost."
 
-all: setup
+all: setup ## Set up what is missing, then reproduce the paper (a few minutes).
 	snakemake --cores $(CORES) || { $(LOCK_HINT); exit 1; }
 
-unlock: setup
+# The texts behind ##, one for each target.
+help: ## List the targets.
+	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "make %-13s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@echo 'CORES=4 sets the cores (default: 2), PYTHON=python3.12 the Python of a new environment, ARGS="-k name" what a test or a benchmark takes.'
+
+unlock: setup ## After a run that was killed: take away its lock, so that make can go on; nothing is lost.
 	snakemake --cores 1 --unlock
 
-setup: $(READY)
+setup: $(READY) ## Set up the environment in .venv, from environment.lock.
 
 # As many processes as cores; a test file stays in one.
-test: setup
+test: setup ## Set up what is missing, then run the tests.
 	OMP_NUM_THREADS=1 python -m pytest -n $(CORES) --dist loadgroup $(ARGS)
 
-# Half an hour: kills, full and read-only disks, jobs without memory, damaged files, set-ups that are interrupted.
-test-long: setup
+# Kills, full and read-only disks, jobs without memory, damaged files, set-ups that are interrupted, the package.
+test-long: setup ## Half an hour: kills, full disks, damaged files, the package in an empty environment.
 	python -m pytest tests/long $(ARGS)
 
-# Ten minutes: a study through profiles/slurm, a node that fails, results in a storage; the same as those of one machine.
-test-cluster: setup
+# A study through profiles/slurm, a node that fails, results in a storage; the same as those of one machine.
+test-cluster: setup ## Ten minutes: a study on a Slurm of one node, which the test installs (as root, Debian or Ubuntu).
 	python -m pytest tests/cluster $(ARGS)
 
-# Damaged files have to be read or refused: 70 minutes; ARGS="--minutes 1 --readers csv hdf5" for less.
-fuzz: setup
+# ARGS="--minutes 1 --readers csv hdf5" for less.
+fuzz: setup ## Seventy minutes: damaged files have to be read or refused, ten minutes for each reader.
 	python tests/fuzz/fuzz.py --minutes 10 --processes 2 --json results/reliability/fuzz.json $(ARGS)
 
-beyond: setup
+beyond: setup ## Reproduce the paper, and run the studies that go further.
 	snakemake --cores $(CORES) --configfile config/beyond.yaml || { $(LOCK_HINT); exit 1; }
 
-# Eight minutes on two cores; prints its progress and a table.
-coverage: setup
+coverage: setup ## Eight minutes: how often the intervals of riv hold the truth, 1,000 trials of eight settings.
 	python benchmarks/coverage.py --cores $(CORES) $(ARGS)
 
-# Ten minutes; the peers that are measured against go into a folder of their own, behind the environment.
+# The peers that are measured against go into a folder of their own, behind the environment.
 PEERS := $(VENV)/peers
-benchmark: setup $(PEERS)
+benchmark: setup $(PEERS) ## Ten minutes: time, memory and accuracy beside other programs.
 	python benchmarks/peers.py $(ARGS)
 
 $(PEERS): benchmarks/requirements.txt $(READY)
 	python -m pip install --quiet --disable-pip-version-check --upgrade --no-deps --target $@ -r $<
 	@touch $@
 
-# Two minutes: licences, bill of materials, known vulnerabilities. The tools have an environment of their own.
+# The tools have an environment of their own.
 AUDIT := $(VENV)/audit
-audit: setup $(AUDIT)/.ready
+audit: setup $(AUDIT)/.ready ## Two minutes: licences, bill of materials and known vulnerabilities of the packages.
 	python audit/audit.py --tools $(AUDIT)/bin
 
 $(AUDIT)/.ready: audit/requirements.txt $(PACKAGES)
@@ -77,12 +72,13 @@ $(AUDIT)/.ready: audit/requirements.txt $(PACKAGES)
 	$(AUDIT)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $<
 	@touch $@
 
-# Results changed on purpose: write those that the regression tests expect anew, and look at the difference in git.
-expected: setup
+# Results changed on purpose; look at the difference in git.
+expected: setup ## Write the results that the regression tests expect, and their list in codecheck.yml, anew.
 	python -m pytest -q tests/regression --update-expected
-	git --no-pager diff --stat -- tests/regression/expected
+	python tests/regression/codecheck.py
+	git --no-pager diff --stat -- tests/regression/expected codecheck.yml
 
-lint: setup
+lint: setup ## Check style, types, layers of the library and the workflow.
 	ruff check .
 	ruff format --check .
 	mypy
@@ -90,28 +86,42 @@ lint: setup
 	snakefmt --check Snakefile workflow
 	snakemake --lint
 
-format: setup
+format: setup ## Format Python, notebooks and Snakefiles.
 	ruff check --fix .
 	ruff format .
 	snakefmt Snakefile workflow
 
-# Measured numbers of the documentation: those whose source has changed; an hour if all of them have.
+docs: setup ## Build the documentation as a site, in build/docs/html.
+	python -m sphinx -W -n --keep-going -q -b html docs build/docs/html
+	@echo "Open build/docs/html/index.html"
+
+docs-links: setup ## Check the external links of the documentation; needs a network.
+	python -m sphinx -q -b linkcheck docs build/docs/links
+
 # make docs-numbers ARGS=--list names them.
-docs-numbers: setup $(PEERS)
+docs-numbers: setup $(PEERS) ## Write the measured numbers of the documentation whose source has changed: an hour for all.
 	python docs/numbers/renew.py $(ARGS)
 
-# The picture in docs/architecture.md.
-rulegraph: setup
+rulegraph: setup ## Draw the rules in docs/architecture.md.
 	python docs/rulegraph.py
 
-# Resolve the environment anew: newest versions that pyproject.toml allows, with hashes, for every platform.
-lock: $(READY)
+# Commits are checked before they are made; the hooks are programs of the environment, so no network is needed.
+pre-commit: setup ## Install the hooks of .pre-commit-config.yaml into this working copy.
+	pre-commit install
+
+package: setup ## Build the wheel and the source distribution, in dist.
+	@mkdir -p dist
+	python -c "from flit_core import buildapi; print(buildapi.build_sdist('dist'), buildapi.build_wheel('dist'))"
+
+# Newest versions that pyproject.toml allows, with hashes, for every platform.
+lock: $(READY) ## Resolve the environment anew, into environment.lock.
 	python -m pip install --quiet uv
 	uv pip compile pyproject.toml --all-extras --universal --generate-hashes --no-emit-index-url --no-header \
 	  --python-version 3.11 --upgrade --quiet --output-file environment.lock
-	sed -i '1i # Hash-pinned environment, made by "make lock" from pyproject.toml.' environment.lock
+	echo '# Hash-pinned environment, made by "make lock" from pyproject.toml.' | cat - environment.lock > environment.new
+	mv environment.new environment.lock
 
-clean:
+clean: ## Remove results, logs and the state of Snakemake.
 	rm -rf results logs .snakemake
 
 $(PACKAGES): environment.lock

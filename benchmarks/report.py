@@ -1,10 +1,12 @@
 """Tables and the figure of the benchmarks."""
 
 import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import pandas as pd
+
+from ankleloop.plotting.legends import add_legend
+from ankleloop.plotting.method_styles import MethodStyle
+from ankleloop.plotting.panels import panel_grid
+from ankleloop.plotting.style import STYLE, save_figure
 
 COLUMNS = {
     "data": "data",
@@ -28,21 +30,14 @@ FORMATS = {
 }
 LEAST_ROUNDS = 4  # that have quartiles
 CASE = ["kind", "samples", "block_rows", "channels"]
-COLOURS = {
-    "ankleloop": "#0b5394",
-    "ctrlsys": "#b45f06",
-    "ctrlsys, IB01BD": "#e69138",
-    "sippy_unipi": "#6aa84f",
-    "nfoursid": "#a64d79",
-    "kernels": "0.55",
-}
-MARKERS = {
-    "ankleloop": "o",
-    "ctrlsys": "s",
-    "ctrlsys, IB01BD": "v",
-    "sippy_unipi": "^",
-    "nfoursid": "D",
-    "kernels": "_",
+# Colours that readers without red or green receptors can tell apart; no two programs share a symbol.
+STYLES = {
+    "ankleloop": MethodStyle("#0072B2", "o"),
+    "ctrlsys": MethodStyle("#D55E00", "s"),
+    "ctrlsys, IB01BD": MethodStyle("#E69F00", "v"),
+    "sippy_unipi": MethodStyle("#009E73", "^"),
+    "nfoursid": MethodStyle("#882255", "D"),
+    "kernels": MethodStyle("#888888", "", dashes=(1.0, 1.5)),
 }
 AXES = {"samples": "samples", "inputs": "channels", "block rows": "block_rows"}  # column of each label
 
@@ -98,26 +93,23 @@ def describe_torques(table):
     )
 
 
-def plot_times(times, path):
-    """Plot the median times against samples, inputs and block rows."""
-    figure, axes = plt.subplots(1, 3, figsize=(12, 4.5), sharey=True, layout="constrained")
+@matplotlib.rc_context(STYLE)
+def plot_times(times):
+    """Plot the median times against samples, inputs and block rows; the table beside the picture has them."""
+    figure, axes = panel_grid(len(AXES), len(AXES), 62.0, sharey=True)
     for axis, (label, column) in zip(axes, AXES.items(), strict=True):
         points = times[times["variable"] == label]
         for name, rows in points.groupby("program", sort=False):
-            linestyle = ":" if name == "kernels" else "-"
-            axis.plot(
-                rows[column], rows["ms"], label=name, color=COLOURS[name], marker=MARKERS[name], linestyle=linestyle
-            )
+            axis.plot(rows[column], rows["ms"], **STYLES[name].curve, label=name)
         axis.set(xscale="log", yscale="log", xlabel=label)
         ticks = sorted(points[column].unique())
-        axis.set_xticks(ticks, [f"{value:,}" for value in ticks])
-        axis.minorticks_off()
-        axis.grid(alpha=0.3)
-    axes[0].set_ylabel("processor time of an identification [ms]")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(COLOURS), frameon=False)
+        axis.set_xticks(ticks, [f"{value:,}" for value in ticks], rotation=30 if len(ticks) > 5 else 0)
+        axis.xaxis.minorticks_off()
+        axis.yaxis.set_major_formatter("{x:g}")
+    axes[0].set_ylabel("processor time [ms]")
     figure.suptitle("Open-loop data, one thread; 5,000 samples, 8 inputs, 15 block rows except where they vary")
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
+    add_legend(figure, axes)
+    return figure
 
 
 def write_report(table, times, folder):
@@ -126,5 +118,5 @@ def write_report(table, times, folder):
     table.to_csv(folder / "peers.csv", index=False)
     times.to_csv(folder / "peers-times.csv", index=False)
     (folder / "peers.md").write_text(format_table(table), encoding="utf-8")
-    plot_times(times, folder / "peers.png")
+    save_figure(plot_times(times), folder / "peers", (".png",), overwrite=True)
     print(format_table(table), describe_ratios(table), f"Written to {folder}", sep="\n")

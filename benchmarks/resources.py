@@ -32,6 +32,8 @@ IDENTIFICATION_RATE = 100.0
 # Trials and duration [s] of the chunks. Snakemake looks twice a second at a job that takes less than 15 s.
 SIZES = ((4, 20.0), (400, 20.0), (200, 60.0))
 MANY = ((4, 20.0), (100, 20.0), (60, 60.0))  # by all methods
+SWEEPS = (2, 100)  # points of sweeps, whose tables are read by notebooks
+SWEPT = 100  # trials of each point
 RECORDED = (20.0, 60.0, 180.0)  # duration of recordings [s]
 RECORDINGS = 3  # of each duration
 VARIANTS = {
@@ -60,7 +62,24 @@ def make_studies():
                 "points": {"reflex_gain": [13.0]},
                 "methods": methods,
             }
-    return studies
+    return studies | make_sweeps()
+
+
+def make_sweeps():
+    """Sweeps of few and of many points, for the memory and the time that a row of a table takes."""
+    return {
+        f"sweep-{points}": {
+            "kind": "simulation",
+            "notebook": "sweep",
+            "trials": SWEPT,
+            "seed": 1,
+            "keep": "scores",
+            "simulation": {"duration": 10.0},
+            "points": {"reflex_gain": {"start": 5, "stop": 20, "count": points}},
+            "methods": {name: {"method": name} for name in ("moesp", "parallel-cascade")},
+        }
+        for points in SWEEPS
+    }
 
 
 def make_recordings(folder):
@@ -119,10 +138,13 @@ def read_benchmarks(studies, folder):
             "trials": study["trials"],
             "samples": study["simulation"]["duration"] * RATE,
         }
-        for rule in ("simulate", "identify"):
-            rows.append({"rule": rule, **contents, **_read_job(folder / "logs" / rule / name / "0.tsv")})
         if study["notebook"]:
-            rows.append({"rule": "report", **contents, **_read_job(folder / "logs/report" / f"{name}.tsv")})
+            points = study["points"]["reflex_gain"]["count"] if study["notebook"] == "sweep" else 1
+            table = {"notebook": study["notebook"], "rows": points * study["trials"] * len(study["methods"])}
+            rows.append({"rule": "report", **table, **_read_job(folder / "logs/report" / f"{name}.tsv")})
+        if study["notebook"] != "sweep":
+            for rule in ("simulate", "identify"):
+                rows.append({"rule": rule, **contents, **_read_job(folder / "logs" / rule / name / "0.tsv")})
     return rows
 
 
@@ -149,9 +171,9 @@ def describe_time(row):
     """What the time of a job is made of."""
     if row["rule"] == "recordings":
         return {"start": 1.0, "recording": row["recordings"]}
-    trials, samples = row["trials"], row["trials"] * row["samples"]
     if row["rule"] == "report":
-        return {"report": 1.0, "row of a table": trials * len(row["methods"])}
+        return _describe_report(row)
+    trials, samples = row["trials"], row["trials"] * row["samples"]
     if row["rule"] == "simulate":
         return {"start": 1.0, "simulated trial": trials, "simulated sample": samples}
     parts = {"start": 1.0, "prepared trial": trials, "prepared sample": samples}
@@ -160,12 +182,18 @@ def describe_time(row):
     return parts
 
 
+def _describe_report(row):
+    """Notebooks differ in what they draw, but a row of their table costs the same: the largest tables tell that."""
+    name = "report of a sweep" if row["notebook"] == "sweep" else "report"
+    return {name: 1.0, "row of a table": row["rows"]}
+
+
 def describe_memory(row):
     """What the memory of a job is made of."""
     if row["rule"] == "recordings":
         return {"recordings": 1.0, "byte of a recording": row["bytes"]}
     if row["rule"] == "report":
-        return {"report": 1.0, "row of a table": row["trials"] * len(row["methods"])}
+        return _describe_report(row)
     if row["rule"] == "simulate":
         return {"simulate": 1.0, "simulated sample": row["samples"]}
     read = row["samples"] * min(row["trials"], READ_TRIALS)

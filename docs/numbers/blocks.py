@@ -23,7 +23,7 @@ import yaml
 from ankleloop.studies.fingerprint import LIBRARY, reached_files
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", ROOT / "config" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "config" / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 MARKED = re.compile(
     r"<!-- numbers: (?P<name>[\w-]+)(?: \((?P<stamp>[^)]*)\))? -->\n(?P<text>.*?)<!-- end of numbers -->", re.DOTALL
 )
@@ -45,7 +45,7 @@ class Block:
     name: str
     write: Callable[[], str]
     sources: tuple[str, ...]
-    studies: tuple[str, ...]
+    studies: tuple[str, ...] = ()
     imports: bool = True
 
     @property

@@ -1,4 +1,4 @@
-"""Numbers of docs/choosing.md: the net VAF against the truth, and the bias of a polynomial basis."""
+"""Numbers of docs/choosing.md and docs/explanation/net-vaf.md: net VAF and truth, bias of a polynomial basis."""
 
 from blocks import block
 from runs import copy_figure, markdown_table, mean, read_study

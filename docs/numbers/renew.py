@@ -39,12 +39,13 @@ def renew(item, page):
     """Write a block into its page; False where this machine cannot."""
     print(f"{item.name} …", flush=True)
     start = time.perf_counter()
+    source = stamp(item)  # of what runs now, whatever is edited meanwhile
     try:
         text = item.write()
     except Unavailable as reason:
         print(f"  left as it was: {reason}")
         return False
-    page.write_text(insert(page.read_text(encoding="utf-8"), item.name, text, stamp(item)), encoding="utf-8")
+    page.write_text(insert(page.read_text(encoding="utf-8"), item.name, text, source), encoding="utf-8")
     print(f"  {time.perf_counter() - start:.0f} s", flush=True)
     return True
 

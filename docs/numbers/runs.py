@@ -11,7 +11,7 @@ import yaml
 from blocks import ROOT, Unavailable
 
 from ankleloop.recordings.files import load_recording
-from ankleloop.replication.results import join_scores, read_results
+from ankleloop.replication.trial_tables import read_trial_table
 from ankleloop.signals.vaf import confidence_margin
 
 RESULTS = ROOT / "results"
@@ -26,11 +26,10 @@ def make(*targets, arguments=()):
 
 def read_study(name):
     """One row for each estimate of a simulated study: its parameters and its VAFs."""
-    make(f"results/tables/{name}.csv")
-    parameters, scores = (
-        read_results(sorted((RESULTS / kind / name).glob("*.csv"))) for kind in ("parameters", "scores")
-    )
-    return join_scores(parameters, scores)
+    # Not the tables of chunks: those of an older division into chunks may stand beside them.
+    path = f"results/tables/{name}-trials.parquet"
+    make(path)
+    return read_trial_table(ROOT / path).astype({"point": str, "method": str})
 
 
 def copy_figure(name, target, *, arguments=()):

@@ -22,6 +22,12 @@ RATE = 1000.0
 TRIALS = 2000
 CLUSTER = RESULTS / "scaling" / "cluster.json"  # written by tests/cluster
 MILLION = 1_000_000
+LARGE_POINTS = {
+    "reflex_gain": {"start": 5, "stop": 23, "count": 10},
+    "voluntary": {"start": 0.1, "stop": 1.6, "count": 10, "scale": "logarithmic"},
+    "pr-moesp.block_rows": [12, 18],
+}
+LARGE_CONDITIONS = 100
 NODES, CORES = 100, 32
 JOB_MINUTES = 30.0
 
@@ -153,7 +159,8 @@ def write_dag():
 
 @block("scaling-million", ("benchmarks/scaling.py", *MODEL))
 def write_million():
-    config = make_sweep(MILLION, job_minutes=JOB_MINUTES)
+    config = make_sweep(TRIALS, job_minutes=JOB_MINUTES)
+    config["studies"]["sweep"] |= {"points": LARGE_POINTS, "trials": MILLION // LARGE_CONDITIONS}
     _, studies = read_studies(config)
     study = studies["sweep"]
     jobs = [describe_chunk(study, "sweep", chunk) for chunk in range(len(study.chunks))]
@@ -164,7 +171,8 @@ def write_million():
     longest = max(job.seconds for job in jobs) / 60
     memory = max(job.mem_mb(1) for job in jobs)
     return (
-        f"{MILLION:,} trials of {DURATION:g} s, {_count_points()} points of {CONDITIONS} conditions, {len(METHODS)} "
+        f"{MILLION:,} trials of {DURATION:g} s, {len(study.point_list)} points of {LARGE_CONDITIONS} "
+        f"conditions, {len(METHODS)} "
         f"methods, tables alone: {hours:.0f} core hours in {len(jobs):,} jobs of at most {longest:.0f} min, with "
         f"{memory:,} MB of memory each; {disk:.1f} GB in about {2 * len(jobs) + 2:,} files. On {NODES} nodes "
         f"of {CORES} cores these are {rounds} round(s) of jobs: {rounds * longest:.0f} minutes and the waiting in "

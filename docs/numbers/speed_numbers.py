@@ -11,11 +11,15 @@ from functools import cache
 from statistics import median
 
 import pandas as pd
+import yaml
 from blocks import ROOT, Unavailable, block
 from report import describe_ratios, describe_torques, format_table
 from runs import RESULTS, markdown_table
 
 from ankleloop import simulate
+from ankleloop.replication.trial_tables import read_trial_table
+from ankleloop.studies.results import run_studies
+from ankleloop.studies.study import read_studies
 
 PEERS = ROOT / ".venv" / "peers"
 BENCHMARKS = ("peers", "programs", "datasets", "kernels", "report")
@@ -90,19 +94,23 @@ def _describe_share(row):
 
 @block("speed-make", ("workflow/rules/simulate.smk", "workflow/rules/identify.smk", "config/config.yaml"))
 def write_jobs():
+    config, studies = read_studies(yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8")))
     rows = []
-    for folder in sorted((ROOT / "logs" / "identify").glob("*")):
-        seconds = {rule: _sum_seconds(rule, folder.name) for rule in ("simulate", "identify")}
-        estimates = sum(len(pd.read_csv(path)) for path in (RESULTS / "parameters" / folder.name).glob("*.csv"))
-        rows.append([f"`{folder.name}`", f"{estimates:,}", *(f"{value:.0f}" for value in seconds.values())])
-    if not rows:
-        raise Unavailable("there are no logs of jobs: run `make` first.")
+    for study in run_studies(config, studies):
+        table = RESULTS / "tables" / f"{study.name}-trials.parquet"
+        if not table.exists():
+            raise Unavailable("there are no results: run `make` first.")
+        simulated = _sum_seconds("simulate", study.name, len(study.trial_chunks))
+        identified = _sum_seconds("identify", study.name, len(study.chunks))
+        estimates = len(read_trial_table(table, ["trial"]))
+        rows.append([f"`{study.name}`", f"{estimates:,}", f"{simulated:.0f}", f"{identified:.0f}"])
     return markdown_table(["study", "estimates", "simulate [s]", "identify and score [s]"], rows)
 
 
-def _sum_seconds(rule, study):
-    """Seconds of all jobs of a rule for a study, from what Snakemake measured of them."""
-    return sum(pd.read_csv(path, sep="\t")["s"].sum() for path in (ROOT / "logs" / rule / study).glob("*.tsv"))
+def _sum_seconds(rule, study, chunks):
+    """Seconds of the jobs of a rule for the chunks of a study, from what Snakemake measured of them."""
+    paths = (ROOT / "logs" / rule / study / f"{chunk}.tsv" for chunk in range(chunks))
+    return sum(pd.read_csv(path, sep="\t")["s"].sum() for path in paths)
 
 
 @block("speed-imports", ("ankleloop.simulation.simulate",))

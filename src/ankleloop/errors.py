@@ -4,11 +4,30 @@ __all__ = ["NUMERICAL_ERRORS", "DataError", "UnstableLoopError"]
 
 
 class DataError(ValueError):
-    """Data that cannot be used: the message says what is wrong, where, and what to do."""
+    """Data that cannot be used: the message says what is wrong, where, and what to do.
+
+    Examples
+    --------
+    >>> from ankleloop import new_trial
+    >>> new_trial(position=[0.0, 0.1, float("nan")], torque=[0.0, 1.0, 2.0], sampling_rate=1000.0)
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: trial: position is not finite at sample 2 (0.002 s), 1 sample in all: cut the trial ...
+    """
 
 
 class UnstableLoopError(ValueError):
-    """A simulated loop that diverges: the message names the parameters that make it unstable."""
+    """A simulated loop that diverges: the message names the parameters that make it unstable.
+
+    Examples
+    --------
+    >>> from ankleloop import simulate
+    >>> try:
+    ...     simulate(seed=1, duration=2.0, reflex_gain=200.0)
+    ... except UnstableLoopError as error:
+    ...     print("reflex_gain" in str(error))
+    True
+    """
 
 
 # Of data and numerical routines: LinAlgError, DataError and UnstableLoopError are ValueErrors, FloatingPointError is an

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["kernel"]
+__all__ = ["is_kept", "kernel"]
 
 log = logging.getLogger(__name__)
 
@@ -62,6 +62,28 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         return compiled
 
     return compile_function
+
+
+def is_kept(function: Callable[..., Any]) -> bool:
+    """Whether machine code of a kernel is in a file, so that this process does not compile it anew.
+
+    Parameters
+    ----------
+    function : callable
+        A function that `kernel` decorates.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> import math
+    >>> is_kept(math.sqrt)
+    False
+    """
+    files = getattr(getattr(function, "_cache", None), "_cache_file", None)
+    return files is not None and os.path.exists(files._index_path)
 
 
 @cache

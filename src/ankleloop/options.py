@@ -39,6 +39,13 @@ def option(default: Any = ..., description: str = "", *, unit: str = "1", **boun
     Returns
     -------
     pydantic.fields.FieldInfo
+
+    Examples
+    --------
+    >>> class Window(Options):
+    ...     length: float = option(5.0, "length of the window", unit="s", gt=0)
+    >>> Window.unit("length"), Window.limits("length"), Window.defaults()
+    ('s', {'gt': 0}, {'length': 5.0})
     """
     return Field(default, description=description, json_schema_extra={"unit": unit}, **bounds)
 

@@ -38,6 +38,7 @@ class Quantity:
 
 
 QUANTITIES = {
+    "torque": Quantity("torque", "torque", "N·m"),
     "K": Quantity("intrinsic stiffness", "K", "N·m/rad"),
     "B": Quantity("intrinsic viscosity", "B", "N·m·s/rad"),
     "I": Quantity("intrinsic inertia", "I", "kg·m²"),

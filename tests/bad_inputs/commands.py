@@ -1,13 +1,16 @@
-"""Commands, with their exit status: a plan of the workflow, and setting up the environment."""
+"""Commands, with their exit status: those of ankleloop, a plan of the workflow, and setting up the environment."""
 
 import os
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
+from io import StringIO
 from pathlib import Path
 
+from ankleloop.command_line.main import main
 from bad_inputs.bad_input import BadInput, rows_of
-from bad_inputs.inputs import text_file
+from bad_inputs.inputs import POSITION, TIME, TORQUE, csv_file, csv_text, cut_off, mat_file, missing, text_file
 
 TITLE = "Commands"
 ROOT = Path(__file__).parents[2]
@@ -31,6 +34,27 @@ def set_up(python: Path) -> subprocess.CompletedProcess:
     """Set up an environment with a Python: make setup."""
     environment = f"VENV={python.parent / 'environment'}"
     return _run(ROOT, ["make", "setup", environment, f"PYTHON={python if python.is_file() else ''}"])
+
+
+def verb(*arguments: str) -> partial:
+    """Run a command of ankleloop in this process; FILE among its arguments is the input."""
+    return partial(_run_verb, arguments)
+
+
+def _run_verb(arguments: tuple[str, ...], path: Path) -> subprocess.CompletedProcess:
+    command = [argument.replace("FILE", str(path)) for argument in arguments]
+    output, errors = StringIO(), StringIO()
+    with redirect_stdout(output), redirect_stderr(errors):
+        status = main(command)
+    text = " ".join(errors.getvalue().split())  # click breaks lines
+    return subprocess.CompletedProcess(command, status, output.getvalue(), text)
+
+
+def _identified(folder: Path) -> Path:
+    """A recording beside results that somebody has made of it."""
+    (folder / "a.csv-results").mkdir()
+    (folder / "a.csv-results" / "a.html").write_text("the page of yesterday")
+    return csv_file()(folder)
 
 
 def _old_python(folder: Path) -> Path:
@@ -60,6 +84,85 @@ ROWS: list[BadInput] = [
         _recordings,
         "LABORATORY",
     ),
+]
+DATA, USAGE = 1, 2
+ROWS += [
+    rows_of(verb(*arguments))(wrong, make, *says, error=None, status=status, shown=f"ankleloop {' '.join(arguments)}")
+    for wrong, make, arguments, status, says in (
+        (
+            "two variables that may be the position",
+            csv_file(ankle_angle=POSITION),
+            ("check", "FILE"),
+            USAGE,
+            ("a.csv: 2 variables may be the position: position, ankle_angle.", "--position NAME"),
+        ),
+        (
+            "no variable that may be the torque",
+            text_file("a.csv", csv_text({"time": TIME, "angle": POSITION})),
+            ("identify", "FILE"),
+            USAGE,
+            ("no variable is called torque", "the file has: time, angle.", "--torque NAME"),
+        ),
+        (
+            "a variable that is not in the file",
+            csv_file(),
+            ("check", "FILE", "--torque", "moment"),
+            DATA,
+            ("a.csv: there is no variable 'moment'; the file has: time, position, torque.",),
+        ),
+        (
+            "a position in degrees that is said to be in rad",
+            text_file("a.csv", csv_text({"time": TIME, "angle_deg": POSITION, "torque": TORQUE})),
+            ("check", "FILE", "--position-unit", "rad"),
+            DATA,
+            ("angle_deg is in 'deg' according to the file", "on the command line this is --position-unit."),
+        ),
+        (
+            "no sampling rate",
+            mat_file(fs=None),
+            ("check", "FILE"),
+            DATA,
+            ("a.mat: there is no sampling rate", "on the command line this is --sampling-rate."),
+        ),
+        ("a record that is too short", csv_file(), ("check", "FILE"), DATA, ("record at least 10 s",)),
+        (
+            "half a file",
+            cut_off(mat_file()),
+            ("check", "FILE"),
+            DATA,
+            ("error: a.mat:", "file is whole"),
+        ),
+        ("a file of no known format", text_file("a.txt", "1 2"), ("check", "FILE"), DATA, ("a.txt: unknown kind of",)),
+        ("a file that is not there", missing("a.mat"), ("identify", "FILE"), USAGE, ("a.mat' does not exist",)),
+        (
+            "a sign that is none",
+            csv_file(),
+            ("identify", "FILE", "--torque-sign", "0"),
+            USAGE,
+            ("--torque-sign", "'0' is not one of '1', '-1'"),
+        ),
+        (
+            "results that exist",
+            _identified,
+            ("identify", "FILE"),
+            USAGE,
+            ("a.html: the file exists already", "--overwrite", "--output"),
+        ),
+        (
+            "a configuration that exists",
+            text_file("a.yaml", "run: [table1]"),
+            ("study", "FILE", "--sweep", "delay"),
+            USAGE,
+            ("a.yaml: the file exists already", "--overwrite"),
+        ),
+        (
+            "a sweep over a setting that does not exist",
+            missing("a.yaml"),
+            ("study", "FILE", "--sweep", "reflexgain"),
+            USAGE,
+            ("--sweep: there is no setting 'reflexgain'", "reflex_gain"),
+        ),
+    )
 ]
 if os.name == "posix":
     make = partial(rows_of(set_up), error=None, status=2, shown="make")

@@ -78,7 +78,19 @@ def _rows_of_names() -> list[BadInput]:
             f"{PLACE}: 'block_row' is not a setting of the simulation (did you mean 'block_rows'?)",
             "nor an option of a method of the study",
         ),
-        row("an option of no method of the study", points(max_passes=[2]), "'max_passes' is not a setting"),
+        row(
+            "an option of no method of the study",
+            points(max_passes=[2]),
+            f"{PLACE}: 'max_passes' is an option of parallel-cascade: the study has no such method; add one",
+        ),
+        row("text for a setting", points(reflex_gain=["ten"]), f"{PLACE} → reflex_gain=ten → reflex_gain", "got 'ten'"),
+        row("a flag for a number", points(reflex_gain=[True]), f"{PLACE} → reflex_gain=True", "got True"),
+        row("a fraction of an order", points(order=[2.5]), "pr → order [1]: must be a whole number", "got 2.5"),
+        row("an unknown choice", points(perturbation=["prbss"]), "must be one of 'prbs' or 'pulses'; got 'prbss'"),
+        row("null for a number", points(reflex_gain=[None]), f"{PLACE} → reflex_gain=None → reflex_gain", "got None"),
+        row("a list for a value", points(reflex_gain=[[1, 2]]), "each value must be a single one, got [1, 2]"),
+        row("a value without a list", points(reflex_gain=3), "must have a list of values, or a range"),
+        row("a value that is listed twice", points(zeta=[1, 1.0]), "the point zeta=1.0 is listed twice"),
         row(
             "an option of an unknown method",
             points(**{"prr.order": [2]}),
@@ -140,6 +152,18 @@ def _rows_of_ranges() -> list[BadInput]:
             points(zeta={"start": 2, "stop": 1, "step": 0.5}),
             "zeta: stop must be at least start (2), got 1",
         ),
+        row("a step down", points(zeta={"start": 2, "stop": 1, "step": -0.5}), "zeta → step", "above 0, got -0.5"),
+        row(
+            "a count of nothing",
+            points(zeta={"start": 1, "stop": 2, "count": 0}),
+            "zeta → count",
+            "2 and 100000, got 0",
+        ),
+        row(
+            "logarithms on both sides of zero",
+            points(voluntary={"start": -1, "stop": 1, "count": 3, "scale": "logarithmic"}),
+            "voluntary: a logarithmic scale begins above 0, got start: -1",
+        ),
         row("a step of nothing", points(zeta={"start": 1, "stop": 2, "step": 0}), "zeta → step", "got 0"),
         row("a range of one value", points(zeta={"start": 1, "stop": 2, "count": 1}), "zeta → count", "got 1"),
         row(
@@ -179,6 +203,22 @@ def _rows_of_designs() -> list[BadInput]:
     return [
         row("an unknown design", design(design="sobl"), f"{PLACE} → design: must be one of", "got 'sobl'"),
         row("a design without a seed", study(points={"design": "sobol"}), f"{PLACE}: the key 'count' is missing"),
+        row(
+            "a Sobol design whose count is no power of two",
+            design(count=100),
+            f"{PLACE}: the count of a Sobol design is a power of two, which fills space evenly: 64 or 128, got 100",
+        ),
+        row(
+            "a logarithmic design from zero",
+            design(parameters={"voluntary": {"start": 0, "stop": 1, "scale": "logarithmic"}}),
+            f"{PLACE} → parameters → voluntary: a logarithmic scale begins above 0",
+        ),
+        row(
+            "limits beyond the bounds of a setting",
+            design(parameters={"voluntary": {"start": -1, "stop": 0}}),
+            f"{PLACE} → voluntary=-",
+            "must be between 0 and",
+        ),
         row("a design of no points", design(count=0), f"{PLACE} → count", "got 0"),
         row("a design of a million points", design(count=10**6), f"{PLACE} → count", "100000"),
         row("a design of nothing", design(parameters={}), f"{PLACE} → parameters: must not be empty"),
@@ -201,7 +241,8 @@ def _rows_of_designs() -> list[BadInput]:
 def _rows_of_tables() -> list[BadInput]:
     return [
         row("no table of points", study(points={"table": "nowhere.csv"}), "there is no table", "nowhere.csv"),
-        row("keys beside a table", study(points={"table": "a.csv", "zeta": [1]}), f"{PLACE}: unknown key 'zeta'"),
+        row("keys beside a table", study(points={"table": "a.csv", "zeta": [1]}), f"{PLACE}: zeta stands beside table"),
+        row("a setting beside a design", design(zeta=[1]), f"{PLACE}: zeta stands beside design: points have one form"),
         row("a header without rows", table("zeta"), "sweep.csv has no rows"),
         row("semicolons", table("zeta;voluntary", "1;0"), "line 1: the columns are separated by semicolons"),
         row("two columns of one name", table("zeta,zeta", "1,2"), "line 1: 2 columns are called 'zeta'"),
@@ -211,6 +252,15 @@ def _rows_of_tables() -> list[BadInput]:
         row("nan for a number", table("zeta", "nan"), "sweep.csv, line 2 → zeta", "got 'nan'"),
         row("a fraction of a block row", table("block_rows", "12.5"), "line 2 → pr → block_rows", "got 12.5"),
         row("an empty cell", table("zeta,delay", "1,0.04", ",0.05"), "line 3: the cell of the column 'zeta' is empty"),
+        row(
+            "a column without values",
+            table("zeta,delay", "1,", "2,"),
+            "line 2: the cell of the column 'delay' is empty",
+        ),
+        row("a flag that is none", table("closed_loop", "maybe"), "line 2 → closed_loop: must be true or false"),
+        row("decimal commas", table("zeta", '"0,5"'), "sweep.csv, line 2 → zeta", "got '0,5'"),
+        row("null for a number in a row", table("zeta", "null"), "sweep.csv, line 2 → zeta", "got 'null'"),
+        row("an option of an unused method in a table", table("max_passes", "2"), "is an option of parallel-cascade"),
         row("a row cut off", table("zeta,delay", "1,0.04", "1"), "line 3: the row has 1 cells of 2"),
         row("a row twice", table("zeta", "1", "2", "1.0"), "line 4: the point zeta=1.0 is in", "line 2 already"),
         row(
@@ -220,7 +270,24 @@ def _rows_of_tables() -> list[BadInput]:
         ),
         row("text that is called Parquet", parquet(content="zeta\n1\n"), "sweep.parquet: the file cannot be read as"),
         row("a Parquet row out of range", parquet(zeta=[1.0, -1.0]), "sweep.parquet, row 2 → zeta", "got -1.0"),
+        row("text in Parquet", parquet(zeta=["one"]), "sweep.parquet, row 1 → zeta", "got 'one'"),
+        row("a Parquet row twice", parquet(zeta=[1.0, 2.0, 1.0]), "row 3: the point zeta=1.0 is in", "row 1 already"),
+        row("Parquet without rows", parquet(zeta=[]), "sweep.parquet has no rows"),
         row("an empty Parquet cell", parquet(zeta=[1.0, None]), "sweep.parquet, row 2, column zeta: there is no value"),
+    ]
+
+
+def _rows_of_pictures() -> list[BadInput]:
+    def shown(**keys: Any) -> Callable[[Path], Path]:
+        return study(points={"zeta": [0.5, 1.0]}, notebook="sweep", sweep=keys)
+
+    place = "config → studies → s → sweep"
+    return [
+        row("an axis that does not vary", shown(axes=["zetta"]), f"{place}: axes", "(did you mean 'zeta'?)"),
+        row("an unknown quantity", shown(quantities=["vaf_net_tru"]), f"{place}: quantities", "'vaf_net_true'"),
+        row("a quantity that is not scored", shown(quantities=["vaf_reflex_measured"]), "it has vaf_net_measured"),
+        row("a method minus itself", shown(difference=["riv", "riv"]), f"{place}: difference: 'riv' is listed twice"),
+        row("an unknown method", shown(methods=["rvi"]), f"{place}: methods: there is no method 'rvi'", "'riv'"),
     ]
 
 
@@ -247,5 +314,6 @@ ROWS: list[BadInput] = [
     *_rows_of_ranges(),
     *_rows_of_designs(),
     *_rows_of_tables(),
+    *_rows_of_pictures(),
     *_rows_of_jobs(),
 ]

@@ -28,10 +28,11 @@ TINY = {
     },
 }
 RULES = {
-    *("simulate", "identify", "recordings", "publish", "report", "figure"),
-    *("diagrams", "economy", "verify", "article", "all", "everything"),
+    *("simulate", "identify", "sweep", "sweep_estimates", "trial_table", "small_trial_table"),
+    *("recordings", "publish", "report", "figure"),
+    *("diagrams", "economy", "verify", "article", "crate", "index", "all", "everything"),
 }
-PLANNED = {"simulate": 2, "identify": 2, "report": 1, "figure": 2}
+PLANNED = {"simulate": 2, "identify": 2, "small_trial_table": 1, "report": 1, "figure": 2, "crate": 1, "index": 1}
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +84,9 @@ def test_resources_of_a_rule(clean, snakemake):
     for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
         memory.setdefault(rule, set()).update(re.findall(r"mem_mb=(\d+)", block))
     assert memory["identify"] == {"3000"}
-    assert memory["simulate"] == memory["verify"] == {"2000"}  # of profiles/default
+    # Each rule states its own, and none has that of profiles/default.
+    assert memory["simulate"] != memory["verify"]
+    assert "2000" not in memory["simulate"] | memory["verify"]
 
 
 def test_simulations_and_long_jobs_come_first(clean, snakemake):
@@ -138,7 +141,7 @@ def test_a_module_makes_its_results_in_the_folder_that_uses_it(clean, snakemake,
     table = pd.read_csv(tmp_path / "results/tables/tiny.csv")
     assert set(table["method"]) == {"pr-moesp", "riv"}
     assert set(table["n"]) == {3}
-    for suffix in ("png", "pdf"):
+    for suffix in ("png", "pdf", "csv"):
         assert (tmp_path / f"results/figures/tiny-figure3.{suffix}").stat().st_size > 4_000
     assert not (clean / "results").exists()
     # In the other folder the same study has the same results, with its chunks divided otherwise.

@@ -12,6 +12,7 @@ import yaml
 import ankleloop
 from ankleloop.replication.results import read_results
 from ankleloop.replication.trial_counts import COUNTS, count_outcomes, count_trials
+from ankleloop.replication.trial_tables import read_trial_table
 from ankleloop.studies.seeds import trial_entropy
 
 pytestmark = pytest.mark.workflow
@@ -37,7 +38,7 @@ def plan(snakemake):
 
 
 # Summaries of all studies, which follow any change in one of them; the economy is measured on Table 1.
-SUMMARIES = {"verify": 1, "article": 1}
+SUMMARIES = {"verify": 1, "article": 1, "crate": 1, "index": 1}
 ECONOMY = {"economy": 1}
 
 
@@ -47,9 +48,12 @@ def report_jobs(study, figures):
 
 def page(path):
     text = path.read_text(encoding="utf-8")
-    # Nothing is fetched: pictures are embedded, and there is no script or style from elsewhere.
-    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", text)
-    assert "<script" not in text
+    # Nothing is fetched: pictures are embedded, and scripts are in the page; tests/browser looks at it in a browser.
+    body = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", body)
+    assert "default-src 'none'" in body
+    assert "unsafe-eval" not in body
+    assert 'class="back" href="' in body
     assert "data:image/png;base64" in text
     assert "Traceback" not in text
     assert not re.search(r"\w+Warning: ", text)
@@ -74,14 +78,15 @@ def test_table_and_figure_of_the_paper(reproduction):
     markdown = (reproduction / "results/tables/table1.md").read_text(encoding="utf-8")
     assert "PR-MOESP" in markdown
     assert "N·m/rad" in markdown
-    for end in ("png", "pdf"):
+    for end in ("png", "pdf", "csv"):
         assert (reproduction / f"results/figures/table1-figure3.{end}").stat().st_size > 10_000
     assert "PR-MOESP" in page(reproduction / "results/reports/table1.html")
 
 
 def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
     for path in (reproduction / "results/tables").glob("*.csv"):
-        if path.stem == "economy":  # of runs that cannot fail, beside the studies
+        # The economy is that of runs that cannot fail; tables of trials have no means.
+        if path.stem == "economy" or path.stem.endswith("-trials"):
             continue
         table = pd.read_csv(path)
         details = read_results((reproduction / "results/parameters" / path.stem).glob("*.csv"))
@@ -93,6 +98,20 @@ def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
             assert expected.min() <= table["warnings"].min() <= table["warnings"].max() <= details["trial"].max() + 1
         page = (path.with_suffix(".md")).read_text(encoding="utf-8")
         assert all(name in page for name in COUNTS), path.name
+
+
+def test_the_table_of_all_trials_has_every_parameter_and_score(reproduction):
+    for path in (reproduction / "results/tables").glob("*-trials.parquet"):
+        study = path.stem.removesuffix("-trials")
+        key = ["point", "method", "trial"]
+        table = read_trial_table(path).astype({"point": str, "method": str}).set_index(key).sort_index()
+        parameters = read_results((reproduction / "results/parameters" / study).glob("*.csv")).set_index(key)
+        assert table.index.is_unique
+        assert list(table.index) == sorted(parameters.index)
+        scores = read_results((reproduction / "results/scores" / study).glob("*.csv"))
+        for (torque, against), rows in scores.groupby(["torque", "against"]):
+            values = table[f"vaf_{torque}_{against}"].dropna()
+            assert values.equals(rows.set_index(key)["vaf"].sort_index().rename(values.name))
 
 
 def test_scores_are_means_of_trials(reproduction):
@@ -190,21 +209,22 @@ def test_a_changed_library_reruns_what_uses_it(reproduction, plan, touch):
 
 def test_a_changed_diagram_reruns_what_draws_it(reproduction, plan, touch):
     touch("plotting/diagrams.py")
-    assert plan(reproduction, *CI) == {"diagrams": 1, "article": 1}
+    assert plan(reproduction, *CI) == {"diagrams": 1, "article": 1, "crate": 1, "index": 1}
 
 
 def test_a_changed_template_reruns_the_pages(reproduction, plan, touch):
-    touch("pages/templates/notebook.html.j2")
+    touch("pages/templates/base.html.j2")
     jobs = plan(reproduction, *CI)
-    assert {job.split()[0] for job in jobs} == {"report", "figure", "article"}
+    assert {job.split()[0] for job in jobs} == {"report", "figure", "article", "crate", "index"}
 
 
 def test_the_whole_paper_is_there(reproduction):
     """Figures 1 to 5 and Tables 1 and 2, the ledger and the article."""
     figures = ["figure1", "figure2", "table1-figure3", "figure4-figure4", "table2-figure5", "passes-passes"]
     for name in [*figures, "voluntary-stiffness", "load-vaf", "real-time-traces"]:
-        for end in ("png", "pdf"):
-            assert (reproduction / f"results/figures/{name}.{end}").stat().st_size > 4_000
+        ends = ("png", "pdf") if name in ("figure1", "figure2") else ("png", "pdf", "csv")
+        for end in ends:
+            assert (reproduction / f"results/figures/{name}.{end}").stat().st_size > (4_000 if end != "csv" else 500)
     ledger = pd.read_csv(reproduction / "results/verification.csv")
     claims = pd.read_csv(reproduction / "data/published/claims.csv")
     assert set(claims["id"]) <= set(ledger["id"])
@@ -286,7 +306,10 @@ def test_recordings_of_a_laboratory(repository, laboratory, snakemake):
     assert "cannot be told without a usable reference" in page(repository / "results/reports/recordings/A1.html")
     assert "nowhere.csv" in (repository / "results/reports/recordings/A3.html").read_text(encoding="utf-8")
     assert (repository / "results/figures/recordings-group.png").stat().st_size > 10_000
-    exported = sorted(path.name for path in (repository / "results/estimates/recordings/A1").glob("[a-z]*"))
+    folder = repository / "results/estimates/recordings/A1"
+    numbers = sorted(path.stem.removeprefix("figure-") for path in folder.glob("figure-*.csv"))
+    assert numbers == ["models", "residuals", "spectra", "torques"]
+    exported = sorted(path.name for path in folder.glob("[a-z]*") if not path.name.startswith("figure-"))
     assert exported[:3] == ["parallel-cascade.csv", "parallel-cascade.mat", "parallel-cascade.nc"]
     assert len(exported) == 12
 

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import psutil
+import pytest
 
 PROGRAM = Path(sys.executable).with_name("snakemake")
 # One study of two points in four chunks, two methods, and its notebook: every kind of job that a study has.
@@ -28,6 +29,8 @@ STUDY = {
     },
 }
 CHUNKS = 4
+# Files that hold times of the run.
+DATED = {".snakemake_timestamp", "index.html", "ro-crate-metadata.json"}
 
 
 class Run:
@@ -83,9 +86,9 @@ class Run:
 
 
 def read_results(folder):
-    """Content of every file below `results`, by its path."""
+    """Content of every file below `results` by its path, but for those that say when they were made."""
     root = Path(folder) / "results"
-    files = [path for path in sorted(root.rglob("*")) if path.is_file() and path.name != ".snakemake_timestamp"]
+    files = [path for path in sorted(root.rglob("*")) if path.is_file() and path.name not in DATED]
     return {str(path.relative_to(root)): path.read_bytes() for path in files}
 
 
@@ -93,3 +96,15 @@ def list_differences(expected, results):
     """Files that are missing, that are new, or whose bytes differ."""
     names = sorted(set(expected) | set(results))
     return [name for name in names if expected.get(name) != results.get(name)]
+
+
+@contextlib.contextmanager
+def mount(*arguments, folder):
+    """Mount a file system on a folder; skip where that is not allowed."""
+    process = subprocess.run(["mount", *arguments, str(folder)], capture_output=True, text=True)
+    if process.returncode:
+        pytest.skip(f"this user may not mount a file system: {process.stderr.strip()}")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "--lazy", str(folder)], check=True)

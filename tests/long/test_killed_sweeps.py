@@ -1,9 +1,13 @@
-"""A sweep that keeps no trials: a killed job is repeated alone, and a sweep that was stopped in the middle goes on."""
+"""A sweep that keeps no trials: killed jobs, a sweep that was stopped in the middle, and a full disk."""
+
+import os
+import re
+import subprocess
 
 import psutil
 import pytest
 import yaml
-from runs import list_differences, read_results
+from runs import Run, list_differences, mount, read_results
 
 TRIALS = 4  # of two points, each a job
 CONFIG = {
@@ -22,6 +26,7 @@ CONFIG = {
         }
     },
 }
+PAGE = os.sysconf("SC_PAGE_SIZE")  # the least that a file takes [bytes]
 JOBS = 2 * TRIALS  # the points that differ in block rows share their trials
 
 
@@ -48,15 +53,22 @@ def finished(folder):
     return {path.name: path.stat().st_mtime_ns for path in files}
 
 
-def test_a_sweep_goes_on_after_its_jobs_and_itself_were_killed(start, config, tmp_path, record):
-    undisturbed, folder = tmp_path / "undisturbed", tmp_path / "work"
-    undisturbed.mkdir()
-    folder.mkdir()
-    assert count_jobs(run_to_end(start, undisturbed, config)) == JOBS
-    expected = read_results(undisturbed)
-    assert {"tables/sweep-trials.parquet", "tables/sweep-trials.csv"} <= set(expected)
-    assert not [name for name in expected if name.endswith(".nc")]
+@pytest.fixture(scope="module")
+def expected(repository, config, tmp_path_factory):
+    """Results of a sweep that nothing disturbs."""
+    folder = tmp_path_factory.mktemp("sweep")
+    run = Run(repository, folder, folder.with_suffix(".log"), "--configfile", str(config))
+    assert run.wait() == 0, run.text
+    assert count_jobs(run.text) == JOBS
+    results = read_results(folder)
+    assert {"tables/sweep-trials.parquet", "tables/sweep-trials.csv"} <= set(results)
+    assert not [name for name in results if name.endswith(".nc")]
+    return results
 
+
+def test_a_sweep_goes_on_after_its_jobs_and_itself_were_killed(start, config, expected, tmp_path, record):
+    folder = tmp_path / "work"
+    folder.mkdir()
     run = start(folder, "--configfile", str(config), "--keep-going")
     run.wait_for(lambda: jobs_of(run))
     victim = jobs_of(run)[0]
@@ -80,6 +92,56 @@ def test_a_sweep_goes_on_after_its_jobs_and_itself_were_killed(start, config, tm
     record({"jobs": JOBS, "finished_when_stopped": kept, "jobs_afterwards": repeated})
     assert JOBS - kept <= repeated <= JOBS - kept + 2  # those that ran on two cores are repeated
     assert not list_differences(expected, read_results(stopped))
+
+
+def test_a_killed_job_is_tried_again_with_twice_the_memory_and_time(start, config, expected, tmp_path):
+    run = start(tmp_path, "--configfile", str(config), "--retries", "1")
+    run.wait_for(lambda: jobs_of(run))
+    jobs_of(run)[0].kill()
+    assert run.wait() == 0, run.text
+    requests = {}
+    pattern = r"^(?:local)?rule sweep:\n.*?output: (\S+),.*?mem_mb=(\d+),.*?runtime=(\d+)"
+    for path, memory, minutes in re.findall(pattern, run.text, re.DOTALL | re.MULTILINE):
+        requests.setdefault(path, []).append((int(memory), int(minutes)))
+    assert len(requests) == JOBS
+    (repeated,) = [attempts for attempts in requests.values() if len(attempts) > 1]
+    (memory, minutes), again = repeated
+    assert again == (2 * memory, 2 * minutes)
+    assert not list_differences(expected, read_results(tmp_path))
+
+
+def test_a_full_disk_is_named_by_jobs_and_table_and_loses_nothing(start, config, expected, tmp_path):
+    arguments = ("--configfile", str(config), "--rerun-incomplete", "--keep-going")
+    results = tmp_path / "results"
+    results.mkdir()
+
+    def resize(size):
+        subprocess.run(["mount", "-o", f"remount,size={size}", str(results)], check=True)
+
+    def check_message(run, rule):
+        assert re.search(rf"^rule {rule}, study sweep.*No space left on device", run.text, re.MULTILINE), run.text
+        assert not list(results.rglob("*.part"))
+
+    with mount("-t", "tmpfs", "-o", f"size={4 * PAGE}", "tmpfs", folder=results):
+        run = start(tmp_path, *arguments)
+        assert run.wait() != 0
+        check_message(run, "sweep")
+        kept = finished(tmp_path)
+        assert len(kept) < JOBS
+        resize("1M")
+        run = start(tmp_path, *arguments, "--until", "sweep")
+        assert run.wait() == 0, run.text
+        assert kept.items() <= finished(tmp_path).items()
+        kept = finished(tmp_path)
+        disk = os.statvfs(results)
+        resize((disk.f_blocks - disk.f_bfree) * disk.f_frsize)
+        run = start(tmp_path, *arguments)
+        assert run.wait() != 0
+        check_message(run, "small_trial_table")
+        resize("8M")
+        assert count_jobs(run_to_end(start, tmp_path, config)) == 0
+        assert finished(tmp_path) == kept
+        assert not list_differences(expected, read_results(tmp_path))
 
 
 def jobs_of(run):

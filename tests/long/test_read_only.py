@@ -4,6 +4,8 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 from runs import PROGRAM, list_differences, read_results
@@ -26,15 +28,24 @@ for folder in (pathlib.Path.home(), pathlib.Path(ankleloop.__file__).parent):
 
 
 @pytest.fixture
-def run_as_nobody(tmp_path):
+def folders():
+    """A home that can only be read, and folders `work` and `tmp`; those of pytest are closed to all other users."""
+    with tempfile.TemporaryDirectory() as path:
+        folder = Path(path)
+        folder.chmod(0o755)
+        for name in ("home", "work", "tmp"):
+            (folder / name).mkdir()
+        (folder / "home").chmod(0o555)
+        for name in ("work", "tmp"):
+            shutil.chown(folder / name, int(NOBODY), int(NOBODY))
+        yield folder
+
+
+@pytest.fixture
+def run_as_nobody(folders):
     """Run a program as a user without any rights but to read, in a folder that it may write."""
     if os.geteuid() != 0 or not shutil.which("setpriv"):
         pytest.skip("only root can become a user who may write nothing.")
-    for name in ("home", "work", "tmp"):
-        (tmp_path / name).mkdir()
-    (tmp_path / "home").chmod(0o555)
-    for name in ("work", "tmp"):
-        shutil.chown(tmp_path / name, int(NOBODY), int(NOBODY))
     # Python itself may lie in a folder of root: this user may read everything.
     user = ["setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups"]
     user += ["--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search"]
@@ -43,8 +54,8 @@ def run_as_nobody(tmp_path):
         variables = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
         process = subprocess.run(
             [*user, *map(str, command)],
-            cwd=tmp_path / "work",
-            env={**variables, "HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path / "tmp"), **environment},
+            cwd=folders / "work",
+            env={**variables, "HOME": str(folders / "home"), "TMPDIR": str(folders / "tmp"), **environment},
             capture_output=True,
             text=True,
         )
@@ -63,10 +74,10 @@ def source(repository, tmp_path):
     return os.pathsep.join([str(folder), path]).rstrip(os.pathsep)
 
 
-def test_kernels_are_compiled_in_memory_or_kept_where_a_variable_says(run_as_nobody, source, tmp_path):
+def test_kernels_are_compiled_in_memory_or_kept_where_a_variable_says(run_as_nobody, source, folders):
     warned, value = run_as_nobody(sys.executable, "-c", CODE, PYTHONPATH=source).split()
     assert warned == "1"
-    folder = tmp_path / "work" / "kernels"
+    folder = folders / "work" / "kernels"
     for _ in range(2):
         answer = run_as_nobody(sys.executable, "-c", CODE, PYTHONPATH=source, NUMBA_CACHE_DIR=str(folder))
         assert answer.split() == ["0", value]
@@ -75,11 +86,11 @@ def test_kernels_are_compiled_in_memory_or_kept_where_a_variable_says(run_as_nob
     assert sorted(folder.rglob("*.nbc")) == files
 
 
-def test_a_study_runs_with_a_cache_of_its_own(run_as_nobody, source, repository, study_file, undisturbed, tmp_path):
+def test_a_study_runs_with_a_cache_of_its_own(run_as_nobody, source, repository, study_file, undisturbed, folders):
     expected, _ = undisturbed
     snakefile = repository / "Snakefile"
     path = f"{PROGRAM.parent}{os.pathsep}{os.environ['PATH']}"
-    cache = str(tmp_path / "work" / "cache")
+    cache = str(folders / "work" / "cache")
     arguments = (PROGRAM, "--cores", "2", "--snakefile", snakefile, "--configfile", study_file)
     run_as_nobody(*arguments, PYTHONPATH=source, PATH=path, XDG_CACHE_HOME=cache)
-    assert not list_differences(expected, read_results(tmp_path / "work"))
+    assert not list_differences(expected, read_results(folders / "work"))

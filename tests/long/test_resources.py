@@ -5,23 +5,11 @@ import re
 import shutil
 import signal
 import subprocess
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 import psutil
 import pytest
-from runs import CHUNKS, list_differences, read_results
-
-
-@contextmanager
-def mount(*arguments, folder):
-    """Mount a file system on a folder; skip where that is not allowed."""
-    process = subprocess.run(["mount", *arguments, str(folder)], capture_output=True, text=True)
-    if process.returncode:
-        pytest.skip(f"this user may not mount a file system: {process.stderr.strip()}")
-    try:
-        yield
-    finally:
-        subprocess.run(["umount", "--lazy", str(folder)], check=True)
+from runs import CHUNKS, list_differences, mount, read_results
 
 
 def test_a_full_disk_is_named_and_with_more_space_the_run_ends_as_undisturbed(

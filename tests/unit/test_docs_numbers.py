@@ -38,8 +38,17 @@ def test_no_number_is_older_than_its_source(renew, blocks):
 
 
 def test_stamps_have_date_and_commit(blocks):
-    for name, (_, stamp) in blocks.read_stamps().items():
-        assert re.fullmatch(r"\d{4}-\d\d-\d\d, commit [0-9a-f]{7,}, source [0-9a-f]{12}", stamp), name
+    form = r"\d{4}-\d\d-\d\d, commit [0-9a-f]{7,}, source [0-9a-f]{12}"
+    stale = [name for name, (_, stamp) in blocks.read_stamps().items() if not re.fullmatch(form, stamp or "")]
+    assert not stale, "these blocks were never written, or with changes that are not committed: run `make docs-numbers`"
+
+
+def test_a_block_that_was_never_written_is_out_of_date(blocks, tmp_path, monkeypatch):
+    page = tmp_path / "page.md"
+    page.write_text("<!-- numbers: new -->\n<!-- end of numbers -->\n", encoding="utf-8")
+    monkeypatch.setattr(blocks, "PAGES", [page])
+    assert blocks.read_stamps() == {"new": (page, None)}
+    assert not blocks.is_current(blocks.Block("new", test_stamps_have_date_and_commit, ()), None)
 
 
 def test_the_fingerprint_follows_code_and_nothing_else(blocks, tmp_path, monkeypatch):
@@ -76,7 +85,7 @@ def test_a_block_is_replaced_and_its_neighbours_stay(blocks):
 # A measured number: a time, memory, a spread or a share of trials. Definitions (filters, rates, thresholds, settings of
 # the paper) are not measured; a line that needs one of these units for a definition is listed with its text.
 MEASURED = re.compile(r"±\s?\d|\d\s?(?:ms|µs|MiB|MB|GB|min|minutes?|seconds?|hours?|times)\b|\bmedian\b")
-DEFINITIONS = ("poles 0.75 ± 0.37j", "(±40 ms)", "10 s and 1 s for each MB")
+DEFINITIONS = ("poles 0.75 ± 0.37j", "(±40 ms)", "10 s and 1 s for each MB", "default: 1 minute", "passes ±1 rad")
 
 
 def measured_lines(text, blocks):

@@ -126,3 +126,17 @@ def test_where_no_folder_can_be_written_it_says_so_and_the_function_still_runs(l
         functions = [load(), load()]
     assert [str(record.message) for record in records] == [NO_FOLDER]
     assert [function(np.arange(5.0)) for function in functions] == [10.0, 10.0]
+
+
+def test_whether_machine_code_is_kept(tmp_path, monkeypatch):
+    from ankleloop.kernels import is_kept, kernel
+
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
+
+    def double(value):
+        return 2 * value
+
+    compiled = kernel()(double)
+    assert not is_kept(compiled)
+    compiled(2.0)
+    assert is_kept(compiled)

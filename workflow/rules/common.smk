@@ -59,6 +59,13 @@ RECORDED = alternatives(
     name for name, study in STUDIES.items() if isinstance(study, RecordedStudy)
 )
 
+# Studies whose table of all trials is small: it is written as CSV, too.
+SMALL = [
+    study.name
+    for study in run_studies(CONFIG, STUDIES)
+    if isinstance(study, SimulatedStudy) and count_rows(study) <= MOST_TEXT_ROWS
+]
+
 
 wildcard_constraints:
     study=alternatives(STUDIES),
@@ -146,6 +153,36 @@ def trial_file_of(wildcards):
     """Trial file that holds the trials of a chunk."""
     number = study_of(wildcards).trial_chunk_of(chunk_of(wildcards))
     return f"results/trials/{wildcards.study}/{number}.nc"
+
+
+def trial_table_files(study):
+    """Files of the table of all trials of a study; none of recordings."""
+    if isinstance(study, RecordedStudy):
+        return []
+    suffixes = ["parquet", "csv"] if study.name in SMALL else ["parquet"]
+    return [f"results/tables/{study.name}-trials.{suffix}" for suffix in suffixes]
+
+
+def trial_table_of(wildcards):
+    """Table of all trials of a study, as Parquet."""
+    return trial_table_files(study_of(wildcards))[:1]
+
+
+def score_files_of(wildcards):
+    """Scores of a study; recordings have none."""
+    study = study_of(wildcards)
+    return chunk_files("scores", study) if isinstance(study, SimulatedStudy) else []
+
+
+def parameter_files_of(wildcards):
+    return chunk_files("parameters", study_of(wildcards))
+
+
+def unless_sweep(files):
+    """Files of a study for its notebook; that of a sweep reads the table of all trials alone."""
+    return lambda wildcards: (
+        [] if shows_sweep(study_of(wildcards)) else files(wildcards)
+    )
 
 
 def chunk_files_of_article(kind):

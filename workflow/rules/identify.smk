@@ -22,16 +22,9 @@ rule identify:
         mem_mb=chunk_memory("identify"),
         runtime=chunk_runtime("identify"),
     params:
-        points=lambda wildcards: study_of(wildcards).identified_points(
+        arguments=lambda wildcards: study_of(wildcards).identification_arguments(
             chunk_of(wildcards)
         ),
-        trials=lambda wildcards: study_of(wildcards).identified_trials(
-            chunk_of(wildcards)
-        ),
-        methods=lambda wildcards: study_of(wildcards).identified_methods,
-        against=lambda wildcards: study_of(wildcards).settings.against,
-        precision=lambda wildcards: study_of(wildcards).settings.precision,
-        failures=lambda wildcards: study_of(wildcards).settings.failures,
         library=library("workflow/scripts/identify.py"),
     script:
         "../scripts/identify.py"

@@ -1,31 +1,10 @@
 # One notebook for each study: its tables, its figures and a page that needs nothing else.
-def unless_sweep(files):
-    """Files of a study for its notebook; that of a sweep reads the table of all trials alone."""
-    return lambda wildcards: (
-        [] if shows_sweep(study_of(wildcards)) else files(wildcards)
-    )
-
-
-def score_files_of(wildcards):
-    """Scores of a study; recordings have none."""
-    study = study_of(wildcards)
-    return chunk_files("scores", study) if isinstance(study, SimulatedStudy) else []
-
-
-def trial_table_of(wildcards):
-    """Table of all trials of a study; none of recordings."""
-    study = study_of(wildcards)
-    return trial_table_files(study)[:1] if isinstance(study, SimulatedStudy) else []
-
-
 rule report:
     input:
         trials=unless_sweep(trial_files_of),
         estimates=unless_sweep(estimates_of),
         scores=unless_sweep(score_files_of),
-        parameters=unless_sweep(
-            lambda wildcards: chunk_files("parameters", study_of(wildcards))
-        ),
+        parameters=unless_sweep(parameter_files_of),
         table=trial_table_of,
         notebook=lambda wildcards: repository_file(notebook_of(wildcards)),
         published=PUBLISHED,
@@ -71,7 +50,7 @@ rule report:
         "../scripts/render.py"
 
 
-# A figure of a notebook, under the name that a reader opens.
+# A figure of a notebook with the numbers that it draws, under the names that a reader opens.
 rule figure:
     input:
         folder="results/rendered/{study}",
@@ -82,6 +61,7 @@ rule figure:
             caption="../report/study.rst",
         ),
         pdf="results/figures/{study}-{figure}.pdf",
+        csv="results/figures/{study}-{figure}.csv",
     log:
         "logs/figure/{study}-{figure}.log",
     localrule: True
@@ -92,4 +72,4 @@ rule figure:
         notebook=lambda wildcards: study_of(wildcards).settings.notebook,
         stem=lambda wildcards, input: f"{input.folder}/{wildcards.study}-{wildcards.figure}",
     shell:
-        "(cp {params.stem}.png {output.png} && cp {params.stem}.pdf {output.pdf}) > {log} 2>&1"
+        "(cp {params.stem}.png {output.png} && cp {params.stem}.pdf {output.pdf} && cp {params.stem}.csv {output.csv}) > {log} 2>&1"

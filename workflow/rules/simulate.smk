@@ -18,12 +18,9 @@ rule simulate:
         mem_mb=chunk_memory("simulate"),
         runtime=chunk_runtime("simulate"),
     params:
-        seed=lambda wildcards: study_of(wildcards).settings.seed,
-        points=lambda wildcards: study_of(wildcards).simulated_points(
-            chunk_of(wildcards), stored=True
+        arguments=lambda wildcards: study_of(wildcards).simulation_arguments(
+            chunk_of(wildcards)
         ),
-        precision=lambda wildcards: study_of(wildcards).settings.precision,
-        failures=lambda wildcards: study_of(wildcards).settings.failures,
         library=library("workflow/scripts/simulate.py"),
     script:
         "../scripts/simulate.py"

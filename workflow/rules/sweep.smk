@@ -18,17 +18,9 @@ rule sweep:
         mem_mb=chunk_memory("sweep"),
         runtime=chunk_runtime("sweep"),
     params:
-        seed=lambda wildcards: study_of(wildcards).settings.seed,
-        conditions=lambda wildcards: study_of(wildcards).simulated_points(
+        arguments=lambda wildcards: study_of(wildcards).sweep_arguments(
             chunk_of(wildcards)
         ),
-        points=lambda wildcards: study_of(wildcards).identified_points(
-            chunk_of(wildcards)
-        ),
-        methods=lambda wildcards: study_of(wildcards).identified_methods,
-        against=lambda wildcards: study_of(wildcards).settings.against,
-        precision=lambda wildcards: study_of(wildcards).settings.precision,
-        failures=lambda wildcards: study_of(wildcards).settings.failures,
         library=library("workflow/scripts/sweep.py"),
     script:
         "../scripts/sweep.py"

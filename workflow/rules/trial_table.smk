@@ -1,18 +1,5 @@
 # All trials of a study in one table: a row for each point, method and trial, with scores and parameters. Small ones are
 # written as CSV, too.
-SMALL = [
-    study.name
-    for study in run_studies(CONFIG, STUDIES)
-    if isinstance(study, SimulatedStudy) and count_rows(study) <= MOST_TEXT_ROWS
-]
-
-
-def trial_table_files(study):
-    """Files of the table of the trials of a study."""
-    suffixes = ["parquet", "csv"] if study.name in SMALL else ["parquet"]
-    return [f"results/tables/{study.name}-trials.{suffix}" for suffix in suffixes]
-
-
 rule trial_table:
     input:
         scores=collect("results/scores/{{study}}/{chunk}.csv", chunk=chunks),

@@ -6,15 +6,5 @@ from job import print_failures, running
 
 with running(snakemake):
     files = {name: snakemake.output[name] for name in FILES}
-    identify_chunk(
-        snakemake.input.trials,
-        files,
-        snakemake.wildcards.study,
-        snakemake.params.points,
-        snakemake.params.methods,
-        trials=snakemake.params.trials,
-        against=snakemake.params.against,
-        precision=snakemake.params.precision,
-        failures=snakemake.params.failures,
-    )
+    identify_chunk(snakemake.input.trials, files, snakemake.wildcards.study, **snakemake.params.arguments)
     print_failures(snakemake)

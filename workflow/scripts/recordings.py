@@ -15,7 +15,8 @@ with running(snakemake):
     folder.mkdir(parents=True, exist_ok=True)
     window = {name: snakemake.params.figure[name] for name in ("start", "length")}
     points, tables = snakemake.params.points, []
-    results = analyse_recordings(points, snakemake.params.methods, folder, window)
+    # Rule `publish` copies the pages to results/reports/{study}.
+    results = analyse_recordings(points, snakemake.params.methods, folder, window, index="../../index.html")
     for name, table, refusals in progress(results, len(points), "analysed"):
         tables.append(table)
         for text in refusals:

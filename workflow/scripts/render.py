@@ -1,14 +1,16 @@
 """Run a notebook with parameters, and render it as one HTML page that needs no other files."""
 
+import json
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+import matplotlib
 import nbformat
 import papermill
 from nbconvert import HTMLExporter
 
-from ankleloop.pages.notebooks import render_notebook_page
+from ankleloop.pages.notebooks import find_captions, render_notebook_page
 from ankleloop.records.files import atomic_file
 from ankleloop.replication.completeness import check_study
 from ankleloop.replication.results import KEYS
@@ -31,6 +33,9 @@ def check_parameters(notebook: str, parameters: Mapping) -> None:
 
 def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
     """Run a notebook."""
+    # Where the home cannot be written, they name another folder to the notebook, whose page would show the message.
+    matplotlib.get_configdir()
+    matplotlib.get_cachedir()
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/executed.ipynb"
         papermill.execute_notebook(notebook, path, parameters, kernel_name="python3", progress_bar=False)
@@ -64,15 +69,26 @@ def describe_failures_of(parameters: Mapping) -> str:
     return describe_failures(read_trial_table(parameters["table_file"], [*KEYS, "failure"]))
 
 
+def write_captions(captions: Mapping[bytes, str], folder: Path) -> None:
+    """Captions of the figures in a folder by their names, for the page that lists all results."""
+    names = {path.stem: captions[path.read_bytes()] for path in sorted(folder.glob("*.png"))}
+    (folder / "captions.json").write_text(json.dumps(names, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
 with running(snakemake):
     notebook, parameters = snakemake.input.notebook, dict(snakemake.params.parameters)
     check_parameters(notebook, parameters)
     check_results_of(parameters)
     if snakemake.output.get("figures"):  # a folder, which the notebook fills
         Path(snakemake.output.figures).mkdir(parents=True, exist_ok=True)
-    body = export_outputs(execute(notebook, parameters))
+    executed = execute(notebook, parameters)
+    captions = find_captions(executed)
+    if snakemake.output.get("figures"):
+        write_captions(captions, Path(snakemake.output.figures))
+    body = export_outputs(executed)
     log.info("executed %s", notebook)
     report = next(path for path in snakemake.output if path.endswith(".html"))
     with atomic_file(report, overwrite=True) as path:
-        page = render_notebook_page(parameters["title"], body, describe_failures_of(parameters))
+        note, index = describe_failures_of(parameters), "index.html" if "studies" in parameters else "../index.html"
+        page = render_notebook_page(parameters["title"], body, note, index=index)
         path.write_text(page, encoding="utf-8")

@@ -5,12 +5,6 @@ from ankleloop.studies.simulation import simulate_chunk
 from job import print_failed_trials, running
 
 with running(snakemake):
-    failed = simulate_chunk(
-        snakemake.output.trials,
-        snakemake.wildcards.study,
-        snakemake.params.seed,
-        snakemake.params.points,
-        snakemake.params.precision,
-        snakemake.params.failures,
-    )
+    study, path = snakemake.wildcards.study, snakemake.output.trials
+    failed = simulate_chunk(path, study, **snakemake.params.arguments)
     print_failed_trials(snakemake, failed)

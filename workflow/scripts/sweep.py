@@ -5,16 +5,7 @@ from ankleloop.studies.sweep_job import sweep_chunk
 from job import print_failed_trials, print_failures, running
 
 with running(snakemake):
-    failed = sweep_chunk(
-        dict(snakemake.output.items()),
-        snakemake.wildcards.study,
-        snakemake.params.seed,
-        snakemake.params.conditions,
-        snakemake.params.points,
-        snakemake.params.methods,
-        against=snakemake.params.against,
-        precision=snakemake.params.precision,
-        failures=snakemake.params.failures,
-    )
+    files, study = dict(snakemake.output.items()), snakemake.wildcards.study
+    failed = sweep_chunk(files, study, **snakemake.params.arguments)
     print_failed_trials(snakemake, failed)
     print_failures(snakemake)

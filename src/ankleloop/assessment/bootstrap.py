@@ -42,6 +42,13 @@ class Bootstrap:
         neither the samples nor the intervals count them.
     reasons : dict of str to int
         How many of them failed with each error.
+
+    Examples
+    --------
+    >>> from ankleloop import simulate
+    >>> bootstrap = block_bootstrap(simulate(seed=1, duration=20.0), "riv", repetitions=2)
+    >>> len(bootstrap.samples), bootstrap.failed
+    (2, 0)
     """
 
     estimate: Estimate

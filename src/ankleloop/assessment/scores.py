@@ -112,21 +112,21 @@ def score_rows(
     return rows
 
 
-def _scored_samples(estimate: Estimate, trim: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Mask of the samples of an estimate that are scored, the times of all samples [s] and their rate [Hz]."""
+def _scored_samples(estimate: Estimate, trim: float) -> tuple[slice, np.ndarray, float]:
+    """The samples of an estimate that are scored, the times of all samples [s] and their rate [Hz]."""
     if not isinstance(estimate, Estimate):
         raise TypeError(f"estimate must be an Estimate, as identify returns it, got {show_value(estimate)}.")
     trim = check_number("evaluate", "trim", trim, "s", ge=0, le=1e6)
     time = estimate.torque.variables["time"].values
-    inside = (time >= time[0] + trim) & (time <= time[-1] - trim)
-    if inside.sum() < 2:
+    inside = slice(np.searchsorted(time, time[0] + trim), np.searchsorted(time, time[-1] - trim, side="right"))
+    if inside.stop - inside.start < 2:
         raise DataError(f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s.")
     return inside, time, estimate.torque.attrs["identification_rate"]
 
 
 def _check_times(trial: PreparedTrial, time: np.ndarray) -> None:
     """Refuse an estimate of times that the trial does not have: it is that of another trial, or of more of it."""
-    recorded = trial.samples("time")
+    recorded = trial.time
     tolerance = 0.5 / trial.rate
     if time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance:
         raise DataError(

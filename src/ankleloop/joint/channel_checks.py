@@ -9,8 +9,8 @@ from math import ceil
 
 import numpy as np
 
-from ankleloop.joint.check_kernels import find_run, may_stay_at_end, scan_samples
-from ankleloop.joint.findings import Finding
+from ankleloop.joint.check_kernels import has_run, may_stay_at_end, scan_samples
+from ankleloop.joint.findings import CHANNEL_UNITS, Finding
 from ankleloop.joint.prepared import PreparedTrial
 
 __all__ = ["check_channel", "check_clipping", "check_rest", "check_spikes"]
@@ -25,7 +25,6 @@ SPIKE = 0.003  # s on either side
 PARTS = (5, 10)  # fewest and most parts of the record: a perturbation is in most of them, a spike is not
 SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
 SPIKE_SIZE = 0.5  # standard deviations of the channel
-UNITS = {"position": "rad", "torque": "N·m", "reference": "rad"}
 
 
 def check_channel(trial: PreparedTrial, name: str) -> list[Finding]:
@@ -48,7 +47,7 @@ def check_channel(trial: PreparedTrial, name: str) -> list[Finding]:
     findings = [_find_spike(trial, name, largest, usual)] if _stands_out(largest, usual) else []
     if repeated:
         findings += [check_clipping(trial, name)] if may_stay_at_end(x, CLIPPED_RUN) else []
-        findings += [check_rest(trial, name)] if find_run(x, max(1, ceil(REST * trial.rate))) >= 0 else []
+        findings += [check_rest(trial, name)] if has_run(x, max(1, ceil(REST * trial.rate))) else []
     return [finding for finding in findings if finding.verdict != "ok"]
 
 
@@ -97,7 +96,9 @@ def check_clipping(trial: PreparedTrial, name: str) -> Finding:
     ends = [_clipped_samples(x, edge) for edge in (low, high)]
     clipped, first = max(ends, key=lambda end: end[0])
     if not clipped:
-        return Finding(f"clipping of the {name}", "ok", f"none; it reaches from {low:.4g} to {high:.4g} {UNITS[name]}.")
+        return Finding(
+            f"clipping of the {name}", "ok", f"none; it reaches from {low:.4g} to {high:.4g} {CHANNEL_UNITS[name]}."
+        )
     share = 100.0 * clipped / x.size
     text = (
         f"{clipped} samples ({share:.3g} %) stand at the end of the range of the {name}, first at "
@@ -232,7 +233,7 @@ def _find_spike(trial: PreparedTrial, name: str, largest: float, usual: float) -
     sample = int(np.argmax((here - x[: -2 * reach]) * (here - x[2 * reach :]))) + reach
     excess = f", {height / np.sqrt(usual):.2g} times as high as other peaks of this length" if usual > 0 else ""
     text = (
-        f"the {name} has a spike of about {height:.2g} {UNITS[name]} at "
+        f"the {name} has a spike of about {height:.2g} {CHANNEL_UNITS[name]} at "
         f"{_place(trial, sample)}{excess}: it acts on K, B, I and G like a blow that nobody "
         "gave. Repair the sample, or cut the record there (segment)."
     )

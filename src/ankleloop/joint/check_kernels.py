@@ -12,8 +12,8 @@ from ankleloop.kernels import kernel
 __all__ = [
     "correlate_reference",
     "displace_products",
-    "find_run",
     "has_directions",
+    "has_run",
     "may_stay_at_end",
     "multiply_deviations",
     "regress_last",
@@ -104,8 +104,8 @@ def _run(x, sample):
 
 
 @kernel()
-def find_run(x, length):
-    """A sample in a run of one value: such a run has one of those samples that are as far apart as it is long.
+def has_run(x, length):
+    """Whether one value comes many times in a row: such a run has one of those samples that are as far apart.
 
     Parameters
     ----------
@@ -116,13 +116,12 @@ def find_run(x, length):
 
     Returns
     -------
-    int
-        -1 if there is no such run.
+    bool
     """
-    for k in range(0, x.size, length):
-        if _run(x, k) >= length:
-            return k
-    return -1
+    sample = 0
+    while sample < x.size and _run(x, sample) < length:
+        sample += length
+    return sample < x.size
 
 
 @kernel()
@@ -300,31 +299,31 @@ def regress_last(products, dependent):
 
 @kernel()
 def displace_products(first, x):
-    """Products of all rows of a Hankel matrix with each other, from those of its first row.
+    """Products of all rows of a Hankel matrix with each other, from those of its first block row.
 
     As in `ankleloop.subspace.hankel_gram`, whose overhead and means are left out.
 
     Parameters
     ----------
-    first : ndarray, shape (rows,)
-        Products of the first row with all rows.
-    x : ndarray, shape (N,)
-        Samples of the Hankel matrix.
+    first : ndarray, shape (channels, rows)
+        Products of the rows of the first block with all rows.
+    x : ndarray, shape (N * channels,)
+        Samples of the Hankel matrix, those of all channels at one time side by side.
 
     Returns
     -------
     ndarray, shape (rows, rows)
     """
-    rows = first.size
-    columns = x.size - rows + 1
+    channels, rows = first.shape
+    beyond = x.size - rows + channels  # from a number of the first column to that which follows on the last column
     products = np.empty((rows, rows))
-    products[0] = first
-    products[:, 0] = first
-    for i in range(rows - 1):
-        for j in range(i, rows - 1):
-            value = products[i, j] + x[i + columns] * x[j + columns] - x[i] * x[j]
-            products[i + 1, j + 1] = value
-            products[j + 1, i + 1] = value
+    products[:channels] = first
+    products[:, :channels] = first.T
+    for i in range(rows - channels):
+        for j in range(i, rows - channels):
+            value = products[i, j] + x[i + beyond] * x[j + beyond] - x[i] * x[j]
+            products[i + channels, j + channels] = value
+            products[j + channels, i + channels] = value
     return products
 
 
@@ -353,11 +352,11 @@ def has_directions(x, rows, directions, least):
         True if they are; False if this does not show it.
     """
     columns = min(x.size - rows + 1, COLUMNS)
-    first = np.zeros(rows)
+    first = np.zeros((1, rows))
     for t in range(columns):
         here, following = x[t], x[t : t + rows]
         for k in range(rows):
-            first[k] += here * following[k]
+            first[0, k] += here * following[k]
     products = displace_products(first, x[: columns + rows - 1])
     factor = np.empty((directions, directions))
     for i in range(directions):
@@ -374,46 +373,63 @@ def has_directions(x, rows, directions, least):
 
 
 @kernel(error_model="numpy", fastmath={"contract"})
-def unexplained_share(x, y, ridge):
-    """Share of the variance of a signal that shifts of another one leave, each less its mean, by Cholesky's method.
+def _explain(gram, products):
+    """Energy that signals explain, from their products with each other and with what is explained; both change."""
+    size, explained = len(gram), 0.0
+    for i in range(size):
+        pivot = gram[i, i]
+        if not pivot > TINY:  # of a constant signal
+            continue
+        explained += products[i] ** 2 / pivot
+        for k in range(i + 1, size):
+            factor, row, target_row = gram[i, k] / pivot, gram[i], gram[k]
+            products[k] -= factor * products[i]
+            for j in range(k, size):
+                target_row[j] -= factor * row[j]
+    return explained
+
+
+@kernel(error_model="numpy", fastmath={"contract"})
+def unexplained_share(signals, y, ridge):
+    """Share of the variance of a signal that shifts of others leave, each less its mean, by Cholesky's method.
 
     Parameters
     ----------
-    x : ndarray, shape (N + shifts - 1,)
-        The signal that is shifted.
+    signals : ndarray, shape (N + shifts - 1, channels)
+        The signals that are shifted.
     y : ndarray, shape (N,)
         The signal that is explained.
     ridge : float
-        Added to the mean square of each shift, in units of the variance of `x`.
+        Added to the mean square of each shift, in units of the variance of its signal.
 
     Returns
     -------
     float
-        1 if one of them is constant.
+        1 if it is constant, or all others are.
     """
-    rows, shifts = y.size, x.size - y.size + 1
-    centred, target = x - _average(x), y - _average(y)
-    power, energy = _multiply(centred, 0.0, centred, 0.0) / x.size, _multiply(target, 0.0, target, 0.0)
-    if not (power > TINY and energy > TINY):
+    rows, channels = y.size, signals.shape[1]
+    size = (len(signals) - rows + 1) * channels
+    target = y - _average(y)
+    energy = _multiply(target, 0.0, target, 0.0)
+    if not energy > TINY:
         return 1.0
-    first, products, sums = np.zeros(shifts), np.zeros(shifts), np.zeros(shifts)
+    centred, power = np.empty_like(signals), np.empty(channels)
+    for c in range(channels):
+        deviations = signals[:, c] - _average(signals[:, c])
+        centred[:, c], power[c] = deviations, _multiply(deviations, 0.0, deviations, 0.0) / len(signals)
+    flat = centred.ravel()
+    first, products, sums = np.zeros((channels, size)), np.zeros(size), np.zeros(size)
     for t in range(rows):
-        here, value, following = centred[t], target[t], centred[t : t + shifts]
-        for k in range(shifts):
-            first[k] += here * following[k]
-            products[k] += value * following[k]
+        following = flat[t * channels : t * channels + size]
+        for k in range(size):
+            products[k] += target[t] * following[k]
             sums[k] += following[k]
-    gram = displace_products(first, centred)
-    for i in range(shifts):
+        for c in range(channels):
+            here, row = following[c], first[c]
+            for k in range(size):
+                row[k] += here * following[k]
+    gram = displace_products(first, flat)
+    for i in range(size):
         gram[i] -= sums[i] / rows * sums
-        gram[i, i] += ridge * rows * power
-    left = 1.0
-    for i in range(shifts):
-        pivot = gram[i, i]
-        left -= products[i] ** 2 / pivot / energy
-        for k in range(i + 1, shifts):
-            factor, row, target_row = gram[i, k] / pivot, gram[i], gram[k]
-            products[k] -= factor * products[i]
-            for j in range(k, shifts):
-                target_row[j] -= factor * row[j]
-    return left
+        gram[i, i] += ridge * rows * power[i % channels]
+    return 1.0 - _explain(gram, products) / energy

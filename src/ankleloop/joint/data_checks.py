@@ -21,6 +21,7 @@ from ankleloop.joint.movement_checks import (
     find_scale_fault,
     fit_stiffness_by_instruments,
     is_plausible,
+    motion_products,
     reference_correlations,
 )
 from ankleloop.joint.prepared import PreparedTrial
@@ -107,10 +108,6 @@ def _grid(trial: PreparedTrial, use: DataUse) -> Grid:
     return trial.grid(use.identification_rate, use.delay)
 
 
-def _motion(trial: PreparedTrial, grid: Grid) -> MotionProducts:
-    return trial.memoise(("motion products", grid), lambda: MotionProducts(trial, grid))
-
-
 def _check_trial(trial: PreparedTrial, use: DataUse) -> list[Finding]:
     """Findings about one trial that are not ok; each is computed once for all methods that take it."""
     grid, reference = _grid(trial, use), use.reference or "reference"
@@ -118,7 +115,7 @@ def _check_trial(trial: PreparedTrial, use: DataUse) -> list[Finding]:
 
 
 def _find_faults(trial: PreparedTrial, grid: Grid, use: DataUse, reference: str) -> list[Finding]:
-    motion = _motion(trial, grid)
+    motion = motion_products(trial, grid)
     if fault := find_scale_fault(motion):
         raise DataError(fault)
     faults = [finding for name in REQUIRED for finding in check_channel(trial, name)]
@@ -181,7 +178,7 @@ def _correlate(trial: PreparedTrial, use: DataUse, name: str) -> tuple[float, fl
     grid = _grid(trial, use)
     return trial.memoise(
         ("reference correlations", name, grid),
-        lambda: reference_correlations(_motion(trial, grid), trial.channel(name, grid)),
+        lambda: reference_correlations(motion_products(trial, grid), trial.channel(name, grid)),
     )
 
 

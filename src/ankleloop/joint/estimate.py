@@ -54,6 +54,20 @@ class Estimate:
         K, B and G over "phase" (0 … 1), "time" [s] or "schedule", with the ends of their 95 % bands "K_low", "K_high",
         …, where the method estimates parameters that change in time; nan where the record does not show them.
         `stiffness` and `reflex` then hold their means.
+
+    Examples
+    --------
+    >>> from ankleloop import identify, simulate
+    >>> estimate = identify(simulate(seed=1, duration=20.0), "riv")
+    >>> low, high = estimate.intervals["K"]
+    >>> low < estimate.stiffness["K"] < high
+    True
+    >>> list(estimate.torque)
+    ['net', 'intrinsic', 'reflex']
+    >>> estimate.model.ninputs, estimate.reflex["delay"]
+    (4, 0.04)
+    >>> estimate.predict(simulate(seed=2, duration=20.0)).torque.sizes == estimate.torque.sizes
+    True
     """
 
     method: str

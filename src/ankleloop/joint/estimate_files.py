@@ -96,7 +96,7 @@ class EstimateCollection:
             "trajectories": dump_values(_describe_trajectories(estimate)),
         }
         torques = {name: estimate.torque.variables[name].values.astype(self._kind) for name in TORQUES}
-        pickle.dump((torques, list(estimate.stiffness.values()), texts), self._rows)
+        pickle.dump((torques, list(estimate.stiffness.values()), texts), self._rows, pickle.HIGHEST_PROTOCOL)
         time = estimate.torque.variables["time"].values
         self._first = estimate if self._first is None else self._first
         self._time = _join_times(self._time, time, estimate.torque.attrs["identification_rate"])
@@ -238,6 +238,17 @@ def load_estimates(path: PathLike, group: str) -> list[Estimate]:
     ------
     DataError
         If there is no such file, it is damaged, or it has no such group.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ankleloop import identify, simulate
+    >>> trial = simulate(seed=1, duration=10.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_estimates({"pr-moesp": EstimateCollection([identify(trial)])}, f"{folder}/0.nc")
+    ...     [estimate] = load_estimates(f"{folder}/0.nc", "pr-moesp")
+    >>> estimate.predict(trial).method
+    'pr-moesp'
     """
     with _open(path) as file:
         return _estimates(_group(file, path, group).load(), path)

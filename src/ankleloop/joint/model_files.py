@@ -259,5 +259,5 @@ def _describe_diagnostics(diagnostics: Mapping[str, Any]) -> xr.Dataset:
 def _read_diagnostics(fields: Fields) -> dict[str, Any]:
     try:
         return load_values(fields.text(JSON), fields.values)
-    except (KeyError, ValueError) as cause:
-        raise DataError(f"{fields.source}: the diagnostics cannot be read ({cause}): the file is damaged.") from cause
+    except DataError as cause:
+        raise DataError(f"{fields.source}: {cause}") from cause

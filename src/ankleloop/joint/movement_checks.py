@@ -17,11 +17,12 @@ from ankleloop.joint.check_kernels import (
     regress_last,
     spread_from_first,
 )
-from ankleloop.joint.findings import Finding
+from ankleloop.joint.findings import CHANNEL_UNITS, Finding
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.reference_projection import unseen_share
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Grid, Regressors
 from ankleloop.quantities import QUANTITIES
+from ankleloop.records.validation import REQUIRED
 from ankleloop.signals.decimation import PASSBAND
 
 __all__ = [
@@ -38,14 +39,15 @@ __all__ = [
     "find_scale_fault",
     "fit_stiffness_by_instruments",
     "is_plausible",
+    "motion_products",
     "reference_correlations",
+    "regress_torque",
 ]
 
 MOTION = len(INTRINSIC_NAMES)
 SMALLEST, LARGEST = 1e-12, 1e12  # rad and N·m: squares of anything beyond leave the range of numbers
 BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave
 LARGEST_POSITION = 1.0  # rad, standard deviation: no joint can move so far
-UNITS = {"position": "rad", "torque": "N·m"}
 STIFFNESSES = 0.1, 1e5  # N·m/rad, torque over position: from a finger to a leg that stands
 MODEL = 0.2  # share of the torque that a second-order model must explain before its sign is read
 # Share of the torque that it explains by chance: 1 s over the duration, within limits.
@@ -99,14 +101,47 @@ class MotionProducts:
 
     @cached_property
     def _fit(self) -> tuple[np.ndarray, float]:
-        """Least squares with regressors that differ in unit; what the data do not show is zero."""
-        values, explained = regress_last(self.products, DEPENDENT)
-        if explained >= 0.0:
-            return values, explained
-        normal, right = self.products[:MOTION, :MOTION], self.products[:MOTION, MOTION]
-        scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), TINY))
-        values = scale * np.linalg.lstsq(normal * scale[:, None] * scale, right * scale, rcond=DEPENDENT)[0]
-        return values, float(right @ values / self.products[MOTION, MOTION])
+        return regress_torque(self.products)
+
+
+def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
+    """Products of a trial, which it computes once.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    grid : Grid
+        Its decimated samples.
+
+    Returns
+    -------
+    MotionProducts
+    """
+    return trial.memoise(("motion products", grid), lambda: MotionProducts(trial, grid))
+
+
+def regress_torque(products: np.ndarray) -> tuple[np.ndarray, float]:
+    """Least squares of the torque on signals that differ in unit; what the data do not show is zero.
+
+    Parameters
+    ----------
+    products : ndarray, shape (n + 1, n + 1)
+        Inner products of the signals and the torque, each less its mean.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (n,)
+    explained : float
+        Share of the torque's variance that the signals explain.
+    """
+    values, explained = regress_last(products, DEPENDENT)
+    if explained >= 0.0:
+        return values, explained
+    normal, right = products[:-1, :-1], products[:-1, -1]
+    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), TINY))
+    values = scale * np.linalg.lstsq(normal * scale[:, None] * scale, right * scale, rcond=DEPENDENT)[0]
+    return values, float(right @ values / products[-1, -1])
 
 
 def check_scale(motion: MotionProducts) -> Finding:
@@ -140,9 +175,9 @@ def find_scale_fault(motion: MotionProducts) -> str:
     str
         Empty if nothing is.
     """
-    for name, deviation in zip(UNITS, motion.deviations, strict=True):
+    for name, deviation in zip(REQUIRED, motion.deviations, strict=True):
         if not SMALLEST < deviation < LARGEST:
-            unit = UNITS[name]
+            unit = CHANNEL_UNITS[name]
             return (
                 f"the {name} has a standard deviation of {deviation:.3g} {unit}, and {SMALLEST:g} … {LARGEST:g} {unit} "
                 "can be computed with: check its unit."
@@ -315,7 +350,7 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
     for velocity in velocities:
         if velocity.size >= rows:
             first = np.correlate(velocity, velocity[: velocity.size - rows + 1], mode="valid")
-            products += displace_products(first, np.ascontiguousarray(velocity))
+            products += displace_products(first[None], np.ascontiguousarray(velocity))
     values = np.linalg.eigvalsh(products)[::-1]
     rank = int(np.count_nonzero(values > EXCITED * values[0]))
     if rank < attainable:

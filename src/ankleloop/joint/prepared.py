@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,7 +12,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
 from ankleloop.joint.reference_response import predict_from_reference
-from ankleloop.joint.regressors import Grid, InputStep, JointInputs, Regressors, decimation_grid
+from ankleloop.joint.regressors import Grid, InputStep, JointInputs, Regressors, decimation_grid, widen_grid
 from ankleloop.records.validation import validate
 from ankleloop.signals.decimation import decimate, decimation_factor
 from ankleloop.signals.differentiation import differentiate
@@ -84,16 +85,24 @@ class PreparedTrial:
         """Recorded samples of a variable, shape (samples,)."""
         return self.trial.variables[name].values
 
+    @cached_property
+    def time(self) -> np.ndarray:
+        """Time of every sample [s], shape (samples,)."""
+        return self.samples("time")
+
     def grid(self, identification_rate: float, delay: float) -> Grid:
         """Grid of all decimated samples that no filter edge touches; see `decimation_grid`."""
         return self.memoise(
             ("grid", identification_rate, delay),
-            lambda: decimation_grid(self.trial.sizes["time"], self.rate, identification_rate, delay),
+            lambda: decimation_grid(self.time.size, self.rate, identification_rate, delay),
         )
 
     def channel(self, name: str, grid: Grid) -> np.ndarray:
-        """A variable, decimated; shape (N,)."""
-        return self.memoise(("channel", name, grid), lambda: decimate(self.samples(name), *grid))
+        """A variable, decimated; shape (N,). Grids that differ in their ends only share one decimation."""
+        wide = widen_grid(grid, self.time.size)
+        values = self.memoise(("channel", name, wide), lambda: decimate(self.samples(name), *wide))
+        start = (grid.first - wide.first) // grid.factor
+        return values[start : start + grid.samples]
 
     def channel_at(self, name: str, time: np.ndarray, identification_rate: float) -> np.ndarray:
         """A variable at the samples of an estimate, through the decimation that the data of the estimate had.
@@ -117,7 +126,7 @@ class PreparedTrial:
         >>> prepare(simulate(seed=1, duration=5.0)).channel_at("torque", np.array([1.0, 1.01, 1.02]), 100.0).shape
         (3,)
         """
-        first = round((float(time[0]) - float(self.samples("time")[0])) * self.rate)
+        first = round((float(time[0]) - float(self.time[0])) * self.rate)
         return self.channel(name, Grid(decimation_factor(self.rate, identification_rate), first, time.size))
 
     def velocity(self, delay: float) -> np.ndarray:
@@ -202,7 +211,7 @@ class PreparedTrial:
             )
         grid = self.grid(identification_rate, delay)
         return Regressors(
-            time=self.samples("time")[grid.first : grid.first + grid.factor * grid.samples : grid.factor],
+            time=self.time[grid.first : grid.first + grid.factor * grid.samples : grid.factor],
             joint_inputs=self.inputs(delay, basis, degree, identification_rate, omitted_step),
             torque=self.channel("torque", grid),
             reference=None if reference is None else self.channel(reference, grid),
@@ -260,6 +269,13 @@ def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
     ------
     DataError
         If the trial is not valid.
+
+    Examples
+    --------
+    >>> from ankleloop import identify, simulate
+    >>> trial = prepare(simulate(seed=1, duration=20.0))
+    >>> [identify(trial, method).method for method in ("riv", "pr-moesp")]  # they share derivatives and spectra
+    ['riv', 'pr-moesp']
     """
     return trial if isinstance(trial, PreparedTrial) else PreparedTrial(trial)
 
@@ -292,9 +308,10 @@ def prepare_trials(
     prepared = [PreparedTrial(trial, validated=True) for trial in trials]
     for identification_rate, delay in grids:
         grid = prepared[0].grid(identification_rate, delay)
+        wide = widen_grid(grid, prepared[0].time.size)
         for name in SHARED_CHANNELS:
             if name in signals:
-                _share(prepared, ("channel", name, grid), decimate(signals[name], *grid))
+                _share(prepared, ("channel", name, wide), decimate(signals[name], *wide))
         motion = _motion(signals["position"], grid, prepared[0].rate)
         _share(prepared, ("motion", grid), [list(rows) for rows in zip(*motion, strict=True)])
     return prepared

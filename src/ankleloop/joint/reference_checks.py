@@ -8,8 +8,9 @@ from math import sqrt
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.joint.check_kernels import unexplained_share
+from ankleloop.joint.check_kernels import multiply_deviations, unexplained_share
 from ankleloop.joint.findings import Finding
+from ankleloop.joint.movement_checks import motion_products, regress_torque
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Grid
 from ankleloop.signals.decimation import decimate
@@ -26,7 +27,6 @@ SHORTEST = 5  # leads and lags: in a shorter record anything explains anything
 FILTERED = 0.02  # share of the reference that a filter of the torque leaves, at most
 BY_POSITION = 0.2  # times what the position leaves of it, at most: without noise it explains a command as well
 BY_BOTH = 0.25  # times as much, at least, is left by torque and position together: a command is made of both
-TINY = np.finfo(float).tiny
 
 
 def find_reference_faults(trial: PreparedTrial, reference: str | None, delay: float = 0.04) -> list[Finding]:
@@ -143,17 +143,8 @@ def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
     """Whether the reference and its derivatives explain more of the torque than the position and its derivatives."""
     samples, torque = trial.samples(name), trial.channel("torque", grid)
     derivatives = [decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)]
-    shares = [_explained_share(signals, torque) for signals in (derivatives, trial.motion(grid))]
-    return shares[0] > shares[1]
-
-
-def _explained_share(signals: Sequence[np.ndarray], y: np.ndarray) -> float:
-    """Share of the variance of a signal that others explain by least squares."""
-    x = np.stack([signal - signal.mean() for signal in signals], axis=1)
-    y = y - y.mean()
-    coefficients = np.linalg.lstsq(x / np.maximum(x.std(axis=0), TINY), y, rcond=None)[0]
-    rest = y - x / np.maximum(x.std(axis=0), TINY) @ coefficients
-    return 1.0 - float(rest @ rest) / max(float(y @ y), TINY)
+    _, products = multiply_deviations((*derivatives, torque))
+    return regress_torque(products)[1] > motion_products(trial, grid).explained
 
 
 def check_filtered_torque(trial: PreparedTrial, name: str, delay: float = 0.04) -> Finding:
@@ -225,20 +216,5 @@ def _unexplained_share(signals: Sequence[np.ndarray], y: np.ndarray, leads: int,
     shifts = leads + lags + 1
     rows = min(y.size - shifts + 1, ROWS_PER_LAG * shifts * len(signals))
     first = (y.size - shifts + 1 - rows) // 2
-    target = y[first + lags : first + lags + rows]
-    if len(signals) == 1:  # a compiled pass, for every trial needs it
-        return unexplained_share(np.ascontiguousarray(signals[0][first : first + rows + shifts - 1]), target, RIDGE)
-    target = target - target.mean()
-    scaled = [_scale(signal[first : first + rows + shifts - 1]) for signal in signals]
-    products = np.concatenate([np.correlate(x, target, mode="valid") for x in scaled])
-    sums = np.concatenate([np.correlate(x, np.ones(rows), mode="valid") for x in scaled])
-    shifted = np.concatenate([np.lib.stride_tricks.sliding_window_view(x, rows) for x in scaled])
-    gram = shifted @ shifted.T - sums[:, None] * (sums / rows)
-    gram.flat[:: len(gram) + 1] += RIDGE * rows
-    return 1.0 - float(products @ np.linalg.solve(gram, products)) / max(float(target @ target), TINY)
-
-
-def _scale(x: np.ndarray) -> np.ndarray:
-    """A signal of zero mean and unit variance."""
-    x = x - x.mean()
-    return x / max(sqrt(float(x @ x) / x.size), TINY)
+    part = np.stack([signal[first : first + rows + shifts - 1] for signal in signals], axis=1)
+    return unexplained_share(part, y[first + lags : first + lags + rows], RIDGE)

@@ -23,6 +23,7 @@ __all__ = [
     "Regressors",
     "decimation_grid",
     "recording_margins",
+    "widen_grid",
 ]
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
@@ -75,6 +76,34 @@ def decimation_grid(samples: int, rate: float, identification_rate: float, delay
             f"{(first + after) / rate:.3g} s at the ends. Record longer."
         )
     return Grid(factor, first, count)
+
+
+def widen_grid(grid: Grid, samples: int) -> Grid:
+    """All decimated samples of a record that lie between those of a grid by whole factors, as far as its ends allow.
+
+    Parameters
+    ----------
+    grid : Grid
+        The grid.
+    samples : int
+        Length of the record.
+
+    Returns
+    -------
+    Grid
+        The same grid if it comes nearer to the ends than the decimation does.
+
+    Examples
+    --------
+    >>> grid = decimation_grid(5000, 1000.0, 100.0, 0.04)
+    >>> widen_grid(grid, 5000) == widen_grid(Grid(10, grid.first + 100, 20), 5000)
+    True
+    """
+    margin = decimation_margin(grid.factor)
+    first = margin + (grid.first - margin) % grid.factor
+    count = (samples - 1 - margin - first) // grid.factor + 1
+    inside = grid.first >= first and grid.first + grid.factor * grid.samples <= first + grid.factor * count
+    return Grid(grid.factor, first, count) if inside else grid
 
 
 def recording_margins(rate: float, factor: int, delay: float) -> tuple[int, int]:

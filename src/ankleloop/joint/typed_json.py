@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ankleloop.errors import DataError
+
 __all__ = ["dump_values", "extract_arrays", "load_values"]
 
 ARRAY, BYTES, COMPLEX = "$array", "$bytes", "$complex"  # keys that mark them
@@ -40,7 +42,7 @@ def dump_values(values: Any) -> str:
     >>> load_values(text)["poles"], load_values(text)["pole"]
     (array([0.5 , 0.25]), 1j)
     """
-    return json.dumps(values, default=_mark)
+    return _ENCODER.encode(values)
 
 
 def load_values(text: str, arrays: Mapping[str, Any] | None = None) -> Any:
@@ -59,12 +61,13 @@ def load_values(text: str, arrays: Mapping[str, Any] | None = None) -> Any:
 
     Raises
     ------
-    KeyError
-        If an array is missing.
-    ValueError
-        If the text is no JSON, or an array does not have its size.
+    DataError
+        If the text is no JSON, or an array is missing or does not have its type and its size.
     """
-    return json.loads(text, object_hook=lambda values: _restore(values, arrays or {}))
+    try:
+        return json.loads(text, object_hook=lambda values: _restore(values, arrays or {}))
+    except (KeyError, RecursionError, TypeError, ValueError) as cause:
+        raise DataError(f"the values cannot be read ({cause}): the file that holds them is damaged.") from cause
 
 
 def extract_arrays(values: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
@@ -93,7 +96,7 @@ def extract_arrays(values: Any, name: str, arrays: dict[str, np.ndarray]) -> Any
     {'curve_torque': array([0., 0.])}
     """
     if isinstance(values, np.ndarray):
-        _check(values)
+        _check(values.dtype)
         key = "".join(character if character.isalnum() and character.isascii() else "_" for character in name)[:50]
         while key in arrays or not key:
             key += "_"
@@ -107,15 +110,15 @@ def extract_arrays(values: Any, name: str, arrays: dict[str, np.ndarray]) -> Any
     return values
 
 
-def _check(array: np.ndarray) -> None:
-    if array.dtype.kind not in "biufc":
-        raise TypeError(f"an array of type {array.dtype} cannot be kept in diagnostics")
+def _check(dtype: np.dtype) -> None:
+    if dtype.kind not in "biufc":
+        raise TypeError(f"an array of type {dtype} cannot be kept in diagnostics")
 
 
 def _mark(value: Any) -> Any:
     """What takes the place of a value that JSON does not have."""
     if isinstance(value, np.ndarray):
-        _check(value)
+        _check(value.dtype)
         flat = value.ravel()
         if flat.size >= LONG:
             little = flat.astype(flat.dtype.newbyteorder("<"), copy=False)
@@ -134,12 +137,16 @@ def _mark(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} cannot be kept in diagnostics")
 
 
+_ENCODER = json.JSONEncoder(default=_mark)
+
+
 def _restore(values: dict[str, Any], arrays: Mapping[str, Any]) -> Any:
     if COMPLEX in values:
         return complex(*values[COMPLEX])
     if ARRAY not in values and BYTES not in values:
         return values
     numbers, dtype = values.get(ARRAY), np.dtype(values.get("dtype", "float64"))
+    _check(dtype)
     if BYTES in values:
         content = b64decode(values[BYTES], validate=True)
         array = np.frombuffer(content, dtype.newbyteorder("<")).astype(dtype)

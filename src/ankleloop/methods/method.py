@@ -36,12 +36,28 @@ NOMINAL_DELAY = 0.04  # s, where the delay is estimated
 
 
 def delay_option(description: str = "reflex delay", *, estimated: bool = False) -> Any:
-    """Declare the reflex delay; a method that estimates it takes None."""
+    """Declare the reflex delay; a method that estimates it takes None.
+
+    Examples
+    --------
+    >>> class Fit(Options):
+    ...     delay: float = delay_option()
+    >>> Fit.defaults(), Fit.unit("delay")
+    ({'delay': 0.04}, 's')
+    """
     return option(0.04, description + ("; null estimates it" if estimated else ""), unit="s", ge=0, le=1)
 
 
 def rate_option() -> Any:
-    """Declare the identification rate."""
+    """Declare the identification rate.
+
+    Examples
+    --------
+    >>> class Fit(Options):
+    ...     identification_rate: float = rate_option()
+    >>> Fit.defaults(), Fit.unit("identification_rate")
+    ({'identification_rate': 100.0}, 'Hz')
+    """
     return option(
         100.0, "rate of the identification; the sampling rate has to be a multiple of it", unit="Hz", ge=1, le=10000
     )
@@ -101,6 +117,14 @@ class Method:
         ``merge(trials, options)`` merges several trials into one identification, and gives an estimate for each.
     reference : callable, optional
         ``reference(options)`` names the variable whose leads or lags are instruments, or is None if there are none.
+
+    Examples
+    --------
+    >>> from ankleloop import METHODS, simulate
+    >>> METHODS["riv"].merges, METHODS["pr-moesp"].merges
+    (False, True)
+    >>> METHODS["pr-moesp"](simulate(seed=1, duration=20.0), basis="rectifier").method
+    'pr-moesp'
     """
 
     name: str

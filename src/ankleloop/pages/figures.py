@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import base64
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import matplotlib
+
+from ankleloop.plotting.style import STYLE
+
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 __all__ = ["EmbeddedFigure", "embed_figure"]
 
-LARGEST_WIDTH = 960  # px
-PIXELS_PER_INCH = 100  # of the page, at which letters of figures can be read
-DOTS_PER_INCH = 150  # of the picture
+LARGEST_WIDTH = 980  # px
+PIXELS_PER_INCH = 137.5  # of the page: a figure of two columns fills it
+DOTS_PER_INCH = 220  # of the picture
 
 
 @dataclass(frozen=True)
@@ -27,10 +32,16 @@ class EmbeddedFigure:
         The picture as a data URI.
     width : int
         Width in the page [px].
+    interactive : str
+        HTML of the same figure with more in it, for the screen; empty where there is none.
+    data : pandas.DataFrame or None
+        Numbers that the figure draws.
     """
 
     source: str
     width: int
+    interactive: str = ""
+    data: pd.DataFrame | None = field(default=None, compare=False, repr=False)
 
 
 def embed_figure(figure: Figure) -> EmbeddedFigure:
@@ -50,9 +61,11 @@ def embed_figure(figure: Figure) -> EmbeddedFigure:
     >>> from matplotlib.figure import Figure
     >>> picture = embed_figure(Figure(figsize=(4.0, 3.0)))
     >>> picture.width, picture.source[:22]
-    (400, 'data:image/png;base64,')
+    (550, 'data:image/png;base64,')
     """
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    with matplotlib.rc_context(STYLE):
+        figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
     width = min(LARGEST_WIDTH, round(PIXELS_PER_INCH * figure.get_size_inches()[0]))
-    return EmbeddedFigure(f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}", width)
+    source = f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    return EmbeddedFigure(source, width, data=getattr(figure, "data", None))

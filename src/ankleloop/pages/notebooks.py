@@ -1,15 +1,19 @@
-"""Pages of executed notebooks."""
+"""Pages of executed notebooks, and the captions of their figures."""
 
 from __future__ import annotations
 
+import base64
 import html
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
 
-from ankleloop.pages.rendering import render_template
+from ankleloop.pages.rendering import render_page
 
-__all__ = ["render_notebook_page"]
+__all__ = ["find_captions", "render_notebook_page"]
 
 
-def render_notebook_page(title: str, body_html: str, note: str = "") -> str:
+def render_notebook_page(title: str, body_html: str, note: str = "", *, index: str | None = None) -> str:
     """Page of an executed notebook.
 
     Parameters
@@ -20,6 +24,8 @@ def render_notebook_page(title: str, body_html: str, note: str = "") -> str:
         Cells as HTML, from an exporter that has escaped them.
     note : str
         Text above the cells; it is escaped.
+    index : str, optional
+        Path of the page that lists all results, relative to this one.
 
     Returns
     -------
@@ -33,4 +39,37 @@ def render_notebook_page(title: str, body_html: str, note: str = "") -> str:
     (True, True)
     """
     notice = f"<p><strong>{html.escape(note)}</strong></p>\n" if note else ""
-    return render_template("notebook.html.j2", title=title, body=notice + body_html)
+    return render_page(title, notice + body_html, index=index)
+
+
+def find_captions(notebook: Mapping[str, Any]) -> dict[bytes, str]:
+    r"""Captions of the pictures that a notebook shows: the text that follows each of them in its cell.
+
+    Parameters
+    ----------
+    notebook : mapping
+        Executed notebook, as nbformat reads it. The description of each picture for readers who do not see it becomes
+        its caption.
+
+    Returns
+    -------
+    dict of bytes to str
+        Captions by the PNG files.
+
+    Examples
+    --------
+    >>> picture = {"data": {"image/png": "iVBORw=="}, "metadata": {}}
+    >>> caption = {"data": {"text/markdown": "**Figure 4.** Mean VAF."}}
+    >>> find_captions({"cells": [{"outputs": [picture, caption]}]})
+    {b'\x89PNG': 'Figure 4. Mean VAF.'}
+    """
+    captions = {}
+    for cell in notebook["cells"]:
+        outputs = cell.get("outputs", [])
+        for output, following in pairwise(outputs):
+            picture, text = output.get("data", {}).get("image/png"), following.get("data", {}).get("text/markdown")
+            if picture and text:
+                caption = " ".join(text.replace("**", "").split())
+                captions[base64.b64decode(picture)] = caption
+                output["metadata"].setdefault("image/png", {})["alt"] = caption
+    return captions

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ankleloop.pages.figures import EmbeddedFigure, embed_figure
-from ankleloop.pages.rendering import render_template
+from ankleloop.pages.interactive import render_interactive_torques
+from ankleloop.pages.rendering import render_page, render_template
+from ankleloop.plotting.method_styles import method_styles
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
 from ankleloop.plotting.torques import torque_figure
 from ankleloop.quantities import QUANTITIES
@@ -23,8 +26,9 @@ if TYPE_CHECKING:
     from ankleloop.recordings.analysis import Analysis
     from ankleloop.recordings.recommendation import Recommendation
 
-__all__ = ["embed_recording_figures", "render_recording_page"]
+__all__ = ["FIGURES", "embed_recording_figures", "render_recording_page"]
 
+FIGURES = ("spectra", "torques", "models", "residuals")  # of a page
 SCORES = ("vaf_unseen", "vaf_net", "vaf_intrinsic", "vaf_reflex")
 PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "threshold", "delay")
 # Rows of the table of methods: columns of `Analysis.table` with their headings.
@@ -61,8 +65,14 @@ def embed_recording_figures(
         estimates = {marked[label]: estimate for label, estimate in analysis.estimates.items()}
         figures["torques"] = torque_figure(recording, estimates, start=start, length=length)
         figures["models"] = model_figure(estimates)
-        figures["residuals"] = residual_figure({marked[label]: test for label, test in analysis.residuals.items()})
-    return {name: embed_figure(figure) for name, figure in figures.items()}
+        styles = method_styles({label: estimate.method for label, estimate in estimates.items()})
+        tests = {marked[label]: test for label, test in analysis.residuals.items()}
+        figures["residuals"] = residual_figure(tests, styles=styles)
+    embedded = {name: embed_figure(figure) for name, figure in figures.items()}
+    if "torques" in embedded:
+        interactive = render_interactive_torques(recording, estimates, window={"start": start, "length": length})
+        embedded["torques"] = replace(embedded["torques"], interactive=interactive)
+    return embedded
 
 
 def render_recording_page(
@@ -71,6 +81,8 @@ def render_recording_page(
     analysis: Analysis,
     recommendation: Recommendation,
     figures: Mapping[str, EmbeddedFigure],
+    *,
+    index: str | None = None,
 ) -> str:
     """Page of a recording: recommendation, checks, methods side by side, figures, tests of the residuals.
 
@@ -86,6 +98,8 @@ def render_recording_page(
         The method to take.
     figures : dict of str to EmbeddedFigure
         From `embed_recording_figures`.
+    index : str, optional
+        Path of the page that lists all results, relative to this one.
 
     Returns
     -------
@@ -93,7 +107,7 @@ def render_recording_page(
         HTML; all texts are escaped.
     """
     valid, marked = select_valid_methods(analysis.table), _mark_labels(analysis)
-    return render_template(
+    body = render_template(
         "recording.html.j2",
         title=name,
         description=_describe(mapping),
@@ -105,6 +119,7 @@ def render_recording_page(
         remarks=_list_remarks(analysis.table),
         residuals={marked[label]: test for label, test in analysis.residuals.items()},
     )
+    return render_page(name, body, index=index)
 
 
 def _describe(mapping: Mapping[str, Any]) -> list[str]:

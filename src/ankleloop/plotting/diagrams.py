@@ -8,12 +8,12 @@ import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from ankleloop.plotting.style import STYLE
+from ankleloop.plotting.style import STYLE, TWO_COLUMNS, inches
 
 __all__ = ["closed_loop_diagram", "parallel_cascade_diagram"]
 
 INK = "#222222"
-HEIGHT = 0.56  # of a block; one unit is an inch
+HEIGHT = 0.56  # of a block
 RADIUS = 0.13  # of a summing point
 SHADE = "#eeeeee"  # of blocks outside the joint
 
@@ -21,10 +21,11 @@ Point = tuple[float, float]
 
 
 class _Diagram:
-    """A drawing of blocks, summing points and wires on a canvas in inches."""
+    """A drawing of blocks, summing points and wires on a canvas with units of its own, two columns wide in print."""
 
     def __init__(self, width: float, height: float) -> None:
-        self.figure = Figure(figsize=(width, height))
+        size = inches(TWO_COLUMNS)
+        self.figure = Figure(figsize=(size, size * height / width))
         self.axis = self.figure.add_axes((0, 0, 1, 1))
         self.axis.set(xlim=(0, width), ylim=(0, height), aspect="equal")
         self.axis.set_axis_off()
@@ -57,7 +58,7 @@ class _Diagram:
         """A point at which a wire divides."""
         self.axis.plot([x], [y], "o", color=INK, ms=3.2, zorder=2)
 
-    def text(self, x: float, y: float, text: str, *, size: float = 7.5, **properties: Any) -> None:
+    def text(self, x: float, y: float, text: str, *, size: float = 7.0, **properties: Any) -> None:
         """A text, centred at x and y unless its properties say otherwise."""
         self.axis.text(x, y, text, **{"ha": "center", "va": "center", "color": INK, "fontsize": size, **properties})
 
@@ -101,8 +102,8 @@ def parallel_cascade_diagram() -> Figure:
 
     Examples
     --------
-    >>> parallel_cascade_diagram().get_size_inches().tolist()
-    [6.6, 2.5]
+    >>> parallel_cascade_diagram().get_size_inches().round(1).tolist()
+    [7.1, 2.7]
     """
     diagram = _Diagram(6.6, 2.5)
     upper, lower, middle = 1.85, 0.85, 1.35
@@ -132,8 +133,8 @@ def closed_loop_diagram() -> Figure:
 
     Examples
     --------
-    >>> closed_loop_diagram().get_size_inches().tolist()
-    [8.6, 3.6]
+    >>> closed_loop_diagram().get_size_inches().round(1).tolist()
+    [7.1, 3.0]
     """
     diagram = _Diagram(8.6, 3.6)
     upper, lower, middle, feedback = 2.9, 1.9, 2.4, 0.6

@@ -1,185 +1,48 @@
-"""Charts of many trials: curves with confidence bands, maps, traces over time, errors, intervals, singular values."""
+"""Charts of many trials: traces over time, errors, intervals, singular values."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
-from matplotlib.patches import Rectangle
 
-from ankleloop.plotting.fault_marks import draw_crosses, draw_rings, mark_means
-from ankleloop.plotting.style import COLOURS, MARKERS, REFERENCE_LINE, STYLE, add_legend, panel_grid
-from ankleloop.signals.vaf import confidence_margin
-
-if TYPE_CHECKING:
-    import pandas as pd
+from ankleloop.plotting.fault_marks import mark_means
+from ankleloop.plotting.legends import add_legend
+from ankleloop.plotting.method_styles import MethodStyle, ordinal_styles
+from ankleloop.plotting.panels import Panel, panel_grid, split_label
+from ankleloop.plotting.style import (
+    MARK,
+    REFERENCE_LINE,
+    STYLE,
+    TWO_COLUMNS,
+    DataFigure,
+    inches,
+)
 
 __all__ = [
-    "curves_figure",
     "estimates_figure",
     "interval_figure",
-    "map_figure",
     "order_figure",
     "ratio_figure",
     "traces_figure",
 ]
 
-
-@matplotlib.rc_context(STYLE)
-def curves_figure(
-    table: pd.DataFrame,
-    panels: Mapping[str, tuple[str, float | None]],
-    *,
-    xlabel: str,
-    columns: int = 3,
-    log: bool = False,
-    limits: Mapping[str, tuple[float, float]] | None = None,
-    dashed: Collection[str] = (),
-) -> Figure:
-    """Mean over trials against a parameter, with the 95 % confidence band of the mean.
-
-    A single trial has no band. A ring marks means of which a trial failed or came with a warning; where every trial
-    failed, a cross stands at the lower edge of the panel.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row per trial: columns `panel`, `series`, `x`, `value`, and optionally `outcome`: "estimate", "warning" (an
-        estimate with a warning) or "failure" (no estimate, and no value).
-    panels : dict of str to (str, float or None)
-        For each panel its label with unit, and the true value that is drawn as a black line.
-    xlabel : str
-        Label of the parameter with its unit.
-    columns : int
-        Panels side by side.
-    log : bool
-        Logarithmic parameter.
-    limits : dict of str to tuple, optional
-        Limits of the ordinate by panel; a note in the panel gives the lowest mean of curves that go below them.
-    dashed : collection of str
-        Series drawn with dashes.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    figure, axes = panel_grid(len(panels), columns, (3.1, 2.6), (0.4, 0.8), sharex=True)
-    for axis, (panel, (label, truth)) in zip(axes, panels.items(), strict=True):
-        for number, (series, trials) in enumerate(table[table["panel"] == panel].groupby("series", sort=False)):
-            _draw_curve(axis, trials, str(series), number, "--" if series in dashed else "-")
-        if truth is not None:
-            axis.axhline(truth, **REFERENCE_LINE, label="true value", zorder=0.5)
-        axis.set(ylabel=label, xscale="log" if log else "linear")
-        if limits and panel in limits:
-            _limit_ordinate(axis, *limits[panel])
-    for axis in axes[-min(columns, len(axes)) :]:
-        axis.set_xlabel(xlabel)
-        axis.tick_params(labelbottom=True)
-    add_legend(figure, axes)
-    return figure
-
-
-def _draw_curve(axis: Axes, trials: pd.DataFrame, series: str, number: int, line_style: str) -> None:
-    summary = trials.groupby("x")["value"].agg(["mean", "std", "count"])
-    margin = confidence_margin(summary["std"], summary["count"])  # none of a single trial
-    x, mean = summary.index.to_numpy(), summary["mean"].to_numpy()
-    style = _series_style(number)
-    axis.fill_between(x, mean - margin, mean + margin, color=style["color"], alpha=0.25, lw=0)
-    axis.plot(x, mean, **style, ms=3.2, lw=1.1, ls=line_style, label=series)
-    if "outcome" in trials:
-        outcomes = trials["outcome"].groupby(trials["x"])
-        draw_rings(axis, *np.array([x, mean])[:, outcomes.agg(lambda values: (values != "estimate").any())])
-        failed = x[outcomes.agg(lambda values: (values == "failure").all())]
-        draw_crosses(axis, failed, 0.03 + 0.04 * number, style["color"], axis.get_xaxis_transform())
-
-
-def _series_style(number: int) -> dict[str, Any]:
-    """Colour and marker of a series; they repeat when there are too many."""
-    return {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number % len(MARKERS)]}
-
-
-def _limit_ordinate(axis: Axes, low: float, high: float) -> None:
-    """Limit the ordinate, and note the lowest mean where a curve goes below it."""
-    curves = [np.asarray(line.get_ydata()) for line in axis.get_lines() if line.get_transform() == axis.transData]
-    lowest = min((np.min(curve[np.isfinite(curve)]) for curve in curves if np.isfinite(curve).any()), default=low)
-    axis.set_ylim(low, high)
-    if lowest < low:
-        axis.annotate(f"lowest mean: {lowest:.4g}", (0.03, 0.03), xycoords="axes fraction", fontsize=7, color="#555555")
-
-
-@matplotlib.rc_context({**STYLE, "axes.grid": False})
-def map_figure(
-    table: pd.DataFrame,
-    *,
-    x: str,
-    y: str,
-    panel: str,
-    value: str,
-    xlabel: str,
-    ylabel: str,
-    title: str,
-    limit: float,
-) -> Figure:
-    """Map of a quantity over two parameters, a panel for each value of a third.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row per cell; columns as named by the next four, and optionally `fault`: whether a trial of the cell failed
-        or came with a warning. Such cells have an asterisk.
-    x, y, panel, value : str
-        Columns of the abscissa, the ordinate, the panels and the quantity.
-    xlabel, ylabel, title : str
-        Labels with units; `title` is formatted with the value of `panel`.
-    limit : float
-        Cells at or below it are framed: there the condition holds.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    names = list(dict.fromkeys(table[panel]))
-    figure, axes = panel_grid(len(names), 3, (2.9, 2.7), (0.9, 0.3))
-    norm = LogNorm(max(0.5, table[value].min()), max(1.0, table[value].max()))
-    for axis, name in zip(axes, names, strict=True):
-        rows = table[table[panel] == name]
-        cells = rows.pivot(index=y, columns=x, values=value)
-        faults = rows.assign(fault=rows.get("fault", False)).pivot(index=y, columns=x, values="fault")
-        image = _draw_cells(axis, cells, faults.eq(True).to_numpy(), norm, limit)
-        axis.set(xlabel=xlabel, ylabel=ylabel, title=title.format(name))
-    bar = figure.colorbar(image, ax=figure.axes, label="largest deviation from the paper [points of VAF]")
-    bar.ax.yaxis.set_major_formatter("{x:g}")
-    bar.ax.yaxis.set_minor_formatter("{x:g}")
-    return figure
-
-
-def _draw_cells(axis: Axes, cells: pd.DataFrame, faults: np.ndarray, norm: LogNorm, limit: float) -> AxesImage:
-    image = axis.imshow(cells.to_numpy(), norm=norm, cmap="viridis_r", origin="lower", aspect="auto")
-    axis.set_xticks(range(cells.shape[1]), [f"{value:g}" for value in cells.columns])
-    axis.set_yticks(range(cells.shape[0]), [f"{value:g}" for value in cells.index])
-    for (row, column), value in np.ndenumerate(cells.to_numpy()):
-        if not np.isfinite(value):
-            text = "failed" if faults[row, column] else "unstable"
-            axis.text(column, row, text, ha="center", va="center", fontsize=6)
-            continue
-        text = (f"{value:.1f}" if value < 100 else f"{value:.0f}") + "*" * int(faults[row, column])
-        colour = "white" if norm(value) > 0.5 else "black"  # on a dark or a light cell
-        axis.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)
-        if value <= limit:
-            axis.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, ec="#D55E00", lw=2))
-    return image
+MISSED = "#D55E00"  # of intervals that do not hold the truth
+COLUMNS = 3  # panels side by side
 
 
 @matplotlib.rc_context(STYLE)
 def traces_figure(
-    traces: Mapping[str, Mapping[str, np.ndarray]], truths: Mapping[str, tuple[str, float]], settling: float = 0.0
-) -> Figure:
+    traces: Mapping[str, Mapping[str, np.ndarray]],
+    truths: Mapping[str, tuple[str, float]],
+    settling: float = 0.0,
+    *,
+    style: MethodStyle | None = None,
+) -> DataFigure:
     """Estimated parameters over time, a column for each condition.
 
     Parameters
@@ -190,19 +53,34 @@ def traces_figure(
         For each parameter its label with unit, and the true value.
     settling : float
         Time [s] from which on the traces set the limits of the axes; before it they may leave them.
+    style : MethodStyle, optional
+        Style of the method.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has the traces.
+
+    Examples
+    --------
+    >>> trace = {"time": np.array([0.0, 1.0]), "K": np.array([140.0, 149.0])}
+    >>> figure = traces_figure({"closed loop": trace}, {"K": ("K [N·m/rad]", 150.0)})
+    >>> figure.data[["time [s]", "estimate"]].values.tolist()
+    [[0.0, 140.0], [1.0, 149.0]]
     """
-    size = (2.6 * len(traces) + 0.4, 1.45 * len(truths) + 0.6)
-    figure = Figure(figsize=size, layout="constrained")
+    style = style or ordinal_styles(["estimate"])["estimate"]
+    size = (inches(TWO_COLUMNS), inches(32.0 * len(truths) + 6.0))
+    figure = DataFigure(figsize=size, layout="constrained")
     axes = figure.subplots(len(truths), len(traces), sharex=True, sharey="row", squeeze=False)
+    drawn = []
     for column, (condition, trace) in enumerate(traces.items()):
-        for axis, (name, (_, truth)) in zip(axes[:, column], truths.items(), strict=True):
-            axis.plot(trace["time"], trace[name], color=COLOURS[0], lw=1.0, label="estimate")
+        for axis, (name, (label, truth)) in zip(axes[:, column], truths.items(), strict=True):
+            axis.plot(trace["time"], trace[name], **style.line, lw=0.9, label="estimate")
             axis.axhline(truth, **REFERENCE_LINE, label="true value")
-        axes[0, column].set_title(condition)
+            quantity, unit = split_label(label)
+            part = {"condition": condition, "quantity": quantity, "unit": unit, "true_value": truth}
+            drawn.append(pd.DataFrame({**part, "time [s]": trace["time"], "estimate": trace[name]}))
+        axes[0, column].set_title(condition.replace(", ", ",\n"))
         axes[-1, column].set_xlabel("time [s]")
     for axis, (name, (label, truth)) in zip(axes[:, 0], truths.items(), strict=True):
         values = [trace[name][np.asarray(trace["time"]) >= settling] for trace in traces.values()]
@@ -210,12 +88,19 @@ def traces_figure(
         axis.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
         axis.set_ylabel(label)
     add_legend(figure, axes.ravel())
+    figure.data = pd.concat(drawn, ignore_index=True)
     return figure
 
 
 @matplotlib.rc_context(STYLE)
-def ratio_figure(table: pd.DataFrame, *, limit: float, largest: float = 50.0) -> Figure:
-    """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a marker for each method.
+def ratio_figure(
+    table: pd.DataFrame,
+    *,
+    limit: float,
+    largest: float = 50.0,
+    styles: Mapping[str, MethodStyle] | None = None,
+) -> DataFigure:
+    """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a symbol for each method.
 
     Parameters
     ----------
@@ -225,46 +110,82 @@ def ratio_figure(table: pd.DataFrame, *, limit: float, largest: float = 50.0) ->
     limit : float
         A line is drawn here, and at 1.
     largest : float
-        Ratios beyond it are drawn there, open.
+        Ratios beyond it are drawn there, as an arrow head.
+    styles : dict of str to MethodStyle, optional
+        Styles of the series.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has all ratios, those beyond the largest as they are.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"panel": "gain 13", "row": ["K", "B"], "series": "riv", "ratio": [1.1, 1.2]})
+    >>> ratio_figure(table, limit=1.5).data["parameter"].tolist()
+    ['K', 'B']
     """
     panels, names = list(dict.fromkeys(table["panel"])), list(dict.fromkeys(table["row"]))
-    panel_size = (3.3, 0.32 * len(names) + 0.8)
-    figure, axes = panel_grid(len(panels), 3, panel_size, (0.4, 0.9), sharex=True, sharey=True)
-    for axis, panel in zip(axes, panels, strict=True):
-        _draw_ratios(axis, table[table["panel"] == panel], names, largest)
-        axis.axvline(1.0, color="black", lw=0.8, label="the bound")
+    styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
+    offset = 0.8 / max(1, table["series"].nunique())
+    figure, axes = panel_grid(len(panels), COLUMNS, 9.0 * len(names) + 13.0, sharex=True, sharey=True)
+    for number, (axis, panel) in enumerate(zip(axes, panels, strict=True)):
+        _draw_ratios(axis, table[table["panel"] == panel], names, largest, styles, offset)
+        axis.axvline(1.0, color="black", lw=0.8, gid=MARK, label="the bound")
         axis.axvline(limit, **REFERENCE_LINE, label=f"{limit:g} times the bound")
-        axis.set(title=panel, xscale="log", xlim=(0.7, 1.15 * largest), ylim=(len(names) - 0.5, -0.5))
+        axis.set(title=panel.replace(", ", ",\n", 1), xscale="log", xlim=(0.7, 1.15 * largest))
+        axis.set_ylim(len(names) - 0.5, -0.5)
         axis.set_yticks(range(len(names)), names)
         axis.xaxis.set_major_formatter("{x:g}")
-        axis.tick_params(labelbottom=True)
-    for axis in axes[-3:]:
-        axis.set_xlabel("root mean square error over the bound [1]")
+        if number + COLUMNS >= len(panels):
+            axis.set_xlabel("rms error over the bound [1]")
     add_legend(figure, axes)
+    columns = {"panel": "setting", "row": "parameter", "series": "method", "ratio": "rms error over the bound [1]"}
+    figure.data = table[[*columns, *[name for name in ("fault", "failed") if name in table]]].rename(columns=columns)
     return figure
 
 
-def _draw_ratios(axis: Axes, table: pd.DataFrame, names: Sequence[str], largest: float) -> None:
+def _draw_ratios(
+    axis: Axes,
+    table: pd.DataFrame,
+    names: Sequence[str],
+    largest: float,
+    styles: Mapping[str, MethodStyle],
+    offset: float,
+) -> None:
     """Ratios of all methods, those of one method a little below those of the method before."""
-    series = table.groupby("series", sort=False)
-    for number, (label, rows) in enumerate(series):
-        heights = [names.index(name) + 0.08 * (number - 0.5 * (len(series) - 1)) for name in rows["row"]]
-        style = {**_series_style(number), "ls": "", "ms": 4.2}
-        too_large = (rows["ratio"] > largest).to_numpy()
-        axis.plot(np.where(too_large, np.nan, rows["ratio"]), heights, label=label, **style)
-        axis.plot(np.where(too_large, largest, np.nan), heights, mfc="none", **style)
-        mark_means(axis, rows, rows["ratio"].clip(upper=largest), heights, style["color"])
+    for label, heights, rows in _list_series(table, names, offset):
+        _draw_symbols(axis, rows["ratio"].to_numpy(), heights, (0.0, largest), label, styles[label])
+        mark_means(axis, rows, rows["ratio"].clip(upper=largest), heights, styles[label].colour)
+
+
+def _draw_symbols(
+    axis: Axes,
+    values: np.ndarray,
+    heights: Sequence[float],
+    limits: tuple[float, float],
+    label: str,
+    style: MethodStyle,
+) -> None:
+    """Symbols of values within limits, and arrow heads at the edge for those beyond."""
+    low, high = limits
+    axis.plot(np.where((values < low) | (values > high), np.nan, values), heights, **style.symbol, ls="", label=label)
+    arrow: dict[str, Any] = {"color": style.colour, "ls": "", "ms": 5.0, "mew": 0.0, "clip_on": False, "zorder": 3}
+    for beyond, edge, marker in ((values < low, low, 8), (values > high, high, 9)):  # carets, their tips at the edge
+        if beyond.any():
+            axis.plot(np.full(beyond.sum(), edge), np.asarray(heights)[beyond], marker=marker, **arrow)
 
 
 @matplotlib.rc_context(STYLE)
 def estimates_figure(
-    table: pd.DataFrame, panels: Mapping[str, tuple[str, float | None, tuple[float, float]]], *, columns: int = 3
-) -> Figure:
-    """Means with their intervals: a panel for each quantity, a row for each condition, a marker for each method.
+    table: pd.DataFrame,
+    panels: Mapping[str, Panel],
+    *,
+    columns: int = COLUMNS,
+    styles: Mapping[str, MethodStyle] | None = None,
+) -> DataFigure:
+    """Means with their intervals: a panel for each quantity, a row for each condition, a symbol for each method.
 
     Parameters
     ----------
@@ -272,47 +193,82 @@ def estimates_figure(
         Columns `panel`, `row`, `series`, `value` and `margin`, half of the interval, and optionally `fault`, whether
         trials failed or came with a warning: such symbols have a ring; and `failed`, whether all of them failed: a
         cross stands at the left edge.
-    panels : dict of str to (str, float or None, (float, float))
-        For each panel its label with unit, the true value, and the limits of the abscissa; values beyond them are
-        drawn there, open.
+    panels : dict of str to Panel
+        What each panel shows; values beyond its limits are drawn at the edge, as an arrow head.
     columns : int
         Panels side by side.
+    styles : dict of str to MethodStyle, optional
+        Styles of the series.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has all means and intervals, those beyond the limits as they are.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> row = {"panel": "K", "row": "complete", "series": "PR-MOESP", "value": 2.0, "margin": 0.5}
+    >>> figure = estimates_figure(pd.DataFrame([row]), {"K": Panel("error of K [%]", truth=0.0)})
+    >>> figure.data[["low", "high"]].values.tolist()
+    [[1.5, 2.5]]
     """
     names = list(dict.fromkeys(table["row"]))
-    figure, axes = panel_grid(len(panels), columns, (2.6, 0.33 * len(names) + 0.6), (1.6, 0.8), sharey=True)
-    for axis, (panel, (label, truth, limits)) in zip(axes, panels.items(), strict=True):
-        rows = table[table["panel"] == panel]
-        for number, (series, heights, part) in enumerate(_list_series(rows, names)):
-            style = {**_series_style(number), "ls": "", "ms": 4.0}
-            value, shown = part["value"].to_numpy(), part["value"].clip(*limits).to_numpy()
-            axis.plot(np.where(shown == value, value, np.nan), heights, label=series, zorder=3, **style)
-            axis.plot(np.where(shown == value, np.nan, shown), heights, mfc="white", clip_on=False, zorder=3, **style)
-            axis.hlines(heights, value - part["margin"], value + part["margin"], color=style["color"], lw=1.0)
-            mark_means(axis, part, shown, heights, style["color"])
-        if truth is not None:
-            axis.axvline(truth, **REFERENCE_LINE, label="true value")
-        axis.set(xlabel=label, xlim=limits, ylim=(len(names) - 0.5, -0.5))
+    styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
+    figure, axes = panel_grid(len(panels), columns, 5.5 * len(names) + 14.0, sharey=True)
+    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
+        rows = table[table["panel"] == name]
+        limits = panel.limits or (-np.inf, np.inf)
+        for series, heights, part in _list_series(rows, names, 0.16):
+            value = part["value"].to_numpy()
+            ends = value - part["margin"], value + part["margin"]
+            axis.hlines(heights, *ends, color=styles[series].colour, lw=0.9, zorder=2)
+            _draw_symbols(axis, value, heights, limits, series, styles[series])
+            mark_means(axis, part, part["value"].clip(*limits), heights, styles[series].colour)
+        if panel.truth is not None:
+            axis.axvline(panel.truth, **REFERENCE_LINE, label="true value")
+        axis.set(xlabel=panel.label, xlim=panel.limits, ylim=(len(names) - 0.5, -0.5), title=panel.title)
         axis.set_yticks(range(len(names)), names)
     add_legend(figure, axes)
+    figure.data = _name_estimates(table, panels)
     return figure
 
 
-def _list_series(rows: pd.DataFrame, names: Sequence[str]) -> Iterator[tuple[str, list[float], pd.DataFrame]]:
+def _name_estimates(table: pd.DataFrame, panels: Mapping[str, Panel]) -> pd.DataFrame:
+    """Means and intervals as a table for readers, with quantities and units."""
+    table = table[table["panel"].isin(panels)]
+    shown = [panels[name] for name in table["panel"]]
+    labels = [split_label(panel.label) for panel in shown]
+    data = table.assign(
+        quantity=[quantity for quantity, _ in labels],
+        unit=[unit for _, unit in labels],
+        panel=[panel.title for panel in shown],
+        low=table["value"] - table["margin"],
+        high=table["value"] + table["margin"],
+        true_value=[panel.truth for panel in shown],
+    )
+    columns = ["quantity", "unit", "panel", "row", "series", "value", "low", "high", "true_value", "fault", "failed"]
+    return data[[name for name in columns if name in data]].reset_index(drop=True)
+
+
+def _list_series(
+    rows: pd.DataFrame, names: Sequence[str], distance: float
+) -> Iterator[tuple[str, list[float], pd.DataFrame]]:
     """Label, heights and rows of each series, those of one series a little below those of the series before."""
     series = rows.groupby("series", sort=False)
     for number, (label, part) in enumerate(series):
-        offset = 0.16 * (number - 0.5 * (len(series) - 1))
+        offset = distance * (number - 0.5 * (len(series) - 1))
         yield str(label), [names.index(name) + offset for name in part["row"]], part
 
 
 @matplotlib.rc_context(STYLE)
 def interval_figure(
-    table: pd.DataFrame, panels: Mapping[str, tuple[str, float]], *, xlabel: str = "trial [1]"
-) -> Figure:
+    table: pd.DataFrame,
+    panels: Mapping[str, tuple[str, float]],
+    *,
+    xlabel: str = "trial [1]",
+    style: MethodStyle | None = None,
+) -> DataFigure:
     """Estimates with their intervals, one after the other, and the truth; intervals that miss it have another colour.
 
     Parameters
@@ -323,37 +279,60 @@ def interval_figure(
         For each panel its label with unit, and the true value.
     xlabel : str
         Label of the abscissa.
+    style : MethodStyle, optional
+        Style of the method.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has the estimates with their intervals.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"panel": "K", "value": [149.0], "low": [145.0], "high": [153.0]})
+    >>> interval_figure(table, {"K": ("K [N·m/rad]", 150.0)}).data["holds"].tolist()
+    [True]
     """
-    figure = Figure(figsize=(6.6, 1.35 * len(panels) + 0.7), layout="constrained")
+    style = style or ordinal_styles(["estimate"])["estimate"]
+    miss = MethodStyle(MISSED, "s", filled=False)
+    size = (inches(TWO_COLUMNS), inches(27.0 * len(panels) + 6.0))
+    figure = DataFigure(figsize=size, layout="constrained")
     axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
+    drawn = []
     for axis, (panel, (label, truth)) in zip(axes, panels.items(), strict=True):
         estimates = table[table["panel"] == panel].reset_index(drop=True)
         hits = (estimates["low"] <= truth) & (truth <= estimates["high"])
-        _draw_intervals(axis, estimates[hits], COLOURS[0], "95 % interval that holds the truth")
-        _draw_intervals(axis, estimates[~hits], COLOURS[1], "95 % interval that misses it")
+        _draw_intervals(axis, estimates[hits], style, "95 % interval that holds the truth")
+        _draw_intervals(axis, estimates[~hits], miss, "95 % interval that misses it")
         axis.axhline(truth, **REFERENCE_LINE, label="true value")
         axis.set(ylabel=label)
+        quantity, unit = split_label(label)
+        values = estimates[["value", "low", "high"]].assign(quantity=quantity, unit=unit, true_value=truth, holds=hits)
+        drawn.append(values.assign(**{xlabel: estimates.index + 1}))
     axes[-1].set_xlabel(xlabel)
-    handles = {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
+    add_legend(figure, axes)
+    columns = ["quantity", "unit", xlabel, "value", "low", "high", "true_value", "holds"]
+    figure.data = pd.concat(drawn, ignore_index=True)[columns]
     return figure
 
 
-def _draw_intervals(axis: Axes, estimates: pd.DataFrame, colour: str, label: str) -> None:
-    value = estimates["value"]
-    spread = [value - estimates["low"], estimates["high"] - value]
-    style: dict[str, Any] = {"color": colour, "ms": 2.6, "elinewidth": 0.9, "capsize": 0, "label": label}
-    axis.errorbar(estimates.index + 1, value, spread, fmt="o", **style)
+def _draw_intervals(axis: Axes, estimates: pd.DataFrame, style: MethodStyle, label: str) -> None:
+    if estimates.empty:
+        return
+    places = estimates.index.to_numpy() + 1
+    axis.vlines(places, estimates["low"], estimates["high"], color=style.colour, lw=0.9)
+    axis.plot(places, estimates["value"], **style.symbol, ls="", ms=2.8, label=label)
 
 
 @matplotlib.rc_context(STYLE)
 def order_figure(
-    singular_values: Mapping[str, Sequence[np.ndarray]], *, order: int | float, largest: int = 10
-) -> Figure:
+    singular_values: Mapping[str, Sequence[np.ndarray]],
+    *,
+    order: int | float,
+    largest: int = 10,
+    styles: Mapping[str, MethodStyle] | None = None,
+) -> DataFigure:
     """Singular values that show the order, of every trial and method.
 
     Parameters
@@ -364,18 +343,36 @@ def order_figure(
         Order of the models; a line is drawn behind it.
     largest : int
         Largest number of a singular value that is drawn.
+    styles : dict of str to MethodStyle, optional
+        Styles of the methods.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has the singular values.
+
+    Examples
+    --------
+    >>> figure = order_figure({"PR-MOESP": [np.array([4.0, 2.0, 0.1])]}, order=2)
+    >>> figure.data["singular value over the first [1]"].tolist()
+    [1.0, 0.5, 0.025]
     """
-    figure = Figure(figsize=(3.1 * len(singular_values) + 0.4, 2.8), layout="constrained")
+    styles = styles or ordinal_styles(singular_values)
+    size = (inches(TWO_COLUMNS), inches(52.0))
+    figure = DataFigure(figsize=size, layout="constrained")
     axes = figure.subplots(1, len(singular_values), squeeze=False, sharey=True)[0]
-    for number, (axis, (label, trials)) in enumerate(zip(axes, singular_values.items(), strict=True)):
-        for values in trials:
+    drawn = []
+    for axis, (label, trials) in zip(axes, singular_values.items(), strict=True):
+        style = styles[label]
+        for trial, values in enumerate(trials):
             relative = np.asarray(values)[:largest] / values[0]
-            axis.semilogy(np.arange(1, relative.size + 1), relative, ".-", color=COLOURS[number], lw=0.6, alpha=0.5)
+            numbers = np.arange(1, relative.size + 1)
+            axis.semilogy(numbers, relative, **style.symbol, ms=2.2, mew=0.5, lw=0.5, alpha=0.6)
+            part = {"method": label, "trial [1]": trial, "number [1]": numbers}
+            drawn.append(pd.DataFrame({**part, "singular value over the first [1]": relative}))
         axis.axvline(order + 0.5, **REFERENCE_LINE)
         axis.set(title=label, xlabel="number [1]", xticks=range(1, largest + 1))
+    axes[0].yaxis.set_major_formatter("{x:g}")
     axes[0].set_ylabel("singular value over the first [1]")
+    figure.data = pd.concat(drawn, ignore_index=True)
     return figure

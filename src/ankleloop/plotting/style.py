@@ -1,46 +1,72 @@
-"""Style of all figures: colours, legends that can be read, files that are the same for the same data."""
+"""Style of all figures: sizes in print, fonts, lines; and their files, which are the same for the same data."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ankleloop.records.files import atomic_file
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 __all__ = [
     "ALL_FAILED",
-    "COLOURS",
     "FAULT_RING",
-    "MARKERS",
+    "MEASURED_LINE",
+    "ONE_COLUMN",
     "REFERENCE_LINE",
     "STYLE",
-    "add_legend",
-    "panel_grid",
+    "TRUE_LINE",
+    "TWO_COLUMNS",
+    "DataFigure",
+    "inches",
     "save_figure",
 ]
 
-# Okabe and Ito's colours can be told apart by colour-blind readers, and differ in print; two of Tol's for more.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222", "#882255", "#999933")
-MARKERS = "osD^v<>pX"
+# Widths of figures [mm], as journals set one and two columns.
+ONE_COLUMN = 88.0
+TWO_COLUMNS = 181.0
+DOTS_PER_INCH = 300  # of pictures, for print
+
+MARK = "mark"  # group of lines that are no series: they stand at the end of a legend
 # Line of a true value or of a limit.
-REFERENCE_LINE: dict[str, Any] = {"color": "black", "lw": 0.8, "ls": (0, (2, 2))}
+REFERENCE_LINE: dict[str, Any] = {"color": "black", "lw": 0.8, "ls": (0, (2, 2)), "gid": MARK}
+MEASURED_LINE: dict[str, Any] = {"color": "#888888", "lw": 1.0, "gid": MARK}
+TRUE_LINE: dict[str, Any] = {"color": "black", "lw": 1.0, "gid": MARK}
 # Around the symbol of a mean: some of its trials failed, or came with a warning.
-FAULT_RING: dict[str, Any] = {"ls": "", "marker": "o", "ms": 7.5, "mfc": "none", "mec": "#444444", "mew": 0.7}
-FAULT_RING |= {"zorder": 4, "label": "with failures or warnings"}
+FAULT_RING: dict[str, Any] = {"ls": "", "marker": "o", "ms": 6.0, "mfc": "none", "mec": "#666666", "mew": 0.5}
+FAULT_RING |= {"zorder": 4, "label": "with failures or warnings", "gid": MARK}
 ALL_FAILED = "every trial failed"  # label of a cross at the edge of a panel
 STYLE: Any = {
-    "font.size": 8.5,
-    "axes.titlesize": 8.5,
+    "font.family": "DejaVu Sans",  # comes with matplotlib, so that figures are the same on every machine
+    "font.size": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.labelsize": 8.0,
+    "figure.titlesize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.4,
+    "lines.markeredgewidth": 0.8,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.minor.size": 1.5,
+    "ytick.minor.size": 1.5,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
     "grid.color": "#dddddd",
     "grid.linewidth": 0.5,
+    "axes.axisbelow": True,
     "legend.frameon": False,
     "pdf.fonttype": 42,
     "svg.hashsalt": "ankleloop",
@@ -53,90 +79,84 @@ METADATA: dict[str, dict[str, Any]] = {
 }
 
 
-def panel_grid(
-    count: int,
-    columns: int,
-    panel_size: tuple[float, float],
-    margin: tuple[float, float],
-    *,
-    sharex: bool = False,
-    sharey: bool = False,
-) -> tuple[Figure, list[Axes]]:
-    """Make a figure with panels in rows, and leave the rest of the last row empty.
+class DataFigure(Figure):
+    """Figure with the table of the numbers that it draws.
 
-    Parameters
-    ----------
-    count : int
-        Number of panels.
-    columns : int
-        Panels side by side, at most.
-    panel_size, margin : tuple of float
-        Width and height of a panel, and of what the figure adds to all of them [in].
-    sharex, sharey : bool
-        Whether the panels share their abscissae, their ordinates.
-
-    Returns
-    -------
-    figure : matplotlib.figure.Figure
-    axes : list of matplotlib.axes.Axes
-        Axes of the panels, without those that are empty.
+    `data` is a tidy table whose units are in the names of its columns or in a column `unit`; `save_figure` writes it
+    beside the picture.
 
     Examples
     --------
-    >>> figure, axes = panel_grid(4, 3, (3.0, 2.0), (0.5, 0.5))
-    >>> figure.get_size_inches().tolist(), len(axes)
-    ([9.5, 4.5], 4)
+    >>> figure = DataFigure(figsize=(inches(ONE_COLUMN), 2.0))
+    >>> figure.data is None
+    True
     """
-    columns = min(columns, count)
-    rows = -(-count // columns)
-    size = (panel_size[0] * columns + margin[0], panel_size[1] * rows + margin[1])
-    figure = Figure(figsize=size, layout="constrained")
-    axes = list(figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey).ravel())
-    for axis in axes[count:]:
-        axis.set_visible(False)
-    return figure, axes[:count]
+
+    data: pd.DataFrame | None = None
 
 
-def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
-    """Put one legend for all axes below them; each label appears once, those of marks at the end.
+def inches(millimetres: float) -> float:
+    """Convert a length in print to the unit of matplotlib.
 
     Parameters
     ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    axes : iterable of matplotlib.axes.Axes
-        Its axes.
+    millimetres : float
+        Length [mm].
+
+    Returns
+    -------
+    float
+        Length [in].
+
+    Examples
+    --------
+    >>> inches(25.4)
+    1.0
     """
-    lines = {str(line.get_label()): line for axis in axes for line in axis.get_lines()}
-    lines = {label: line for label, line in lines.items() if label[0] != "_"}
-    labels = sorted(lines, key=lambda label: label in (FAULT_RING["label"], ALL_FAILED))
-    columns = min(3, max(1, int(figure.get_figwidth() // 2.2)), len(labels))  # a narrow figure would cut them off
-    figure.legend([lines[label] for label in labels], labels, loc="outside lower center", ncols=columns)
+    return millimetres / 25.4
 
 
 def save_figure(
-    figure: Figure, stem: str | Path, suffixes: Sequence[str] = (".png", ".pdf"), *, overwrite: bool = False
+    figure: Figure, stem: str | Path, suffixes: Sequence[str] | None = None, *, overwrite: bool = False
 ) -> None:
-    """Write a figure, the same bytes for the same data.
+    """Write a figure and the numbers that it draws, the same bytes for the same data.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        The figure.
+        The figure; `DataFigure` has the numbers.
     stem : path-like
         Path without its suffix.
-    suffixes : sequence of str
-        Of ".png", ".pdf" and ".svg".
+    suffixes : sequence of str, optional
+        Of ".png", ".pdf", ".svg" and ".csv"; picture, PDF and, where the figure has numbers, CSV if left out.
     overwrite : bool
         Whether to replace files of these names; without it existing files are refused.
 
     Raises
     ------
+    ValueError
+        If a CSV is wanted of a figure without numbers.
     DataError
         If a file exists, or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_figure(Figure(figsize=(1.0, 1.0)), Path(folder, "empty"))
+    ...     sorted(path.name for path in Path(folder).iterdir())
+    ['empty.pdf', 'empty.png']
     """
-    stem = Path(stem)
+    stem, data = Path(stem), getattr(figure, "data", None)
+    if suffixes is None:
+        suffixes = (".png", ".pdf") if data is None else (".png", ".pdf", ".csv")
+    if ".csv" in suffixes and data is None:
+        raise ValueError(f"{stem.name}: this figure has no table of its numbers: leave .csv out of suffixes.")
     with matplotlib.rc_context(STYLE):
         for suffix in suffixes:
             with atomic_file(stem.with_name(stem.name + suffix), overwrite=overwrite) as partial:
-                figure.savefig(partial, format=suffix[1:], dpi=200, metadata=METADATA[suffix])
+                if suffix == ".csv" and data is not None:
+                    data.to_csv(partial, index=False, lineterminator="\n")
+                else:
+                    figure.savefig(partial, format=suffix[1:], dpi=DOTS_PER_INCH, metadata=METADATA[suffix])

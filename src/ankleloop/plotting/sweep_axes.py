@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +20,7 @@ __all__ = ["MOST_LISTED", "SweepAxis"]
 MOST_LISTED = 12  # distinct values that are drawn one by one; more are drawn in bins
 MOST_TICKS = 8  # values that all have a label of their own
 BINS = 10
+LABEL = 30  # characters of a line of a label
 DIGITS = ((1.0, 2.0, 5.0), (1.0, 3.0))  # that have a label in each decade, by the room that there is
 LEAST_DECADE = 5.0  # largest over smallest value, from which on an axis may be logarithmic
 NARROWEST = 0.25  # smallest over mean distance of neighbours; closer ones are listed, so that all can be read
@@ -76,6 +79,16 @@ class SweepAxis:
         return "log" if logarithmic else "linear"
 
     @property
+    def description(self) -> str:
+        """The label without its unit."""
+        return self.label.partition(" [")[0]
+
+    @property
+    def unit(self) -> str:
+        """The unit; empty for numbers without one."""
+        return self.label.rstrip("]").partition(" [")[2].removesuffix("1")
+
+    @property
     def texts(self) -> list[str]:
         """Values as words."""
         return [self._format(value) for value in self.values]
@@ -87,9 +100,9 @@ class SweepAxis:
 
     def describe(self, value: Any) -> str:
         """A value with name and unit, such as "block rows 12 samples"."""
-        name, _, unit = self.label.rstrip("]").partition(" [")
         value = _as_value(value)
-        return f"{name} {self._format(value)}" + (f" {unit}" if _is_number(value) and unit not in ("", "1") else "")
+        unit = self.unit if _is_number(value) else ""
+        return f"{self.description} {self._format(value)} {unit}".rstrip()
 
     def places(self, values: Iterable[Any]) -> np.ndarray:
         """Places of values on the axis: the values themselves, or their numbers in the list."""
@@ -98,23 +111,20 @@ class SweepAxis:
         numbers = {value: number for number, value in enumerate(self.values)}
         return np.array([numbers[_as_value(value)] for value in values], dtype=float)
 
+    def value_at(self, place: float) -> Any:
+        """The value at a place: the number itself, or what stands there in the list."""
+        return self.texts[round(place)] if self.kind == "listed" else float(place)
+
     def edges(self) -> np.ndarray:
         """Edges of the cells around all values: halfway between neighbours, on the scale of the axis."""
-        places = self._scaled(self.places(self.values))
+        places = self._scale(self.places(self.values))
         if places.size == 1:
-            return self._unscaled(places[0] + np.array([-0.5, 0.5]))
+            return self._unscale(places[0] + np.array([-0.5, 0.5]))
         middles = (places[1:] + places[:-1]) / 2
-        return self._unscaled(np.r_[2 * places[0] - middles[0], middles, 2 * places[-1] - middles[-1]])
+        return self._unscale(np.r_[2 * places[0] - middles[0], middles, 2 * places[-1] - middles[-1]])
 
-    def bins(self, count: int = BINS) -> np.ndarray:
-        """Edges of bins of equal width, on the scale of the axis."""
-        first, last = self._scaled(self.places(self.values))[[0, -1]]
-        return self._unscaled(np.linspace(first, last, count + 1))
-
-    def binned(
-        self, values: Iterable[Any], count: int = BINS, most: int = MOST_LISTED
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Centre of the bin of each value, and the edges of all bins; a value each where there are few of them.
+    def bin(self, values: Iterable[Any], count: int = BINS, most: int = MOST_LISTED) -> tuple[np.ndarray, np.ndarray]:
+        """Divide values into bins of equal width on the scale of the axis, or by value where there are few of them.
 
         Parameters
         ----------
@@ -127,15 +137,18 @@ class SweepAxis:
 
         Returns
         -------
-        centres, edges : ndarray
+        centres : ndarray
+            Centre of the bin of each value.
+        edges : ndarray
+            Edges of all bins.
         """
         if self.kind == "listed" or len(self.values) <= most:
             return self.places(values), self.edges()
-        edges = self.bins(count)
-        scaled = self._scaled(edges)
-        centres = self._unscaled((scaled[1:] + scaled[:-1]) / 2)
-        places = self.places(values)
-        return centres[np.clip(np.searchsorted(edges, places, side="right") - 1, 0, count - 1)], edges
+        first, last = self._scale([self.values[0], self.values[-1]])
+        edges = np.linspace(first, last, count + 1)
+        numbers = np.digitize(self._scale(self.places(values)), edges) - 1
+        centres = (edges[1:] + edges[:-1]) / 2
+        return self._unscale(centres)[np.clip(numbers, 0, count - 1)], self._unscale(edges)
 
     def set_ticks(self, axes: Axes, direction: Literal["x", "y"], room: int = MOST_TICKS) -> None:
         """Set scale, label and ticks of an axis of a panel.
@@ -150,7 +163,8 @@ class SweepAxis:
             Values that have room for a label each.
         """
         axis = axes.xaxis if direction == "x" else axes.yaxis
-        axis.set_label_text(self.label if self.ordered else self.label.removesuffix(" [1]"))
+        label = self.label if self.ordered else self.label.removesuffix(" [1]")
+        axis.set_label_text(textwrap.fill(label, LABEL if direction == "y" else max(5 * room, LABEL)))
         if self.kind == "listed":
             self._list_ticks(axis, direction, room)
             return
@@ -171,11 +185,15 @@ class SweepAxis:
             axes.locator_params(axis=direction, nbins=min(room, 6))
 
     def _list_ticks(self, axis: Axis, direction: str, room: int) -> None:
-        """Ticks at listed values; long texts on an abscissa are turned."""
+        """Ticks at listed values; long texts on an abscissa have several lines, or are turned."""
         step = -(-len(self.values) // room)
         texts = self.texts[::step]
+        pitch = 4 * room // len(texts)  # characters between neighbours on an abscissa
+        if direction == "x":
+            texts = [textwrap.fill(text, pitch, break_long_words=False) for text in texts]
         axis.set_ticks(range(0, len(self.values), step), texts)
-        if direction == "x" and max(map(len, texts)) * len(texts) > 4 * room:
+        widths = [max(map(len, text.splitlines())) for text in texts]
+        if direction == "x" and any(first + second > 2 * pitch for first, second in pairwise(widths)):
             for label in axis.get_ticklabels():
                 label.set(rotation=35, ha="right", rotation_mode="anchor")
 
@@ -185,11 +203,11 @@ class SweepAxis:
         standard = {None: "none", True: "true", False: "false"}
         return self.words.get(value) or standard.get(value) or str(value)
 
-    def _scaled(self, places: ArrayLike) -> np.ndarray:
+    def _scale(self, places: ArrayLike) -> np.ndarray:
         return np.log(places) if self.kind == "log" else np.asarray(places, dtype=float)
 
-    def _unscaled(self, scaled: ArrayLike) -> np.ndarray:
-        return np.exp(scaled) if self.kind == "log" else np.asarray(scaled, dtype=float)
+    def _unscale(self, values: ArrayLike) -> np.ndarray:
+        return np.exp(values) if self.kind == "log" else np.asarray(values, dtype=float)
 
 
 def _unevenness(numbers: np.ndarray) -> float:

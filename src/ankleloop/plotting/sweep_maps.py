@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from itertools import groupby, product
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import Normalize
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ankleloop.plotting.fault_marks import draw_crosses, draw_rings
-from ankleloop.plotting.style import ALL_FAILED, FAULT_RING, STYLE
+from ankleloop.plotting.legends import add_entries
+from ankleloop.plotting.style import ALL_FAILED, FAULT_RING, STYLE, TWO_COLUMNS, DataFigure, inches
 from ankleloop.plotting.sweep_axes import SweepAxis
-from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, mark_rows, value_limits
+from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, mark_rows, tabulate_sweep, value_limits
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,10 +33,13 @@ NO_POINT = "no point"
 GREY = "#d5d5d5"  # of cells without a point: zero may be white
 HATCHED: dict[str, Any] = {"hatch": "////", "facecolor": "#f4f4f4", "edgecolor": "#b5b5b5", "linewidth": 0.0}
 MOST_COLUMNS = 4
-TITLE = 32  # characters of a line
-PANEL = (2.35, 2.15)  # in
-SMALLEST_CELL = 9.0  # pt: smaller cells have no room for a ring; regions of them are outlined
-ROOM = tuple(int(72 * 0.8 * size / SMALLEST_CELL) for size in PANEL)  # cells with room for a ring, in either direction
+TITLE = 84  # characters of the titles of all panels in a row
+LABEL = 20  # characters of a line beside a panel
+PANEL = (40.0, 34.0)  # mm, with labels, where four are side by side
+LINE = 3.4  # mm of a line of a title
+SMALLEST_CELL = 7.5  # pt: smaller cells have no room for a ring; regions of them are outlined
+# Cells with room for a ring, in either direction.
+ROOM = tuple(int(72 * 0.75 * inches(size) / SMALLEST_CELL) for size in PANEL)
 REGION_SHARE = 0.1  # of the trials of a region that failed or came with a warning, from which on it is outlined
 RASTERISED = 2000  # cells from which on they are a picture inside a PDF
 
@@ -46,11 +50,9 @@ def maps_figure(
     axes: tuple[SweepAxis, SweepAxis],
     edges: Edges | None,
     panels: Sequence[SweepPanel],
-    series: Sequence[SweepSeries],
-    difference: SweepSeries | None = None,
     slices: Sequence[str] = ("",),
-) -> Figure:
-    """Means over two parameters: a block for each quantity, with a panel for each method and for a difference of two.
+) -> DataFigure:
+    """Means over two parameters: a row for each quantity, with a map for each method and for a difference of two.
 
     Parameters
     ----------
@@ -62,106 +64,102 @@ def maps_figure(
     edges : tuple of ndarray, or None
         Edges of the cells in either direction; None draws each point by itself.
     panels : sequence of SweepPanel
-        The quantities.
-    series : sequence of SweepSeries
-        The methods.
-    difference : SweepSeries, optional
-        Difference of two methods; its colours diverge from zero.
+        Quantities with their methods; a difference stands behind its quantity, and has a colour bar of its own.
     slices : sequence of str
-        Values of the column `slice`, such as those of a third parameter, each of which has panels of its own.
+        Values of the column `slice`, such as those of a third parameter, each of which has maps of its own.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has the means of all cells.
     """
-    items = [[*series, *([difference] if difference and panel.difference else [])] for panel in panels]
-    counts = [len(block) * len(slices) for block in items]
-    columns = min(MOST_COLUMNS // len(slices) * len(slices), max(counts))
-    heights = [-(-count // columns) * PANEL[1] + 0.35 for count in counts]
-    figure = Figure(figsize=(columns * PANEL[0] + 1.6, sum(heights) + 0.4), layout="constrained")
-    blocks = figure.subfigures(len(panels), 1, squeeze=False, height_ratios=heights).ravel()
+    rows = [list(group) for _, group in groupby(panels, key=lambda panel: panel.quantity)]
+    counts = [sum(len(panel.series) for panel in row) for row in rows]  # of methods and differences
+    lines = -(-max(counts) // (MOST_COLUMNS // len(slices)))
+    columns = -(-max(counts) // lines) * len(slices)
+    heights = [-(-count * len(slices) // columns) for count in counts]
+    titles = [_title_lines(item, name, columns) for panel in panels for item, name in product(panel.series, slices)]
+    height = PANEL[1] + LINE * max(len(lines) for lines in titles)
+    size = (inches(TWO_COLUMNS), inches(sum(heights) * height + 4.0))
+    figure = DataFigure(figsize=size, layout="constrained")
+    grid = figure.subplots(sum(heights), columns, squeeze=False, sharex=True, sharey=True)
     marks: dict[str, Any] = {}
-    for block, panel, block_items in zip(blocks, panels, items, strict=True):
-        rows = table[table["quantity"] == panel.quantity]
-        marks |= _draw_block(block, rows, axes, edges, panel, block_items, slices, columns)
-    if marks:
-        entries = min(len(marks), max(1, int(figure.get_figwidth() // 1.9)))
-        figure.legend(list(marks.values()), list(marks), loc="outside lower center", ncols=entries)
+    for row, part in zip(rows, np.split(grid, np.cumsum(heights)[:-1]), strict=True):
+        places = iter(part.ravel())
+        for panel in row:
+            maps = [(next(places), item, name) for item, name in product(panel.series, slices)]
+            for axis, item, name in maps:
+                axis.set_title("\n".join(_title_lines(item, name, columns)))
+            # A quantity whose maps are in several rows has its colour bars at the right of all of them.
+            beside = [axis for axis, *_ in maps] if len(part) == 1 else list(part.ravel())
+            marks |= _draw_maps(beside, panel.rows(table), edges, panel, maps)
+        for axis in places:
+            axis.set_visible(False)
+    _label_axes(grid, axes)
+    add_entries(figure, {}, marks)
+    figure.data = tabulate_sweep(table, axes, panels)
     return figure
 
 
-def _draw_block(
-    block: SubFigure,
+def _draw_maps(
+    beside: Sequence[Axes],
     table: pd.DataFrame,
-    axes: tuple[SweepAxis, SweepAxis],
     edges: Edges | None,
     panel: SweepPanel,
-    items: Sequence[SweepSeries],
-    slices: Sequence[str],
-    columns: int,
+    maps: Sequence[tuple[Axes, SweepSeries, str]],
 ) -> dict[str, Any]:
-    """All panels of a quantity with their colour bars; returns the legend entries of the marks in them."""
-    shown = [(item, name) for item in items for name in slices]
-    rows = -(-len(shown) // columns)
-    grid = block.subplots(rows, columns, squeeze=False)
-    bars: dict[bool, tuple[Any, list[Axes], str]] = {}
+    """Maps of a quantity or of its difference, and a colour bar beside some axes; returns legend entries of marks."""
+    colours, extend = _choose_colours(table["mean"].to_numpy(), panel)
     marks: dict[str, Any] = {}
-    norms = {
-        kind: _norm(table, panel, [item for item in items if (item.number is None) == kind]) for kind in (False, True)
-    }
-    for number, axis in enumerate(grid.ravel()):
-        if number >= len(shown):
-            axis.set_visible(False)
-            continue
-        item, name = shown[number]
-        part = table[(table["method"] == item.method) & (table["slice"] == name)]
-        norm, cmap, extend = norms[item.number is None]
-        image, own = _draw_map(axis, part, edges, panel, {"norm": norm, "cmap": cmap})
+    for axis, item, name in maps:
+        rows = table[(table["method"] == item.method) & (table["slice"] == name)]
+        image, own = _draw_map(axis, rows, edges, panel, colours)
         marks |= own
-        axis.set_title("\n".join(line for text in (item.label, name) for line in textwrap.wrap(text, TITLE)))
-        _label_axes(axis, axes, number % columns == 0, number + columns >= len(shown))
-        bars.setdefault(item.number is None, (image, [], extend))[1].append(axis)
-    if edges is None:
-        _share_limits(list(grid.ravel()[: len(shown)]))
-    for is_difference, (image, own_axes, extend) in sorted(bars.items(), reverse=rows > 1, key=lambda item: item[0]):
-        place = own_axes if rows == 1 else list(grid.ravel()[: len(shown)])
-        label = panel.difference if is_difference else panel.label
-        block.colorbar(image, ax=place, label=label.replace(" [", "\n["), extend=extend, aspect=22, pad=0.02)
+    label = textwrap.fill(panel.label, LABEL)
+    beside[0].figure.colorbar(image, ax=beside, label=label, extend=extend, aspect=22, pad=0.02)
     return marks
 
 
-def _share_limits(axes: Sequence[Axes]) -> None:
-    """Equal limits of all panels, whose points may differ."""
-    for name in ("x", "y"):
-        limits = np.array([getattr(axis, f"get_{name}lim")() for axis in axes])
-        for axis in axes:
-            getattr(axis, f"set_{name}lim")(limits[:, 0].min(), limits[:, 1].max())
+def _title_lines(item: SweepSeries, name: str, columns: int) -> list[str]:
+    """Lines of the title of a map: the method, and the value of a further parameter."""
+    width = TITLE // columns
+    return [line for text in (item.label, name) for line in textwrap.wrap(text, width, break_on_hyphens=False)]
 
 
-def _label_axes(axis: Axes, axes: tuple[SweepAxis, SweepAxis], first: bool, last: bool) -> None:
-    axes[0].set_ticks(axis, "x", room=6)
-    axes[1].set_ticks(axis, "y", room=10)
-    if not first:
+def _label_axes(grid: np.ndarray, axes: tuple[SweepAxis, SweepAxis]) -> None:
+    """Ticks of all panels; labels at the left, and below the last panel of each column."""
+    for axis in grid.ravel():
+        axes[0].set_ticks(axis, "x", room=6)
+        axes[1].set_ticks(axis, "y", room=10)
+    for axis in grid[:, 0]:
+        axis.set_ylabel(textwrap.fill(axes[1].label, LABEL))
+    for axis in grid[:, 1:].ravel():
         axis.set_ylabel("")
-        axis.tick_params(labelleft=False)
-    if not last:
-        axis.set_xlabel("")
+    for column in grid.T:
+        last = [axis for axis in column if axis.get_visible()][-1]
+        last.tick_params(labelbottom=True)
+        last.set_xlabel(textwrap.fill(last.get_xlabel(), TITLE // grid.shape[1]))
+        for axis in column:
+            if axis is not last:
+                axis.set_xlabel("")
 
 
-def _norm(table: pd.DataFrame, panel: SweepPanel, items: Sequence[SweepSeries]) -> tuple[Normalize, str, str]:
-    """Scale and colours of all panels of a quantity, and the ends at which values are beyond the scale."""
-    means = table.loc[table["method"].isin([item.method for item in items]), "mean"].to_numpy()
-    is_difference = bool(items) and items[0].number is None
-    low, high = value_limits(means, "zero" if is_difference else panel.desired)
+def _choose_colours(means: np.ndarray, panel: SweepPanel) -> tuple[dict[str, Any], str]:
+    """Scale and colours of maps, and the ends at which values are beyond the scale.
+
+    Colours diverge from zero for differences and errors, and from the truth of a parameter that all points share.
+    """
+    low, high = value_limits(means, panel.desired)
+    centre = 0.0 if panel.desired == "zero" else panel.truth
     cmap = "viridis"
-    if is_difference or panel.desired == "zero":
-        high = max(abs(low), abs(high)) or 1.0
-        low, cmap = -high, "RdBu" if is_difference else "PuOr"
-    if low == high:
+    if centre is not None:
+        reach = max(abs(low - centre), abs(high - centre)) or 1.0
+        low, high, cmap = centre - reach, centre + reach, "RdBu" if panel.is_difference else "PuOr"
+    elif low == high:
         low, high = low - 0.5, high + 0.5
-    finite = means[np.isfinite(means)]
-    below, above = bool((finite < low).any()), bool((finite > high).any())
-    return Normalize(low, high), cmap, {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
+    beyond = bool((means < low).any()), bool((means > high).any())
+    extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[beyond]
+    return {"norm": Normalize(low, high), "cmap": cmap}, extend
 
 
 def _draw_map(
@@ -212,11 +210,8 @@ def _draw_cells(
         marks[NO_POINT] = Patch(facecolor=GREY)
     empty = present & ~np.isfinite(means)
     if empty.any():
-        corners = [
-            [(x[column + across], y[row + up]) for across, up in ((0, 0), (1, 0), (1, 1), (0, 1))]
-            for row, column in np.argwhere(empty)
-        ]
-        axis.add_collection(PolyCollection(corners, **HATCHED), autolim=False)
+        plain = ListedColormap([HATCHED["facecolor"]])
+        axis.pcolor(x, y, np.ma.masked_where(~empty, empty), cmap=plain, **HATCHED)
         marks[NO_VALUE] = Patch(**HATCHED)
     axis.set(xlim=x[[0, -1]], ylim=y[[0, -1]])
     if not panel.marked:

@@ -5,54 +5,37 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from ankleloop.plotting.fault_marks import draw_crosses, draw_rings
-from ankleloop.plotting.style import COLOURS, MARKERS, REFERENCE_LINE, STYLE, add_legend, panel_grid
+from ankleloop.plotting.legends import add_legend
+from ankleloop.plotting.method_styles import MethodStyle
+from ankleloop.plotting.panels import panel_grid, split_label
+from ankleloop.plotting.style import REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure, inches
 from ankleloop.plotting.sweep_axes import SweepAxis
 
-if TYPE_CHECKING:
-    import pandas as pd
+__all__ = [
+    "DIFFERENCE_STYLE",
+    "FAULT_SHARE",
+    "SweepPanel",
+    "SweepSeries",
+    "effects_figure",
+    "lines_figure",
+    "mark_rows",
+    "tabulate_sweep",
+    "value_limits",
+]
 
-__all__ = ["FAULT_SHARE", "SweepPanel", "SweepSeries", "effects_figure", "lines_figure", "mark_rows", "value_limits"]
-
-LEGEND = 26  # characters of a line: longer entries would be cut off
+LABEL = 22  # characters of a line of a label of a row of effects
+LEGEND = 60  # characters of a line of an entry
+DIFFERENCE_STYLE = MethodStyle("#222222", "o")
 FAULT_SHARE = 0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked
 BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}  # %, beyond which a value says no more than that it is lost
-
-
-@dataclass(frozen=True)
-class SweepPanel:
-    """What a row or a panel shows.
-
-    Parameters
-    ----------
-    quantity : str
-        Value of the column `quantity`.
-    label : str
-        Name with unit.
-    difference : str
-        Label of the difference of two methods.
-    desired : {"high", "zero", "low"} or None
-        What a method should reach.
-    truth : float or None
-        True value, where all points have the same.
-    marked : bool
-        Whether means of which trials failed or came with a warning are marked; their share itself needs no marks.
-    """
-
-    quantity: str
-    label: str
-    difference: str
-    desired: Literal["high", "zero", "low"] | None = None
-    truth: float | None = None
-    marked: bool = True
 
 
 @dataclass(frozen=True)
@@ -65,20 +48,53 @@ class SweepSeries:
         Value of the column `method`.
     label : str
         Its name in the legend or the title.
-    number : int or None
-        Its number among the methods of the study, which gives colour and marker; None for a difference.
+    style : MethodStyle
+        Colour, symbol and line; of a difference `DIFFERENCE_STYLE`.
+    is_difference : bool
+        Whether it is a difference of two methods.
     """
 
     method: str
     label: str
-    number: int | None = None
+    style: MethodStyle = DIFFERENCE_STYLE
+    is_difference: bool = False
+
+
+@dataclass(frozen=True)
+class SweepPanel:
+    """A quantity of several methods, or of the difference of two.
+
+    Parameters
+    ----------
+    quantity : str
+        Value of the column `quantity`.
+    label : str
+        Its name with unit.
+    series : sequence of SweepSeries
+        The methods, or a difference alone.
+    desired : {"high", "zero", "low"} or None
+        What a method should reach; "zero" for a difference.
+    truth : float or None
+        True value, where all points have the same.
+    marked : bool
+        Whether means of which trials failed or came with a warning are marked; their share itself needs no marks.
+    """
+
+    quantity: str
+    label: str
+    series: Sequence[SweepSeries]
+    desired: Literal["high", "zero", "low"] | None = None
+    truth: float | None = None
+    marked: bool = True
 
     @property
-    def style(self) -> dict[str, Any]:
-        """Colour and marker."""
-        if self.number is None:
-            return {"color": "#222222", "marker": "o"}
-        return {"color": COLOURS[self.number % len(COLOURS)], "marker": MARKERS[self.number % len(MARKERS)]}
+    def is_difference(self) -> bool:
+        """Whether it shows the difference of two methods."""
+        return self.series[0].is_difference
+
+    def rows(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Its rows of a summary."""
+        return table[(table["quantity"] == self.quantity) & table["method"].isin([item.method for item in self.series])]
 
 
 @matplotlib.rc_context(STYLE)
@@ -86,12 +102,10 @@ def lines_figure(
     table: pd.DataFrame,
     axis: SweepAxis,
     panels: Sequence[SweepPanel],
-    series: Sequence[SweepSeries],
-    difference: SweepSeries | None = None,
     *,
     band: Literal["mean", "trials"] = "mean",
-) -> Figure:
-    """Means against one parameter: a panel for each quantity, and beside it one for the difference of two methods.
+) -> DataFigure:
+    """Means against one parameter, in panels side by side.
 
     Parameters
     ----------
@@ -101,29 +115,27 @@ def lines_figure(
     axis : SweepAxis
         The parameter.
     panels : sequence of SweepPanel
-        The quantities.
-    series : sequence of SweepSeries
-        The methods.
-    difference : SweepSeries, optional
-        Difference of two methods.
+        The panels; a difference stands behind its quantity.
     band : {"mean", "trials"}
         Whether bands are the interval of the mean (`margin`) or hold most of the trials (`low` to `high`).
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has the means and bands.
     """
-    rows = _rows(panels, series, difference)
-    columns = min(len(rows), 4 if difference and len(panels) > 2 else 2 if difference else 3)
-    figure, axes = panel_grid(len(rows), columns, (2.7 if columns == 4 else 3.2, 2.4), (0.4, 0.8))
-    figure.set_layout_engine("constrained", w_pad=0.08)
-    for number, (panel_axis, row) in enumerate(zip(axes, rows, strict=True)):
-        _draw_panel(panel_axis, table, axis, *row, band)
-        panel_axis.set_ylabel(_row_label(*row))
-        axis.set_ticks(panel_axis, "x")
-        if number + columns < len(rows):
-            panel_axis.set_xlabel("")
-    add_legend(figure, axes)
+    has_difference = any(panel.is_difference for panel in panels)
+    columns = min(len(panels), 4 if has_difference and len(panels) > 4 else 2 if has_difference else 3)
+    narrow = columns == 4
+    figure, panel_axes = panel_grid(len(panels), columns, 46.0 if columns > 2 else 52.0)
+    for number, (panel_axis, panel) in enumerate(zip(panel_axes, panels, strict=True)):
+        _draw_panel(panel_axis, table, axis, panel, band)
+        axis.set_ticks(panel_axis, "x", room=5 if narrow else 6)
+        panel_axis.set_ylabel(_break_unit(panel.label) if narrow else panel.label)
+        words = panel_axis.get_xlabel() if number + columns >= len(panels) else ""
+        panel_axis.set_xlabel(_break_unit(words) if narrow else words)
+    add_legend(figure, panel_axes)
+    figure.data = tabulate_sweep(table, [axis], panels)
     return figure
 
 
@@ -132,76 +144,99 @@ def effects_figure(
     table: pd.DataFrame,
     axes: Sequence[SweepAxis],
     panels: Sequence[SweepPanel],
-    series: Sequence[SweepSeries],
-    difference: SweepSeries | None = None,
     *,
     band: Literal["mean", "trials"] = "mean",
-) -> Figure:
+) -> DataFigure:
     """Means over each of several parameters: a column for each parameter, a row for each quantity and each difference.
 
     Parameters
     ----------
-    table, panels, series, difference, band
+    table, panels, band
         As of `lines_figure`.
     axes : sequence of SweepAxis
         The parameters.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has the means and bands.
     """
-    rows = _rows(panels, series, difference)
-    size = (max(4.5, 1.9 * len(axes) + 0.8), 1.6 * len(rows) + 0.9)
-    figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(len(rows), len(axes), squeeze=False, sharex="col", sharey="row")
-    for (number, row), (column, axis) in product(enumerate(rows), enumerate(axes)):
-        _draw_panel(grid[number, column], table, axis, *row, band)
-        if number == len(rows) - 1:
-            axis.set_ticks(grid[number, column], "x", room=5)
-            grid[number, column].xaxis.label.set_wrap(True)
-    for axis_row, row in zip(grid, rows, strict=True):
-        low, high, _ = _row_limits(table[table["parameter"].isin([axis.name for axis in axes])], *row, band)
-        axis_row[0].set_ylim(low, high)
-        axis_row[0].set_ylabel(_row_label(*row).replace(" [", "\n["))
+    size = (inches(TWO_COLUMNS), inches(33.0 * len(panels) + 8.0))
+    figure = DataFigure(figsize=size, layout="constrained")
+    grid = figure.subplots(len(panels), len(axes), squeeze=False, sharex="col", sharey="row")
+    for panel_axes, panel in zip(grid, panels, strict=True):
+        for panel_axis, axis in zip(panel_axes, axes, strict=True):
+            _draw_panel(panel_axis, table, axis, panel, band)
+        panel_axes[0].set_ylim(*_row_limits(table, panel, band)[:2])
+        panel_axes[0].set_ylabel(textwrap.fill(panel.label, LABEL))
+    for panel_axis, axis in zip(grid[-1], axes, strict=True):
+        axis.set_ticks(panel_axis, "x", room=5 if len(axes) <= 4 else 3)
+        panel_axis.xaxis.label.set_wrap(True)
     joined = [column for column, axis in enumerate(axes) if axis.ordered]  # their entries have a line, too
     add_legend(figure, [*grid.ravel(), *grid[:, joined].ravel()])
+    figure.data = tabulate_sweep(table, axes, panels)
     return figure
 
 
-def _rows(
-    panels: Sequence[SweepPanel], series: Sequence[SweepSeries], difference: SweepSeries | None
-) -> list[tuple[SweepPanel, list[SweepSeries]]]:
-    """Each quantity with its methods, and behind it with the difference; a share of faults has none."""
-    rows = []
-    for panel in panels:
-        rows.append((panel, list(series)))
-        if difference is not None and panel.difference:
-            rows.append((panel, [difference]))
-    return rows
+def tabulate_sweep(table: pd.DataFrame, axes: Sequence[SweepAxis], panels: Sequence[SweepPanel]) -> pd.DataFrame:
+    """What a picture of a sweep draws as a table for readers, with quantities and units.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Table of `lines_figure`, with the columns `parameter` and `place`, or of
+        `ankleloop.plotting.sweep_maps.maps_figure`, with `x` and `y`.
+    axes : sequence of SweepAxis
+        Its parameters.
+    panels : sequence of SweepPanel
+        Its quantities with their methods.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each mean. Places on an axis of a list are the values themselves.
+    """
+    return pd.concat([_tabulate_panel(panel.rows(table), axes, panel) for panel in panels], ignore_index=True)
 
 
-def _row_label(panel: SweepPanel, series: Sequence[SweepSeries]) -> str:
-    return panel.difference if series[0].number is None else panel.label
+def _tabulate_panel(rows: pd.DataFrame, axes: Sequence[SweepAxis], panel: SweepPanel) -> pd.DataFrame:
+    quantity, unit = split_label(panel.label)
+    labels = {item.method: item.label for item in panel.series}
+    parts: dict[str, Any] = {"quantity": quantity, "unit": unit, "method": [labels[name] for name in rows["method"]]}
+    if "parameter" in rows:
+        by_name = {axis.name: axis for axis in axes}
+        parts["parameter"] = [by_name[name].label for name in rows["parameter"]]
+        places = zip(rows["parameter"], rows["place"], strict=True)
+        parts["value of the parameter"] = [by_name[name].value_at(place) for name, place in places]
+    else:
+        parts |= {a.label: [a.value_at(place) for place in rows[n]] for a, n in zip(axes, "xy", strict=True)}
+    columns = ["slice", "mean", "margin", "low", "high", "trials", "failures", "warnings"]
+    return rows.assign(**parts)[[*parts, *[name for name in columns if name in rows]]]
 
 
-def _draw_panel(
-    axis: Axes, table: pd.DataFrame, parameter: SweepAxis, panel: SweepPanel, series: Sequence[SweepSeries], band: str
-) -> None:
-    table = table[(table["parameter"] == parameter.name) & (table["quantity"] == panel.quantity)]
-    for number, item in enumerate(series):
+def _break_unit(label: str) -> str:
+    """Put the unit into a line of its own."""
+    return label.replace(" [", "\n[")
+
+
+def _draw_panel(axis: Axes, table: pd.DataFrame, parameter: SweepAxis, panel: SweepPanel, band: str) -> None:
+    table = panel.rows(table[table["parameter"] == parameter.name])
+    for number, item in enumerate(panel.series):
         rows = table[table["method"] == item.method].sort_values("place")
-        offset = 0.0 if parameter.ordered else 0.12 * (number - 0.5 * (len(series) - 1))
-        _draw_means(axis, rows, item, offset, parameter.ordered, band)
+        offset = 0.0 if parameter.ordered else 0.12 * (number - 0.5 * (len(panel.series) - 1))
+        # A share of the trials is a count, and has no band.
+        _draw_means(axis, rows, item, offset, parameter.ordered, band if panel.marked else "none")
         if panel.marked:
             _mark_means(axis, rows, item, offset, 0.03 + 0.06 * number)
-    if panel.truth is not None and series[0].number is not None:
+    if panel.truth is not None:
         axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=0.5)
-    elif panel.desired == "zero" or series[0].number is None:
+    elif panel.desired == "zero":
         axis.axhline(0.0, **REFERENCE_LINE, zorder=0.5)
-    low, high, lowest = _row_limits(table, panel, series, band)
+    low, high, lowest = _row_limits(table, panel, band)
     axis.set_ylim(low, high)
     if lowest < low:
-        axis.annotate(f"lowest mean: {lowest:.4g}", (0.03, 0.03), xycoords="axes fraction", fontsize=7, color="#555555")
+        note = f"lowest mean: {lowest:.4g}"
+        axis.annotate(note, (0.03, 0.03), xycoords="axes fraction", fontsize=6.5, color="#555555")
     if parameter.kind == "listed":
         axis.set_xlim(-0.5, len(parameter.values) - 0.5)
     if not table["mean"].notna().any():
@@ -214,25 +249,26 @@ def _draw_means(axis: Axes, rows: pd.DataFrame, series: SweepSeries, offset: flo
     low, high = _band(rows, band)
     style = series.style
     if joined:
-        axis.fill_between(places, low, high, color=style["color"], alpha=0.22, lw=0)
+        axis.fill_between(places, low, high, color=style.colour, alpha=0.22, lw=0)
     else:
-        axis.vlines(places, low, high, color=style["color"], lw=1.2)
-    size = 3.2 if len(rows) <= 25 else 0.0
-    line = {"lw": 1.1, "ls": "-"} if joined else {"ls": ""}
-    axis.plot(places, mean, **style, **line, ms=size, label=textwrap.fill(series.label, LEGEND))
+        axis.vlines(places, low, high, color=style.colour, lw=1.2)
+    size = {"markersize": 0.0} if len(rows) > 25 else {}
+    properties: dict[str, Any] = {**(style.curve if joined else {**style.symbol, "linestyle": ""}), **size}
+    axis.plot(places, mean, **properties, label=textwrap.fill(series.label, LEGEND))
 
 
 def _mark_means(axis: Axes, rows: pd.DataFrame, series: SweepSeries, offset: float, height: float) -> None:
     places, mean = rows["place"].to_numpy() + offset, rows["mean"].to_numpy()
     marked, failed = mark_rows(rows)
     draw_rings(axis, places[marked], mean[marked])
-    draw_crosses(axis, places[failed], height, series.style["color"], axis.get_xaxis_transform())
+    draw_crosses(axis, places[failed], height, series.style.colour, axis.get_xaxis_transform())
 
 
 def _band(rows: pd.DataFrame, band: str) -> tuple[np.ndarray, np.ndarray]:
     if band == "trials":
         return rows["low"].to_numpy(), rows["high"].to_numpy()
-    mean, margin = rows["mean"].to_numpy(), rows["margin"].to_numpy()
+    mean = rows["mean"].to_numpy()
+    margin = rows["margin"].to_numpy() if band == "mean" else 0.0
     return mean - margin, mean + margin
 
 
@@ -255,19 +291,15 @@ def mark_rows(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
     return (faults > 0) & (faults >= FAULT_SHARE * trials) & ~failed, failed
 
 
-def _row_limits(
-    table: pd.DataFrame, panel: SweepPanel, series: Sequence[SweepSeries], band: str
-) -> tuple[float, float, float]:
+def _row_limits(table: pd.DataFrame, panel: SweepPanel, band: str) -> tuple[float, float, float]:
     """Limits of the ordinate, and the lowest mean."""
-    rows = table[(table["quantity"] == panel.quantity) & table["method"].isin([item.method for item in series])]
-    low, high = _band(rows, band)
-    places = np.r_[rows["mean"].to_numpy(), low, high]
-    is_difference = series[0].number is None
-    fixed = [0.0] if is_difference or panel.desired == "zero" else [] if panel.truth is None else [panel.truth]
-    limits = value_limits(np.r_[places, fixed], "zero" if is_difference else panel.desired)
-    margin = 0.06 * (limits[1] - limits[0]) or 0.06 * abs(limits[0]) or 1.0
+    rows = panel.rows(table)
+    reference = [0.0] if panel.desired == "zero" else [] if panel.truth is None else [panel.truth]
+    places = np.r_[rows["mean"].to_numpy(), *_band(rows, band if panel.marked else "none"), reference]
+    low, high = value_limits(places, panel.desired)
+    margin = 0.06 * (high - low) or 0.06 * abs(low) or 1.0
     means = rows["mean"].dropna()
-    return limits[0] - margin, limits[1] + margin, float(means.min()) if len(means) else np.inf
+    return low - margin, high + margin, float(means.min()) if len(means) else np.inf
 
 
 def value_limits(values: np.ndarray, desired: str | None) -> tuple[float, float]:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+import pandas as pd
 
 from ankleloop.assessment.scores import evaluate
 from ankleloop.joint.estimate import TORQUES
 from ankleloop.joint.prepared import prepare
-from ankleloop.plotting.style import COLOURS, STYLE, add_legend
+from ankleloop.plotting.legends import add_legend
+from ankleloop.plotting.method_styles import MethodStyle, method_styles
+from ankleloop.plotting.style import MEASURED_LINE, STYLE, TRUE_LINE, TWO_COLUMNS, DataFigure, inches
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     from ankleloop.joint.prepared import PreparedTrial
 
 __all__ = ["torque_figure"]
+
+COLUMNS = 3  # methods side by side; more are drawn below
+HEIGHT = 33.0  # mm of a panel
+ESTIMATED = (4.0, 1.2)  # dashes, so that what lies below can be seen
 
 
 @matplotlib.rc_context(STYLE)
@@ -32,7 +37,8 @@ def torque_figure(
     start: float = 10.0,
     length: float = 5.0,
     title: str = "",
-) -> Figure:
+    styles: Mapping[str, MethodStyle] | None = None,
+) -> DataFigure:
     """Measured and estimated torques: a row for net, intrinsic and reflex torque, a column for each method.
 
     In a simulation the intrinsic and reflex torque are drawn over their true ones; in a recording, where the true ones
@@ -49,22 +55,49 @@ def torque_figure(
         Window that is drawn [s]; of a trial that ends earlier, its last `length` seconds.
     title : str
         Title of the figure.
+    styles : dict of str to MethodStyle, optional
+        Style of each label; those of the methods in the registry if left out.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
+        `data` has the torques in the window.
+
+    Examples
+    --------
+    >>> from ankleloop import identify, simulate
+    >>> trial = simulate(seed=1, duration=20.0)
+    >>> figure = torque_figure(trial, {"RIV": identify(trial, "riv")})
+    >>> len(figure.axes)  # net, intrinsic and reflex torque
+    3
     """
     trial = prepare(trial)
-    figure = Figure(figsize=(3.6 * len(estimates) + 0.4, 5.6), layout="constrained")
-    axes = figure.subplots(len(TORQUES), len(estimates), sharex=True, sharey="row", squeeze=False)
-    for column, (label, estimate) in enumerate(estimates.items()):
-        _draw_column(axes[:, column], trial, label, estimate, COLOURS[column % len(COLOURS)])
-        axes[-1, column].set_xlabel("time [s]")
-    for axis, torque in zip(axes[:, 0], TORQUES, strict=True):
-        axis.set_ylabel(f"{torque} torque [N·m]")
-    axes[0, 0].set_xlim(*_window(trial.samples("time"), start, length))  # of all panels
+    styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
+    window = _window(trial.samples("time"), start, length)
+    scores = {label: _first_scores(trial, estimate) for label, estimate in estimates.items()}
+    table = pd.concat(
+        [_tabulate(trial, label, estimate, scores[label], window) for label, estimate in estimates.items()]
+    )
+    columns = min(COLUMNS, len(estimates))
+    blocks = -(-len(estimates) // columns)
+    size = (inches(TWO_COLUMNS), inches((3 * HEIGHT + 12.0) * blocks + 4.0 * bool(title)))
+    figure = DataFigure(figsize=size, layout="constrained")
+    axes = figure.subplots(3 * blocks, columns, squeeze=False, sharex=True, sharey="row")
+    axes[0, 0].set_xlim(*window)  # of all panels
+    for number, label in enumerate(estimates):
+        row, column = 3 * (number // columns), number % columns
+        rows = table[table["method"] == label]
+        _draw_column(axes[row : row + 3, column], rows, label, styles[label], scores[label])
+        axes[row + 2, column].set_xlabel("time [s]")
+        axes[row + 2, column].tick_params(labelbottom=True)
+        if column == 0:
+            for axis, torque in zip(axes[row : row + 3, 0], TORQUES, strict=True):
+                axis.set_ylabel(f"{torque} torque [N·m]")
+    for axis in axes.ravel():
+        axis.set_visible(bool(axis.get_lines()))
     figure.suptitle(title)
     add_legend(figure, axes.flat)
+    figure.data = table.reset_index(drop=True)
     return figure
 
 
@@ -73,22 +106,44 @@ def _window(time: np.ndarray, start: float, length: float) -> tuple[float, float
     return max(float(time[0]), end - length), end
 
 
-def _draw_column(axes: np.ndarray, trial: PreparedTrial, label: str, estimate: Estimate, colour: str) -> None:
-    """Three panels of one estimate."""
-    scores = evaluate(trial, estimate).groupby("torque", sort=False).first()
-    for axis, torque in zip(axes, TORQUES, strict=True):
-        score = scores.loc[torque]
-        _draw_target(axis, trial, estimate, f"torque_{torque}" if score["against"] == "true" else "torque")
-        values = estimate.torque[torque].values
-        style = {"color": colour, "lw": 1.0, "ls": (0, (4, 1.2)), "label": f"{label} (estimated)"}
-        axis.plot(estimate.torque["time"].values, values - values.mean(), **style)
-        axis.set_title(f"{torque}: VAF {score['vaf']:.1f} % ({score['against']})")
-    axes[0].set_title(f"{label}\n{axes[0].get_title()}")
+def _first_scores(trial: PreparedTrial, estimate: Estimate) -> pd.DataFrame:
+    """VAF of each torque, and against which torque of the trial: the true one, or the measured one."""
+    return evaluate(trial, estimate).groupby("torque", sort=False).first()
 
 
-def _draw_target(axis: Axes, trial: PreparedTrial, estimate: Estimate, name: str) -> None:
-    """Torque of the trial that the estimate is compared with: a true one, or the measured one."""
+def _tabulate(
+    trial: PreparedTrial, label: str, estimate: Estimate, scores: pd.DataFrame, window: tuple[float, float]
+) -> pd.DataFrame:
+    """Estimated torques of a method in the window, beside those of the trial, all less their means over the trial."""
     time = estimate.torque["time"].values
-    target = trial.channel_at(name, time, estimate.torque.attrs["identification_rate"])
-    colour, label = ("#888888", "measured") if name == "torque" else ("#000000", "true (simulated)")
-    axis.plot(time, target - target.mean(), color=colour, lw=1.1, label=label)
+    shown = (time >= window[0]) & (time <= window[1])
+    parts = []
+    for torque in TORQUES:
+        against = scores.loc[torque, "against"]
+        name = f"torque_{torque}" if against == "true" else "torque"
+        target = trial.channel_at(name, time, estimate.torque.attrs["identification_rate"])
+        values = estimate.torque[torque].values
+        columns = {
+            "method": label,
+            "torque": torque,
+            "against": against,
+            "time [s]": time[shown],
+            "torque of the trial [N·m]": (target - target.mean())[shown],
+            "estimated torque [N·m]": (values - values.mean())[shown],
+        }
+        parts.append(pd.DataFrame(columns))
+    return pd.concat(parts)
+
+
+def _draw_column(axes: np.ndarray, table: pd.DataFrame, label: str, style: MethodStyle, scores: pd.DataFrame) -> None:
+    """Three panels of one estimate."""
+    for axis, torque in zip(axes, TORQUES, strict=True):
+        rows = table[table["torque"] == torque]
+        time = rows["time [s]"].to_numpy()
+        true = rows["against"].iloc[0] == "true"
+        target = {**TRUE_LINE, "label": "true (simulated)"} if true else {**MEASURED_LINE, "label": "measured"}
+        axis.plot(time, rows["torque of the trial [N·m]"], **target)
+        line = {"color": style.colour, "ls": (0, ESTIMATED), "lw": 1.0, "label": f"{label} (estimated)"}
+        axis.plot(time, rows["estimated torque [N·m]"], **line)
+        axis.set_title("{}: VAF {:.1f} % ({})".format(torque, *scores.loc[torque, ["vaf", "against"]]))
+    axes[0].set_title(f"{label}\n{axes[0].get_title()}")

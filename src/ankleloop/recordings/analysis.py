@@ -24,7 +24,7 @@ from ankleloop.recordings.validity import caution, reason_against
 from ankleloop.records.trial import segment
 from ankleloop.signals.sampling import match_times
 
-__all__ = ["Analysis", "analyse"]
+__all__ = ["Analysis", "analyse", "largest_options"]
 
 log = logging.getLogger(__name__)
 
@@ -107,13 +107,14 @@ def analyse(
     trials = [trial] if isinstance(trial, (xr.Dataset, PreparedTrial)) else list(trial)
     for specification in methods.values():
         _check_options(specification)
-    check = check_trial(trials, reference=reference, **_largest_options(methods))
+    check = check_trial(trials, reference=reference, **largest_options(methods))
     if check.verdict == "refused":
         return Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": " ".join(check.reasons)}]))
     prepared = [prepare(part) for part in trials]
     results: dict[str, _Result] = {}
     rows = []
-    for label, specification in methods.items():
+    for number, (label, specification) in enumerate(methods.items(), start=1):
+        log.info("method %d of %d: %s", number, len(methods), label)
         row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": specification["method"]}
         reason = _reason_against(check, specification, len(trials) > 1)
         if reason is None:
@@ -133,6 +134,32 @@ def analyse(
         table=pd.DataFrame(rows),
         unseen={label: result.unseen for label, result in results.items() if result.unseen},
     )
+
+
+def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Largest order and number of block rows that any method may use: the movement has to excite as much.
+
+    Parameters
+    ----------
+    methods : dict of str to dict
+        Methods by label, as of `analyse`.
+
+    Returns
+    -------
+    dict of str to int
+        `order` and `block_rows`, for `ankleloop.check_trial`.
+
+    Examples
+    --------
+    >>> largest_options({"riv": {"method": "riv", "select": {"order": [2, 3]}}})
+    {'order': 3, 'block_rows': 15}
+    """
+    values: dict[str, list[int]] = {"order": [2], "block_rows": [15]}
+    for specification in methods.values():
+        for name, candidates in values.items():
+            used = [specification.get("options", {}).get(name), *(specification.get("select") or {}).get(name, ())]
+            candidates += [value for value in used if value is not None]
+    return {name: max(candidates) for name, candidates in values.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,16 +198,6 @@ def _check_options(specification: Mapping[str, Any]) -> None:
     method, options = find_method(specification["method"]), specification.get("options", {})
     owner = f"method {method.name!r}"
     check_selection(owner, method.options, options, specification.get("select"), specification.get("criterion"))
-
-
-def _largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, int]:
-    """Largest order and number of block rows that any method may use: the movement has to excite as much."""
-    values: dict[str, list[int]] = {"order": [2], "block_rows": [15]}
-    for specification in methods.values():
-        for name, candidates in values.items():
-            used = [specification.get("options", {}).get(name), *(specification.get("select") or {}).get(name, ())]
-            candidates += [value for value in used if value is not None]
-    return {name: max(candidates) for name, candidates in values.items()}
 
 
 def _reason_against(check: Check, specification: Mapping[str, Any], merged: bool) -> str | None:

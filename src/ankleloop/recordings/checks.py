@@ -250,7 +250,8 @@ def _check_reference(
     finding = check_reference(records)
     if finding.verdict == "ok":
         faults = [find_reference_faults(trial, records[0].reference_name, delay) for trial in trials]
-        finding = merge_findings([found[0] if found else finding for found in faults]) if any(faults) else finding
+        first = [next(iter(of_trial), finding) for of_trial in faults]
+        finding = merge_findings(first) if any(faults) else finding
     # Without a reference the recording may still be identified as one in open loop.
     return finding.verdict == "ok", replace(finding, verdict="ok" if finding.verdict == "ok" else "warning")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,7 +14,7 @@ from ankleloop.records.channels import Channel, check_size
 from ankleloop.records.decoding import as_text, decode
 from ankleloop.records.file_contents import Contents, Variable, raise_type
 
-__all__ = ["RATE", "RATE_NAMES", "TIME", "TIME_NAMES", "Request", "read_channels"]
+__all__ = ["RATE", "RATE_NAMES", "TIME", "TIME_NAMES", "Request", "list_variables", "read_channels"]
 
 # Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
@@ -22,6 +23,7 @@ UNIT_NAMES = ("units", "unit", "Units", "Unit")
 RATE_TOLERANCE = 1e-3
 HERTZ = ("hz", "hertz", "1/s", "s-1", "s^-1", "samples/s", "samples per second")
 TIME, RATE = "time", "sampling_rate"  # roles beside the channels of the trial
+MOST_VARIABLES = 1000  # that are listed
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,35 @@ def read_channels(contents: Contents, request: Request) -> Iterator[tuple[str, C
             yield role, replace(channel, shape=values.shape, values=values)
         else:
             yield role, channel
+
+
+def list_variables(contents: Contents) -> Iterator[tuple[str, Channel]]:
+    """List the variables of an open file.
+
+    Parameters
+    ----------
+    contents : Contents
+        The file.
+
+    Yields
+    ------
+    name : str
+        Full name of a variable; each once.
+    channel : Channel
+        Its name, unit and shape; the shape is empty where the variable cannot be read.
+    """
+    names = dict.fromkeys(itertools.islice(contents.names(), MOST_VARIABLES))
+    for name in names:
+        try:
+            variable = contents.find(name)
+        except DataError:  # it matters only where this variable is wanted, and is raised there
+            variable = None
+        yield (
+            name,
+            Channel(name, "", ())
+            if variable is None
+            else Channel(name, _find_unit(contents, variable), tuple(map(int, variable.shape))),
+        )
 
 
 def _select(contents: Contents, request: Request) -> dict[str, Variable]:

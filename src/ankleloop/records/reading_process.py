@@ -28,7 +28,7 @@ from ankleloop.records.file_formats import SUFFIXES, find_suffix
 from ankleloop.records.files import check_readable
 from ankleloop.records.reading_options import ReadingOptions
 
-__all__ = ["describe_channels", "read_channels", "read_samples", "rewrite_file", "stop"]
+__all__ = ["describe_channels", "list_variables", "read_channels", "read_samples", "rewrite_file", "stop"]
 
 START_SECONDS = 120.0  # until the process is ready, on a machine that is busy or has a slow disk
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # for a file
@@ -95,6 +95,38 @@ def describe_channels(
         As `read_channels`, but for any number of samples.
     """
     return _request(path, options, extras=list(extras), with_samples=False)
+
+
+def list_variables(path: str | os.PathLike[str]) -> list[Channel]:
+    r"""List the variables of a file of any size: full names, units and shapes.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    list of Channel
+        At most 1000, without samples, in the order of the file. The unit is empty where the file states none, and the
+        shape where it cannot be known, as of two columns of one name.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, as by `read_channels`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "a.csv"
+    ...     _ = path.write_text("angle [deg],moment\n0.1,2.0\n0.2,3.0\n")
+    ...     [(variable.name, variable.shape) for variable in list_variables(path)]
+    [('angle [deg]', (2,)), ('moment', (2,))]
+    """
+    nothing = ReadingOptions()  # no variable of the file is read
+    return list(_request(path, nothing, with_samples=False, listing=True).values())
 
 
 def read_samples(
@@ -177,6 +209,7 @@ def _request(path: str | os.PathLike[str], options: ReadingOptions, **changes: A
         "part": None,
         "with_samples": True,
         "roles": None,
+        "listing": False,
         **_limits(size),
         **changes,
     }

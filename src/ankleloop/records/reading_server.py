@@ -4,9 +4,9 @@ A damaged file can crash the libraries of a format, halt them, or make them take
 by a fork of this process, whose memory no earlier file has touched; elsewhere by this process itself, which ends after
 a file that a library failed on.
 
-Requests come as lines of JSON on the standard input: to read the channels of a recording, or to write the contents of
-a file anew. The answer is a sequence of lines of JSON on the standard output: channels, each with its samples behind it
-as bytes, and a last line that says how it ended.
+Requests come as lines of JSON on the standard input: to read the channels of a recording, to list the variables of a
+file, or to write its contents anew. The answer is a sequence of lines of JSON on the standard output: channels, each
+with its samples behind it as bytes, and a last line that says how it ended.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ankleloop.errors import DataError
-from ankleloop.records.channel_files import Request, read_channels
+from ankleloop.records.channel_files import Request, list_variables, read_channels
 from ankleloop.records.checksums import has_right_checksum
 from ankleloop.records.file_formats import open_contents
 
@@ -129,7 +129,7 @@ def _send_channels(path: Path, request: Message, send: Send) -> None:
             "copy."
         )
     contents = open_contents(path)
-    for role, channel in read_channels(contents, wanted):
+    for role, channel in list_variables(contents) if request["listing"] else read_channels(contents, wanted):
         message = {"kind": "channel", "role": role, "name": channel.name, "unit": channel.unit, "shape": channel.shape}
         if channel.values is None:
             send({**message, "bytes": None})

@@ -9,24 +9,24 @@ from ankleloop.plotting.sweep_axes import SweepAxis
 from ankleloop.plotting.sweep_maps import REGION_SHARE, has_rings
 from ankleloop.plotting.sweeps import FAULT_SHARE, mark_rows, value_limits
 from ankleloop.replication.results import format_pairs
-from ankleloop.replication.sweep_quantities import SWEEP_QUANTITIES, desired_value
+from ankleloop.replication.sweep_quantities import FAULT_SHARES, SWEEP_QUANTITIES, desired_value
 from ankleloop.replication.sweep_study import SweepStudy
 from ankleloop.simulation.settings import SimulationSettings
 
 __all__ = [
     "EXTREMES",
     "describe_design",
-    "describe_effects",
-    "describe_lines",
     "describe_map",
+    "describe_means",
     "list_extremes",
 ]
 
 EXTREMES = (
     "Points with the best and the worst mean (of an error: by the root mean square over trials), or the lowest and "
     "the highest of a quantity that has no best; mean ± standard deviation over trials. Points of which less than half "
-    "of the trials have a value are not ranked. Failures are trials without an estimate, which means leave out; "
-    "warnings are trials whose estimate came with a warning, which means hold. All points are in the CSV file."
+    "of the trials have a value are not ranked; a point of which half came with a warning is never the best. Failures "
+    "are trials without an estimate, which means leave out; warnings are trials whose estimate came with a warning, "
+    "which means hold. All points are in the CSV file."
 )
 LEAST_SHARE = 0.5  # of the trials of a point that need an estimate for its mean to be ranked
 
@@ -64,39 +64,35 @@ def _count(number: int, noun: str) -> str:
 def _describe_values(axis: SweepAxis) -> str:
     """A parameter with its values, or with their limits where there are many."""
     if axis.ordered and len(axis.values) > 5:
-        name, _, unit = axis.label.rstrip("]").partition(" [")
         scale = ", spaced logarithmically" if axis.kind == "log" else ""
-        limits = f"{axis.texts[0]} to {axis.texts[-1]}{'' if unit == '1' else f' {unit}'}"
-        return f"{name} {limits} ({len(axis.values):,} values{scale})"
+        limits = f"{axis.texts[0]} to {axis.texts[-1]} {axis.unit}".rstrip()
+        return f"{axis.description} {limits} ({len(axis.values):,} values{scale})"
     return axis.label.removesuffix(" [1]") + ": " + ", ".join(axis.texts)
 
 
-def describe_lines(sweep: SweepStudy, effects: pd.DataFrame) -> str:
-    """Caption of lines over one parameter."""
-    name = sweep.axes[0].label.partition(" [")[0]
-    return f"Means over trials against {name}{_describe_bands(sweep)}{_describe_others(sweep)}{_end(sweep, effects)}"
-
-
-def describe_effects(sweep: SweepStudy, effects: pd.DataFrame) -> str:
-    """Caption of a matrix of effects."""
-    return (
-        "Effect of each parameter: means over all trials of a value, or of a bin of values, whatever the other "
-        f"parameters are{_describe_bands(sweep)}{_describe_others(sweep)}{_end(sweep, effects)}"
-    )
+def describe_means(sweep: SweepStudy, effects: pd.DataFrame) -> str:
+    """Caption of lines over one parameter, or of a matrix of effects of several."""
+    if len(sweep.axes) == 1:
+        text = f"Means over trials against {sweep.axes[0].description}"
+    else:
+        text = "Effect of each parameter: means over all trials of a value, or of a bin of values"
+    others = [axis.description for axis in sweep.parameters if axis not in sweep.axes]
+    if others:
+        text += f", and over {', '.join(others)}"
+    return f"{text}{_describe_bands(sweep)}{_end(sweep, effects)}"
 
 
 def _describe_bands(sweep: SweepStudy) -> str:
     if sweep.settings["band"] == "trials":
-        return "; bands hold 80 % of the trials (quantiles 10 to 90 %)."
-    return (
-        "; bands are 95 % confidence intervals of the mean: over trials where a value has one condition, and over its "
-        "conditions where it has several, which spread by the other parameters, too."
-    )
-
-
-def _describe_others(sweep: SweepStudy) -> str:
-    others = [axis.label.partition(" [")[0] for axis in sweep.parameters if axis not in sweep.axes]
-    return f" Means are also over {', '.join(others)}." if others else ""
+        text = "; bands hold 80 % of the trials (quantiles 10 to 90 %)."
+    elif len(sweep.parameters) < 2:
+        text = "; bands are 95 % confidence intervals of the mean over trials."
+    else:
+        text = (
+            "; bands are 95 % confidence intervals of the mean over the conditions of a value, which differ in the "
+            "other parameters (over its trials, where it has one condition)."
+        )
+    return text + " Shares of trials have no bands." * any(name in FAULT_SHARES for name in sweep.quantities)
 
 
 def describe_map(
@@ -107,11 +103,13 @@ def describe_map(
     combinations = len(sweep.trials[[x.name, y.name]].drop_duplicates())
     places = len(cells[["x", "y"]].drop_duplicates())
     what = f"the trials of {'a tile of points' if places < combinations else 'each point'}"
-    others = [axis.label.partition(" [")[0] for axis in sweep.parameters if axis.name not in (x.name, y.name)]
+    others = [axis.description for axis in sweep.parameters if axis.name not in (x.name, y.name)]
     text = f"Means over {what}"
     if others and not sliced:
         text += f", and over {', '.join(others)}"
     text += "." + " Arrows at the ends of colour bars: some values are beyond them." * _is_clipped(sweep, cells)
+    names = [SWEEP_QUANTITIES[panel.quantity].symbol for panel in sweep.panels if panel.truth is not None]
+    text += f" White is the true value of {', '.join(names)}." if names else ""
     if edges is not None and cells["mean"].isna().any():
         text += " Hatched: trials, but no value."
     if not has_rings(edges):
@@ -121,13 +119,11 @@ def describe_map(
 
 def _is_clipped(sweep: SweepStudy, cells: pd.DataFrame) -> bool:
     """Whether means are beyond the colours of their panels."""
-    differences = cells["method"] == (sweep.difference.method if sweep.difference else "")
     for panel in sweep.panels:
-        for kind, goal in ((~differences, panel.desired), (differences, "zero")):
-            means = cells.loc[kind & (cells["quantity"] == panel.quantity), "mean"].dropna()
-            low, high = value_limits(means.to_numpy(), goal)
-            if ((means < low) | (means > high)).any():
-                return True
+        means = panel.rows(cells)["mean"].dropna()
+        low, high = value_limits(means.to_numpy(), panel.desired)
+        if ((means < low) | (means > high)).any():
+            return True
     return False
 
 
@@ -173,7 +169,8 @@ def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Text: quantity, method, rank, a column for each parameter, mean ± sd, and numbers of trials, failures and
-        warnings. Points of which less than half of the trials have a value are not ranked.
+        warnings. Points of which less than half of the trials have a value are not ranked; a point of which half came
+        with a warning is never the best.
     """
     labels = {item.method: item.label for item in sweep.series}
     ranked = summary[summary["mean"].notna() & (summary["n"] >= LEAST_SHARE * summary["trials"])]
@@ -204,5 +201,7 @@ def _rank(part: pd.DataFrame, quantity: str) -> list[tuple[str, int]]:
         size = np.sqrt(part["mean"] ** 2 + (part["sd"] ** 2 * share).fillna(0.0))
     else:
         size = -part["mean"] if goal == "high" else part["mean"]
-    words = ("best", "worst") if goal else ("lowest", "highest")
-    return [(words[0], size.idxmin()), (words[1], size.idxmax())]
+    if not goal:
+        return [("lowest", size.idxmin()), ("highest", size.idxmax())]
+    plain = size[part["warnings"] < LEAST_SHARE * part["trials"]]
+    return [*([("best", plain.idxmin())] if len(plain) else []), ("worst", size.idxmax())]

@@ -55,24 +55,19 @@ def summarise_cells(
     >>> table[["x", "y", "mean"]].values.tolist(), edges[0].tolist()
     ([[1.0, 0.0, 150.0], [2.0, 1.0, 150.0]], [0.5, 1.5, 2.5])
     """
-    own, names = pd.factorize(trials["point"])
-    points = trials.iloc[np.unique(own, return_index=True)[1]]
     x, y = axes
-    combinations = len(points[[x.name, y.name]].drop_duplicates())
+    combinations = len(trials[[x.name, y.name]].drop_duplicates())
+    is_grid = 2 * combinations >= len(x.values) * len(y.values)
     edges: Edges | None = None
-    if 2 * combinations >= len(x.values) * len(y.values):
-        places = [axis.places(points[axis.name]) for axis in axes]
-        edges = x.edges(), y.edges()
-    elif combinations <= MOST_POINTS:
-        places = [axis.places(points[axis.name]) for axis in axes]
+    if is_grid or combinations <= MOST_POINTS:
+        places = [axis.places(trials[axis.name]) for axis in axes]
+        edges = (x.edges(), y.edges()) if is_grid else None
     else:
         count = int(np.clip(np.sqrt(combinations / POINTS_PER_TILE), *TILES))
-        tiles = [axis.binned(points[axis.name], count) for axis in axes]
-        places, edges = [tile[0] for tile in tiles], (tiles[0][1], tiles[1][1])
-    label = [slices[name] for name in names] if slices else [""] * len(points)
-    table = trials.assign(x=places[0][own], y=places[1][own], slice=pd.Categorical(label)[own])
-    summary = summarise_sweep(table, ["x", "y", "slice", "method"], quantities)
-    return summary.assign(slice=summary["slice"].astype(str)), edges
+        places, lines = zip(*(axis.bin(trials[axis.name], count) for axis in axes), strict=True)
+        edges = lines[0], lines[1]
+    table = trials.assign(x=places[0], y=places[1], slice=trials["point"].map(slices) if slices else "")
+    return summarise_sweep(table, ["x", "y", "slice", "method"], quantities), edges
 
 
 def list_slices(trials: pd.DataFrame, others: Sequence[SweepAxis]) -> dict[str, str]:

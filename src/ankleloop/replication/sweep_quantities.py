@@ -47,7 +47,7 @@ def _list_quantities() -> dict[str, Quantity]:
         for name, symbol in ((name, QUANTITIES[name].symbol) for name in SETTINGS)
     }
     quantities |= DIAGNOSTICS
-    return quantities | {name: Quantity(label, label, "% of trials") for name, label in FAULT_SHARES.items()}
+    return quantities | {name: Quantity(label, label, "%") for name, label in FAULT_SHARES.items()}
 
 
 SWEEP_QUANTITIES = _list_quantities()

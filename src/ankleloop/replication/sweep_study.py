@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from ankleloop.errors import DataError
+from ankleloop.plotting.method_styles import method_styles
 from ankleloop.plotting.sweep_axes import SweepAxis
 from ankleloop.plotting.sweeps import SweepPanel, SweepSeries
 from ankleloop.replication.results import CONDITIONS, true_values
@@ -57,6 +58,31 @@ class SweepStudy:
         Fields of `ankleloop.studies.sweep_settings.SweepSettings`.
     simulation : dict
         Settings of the simulation that all points share.
+    algorithms : dict of str to str
+        Name of each method in the registry; methods that are left out are those of their own name.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pandas as pd
+    >>> from ankleloop.simulation.settings import SimulationSettings
+    >>> from ankleloop.studies.sweep_settings import SweepSettings
+    >>> table = pd.DataFrame(
+    ...     [
+    ...         {"study": "s", "point": f"G={gain}", "reflex_gain": gain, "method": "riv", "trial": trial}
+    ...         | {"vaf_net_true": 99.0, "failure": None, "warnings": ""}
+    ...         for gain in (5.0, 10.0)
+    ...         for trial in range(2)
+    ...     ]
+    ... )
+    >>> shown = SweepSettings(quantities=["vaf_net_true"]).model_dump()
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     table.to_parquet(f"{folder}/s-trials.parquet")
+    ...     sweep = SweepStudy.read(
+    ...         f"{folder}/s-trials.parquet", ["reflex_gain"], {"riv": "RIV"}, shown, SimulationSettings.defaults()
+    ...     )
+    >>> [axis.name for axis in sweep.axes], len(sweep.trials)
+    (['reflex_gain'], 4)
     """
 
     trials: pd.DataFrame
@@ -67,6 +93,7 @@ class SweepStudy:
     methods: dict[str, str]
     settings: dict[str, Any]
     simulation: dict[str, Any]
+    algorithms: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def read(
@@ -76,6 +103,7 @@ class SweepStudy:
         methods: Mapping[str, str],
         settings: Mapping[str, Any],
         simulation: Mapping[str, Any],
+        algorithms: Mapping[str, str] | None = None,
     ) -> SweepStudy:
         """Read the table of trials of a study.
 
@@ -87,7 +115,7 @@ class SweepStudy:
             Columns of its parameters.
         methods : mapping of str to str
             Label of each method.
-        settings, simulation : mapping
+        settings, simulation, algorithms : mapping
             As of the class.
 
         Returns
@@ -118,13 +146,15 @@ class SweepStudy:
         if not shown:
             raise DataError(f"{path}: no method has a value of {', '.join(wanted)}: name other quantities under sweep.")
         drawn = drawn or tuple(axes.values())[:1]
-        return cls(trials, parameters, drawn, shown, absent, dict(methods), dict(settings), dict(simulation))
+        names = dict(methods), dict(settings), dict(simulation), dict(algorithms or {})
+        return cls(trials, parameters, drawn, shown, absent, *names)
 
     @cached_property
     def series(self) -> list[SweepSeries]:
-        """Methods that are shown; each keeps its colour whichever of the others are."""
+        """Methods that are shown; each keeps its style whichever of the others are."""
         shown = self.settings["methods"] or self.methods
-        return [SweepSeries(name, label, n) for n, (name, label) in enumerate(self.methods.items()) if name in shown]
+        styles = method_styles({name: self.algorithms.get(name, name) for name in self.methods})
+        return [SweepSeries(name, label, styles[name]) for name, label in self.methods.items() if name in shown]
 
     @cached_property
     def difference(self) -> SweepSeries | None:
@@ -132,12 +162,8 @@ class SweepStudy:
         if not self.settings["difference"]:
             return None
         first, second = self.settings["difference"]
-        return SweepSeries(f"{first} − {second}", f"{self.methods[first]} − {self.methods[second]}")
-
-    @cached_property
-    def paired(self) -> list[str]:
-        """Quantities that have a difference."""
-        return [name for name in self.quantities if name not in FAULT_SHARES]
+        label = f"{self.methods[first]} − {self.methods[second]}"
+        return SweepSeries(f"{first} − {second}", label, is_difference=True)
 
     @cached_property
     def shown_trials(self) -> pd.DataFrame:
@@ -146,20 +172,22 @@ class SweepStudy:
         if not self.settings["difference"]:
             return shown
         first, second = self.settings["difference"]
-        pairs = pair_methods(self.trials, first, second, self.paired)
+        paired = [name for name in self.quantities if name not in FAULT_SHARES]
+        pairs = pair_methods(self.trials, first, second, paired)
         return pd.concat([shown, pairs], ignore_index=True)
 
     @cached_property
     def panels(self) -> list[SweepPanel]:
-        """Quantities with their labels and, where all points share it, their truth."""
+        """Quantities of the methods that are shown and, behind each, of the difference."""
         varied = {axis.name for axis in self.parameters}
         shared = {name: value for name, value in self.simulation.items() if name not in varied and value is not None}
         panels = []
         for name in self.quantities:
-            quantity = SWEEP_QUANTITIES[name]
-            delta = "" if name in FAULT_SHARES else label_difference(quantity)
-            truth = _truth(name, shared)
-            panels.append(SweepPanel(name, quantity.label, delta, desired_value(name), truth, name not in FAULT_SHARES))
+            quantity, marked = SWEEP_QUANTITIES[name], name not in FAULT_SHARES
+            desired, truth = desired_value(name), _truth(name, shared)
+            panels.append(SweepPanel(name, quantity.label, self.series, desired, truth, marked))
+            if self.difference and marked:
+                panels.append(SweepPanel(name, label_difference(quantity), [self.difference], "zero"))
         return panels
 
     def summarise(self) -> pd.DataFrame:

@@ -6,20 +6,18 @@ from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
 from ankleloop.plotting.sweep_axes import MOST_LISTED, SweepAxis
 from ankleloop.replication.results import SETTINGS
 from ankleloop.replication.sweep_quantities import FAULT_SHARES, error_source
-from ankleloop.replication.trial_counts import COUNTS
+from ankleloop.replication.trial_counts import COUNTS, list_faults
 from ankleloop.replication.trial_tables import read_trial_table, trial_table_columns
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.simulation.settings import SimulationSettings
 
 __all__ = [
-    "SPREAD",
     "available_quantities",
     "pair_methods",
     "read_sweep",
@@ -28,10 +26,9 @@ __all__ = [
     "widen_summary",
 ]
 
-SPREAD = (0.1, 0.9)  # quantiles between which 80 % of the trials are
+QUANTILES = {"low": 0.1, "median": 0.5, "high": 0.9}  # between the outer ones are 80 % of the trials
 TRIAL = ["point", "trial"]
-STATISTICS = ["mean", "sd", "n", "margin", "low", "median", "high"]
-FAULTS = {"failures": "failed", "warnings": "warned"}  # counts, and the columns of trials that they count
+STATISTICS = ["mean", "sd", "n", "margin", *QUANTILES]
 
 
 def available_quantities(quantities: Sequence[str], columns: Collection[str]) -> list[str]:
@@ -95,19 +92,18 @@ def read_sweep(
     if missing:
         raise DataError(f"{path}: the table has no column {missing[0]!r}: delete it, and run again: it is made anew.")
     sources = {name: _source_column(name, columns) for name in available_quantities(quantities, columns)}
-    faults = [name for name in ("failure", "warnings") if name in columns]
-    wanted = [*TRIAL, "method", *varied, *faults, *(name for name in sources.values() if name)]
+    texts = [name for name in ("failure", "warnings") if name in columns]
+    wanted = [*TRIAL, "method", *varied, *texts, *(name for name in sources.values() if name)]
     table = read_trial_table(path, columns=list(dict.fromkeys(wanted)))
     if methods is not None:
         table = table[table["method"].isin(list(methods))]
     if table.empty:
         raise DataError(f"{path}: the table has no trial of {', '.join(methods or ('any method',))}.")
-    failed, warned = _list_faults(table)
+    faults = list_faults(table)
     parts = {name: table[name] for name in (*TRIAL, *varied, "method")}
     parts |= {name: _quantity(table, name, source, settings) for name, source in sources.items() if source}
-    shares = {"failures": failed, "warnings": warned}
-    parts |= {name: 100.0 * shares[name] for name, source in sources.items() if not source}
-    return pd.DataFrame({**parts, "failed": failed, "warned": warned}).reset_index(drop=True)
+    parts |= {name: 100.0 * faults[name] for name, source in sources.items() if not source}
+    return pd.DataFrame({**parts, "failed": faults["failures"], "warned": faults["warnings"]}).reset_index(drop=True)
 
 
 def _source_column(quantity: str, columns: Collection[str]) -> str:
@@ -119,16 +115,6 @@ def _source_column(quantity: str, columns: Collection[str]) -> str:
         return ""
     name = error_source(quantity) or quantity
     return f"{name}_estimated" if f"{name}_estimated" in columns else name
-
-
-def _list_faults(table: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
-    """Whether each identification failed, and whether its estimate came with a warning."""
-    failed = table["failure"].notna() if "failure" in table else pd.Series(False, table.index)
-    if "warnings" not in table:
-        return failed, pd.Series(False, table.index)
-    texts = table["warnings"].astype("category")  # few different texts, many rows
-    empty = [text for text in texts.cat.categories if not str(text).strip()]
-    return failed, texts.notna() & ~texts.isin(empty) & ~failed
 
 
 def _quantity(table: pd.DataFrame, quantity: str, source: str, settings: Mapping[str, Any]) -> pd.Series:
@@ -212,40 +198,22 @@ def summarise_sweep(trials: pd.DataFrame, by: Sequence[str], quantities: Sequenc
     >>> summarise_sweep(trials, ["point"], ["K"])[["mean", "n", "trials", "failures"]].values.tolist()
     [[2.0, 2.0, 3.0, 1.0]]
     """
-    groups, labels = _group(trials, by)
-    return _summarise_groups(trials, groups, labels, quantities)
-
-
-def _group(table: pd.DataFrame, by: Sequence[str]) -> tuple[np.ndarray, pd.DataFrame]:
-    """Number of the group of each row, and the values of each group; an empty value makes a group, too."""
-    codes = np.zeros(len(table), dtype=np.int64)
-    for name in by:
-        own, values = pd.factorize(table[name], use_na_sentinel=False)
-        codes = codes * (len(values) + 1) + own
-        codes = pd.factorize(codes)[0]
-    first = np.unique(codes, return_index=True)[1]
-    return codes, table[list(by)].iloc[first].reset_index(drop=True)
-
-
-def _summarise_groups(
-    trials: pd.DataFrame, groups: np.ndarray, labels: pd.DataFrame, quantities: Sequence[str]
-) -> pd.DataFrame:
-    count = len(labels)
-    counts = {"trials": np.bincount(groups, minlength=count)}
-    counts |= {
-        name: np.bincount(groups, weights=trials[column], minlength=count).astype(int)
-        for name, column in FAULTS.items()
-    }
+    groups = _group(trials, by)
+    counts = groups.agg(trials=("failed", "size"), failures=("failed", "sum"), warnings=("warned", "sum"))
     tables = []
     for name in quantities:
-        values = trials[name].groupby(groups)
-        mean, sd, number = values.mean(), values.std(), values.count()
-        low, median, high = (values.quantile(level) for level in (SPREAD[0], 0.5, SPREAD[1]))
-        statistics = {"mean": mean, "sd": sd, "n": number, "margin": confidence_margin(sd, number)}
-        statistics |= {"low": low, "median": median, "high": high}
-        columns = {key: np.asarray(column) for key, column in statistics.items()}
-        tables.append(labels.assign(quantity=name, **columns, **counts))
-    return pd.concat(tables, ignore_index=True)
+        values = groups[name]
+        table = values.agg(mean="mean", sd="std", n="count")
+        table["margin"] = confidence_margin(table["sd"], table["n"])
+        for column, level in QUANTILES.items():
+            table[column] = values.quantile(level)
+        tables.append(pd.concat([table, counts], axis=1).reset_index().assign(quantity=name))
+    return pd.concat(tables, ignore_index=True)[[*by, "quantity", *STATISTICS, *counts]]
+
+
+def _group(table: pd.DataFrame, by: Sequence[str]) -> Any:
+    """Groups of rows in the order of their first appearance; an empty value makes a group, too."""
+    return table.groupby(list(by), sort=False, dropna=False, observed=True)
 
 
 def summarise_effects(
@@ -274,12 +242,10 @@ def summarise_effects(
         Columns `parameter`, `place` (on the axis), `method` and those of `summarise_sweep`; `n` is the number of
         conditions or trials that the interval is over.
     """
-    own = pd.factorize(trials["point"])[0]
-    points = trials.iloc[np.unique(own, return_index=True)[1]]
-    places = axis.binned(points[axis.name], bins, most)[0][own]
     settings = [name for name in SimulationSettings.model_fields if name in trials]
-    condition = _group(points, settings)[0][own] if settings else np.zeros(len(trials), dtype=int)
-    table = trials.assign(parameter=axis.name, place=places, condition=condition)
+    condition = _group(trials, settings).ngroup() if settings else 0
+    place = axis.bin(trials[axis.name], bins, most)[0]
+    table = trials.assign(parameter=axis.name, place=place, condition=condition)
     by = ["parameter", "place", "method"]
     summary = summarise_sweep(table, by, quantities)
     units = _unit_means(table, by, quantities)
@@ -288,10 +254,9 @@ def summarise_effects(
 
 def _unit_means(table: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]) -> pd.DataFrame:
     """Mean over conditions, or over trials where there is one condition, with its interval."""
-    groups, _ = _group(table, by)
-    several = table["condition"].groupby(groups).transform("nunique").to_numpy() > 1
-    table = table.assign(unit=np.where(several, table["condition"], table["trial"]))
-    units = table.groupby([*by, "unit"], sort=False, dropna=False, observed=True)[list(quantities)].mean().reset_index()
+    several = _group(table, by)["condition"].transform("nunique") > 1
+    table = table.assign(unit=table["condition"].where(several, table["trial"]))
+    units = _group(table, [*by, "unit"])[list(quantities)].mean().reset_index()
     units = units.assign(failed=False, warned=False)
     return summarise_sweep(units, by, quantities)[[*by, "quantity", "mean", "sd", "n", "margin"]]
 

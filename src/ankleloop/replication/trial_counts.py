@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Collection, Mapping, Sequence
 
 import pandas as pd
@@ -18,21 +17,39 @@ __all__ = [
     "describe_failures",
     "describe_faults",
     "describe_warnings",
+    "list_faults",
     "list_outcomes",
     "mark_faults",
     "summarise_scores",
 ]
 
-MOST_LISTED = 20  # points and methods with failures that a sentence each is about
+MOST_REASONS = 5  # of failures that a sentence each is about
+NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
 COUNTS = ["trials", "failures", "warnings"]  # columns of every table of means over trials
 
 
-def _list_faults(parameters: pd.DataFrame) -> pd.DataFrame:
-    """Whether each identification failed, and whether its estimate came with a warning; such an estimate counts."""
+def list_faults(parameters: pd.DataFrame) -> pd.DataFrame:
+    """Whether each identification failed, and whether its estimate came with a warning; such an estimate counts.
+
+    Parameters
+    ----------
+    parameters : pandas.DataFrame
+        One row for each trial and method: `failure` and `warnings` where there are any.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `failures` and `warnings` of bool.
+
+    Examples
+    --------
+    >>> list_faults(pd.DataFrame({"failure": ["no pole", None], "warnings": [None, "a pole"]})).to_numpy().tolist()
+    [[True, False], [False, True]]
+    """
     table = parameters.reindex(columns=["failure", "warnings"])
-    failure, texts = table["failure"].notna(), table["warnings"].astype("object").fillna("").astype(str)
-    warning = texts.str.strip() != ""
-    return pd.DataFrame({"failures": failure, "warnings": warning & ~failure})
+    failure, texts = table["failure"].notna(), table["warnings"].astype("category")  # few texts, many rows
+    empty = [text for text in texts.cat.categories if not str(text).strip()]
+    return pd.DataFrame({"failures": failure, "warnings": texts.notna() & ~texts.isin(empty) & ~failure})
 
 
 def list_outcomes(parameters: pd.DataFrame) -> pd.Series:
@@ -53,7 +70,7 @@ def list_outcomes(parameters: pd.DataFrame) -> pd.Series:
     >>> list_outcomes(pd.DataFrame({"failure": ["no pole", None, None], "warnings": [None, "a pole", " "]})).tolist()
     ['failure', 'warning', 'estimate']
     """
-    faults = _list_faults(parameters)
+    faults = list_faults(parameters)
     outcomes = pd.Series("estimate", parameters.index)
     return outcomes.mask(faults["warnings"], "warning").mask(faults["failures"], "failure")
 
@@ -107,7 +124,7 @@ def count_outcomes(parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     if "trial" not in parameters:
         parameters = parameters.assign(trial=range(len(parameters)))
     trial = list(dict.fromkeys([*by, *(name for name in ("point", "trial") if name in parameters)]))
-    faults = parameters[trial].assign(**_list_faults(parameters))
+    faults = parameters[trial].assign(**list_faults(parameters))
     trials = faults.groupby(trial, sort=False, dropna=False).any().reset_index().assign(trials=1)
     if not by:
         return trials[COUNTS].sum().astype(int).to_frame().T
@@ -206,28 +223,27 @@ def describe_failures(parameters: pd.DataFrame) -> str:
     Returns
     -------
     str
-        A sentence for each method at each point, for the first twenty of them; empty if none failed.
+        How many, and an example of each of the five most frequent reasons; empty if none failed. Reasons that differ in
+        numbers alone are one.
 
     Examples
     --------
     >>> key = {"point": "only", "method": "riv", "trial": [0, 1, 2]}
     >>> describe_failures(pd.DataFrame(key | {"failure": [None, "Singular matrix", None]}))
-    '1 of 3 identifications failed; means leave them out. riv at only, 1 of 3 trials: Singular matrix'
+    '1 of 3 identifications failed; means leave them out. 1 of them, such as riv at only: Singular matrix'
     """
-    count = int(_list_faults(parameters)["failures"].sum())
-    if not count:
+    columns = ["point", "method", "failure"]
+    failed = parameters.reindex(columns=columns).dropna(subset="failure").astype(str)
+    if failed.empty:
         return ""
-    keys = ["point", "method"]
-    failed = parameters[parameters["failure"].notna()].astype(dict.fromkeys((*keys, "failure"), object))
-    trials = parameters.groupby(keys, sort=False, observed=True).size()
-    groups = failed.groupby(keys, sort=False)["failure"]
-    parts = []
-    for (point, method), reasons in itertools.islice(groups, MOST_LISTED):
-        reason = reasons.value_counts().index[0].rstrip(".")
-        parts.append(f"{method} at {point}, {len(reasons)} of {trials[point, method]} trials: {reason}")
-    if groups.ngroups > MOST_LISTED:
-        parts.append(f"{groups.ngroups - MOST_LISTED} other points and methods have failures, too")
-    return f"{count} of {len(parameters)} identifications failed; means leave them out. {'. '.join(parts)}"
+    groups = failed.groupby(failed["failure"].str.replace(NUMBER, "#", regex=True), sort=False)
+    examples = groups.first().assign(count=groups.size()).sort_values("count", ascending=False, kind="stable")
+    parts = [f"{len(failed):,} of {len(parameters):,} identifications failed; means leave them out"]
+    for row in examples.head(MOST_REASONS).itertuples():
+        parts.append(f"{row.count:,} of them, such as {row.method} at {row.point}: {row.failure.rstrip('.')}")
+    if len(examples) > MOST_REASONS:
+        parts.append(f"Other reasons are in the table of trials ({len(examples) - MOST_REASONS})")
+    return ". ".join(parts)
 
 
 def describe_warnings(parameters: pd.DataFrame, labels: Mapping[str, str] | None = None) -> str:
@@ -253,7 +269,7 @@ def describe_warnings(parameters: pd.DataFrame, labels: Mapping[str, str] | None
     >>> describe_warnings(table.tail(2))
     'none of 2 estimates came with a warning'
     """
-    counts = _list_faults(parameters).groupby(parameters["method"], sort=False).sum()
+    counts = list_faults(parameters).groupby(parameters["method"], sort=False).sum()
     failures, warnings = (int(counts[name].sum()) for name in ("failures", "warnings"))
     estimates = len(parameters) - failures
     words = "identification failed and is" if failures == 1 else "identifications failed and are"
@@ -318,6 +334,6 @@ def describe_faults(parameters: pd.DataFrame) -> str:
     >>> describe_faults(pd.DataFrame({"failure": [None, None]}))
     ''
     """
-    if not _list_faults(parameters).any(axis=None):
+    if not list_faults(parameters).any(axis=None):
         return ""
     return " Rings mark means of which a trial failed, which leave it out, or came with a warning, which hold it."

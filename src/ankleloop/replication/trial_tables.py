@@ -120,8 +120,7 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
     -------
     pandas.DataFrame
         A row for each point, method and trial, ordered by condition (points that share their trials), trial, point and
-        method. Text is categorical; counts that some rows
-        lack are floating-point numbers.
+        method. Text is categorical; counts that some rows lack are floating-point numbers.
 
     Raises
     ------

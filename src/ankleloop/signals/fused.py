@@ -10,10 +10,10 @@ from numba.extending import intrinsic
 __all__ = ["fuse"]
 
 
-def _compile_fused_product(typing_context, a, b, c):
+def _compile_fused_product(typing_context: Any, a: Any, b: Any, c: Any) -> tuple[Any, Any]:
     """Signature and code of a fused multiply-add."""
 
-    def generate(context, builder, signature, arguments):
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.fma(*arguments)
 
     return types.float64(types.float64, types.float64, types.float64), generate

@@ -17,13 +17,13 @@ from pydantic import (
 from ankleloop.arguments import show_value, suggest_name
 from ankleloop.methods.registry import METHODS
 from ankleloop.options import Options, option
-from ankleloop.records.reading_options import ReadingOptions
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.method_settings import MethodSettings, union_of_methods
 from ankleloop.studies.notebooks import NOTEBOOKS
 from ankleloop.studies.point_designs import Design, ValueRange
 from ankleloop.studies.point_parameters import SETTINGS
 from ankleloop.studies.point_tables import PointTable
+from ankleloop.studies.recording_settings import Recording
 from ankleloop.studies.sweep_settings import SweepSettings
 
 __all__ = [
@@ -194,26 +194,6 @@ class SimulationStudy(Options):
                 "a chunk is some points, or part of the trials of one point: set points_per_chunk: 1 to use "
                 f"trials_per_chunk, got points_per_chunk: {self.points_per_chunk}"
             )
-        return self
-
-
-class Recording(ReadingOptions):
-    """A recording: its file, how it is read, and which part of it is used."""
-
-    file: str = option(
-        description="path of the file below the folder of the study (.csv, .csv.gz, .mat, .h5, .nc)", min_length=1
-    )
-    subject: str = option("", "subject; groups the figures")
-    condition: str = option("", "condition; groups the figures")
-    trial: str = option("", "repetition")
-    start: float | None = option(None, "start of the segment that is used; null for the beginning", unit="s", ge=0)
-    stop: float | None = option(None, "end of the segment that is used; null for the end", unit="s", gt=0)
-    drift: int = option(0, "degree of the polynomial that is taken out of the torque; 0 takes the mean", ge=0, le=10)
-
-    @model_validator(mode="after")
-    def _check_segment(self) -> Self:
-        if self.stop is not None and self.stop <= (self.start or 0.0):
-            raise ValueError(f"stop ({self.stop:g} s) must be after start ({self.start or 0.0:g} s)")
         return self
 
 

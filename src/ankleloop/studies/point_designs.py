@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 from typing import Any, Literal, Self
 
@@ -79,11 +78,22 @@ class Design(Options):
     """A random design: points that fill the space of several parameters evenly."""
 
     design: Literal["latin-hypercube", "sobol"] = option(description="kind of the design")
-    count: int = option(description="number of points; powers of two suit Sobol sequences", ge=1, le=MAX_POINTS)
+    count: int = option(description="number of points; a power of two for sobol", ge=1, le=MAX_POINTS)
     seed: int = option(description="seed of the design", ge=0)
     parameters: dict[str, Any] = Field(
         description="limits (start, stop, scale) of each parameter, or the list of its values", min_length=1
     )
+
+    @model_validator(mode="after")
+    def _check_count(self) -> Self:
+        power = 1 << self.count.bit_length() - 1
+        if self.design == "sobol" and self.count != power:
+            larger = f" or {2 * power}" if 2 * power <= MAX_POINTS else ""
+            raise ValueError(
+                f"the count of a Sobol design is a power of two, which fills space evenly: {power}{larger}, "
+                f"got {self.count}; latin-hypercube takes any count"
+            )
+        return self
 
 
 def list_values(parameter: Parameter, values: Any, place: tuple[str, ...]) -> list[Any]:
@@ -152,9 +162,7 @@ def draw_points(design: Design, parameters: Mapping[str, Parameter], place: tupl
         sampler: Any = qmc.Sobol(len(columns), scramble=True, rng=np.random.default_rng(design.seed))
     else:
         sampler = qmc.LatinHypercube(len(columns), rng=np.random.default_rng(design.seed))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # that a count is no power of two, as the description says
-        numbers = sampler.random(design.count)
+    numbers = sampler.random(design.count)
     names = list(design.parameters)
     return [{name: column(u) for name, column, u in zip(names, columns, row, strict=True)} for row in numbers.tolist()]
 
@@ -182,9 +190,9 @@ def _scale(parameter: Parameter, given: Any, place: tuple[str, ...]) -> Any:
 
 def _check_limits(start: float, stop: float, scale: str) -> None:
     if stop < start:
-        raise ValueError(f"stop must be at least start ({start:g}), got {stop:g}")
+        raise ValueError(f"stop must be at least start ({start:g}), got {stop:g}: values are in ascending order")
     if scale == "logarithmic" and start <= 0:
-        raise ValueError(f"a logarithmic scale begins above 0, got start: {start:g}")
+        raise ValueError(f"a logarithmic scale begins above 0, got start: {start:g}; a linear one may hold 0")
 
 
 def _check_number(parameter: Parameter, place: tuple[str, ...]) -> None:

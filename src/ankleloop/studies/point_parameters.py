@@ -8,6 +8,7 @@ from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from ankleloop.arguments import as_plain, show_value, suggest_name
+from ankleloop.methods.registry import METHODS
 from ankleloop.options import Options
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import ConfigError
@@ -123,8 +124,9 @@ def _find_parameter(name: str, methods: Mapping[str, MethodSettings], place: tup
     if dot:
         if method not in methods:
             close = suggest_name(method, methods)
+            known = ", ".join(methods)
             raise _error(
-                place, f"{name!r}: the study has no method {method!r}{close}; its methods: {', '.join(methods)}"
+                place, f"{name!r}: the study has no method {method!r}{close}; its methods: {known}; add one to methods"
             )
         owner = type(methods[method].options)
         if option not in owner.model_fields:
@@ -136,6 +138,9 @@ def _find_parameter(name: str, methods: Mapping[str, MethodSettings], place: tup
     members = tuple(key for key, owner in owners.items() if name in owner.model_fields)
     if not members:
         options = list(dict.fromkeys(field for owner in owners.values() for field in owner.model_fields))
+        others = [key for key, method in METHODS.items() if name in method.options.model_fields]
+        if others:
+            raise _error(place, f"{name!r} is an option of {', '.join(others)}: the study has no such method; add one")
         raise _error(
             place,
             f"{name!r} is not a setting of the simulation{suggest_name(name, [*SETTINGS, *options])}; known: "

@@ -65,17 +65,17 @@ def read_points(path: Path, find: Find) -> Iterator[tuple[str, dict[str, Any]]]:
 def _csv_rows(path: Path, find: Find) -> Iterator[tuple[str, dict[str, Any]]]:
     parameters: Mapping[str, Parameter] = {}
     readers: dict[str, Callable[[str], Any]] = {}
-    for line, cells in read_rows(path):
+    for line, cells in read_rows(path, empty_cells=True):
         place = f"{path}, line {line}"
         if not parameters:
             parameters = _find(find, list(cells), str(path))
             readers = {name: _cell_reader(parameter) for name, parameter in parameters.items()}
-        if cells.keys() != parameters.keys():
-            name = next(iter(parameters.keys() ^ cells.keys()))
-            raise ConfigError(
-                f"{place}: the cell of the column {name!r} is empty in some rows: every point has a value of each "
-                "parameter; write null for the value null."
-            )
+        for name, text in cells.items():
+            if not text:
+                raise ConfigError(
+                    f"{place}: the cell of the column {name!r} is empty: every point has a value of each parameter; "
+                    "write null for the value null."
+                )
         yield place, {name: readers[name](text) for name, text in cells.items()}
 
 
@@ -96,7 +96,7 @@ def _parquet_rows(path: Path, find: Find) -> Iterator[tuple[str, dict[str, Any]]
         place = f"{path}, row {number}"
         for name, value in values.items():
             if (value is None or value != value) and not parameters[name].allows_none:
-                raise ConfigError(f"{place}, column {name}: there is no value.")
+                raise ConfigError(f"{place}, column {name}: there is no value, and it may not be null.")
         yield place, {name: None if value != value else value for name, value in values.items()}
 
 

@@ -15,7 +15,7 @@ from ankleloop.options import Options
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import ConfigError, check, expand_path
 from ankleloop.studies.point_designs import MAX_POINTS, Design, draw_points, list_values
-from ankleloop.studies.point_parameters import Parameter, find_parameters
+from ankleloop.studies.point_parameters import SETTINGS, Parameter, find_parameters
 from ankleloop.studies.point_tables import PointTable, read_points
 
 if TYPE_CHECKING:
@@ -136,6 +136,7 @@ class _PointList:
         return Points(points, self._conditions, self._parameters)
 
     def _list_combinations(self, given: Any) -> Iterable[Combination]:
+        self._check_form(given)
         if isinstance(given, Mapping) and "table" in given:
             table: PointTable = check(PointTable, given, "config", *self._place)
             path = expand_path(table.table, f"study {self._place[1]}: the table of its points")
@@ -150,6 +151,16 @@ class _PointList:
             raise self._error("must be lists of values by setting, or a list of points with their settings")
         self._find(list(dict.fromkeys(name for point in given for name in point)))
         return self._check_count(("", dict(point)) for point in given)
+
+    def _check_form(self, given: Any) -> None:
+        """Refuse values of settings beside a table or a design, as where a second file changes the form of points."""
+        form = next((key for key in ("table", "design") if isinstance(given, Mapping) and key in given), None)
+        other = next((name for name in given if name in SETTINGS), None) if form else None
+        if other:
+            raise self._error(
+                f"{other} stands beside {form}: points have one form. Keys of several configuration files are put "
+                "together: for points of another form, define a study of another name"
+            )
 
     def _read_table(self, path: Path) -> Iterator[Combination]:
         try:

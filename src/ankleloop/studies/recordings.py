@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
+from ankleloop.pages.figures import EmbeddedFigure
 from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
@@ -32,6 +33,8 @@ def analyse_recordings(
     methods: Mapping[str, Mapping[str, Any]],
     folder: Path,
     window: Mapping[str, Any],
+    *,
+    index: str | None = None,
 ) -> Iterator[tuple[str, pd.DataFrame, list[str]]]:
     """Analyse recordings one after the other, and write their pages and estimates.
 
@@ -48,6 +51,8 @@ def analyse_recordings(
         Folder of the pages, in which each recording has a folder of its estimates.
     window : mapping
         `start` and `length` [s] of the torques that figures show.
+    index : str, optional
+        Path of the page that lists all results, relative to the pages.
 
     Yields
     ------
@@ -63,7 +68,7 @@ def analyse_recordings(
     Exception
         Mistakes in the program, such as a `TypeError`; their notes name the recording.
     """
-    job = _Job(Path(folder), methods, window)
+    job = _Job(Path(folder), methods, window, index)
     with Worker(job.analyse) as worker:
         for name, mapping in points.items():
             with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
@@ -81,8 +86,10 @@ def analyse_recordings(
 class _Job:
     """What the recordings of a chunk share."""
 
-    def __init__(self, folder: Path, methods: Mapping[str, Mapping[str, Any]], window: Mapping[str, Any]) -> None:
-        self._folder, self._window = folder, window
+    def __init__(
+        self, folder: Path, methods: Mapping[str, Mapping[str, Any]], window: Mapping[str, Any], index: str | None
+    ) -> None:
+        self._folder, self._window, self._index = folder, window, index
         self._keys = {method["label"] or key: key for key, method in methods.items()}
         self._methods = {label: methods[key] for label, key in self._keys.items()}
 
@@ -105,7 +112,16 @@ class _Job:
         records = {self._keys[label]: estimates for label, estimates in analysis.records.items()}
         export_estimates(records, self._folder / name, overwrite=True)
         figures = embed_recording_figures(trial, analysis, **self._window)
-        page = render_recording_page(name, mapping, analysis, recommend(analysis), figures)
+        if records:
+            self._write_numbers(name, figures)
+        page = render_recording_page(name, mapping, analysis, recommend(analysis), figures, index=self._index)
         with atomic_file(self._folder / f"{name}.html", overwrite=True) as path:
             path.write_text(page, encoding="utf-8")
         return table, [finding.text for finding in analysis.check.findings if finding.verdict == "refused"]
+
+    def _write_numbers(self, name: str, figures: Mapping[str, EmbeddedFigure]) -> None:
+        """Write the numbers that the figures of a recording draw."""
+        for kind, figure in figures.items():
+            if figure.data is not None:
+                with atomic_file(self._folder / name / f"figure-{kind}.csv", overwrite=True) as path:
+                    figure.data.to_csv(path, index=False, lineterminator="\n")

@@ -82,6 +82,7 @@ def report_parameters(
         "kind": study.kind,
         "title": study.settings.title,
         "labels": study.labels,
+        "algorithms": study.algorithms,
         "points": study.points if not shows_sweep(study) else {},
         "varied": study.varied,
         "figure": study.settings.figure.model_dump(),

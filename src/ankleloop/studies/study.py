@@ -169,6 +169,33 @@ class SimulatedStudy(Study):
             name: {"method": method.method, "options": method.identify_options} for name, method in self.methods.items()
         }
 
+    def simulation_arguments(self, number: int) -> dict[str, Any]:
+        """What the job of a trial file passes to `simulate_chunk`, besides the file and the name of the study."""
+        points = self.simulated_points(number, stored=True)
+        return {"seed": self.settings.seed, "points": points, **self._options("precision", "failures")}
+
+    def identification_arguments(self, chunk: int) -> dict[str, Any]:
+        """What the job of a chunk passes to `identify_chunk`, besides the files and the name of the study."""
+        return {
+            "points": self.identified_points(chunk),
+            "methods": self.identified_methods,
+            "trials": self.identified_trials(chunk),
+            **self._options("against", "precision", "failures"),
+        }
+
+    def sweep_arguments(self, chunk: int) -> dict[str, Any]:
+        """What the job of a chunk passes to `sweep_chunk`, besides the files and the name of the study."""
+        return {
+            "seed": self.settings.seed,
+            "conditions": self.simulated_points(chunk),
+            "points": self.identified_points(chunk),
+            "methods": self.identified_methods,
+            **self._options("against", "precision", "failures"),
+        }
+
+    def _options(self, *names: str) -> dict[str, Any]:
+        return {name: getattr(self.settings, name) for name in names}
+
     def simulated_time(self, chunk: int, *, stored: bool = False) -> float:
         """Length of all trials of a chunk, or of a trial file, together [s]."""
         parts = (self.trial_chunks if stored else self.chunks)[chunk]

@@ -44,6 +44,11 @@ class Study(ABC):
         return {name: method.label or name for name, method in self.methods.items()}
 
     @property
+    def algorithms(self) -> dict[str, str]:
+        """Name in the registry of each method."""
+        return {name: method.method for name, method in self.methods.items()}
+
+    @property
     @abstractmethod
     def points(self) -> dict[str, dict[str, Any]]:
         """Settings of each point, or mapping of each recording, by name."""

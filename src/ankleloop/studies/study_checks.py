@@ -72,7 +72,7 @@ def _check_pictures(study: SimulatedStudy) -> None:
     if study.settings.notebook != "sweep" and "sweep" not in study.settings.model_fields_set:
         return
     try:
-        check_sweep(study.settings.sweep, study.varied, list(study.methods))
+        check_sweep(study.settings.sweep, study.varied, list(study.methods), study.settings.against)
     except ValueError as error:
         raise _error(study, f"{error}.", "sweep") from None
 

@@ -16,6 +16,11 @@ __all__ = ["SweepSettings", "check_sweep"]
 
 Names = Annotated[list[str], Field(min_length=1)]
 
+SCORES = {
+    None: ("vaf_net_measured", "vaf_net_true", "vaf_intrinsic_true", "vaf_reflex_true"),
+    "measured": ("vaf_net_measured", "vaf_intrinsic_measured", "vaf_reflex_measured"),
+}  # by `against`
+
 
 class SweepSettings(Options):
     """Pictures of a study whose points differ in settings of the simulation or options of methods.
@@ -55,7 +60,12 @@ class SweepSettings(Options):
         return self
 
 
-def check_sweep(sweep: SweepSettings, varied: Collection[str], methods: Collection[str]) -> None:
+def check_sweep(
+    sweep: SweepSettings,
+    varied: Collection[str],
+    methods: Collection[str],
+    against: Literal["measured"] | None = None,
+) -> None:
     """Refuse pictures of what a study does not have.
 
     Parameters
@@ -66,24 +76,31 @@ def check_sweep(sweep: SweepSettings, varied: Collection[str], methods: Collecti
         Settings and options that differ between the points of the study, as its tables name them.
     methods : collection of str
         Names of its methods.
+    against : {"measured"}, optional
+        What the study scores torques against.
 
     Raises
     ------
     ValueError
-        If a method or an axis is unknown, or there is nothing to draw over; the message names the key.
+        If a method or an axis is unknown, a VAF is not among the scores, or there is nothing to draw over; the message
+        names the key.
 
     Examples
     --------
     >>> check_sweep(SweepSettings(axes=["voluntry"]), ["voluntary"], ["riv"])
     Traceback (most recent call last):
       ...
-    ValueError: sweep: axes: there is no varied parameter 'voluntry' (did you mean 'voluntary'?); there are voluntary
+    ValueError: axes: there is no varied parameter 'voluntry' (did you mean 'voluntary'?); there are voluntary
     """
     if not varied:
-        raise ValueError("sweep: no setting and no option differs between the points: give points more than one value")
-    _check_list("sweep: methods", sweep.methods or (), "method", methods)
-    _check_list("sweep: difference", sweep.difference or (), "method", methods)
-    _check_list("sweep: axes", sweep.axes or (), "varied parameter", varied)
+        raise ValueError("no setting and no option differs between the points: give points more than one value")
+    _check_list("methods", sweep.methods or (), "method", methods)
+    _check_list("difference", sweep.difference or (), "method", methods)
+    _check_list("axes", sweep.axes or (), "varied parameter", varied)
+    for name in sweep.quantities or ():
+        if name.startswith("vaf_") and name not in SCORES[against]:
+            scores = ", ".join(SCORES[against])
+            raise ValueError(f"quantities: a study with against: {against or 'null'} has no {name}; it has {scores}")
 
 
 def _check_list(key: str, names: Iterable[str], kind: str, known: Collection[str]) -> None:

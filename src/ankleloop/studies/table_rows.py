@@ -17,13 +17,15 @@ __all__ = ["check_columns", "read_rows"]
 NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"  # Python also takes 1_0, nan and digits of other scripts
 
 
-def read_rows(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
-    """Line and cells of each row, as text without spaces around it; empty cells and empty rows are left out.
+def read_rows(path: Path, *, empty_cells: bool = False) -> Iterator[tuple[int, dict[str, str]]]:
+    """Line and cells of each row, as text without spaces around it; empty rows are left out.
 
     Parameters
     ----------
     path : pathlib.Path
         CSV file in UTF-8 whose first row names the columns.
+    empty_cells : bool
+        Whether rows have their empty cells, as ""; otherwise these are left out.
 
     Yields
     ------
@@ -57,7 +59,8 @@ def read_rows(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
                     f"{place}: the row has {len(texts)} cells of {len(keys)}; is the table cut off? Empty cells at the "
                     "end of a row need their commas, too."
                 )
-            yield reader.line_num, {key: text for key, text in zip(keys, texts, strict=False) if text}
+            cells = zip(keys, texts, strict=False)
+            yield reader.line_num, {key: text for key, text in cells if text or (key and empty_cells)}
     except csv.Error as error:
         raise ConfigError(f"{path}, line {reader.line_num}: this is not CSV: {error}.") from None
 

@@ -53,6 +53,15 @@ class SubspaceEstimate:
         State at the first sample of each record, for data without their means.
     diagnostics : dict
         Order, poles, ranks, conditions and warnings.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> u = rng.standard_normal(500)
+    >>> y = np.convolve(u, 0.5 ** np.arange(40))[:500]
+    >>> estimate = moesp(u, y, block_rows=5, order=1)
+    >>> float(np.round(estimate.model.poles()[0].real, 6))
+    0.5
     """
 
     matrices: Matrices

@@ -6,13 +6,14 @@ import pytest
 from ankleloop.joint.check_kernels import (
     correlate_reference,
     displace_products,
-    find_run,
     has_directions,
+    has_run,
     may_stay_at_end,
     multiply_deviations,
     regress_last,
     scan_samples,
     spread_from_first,
+    unexplained_share,
 )
 
 
@@ -38,9 +39,7 @@ def test_runs_are_those_of_a_plain_search(levels):
         ends = {chr(100 + int(x.min())), chr(100 + int(x.max()))}
         for length in (1, 2, 5, 20, 60):
             runs = [value for value in set(text) if value * length in text]
-            sample = find_run(x, length)
-            assert (sample >= 0) == bool(runs)
-            assert sample < 0 or text[sample] in runs
+            assert has_run(x, length) == bool(runs)
             assert may_stay_at_end(x, length) or not ends & set(runs)
         assert may_stay_at_end(x, 1)
     assert not may_stay_at_end(np.arange(20.0), 2)
@@ -90,9 +89,44 @@ def test_directions_are_never_more_than_the_eigenvalues_show(size, share):
     rows = np.lib.stride_tricks.sliding_window_view(x, 32)
     values = np.linalg.eigvalsh(rows.T @ rows)[::-1]
     np.testing.assert_allclose(
-        displace_products(np.correlate(x, x[: size - 31], mode="valid"), x), rows.T @ rows, atol=1e-9 * size
+        displace_products(np.correlate(x, x[: size - 31], mode="valid")[None], x), rows.T @ rows, atol=1e-9 * size
     )
     for directions in (5, 16, 24, 32):
         for least in 10.0 ** np.arange(-10, 5):
             assert not has_directions(x, 32, directions, least) or values[directions - 1] > least
     assert has_directions(x, 32, 5, 1e-3 * values[5])
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3])
+def test_products_of_several_signals_are_those_of_their_hankel_matrix(channels):
+    x = np.random.default_rng(channels).standard_normal((60, channels))
+    hankel = np.lib.stride_tricks.sliding_window_view(x.ravel(), 7 * channels)[::channels].T
+    products = hankel @ hankel.T
+    np.testing.assert_allclose(displace_products(products[:channels].copy(), x.ravel()), products, atol=1e-12)
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3])
+@pytest.mark.parametrize("scale", [1.0, 1e6])
+def test_what_shifts_leave_is_what_least_squares_leave(channels, scale):
+    rng = np.random.default_rng(channels)
+    x, shifts = 3.0 + rng.standard_normal((220, channels)) * scale ** np.arange(channels), 6
+    lagged = np.concatenate([np.lib.stride_tricks.sliding_window_view(signal, 215) for signal in x.T])
+    y = rng.standard_normal(lagged.shape[1]) + lagged[2] + 0.5 * lagged[-1] / scale ** (channels - 1) + 7.0
+    regressors, target = (lagged - lagged.mean(axis=1, keepdims=True)).T, y - y.mean()
+    solution = np.linalg.lstsq(regressors / regressors.std(axis=0), target, rcond=None)[0]
+    rest = target - regressors / regressors.std(axis=0) @ solution
+    assert len(lagged) == shifts * channels
+    assert unexplained_share(x, y, 0.0) == pytest.approx(rest @ rest / (target @ target), rel=1e-9)
+    # The ridge is that of signals of unit variance.
+    gram = regressors.T @ regressors / np.outer(x.std(axis=0).repeat(shifts), x.std(axis=0).repeat(shifts))
+    right = regressors.T @ target / x.std(axis=0).repeat(shifts)
+    explained = right @ np.linalg.solve(gram + 0.1 * len(target) * np.eye(len(gram)), right)
+    assert unexplained_share(x, y, 0.1) == pytest.approx(1.0 - explained / (target @ target), rel=1e-9)
+
+
+def test_constant_signals_explain_nothing():
+    rng = np.random.default_rng(0)
+    x, y, constant = rng.standard_normal((105, 1)), rng.standard_normal(100), np.full((105, 1), 2.0)
+    assert unexplained_share(constant, y, 1e-6) == 1.0
+    assert unexplained_share(x, np.full(100, 2.0), 1e-6) == 1.0
+    assert unexplained_share(np.hstack([x, constant]), y, 1e-6) == pytest.approx(unexplained_share(x, y, 1e-6))

@@ -209,11 +209,11 @@ def rewrite(path, change):
         (lambda g: g | {"torque": g["torque"].drop_vars("reflex")}, r"group torque: there is no 'reflex'"),
         (
             lambda g: g | {"diagnostics": g["diagnostics"].drop_vars("poles")},
-            r"group diagnostics: the diagnostics cannot be read \('poles'\)",
+            r"group diagnostics: the values cannot be read \('poles'\)",
         ),
         (
             lambda g: g | {"diagnostics": g["diagnostics"].assign(json="{")},
-            r"group diagnostics: the diagnostics cannot be read",
+            r"group diagnostics: the values cannot be read",
         ),
     ],
 )

@@ -10,6 +10,9 @@ import pytest
 from ankleloop import METHODS, DataError, evaluate, identify, simulate
 from ankleloop.joint import prepared as module
 from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare, prepare_trials
+from ankleloop.joint.regressors import Grid, widen_grid
+from ankleloop.joint.torques import torque_dataset
+from ankleloop.signals.decimation import decimate, decimation_margin
 
 OPTIONS = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0}
 SHORT = {"real-time": {"memory": 2.0}}  # options that a short trial needs
@@ -219,3 +222,41 @@ def test_merged_trials_share_a_basis(trials):
         assert regressors.inputs.shape[1] == 3 + 4
     for alone, together in zip(identify(trials), identify(prepared), strict=True):
         assert_same_estimate(together, alone)
+
+
+def test_grids_of_one_phase_share_one_decimation():
+    trial = PreparedTrial(simulate(seed=1, duration=10.0))
+    grid = trial.grid(100.0, 0.04)
+    part = Grid(grid.factor, grid.first + 50 * grid.factor, grid.samples - 80)
+    whole = trial.channel("torque", grid)
+    shared = trial.channel("torque", part)
+    assert np.shares_memory(whole, shared)
+    assert not np.shares_memory(whole, trial.channel("torque", part._replace(first=part.first + 1)))
+    for samples, expected in ((whole, grid), (shared, part)):
+        np.testing.assert_allclose(samples, decimate(trial.samples("torque"), *expected), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("offset", [-1, 0, 3])
+def test_a_wide_grid_holds_its_grid_and_ends_at_the_margins(offset):
+    margin = decimation_margin(10)
+    grid = Grid(10, margin + 10 + offset, 20)
+    wide = widen_grid(grid, 1000)
+    assert wide.first % 10 == grid.first % 10
+    assert margin <= wide.first < margin + 10
+    last = wide.first + 10 * (wide.samples - 1)
+    assert last <= 999 - margin < last + 10
+    near = Grid(10, margin - 1, 20)
+    assert widen_grid(near, 1000) == near
+
+
+def test_torques_on_one_grid_share_nothing_that_can_change():
+    time = np.arange(5) / 100.0
+    first, second = (torque_dataset(time, 100.0, net=np.full(5, value)) for value in (1.0, 2.0))
+    first["net"][:] = 7.0
+    first["net"].attrs["units"] = "none"
+    first["time"].attrs["units"] = "none"
+    first.attrs["identification_rate"] = 0.0
+    third = torque_dataset(time, 100.0, net=np.full(5, 2.0))
+    assert second.identical(third)
+    assert third["net"].attrs == {"units": "N·m", "long_name": "estimated net torque"}
+    assert third.attrs == {"identification_rate": 100.0}

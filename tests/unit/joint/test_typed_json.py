@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from value_comparison import assert_same_values
 
-from ankleloop.joint.typed_json import dump_values, extract_arrays, load_values
+from ankleloop.errors import DataError
+from ankleloop.joint.typed_json import LONG, dump_values, extract_arrays, load_values
 
 VALUES = {
     "poles": np.array([0.7 + 0.1j, 0.7 - 0.1j]),
@@ -72,3 +73,86 @@ def test_values_without_a_form_are_refused(value, message):
         dump_values({"thing": value})
     with pytest.raises(TypeError, match=message):
         dump_values(extract_arrays({"thing": value}, "", {}))
+
+
+def long_array(dtype, shape):
+    """Numbers of a type, among them those at the ends of its range; of floating-point types nan and infinities too."""
+    size = int(np.prod(shape))
+    kind = np.dtype(dtype).kind
+    if kind == "b":
+        return (np.arange(size) % 3 == 0).reshape(shape)
+    if kind in "iu":
+        limits = np.iinfo(dtype)
+        return np.resize(np.array([limits.min, limits.max, 0, 1], dtype), size).reshape(shape)
+    special = np.array([np.nan, np.inf, -np.inf, -0.0, 0.1, np.finfo(dtype).max, np.finfo(dtype).tiny], dtype)
+    if kind == "c":
+        special = np.array([complex(a, b) for a in special.real for b in special.real], dtype)
+    return np.resize(special, size).reshape(shape)
+
+
+@pytest.mark.parametrize(
+    "dtype", ["bool", "int8", "uint16", "int64", "uint64", "float16", "float32", "float64", "complex64", "complex128"]
+)
+@pytest.mark.parametrize("shape", [(LONG - 1,), (LONG,), (100,), (3, 40), (2, 3, 4), (1, 50, 1)])
+def test_long_arrays_come_back_as_they_were(dtype, shape):
+    array = long_array(dtype, shape)
+    result = load_values(dump_values({"array": array}))["array"]
+    assert result.dtype == array.dtype
+    assert result.shape == array.shape
+    assert result.tobytes() == array.tobytes()
+    assert result.flags.writeable
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.asfortranarray(np.arange(60.0).reshape(5, 12)),
+        np.arange(60.0).reshape(5, 12).T,
+        np.arange(100.0)[::3],
+        np.arange(100.0)[::-1],
+        np.arange(40, dtype=">i4"),
+        np.arange(40, dtype=">f8").reshape(2, 20),
+        np.empty((0, 50)),
+        np.empty(0, dtype=complex),
+    ],
+    ids=["Fortran", "transposed", "every third", "reversed", "big-endian", "big-endian rows", "no rows", "empty"],
+)
+def test_order_in_memory_and_in_bytes_does_not_matter(array):
+    result = load_values(dump_values(array))
+    assert result.dtype == array.dtype
+    np.testing.assert_array_equal(result, array)
+    assert result.shape == array.shape
+
+
+def test_long_arrays_take_no_digits():
+    short, long = (dump_values(np.full(size, 0.1)) for size in (LONG - 1, LONG))
+    assert "0.1" in short
+    assert "0.1" not in long
+    assert "$bytes" in long
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"$bytes": "AAAA',
+        "",
+        '{"$bytes": "A"}',
+        '{"$bytes": "AAAAAAAA8D8*"}',
+        '{"$bytes": "AAAAAAAA"}',
+        '{"$bytes": 3}',
+        '{"$bytes": "AAAAAAAA8D8=", "shape": [2]}',
+        '{"$bytes": "AAAAAAAA8D8=", "dtype": "float65"}',
+        '{"$bytes": "AAAAAAAA8D8=", "dtype": "object"}',
+        '{"$bytes": "AAAAAAAA8D8=", "shape": "long"}',
+        '{"$array": [1.0, "x"]}',
+        '{"$array": [[1.0], [1.0, 2.0]]}',
+        '{"$array": "curve"}',
+        '{"$array": ["x"], "dtype": "object"}',
+        '{"$complex": [1.0, 2.0, 3.0]}',
+        '{"$complex": 1.0}',
+        "[" * 100_000,
+    ],
+)
+def test_damaged_text_is_refused(text):
+    with pytest.raises(DataError, match="the file that holds them is damaged"):
+        load_values(text)

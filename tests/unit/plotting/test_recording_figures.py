@@ -12,11 +12,11 @@ def estimate(**diagnostics):
     """Parameters of a joint, with the diagnostics of a method."""
     stiffness = {"K": 150.0, "B": 0.8, "I": 0.015}
     reflex = {"G": 10.0, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
-    return SimpleNamespace(stiffness=stiffness, reflex=reflex, diagnostics=diagnostics)
+    return SimpleNamespace(method="riv", stiffness=stiffness, reflex=reflex, diagnostics=diagnostics)
 
 
 def legend(figure):
-    return [text.get_text() for text in figure.legends[0].get_texts()]
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
 def test_reference_has_a_coherence_of_its_own():
@@ -76,6 +76,8 @@ def test_residuals_have_a_limit_for_correlations():
     levels = [line.get_ydata()[0] for line in figure.axes[1].get_lines()[1:]]
     assert levels == [-0.05, 0.05]
     assert legend(figure) == ["riv", "99 % of unrelated ones"]
+    drawn = figure.data[figure.data["quantity"] == "whitened correlation"]
+    np.testing.assert_array_equal(drawn["x"], lags)
 
 
 def test_group_has_points_and_a_line_through_the_means_of_a_subject():
@@ -94,7 +96,7 @@ def test_group_has_points_and_a_line_through_the_means_of_a_subject():
     assert points.get_ydata().tolist() == [100.0, 120.0, 200.0]
     assert means.get_ydata().tolist() == [110.0, 200.0]
     assert means.get_xdata() == pytest.approx([-0.06, 0.94])  # beside those of the other subject
-    assert all(line.get_xdata().size == 0 for line in second_subject)  # without a value
+    assert all(len(line.get_xdata()) == 0 for line in second_subject)  # without a value
     assert legend(figure) == ["S1", "S2"]
 
 
@@ -110,7 +112,7 @@ def test_estimates_with_a_warning_are_crosses_and_not_in_the_mean():
     )
     figure = group_figure(table, ["K"])
     points, means, rings, crosses = figure.axes[0].get_lines()
-    assert points.get_ydata().tolist() == [100.0, 120.0]
-    assert means.get_ydata().tolist() == rings.get_ydata().tolist() == [110.0]
-    assert (crosses.get_marker(), crosses.get_ydata().tolist()) == ("x", [900.0])
+    assert list(points.get_ydata()) == [100.0, 120.0]
+    assert list(means.get_ydata()) == list(rings.get_ydata()) == [110.0]
+    assert (crosses.get_marker(), list(crosses.get_ydata())) == ("x", [900.0])
     assert legend(figure) == ["S1", "mean without those with a warning", "with a warning"]

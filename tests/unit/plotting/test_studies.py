@@ -1,13 +1,15 @@
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.markers import CARETRIGHTBASE
 from scipy import stats
 
+from ankleloop.plotting.curves import curves_figure
+from ankleloop.plotting.maps import map_figure
+from ankleloop.plotting.panels import Panel
 from ankleloop.plotting.studies import (
-    curves_figure,
     estimates_figure,
     interval_figure,
-    map_figure,
     order_figure,
     ratio_figure,
     traces_figure,
@@ -28,11 +30,13 @@ def results():
 
 
 def legend(figure):
-    return [text.get_text() for text in figure.legends[0].get_texts()]
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
 def test_curves_are_means_with_their_confidence_bands(results):
-    figure = curves_figure(results, {"K": ("K [N·m/rad]", 15.0), "B": ("B [N·m·s/rad]", None)}, xlabel="gain [1]")
+    figure = curves_figure(
+        results, {"K": Panel("K [N·m/rad]", truth=15.0), "B": Panel("B [N·m·s/rad]")}, xlabel="gain [1]"
+    )
     first, second = figure.axes
     assert [axis.get_ylabel() for axis in (first, second)] == ["K [N·m/rad]", "B [N·m·s/rad]"]
     assert [axis.get_xlabel() for axis in (first, second)] == ["gain [1]", "gain [1]"]
@@ -47,17 +51,17 @@ def test_curves_are_means_with_their_confidence_bands(results):
 
 
 def test_panel_notes_the_lowest_mean_below_its_limit(results):
-    figure = curves_figure(results, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]", limits={"K": (-20.0, 104.0)})
+    figure = curves_figure(results, {"K": Panel("K [N·m/rad]", limits=(-20.0, 104.0))}, xlabel="gain [1]")
     assert figure.axes[0].get_ylim() == (-20.0, 104.0)
     lowest = results.query("panel == 'K' and series == 'PI-MOESP' and x == 1")["value"].mean()
     assert figure.axes[0].texts[0].get_text() == f"lowest mean: {lowest:.4g}"
-    unlimited = curves_figure(results, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]", limits={"K": (-900.0, 104.0)})
+    unlimited = curves_figure(results, {"K": Panel("K [N·m/rad]", limits=(-900.0, 104.0))}, xlabel="gain [1]")
     assert not unlimited.axes[0].texts
 
 
 def test_curve_of_single_trials_has_no_band(results):
     single = results.groupby(["panel", "series", "x"], as_index=False).first()
-    figure = curves_figure(single, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]")
+    figure = curves_figure(single, {"K": Panel("K [N·m/rad]")}, xlabel="gain [1]")
     first = figure.axes[0]
     assert len(first.get_lines()) == 2
     assert all(not collection.get_paths() for collection in first.collections)
@@ -66,7 +70,7 @@ def test_curve_of_single_trials_has_no_band(results):
 def test_a_band_ends_where_a_single_trial_is_left(results):
     """No interval is known there: the band must not shrink to a line, as if the mean were exact."""
     rows = results[(results["x"] != 4.0) | ~results.duplicated(["panel", "series", "x"])]
-    figure = curves_figure(rows, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]")
+    figure = curves_figure(rows, {"K": Panel("K [N·m/rad]")}, xlabel="gain [1]")
     for band in figure.axes[0].collections:
         assert max(path.vertices[:, 0].max() for path in band.get_paths()) == 2.0
 
@@ -81,14 +85,14 @@ def rings(axis):
 
 def test_rings_mark_means_with_failures_or_warnings(results):
     rows = results[(results["panel"] == "K") & (results["series"] == "PR-MOESP")].assign(outcome="estimate")
-    panels = {"K": ("K [N·m/rad]", None)}
+    panels = {"K": Panel("K [N·m/rad]")}
     assert not rings(curves_figure(rows, panels, xlabel="gain [1]").axes[0])
     first = rows.index[rows["x"] == 1.0][0]
     second = rows.index[rows["x"] == 2.0][0]
     rows.loc[first, "outcome"] = "warning"
     rows.loc[second, ["outcome", "value"]] = ["failure", np.nan]
     rows.loc[rows["x"] == 4.0, "outcome"], rows.loc[rows["x"] == 4.0, "value"] = "failure", np.nan
-    figure = curves_figure(rows, panels, xlabel="gain [1]", limits={"K": (0.0, 100.0)})
+    figure = curves_figure(rows, {"K": Panel("K [N·m/rad]", limits=(0.0, 100.0))}, xlabel="gain [1]")
     means = rows.groupby("x")["value"].mean()
     assert rings(figure.axes[0]) == [(1.0, pytest.approx(means[1.0])), (2.0, pytest.approx(means[2.0]))]
     crosses = [line for line in figure.axes[0].get_lines() if line.get_label() == "every trial failed"]
@@ -99,7 +103,7 @@ def test_rings_mark_means_with_failures_or_warnings(results):
 
 def test_a_method_without_a_quantity_has_not_failed(results):
     rows = results.assign(outcome="warning", value=np.nan)
-    figure = curves_figure(rows, {"K": ("K [N·m/rad]", None)}, xlabel="gain [1]")
+    figure = curves_figure(rows, {"K": Panel("K [N·m/rad]")}, xlabel="gain [1]")
     assert not {"every trial failed", "with failures or warnings"} & set(legend(figure))
 
 
@@ -108,10 +112,10 @@ def test_rings_mark_ratios_and_estimates_with_failures_or_warnings():
     ((x, _),) = rings(ratio_figure(table, limit=1.5, largest=50.0).axes[0])
     assert x == 50.0  # drawn at the edge
     table = table.assign(value=[10.0, 20.0], margin=[1.0, np.nan])
-    ((x, _),) = rings(estimates_figure(table, {"p": ("VAF [%]", None, (0.0, 100.0))}).axes[0])
+    ((x, _),) = rings(estimates_figure(table, {"p": Panel("VAF [%]", limits=(0.0, 100.0))}).axes[0])
     assert x == 20.0
     table = table.assign(value=[10.0, np.nan], failed=[False, True])
-    figure = estimates_figure(table, {"p": ("VAF [%]", None, (0.0, 100.0))})
+    figure = estimates_figure(table, {"p": Panel("VAF [%]", limits=(0.0, 100.0))})
     assert not rings(figure.axes[0])
     (cross,) = [line for line in figure.axes[0].get_lines() if line.get_label() == "every trial failed"]
     assert cross.get_ydata().tolist() == [1.0]
@@ -174,7 +178,7 @@ def test_singular_values_are_relative_to_the_first():
     np.testing.assert_allclose(axis.get_lines()[-1].get_xdata(), 2.5)
 
 
-def test_ratios_beyond_the_largest_are_drawn_open_at_it():
+def test_ratios_beyond_the_largest_are_arrow_heads_at_it():
     table = pd.DataFrame(
         {
             "panel": ["soft"] * 4,
@@ -188,24 +192,26 @@ def test_ratios_beyond_the_largest_are_drawn_open_at_it():
     assert legend(figure) == ["riv", "PR-MOESP", "the bound", "1.5 times the bound"]
     assert [label.get_text() for label in axis.get_yticklabels()] == ["K", "G"]
     markers = [line for line in axis.get_lines() if line.get_marker() not in (None, "None", "")]
-    inside, beyond = markers[2], markers[3]
+    inside, beyond = markers[1], markers[2]
     np.testing.assert_allclose(inside.get_xdata(), [np.nan, 3.0])
-    np.testing.assert_allclose(beyond.get_xdata(), [20.0, np.nan])
-    assert beyond.get_markerfacecolor() == "none"
+    np.testing.assert_allclose(beyond.get_xdata(), [20.0])
+    assert beyond.get_marker() == CARETRIGHTBASE
+    assert figure.data["rms error over the bound [1]"].tolist() == [1.1, 400.0, 1.3, 3.0]
     assert "bound" in axis.get_xlabel()
 
 
 def test_intervals_that_miss_the_truth_have_another_colour():
     table = pd.DataFrame({"panel": "K", "value": [150.0, 160.0], "low": [145.0, 155.0], "high": [155.0, 165.0]})
     figure = interval_figure(table, {"K": ("K [N·m/rad]", 150.0)})
-    assert legend(figure) == ["true value", "95 % interval that holds the truth", "95 % interval that misses it"]
-    hits, misses = figure.axes[0].containers
-    assert hits.lines[0].get_xydata().tolist() == [[1.0, 150.0]]
-    assert misses.lines[0].get_xydata().tolist() == [[2.0, 160.0]]
-    assert hits.lines[0].get_color() != misses.lines[0].get_color()
+    assert legend(figure) == ["95 % interval that holds the truth", "95 % interval that misses it", "true value"]
+    hits, misses = figure.axes[0].get_lines()[:2]
+    assert hits.get_xydata().tolist() == [[1.0, 150.0]]
+    assert misses.get_xydata().tolist() == [[2.0, 160.0]]
+    assert (hits.get_color(), hits.get_marker()) != (misses.get_color(), misses.get_marker())
+    assert figure.data["holds"].tolist() == [True, False]
 
 
-def test_estimates_have_a_row_for_each_condition_and_open_symbols_beyond_the_limits():
+def test_estimates_have_a_row_for_each_condition_and_arrow_heads_beyond_the_limits():
     table = pd.DataFrame(
         {
             "panel": "K",
@@ -215,17 +221,66 @@ def test_estimates_have_a_row_for_each_condition_and_open_symbols_beyond_the_lim
             "margin": [0.5, np.nan, 1.0, 50.0],
         }
     )
-    figure = estimates_figure(table, {"K": ("error of K [%]", 0.0, (-10.0, 20.0))})
+    figure = estimates_figure(table, {"K": Panel("error of K [%]", truth=0.0, limits=(-10.0, 20.0))})
     axis = figure.axes[0]
     assert legend(figure) == ["PR-MOESP", "EIV-MOESP", "true value"]
     assert [label.get_text() for label in axis.get_yticklabels()] == ["complete", "rank policy"]
     markers = [line for line in axis.get_lines() if line.get_marker() not in (None, "None", "")]
-    first, _, inside, beyond = markers
+    first, inside, beyond = markers
     np.testing.assert_allclose(first.get_xdata(), [2.0, 4.0])
     np.testing.assert_allclose(inside.get_xdata(), [3.0, np.nan])
-    np.testing.assert_allclose(beyond.get_xdata(), [np.nan, 20.0])
-    assert beyond.get_markerfacecolor() == "white"
+    np.testing.assert_allclose(beyond.get_xdata(), [20.0])
+    assert beyond.get_marker() == CARETRIGHTBASE
+    assert figure.data["value"].tolist() == [2.0, 3.0, 4.0, 200.0]  # also those beyond the limits
     assert first.get_ydata() == pytest.approx([-0.08, 0.92])
     ends = [segment[:, 0].tolist() for segment in axis.collections[0].get_segments()]
     assert ends == [[1.5, 2.5], [3.0, 5.0]]
     assert axis.get_xlim() == (-10.0, 20.0)
+
+
+def test_a_broken_ordinate_shows_the_fall_and_the_values_near_the_top(results):
+    rows = results.assign(value=np.where(results["series"] == "PR-MOESP", 99.0, -50.0) + 0.1 * results["value"])
+    panels = {name: Panel("VAF [%]", f"{name} torque", limits=(-200.0, 105.0)) for name in ("K", "B")}
+    figure = curves_figure(rows, panels, xlabel="gain [1]", break_at=90.0)
+    upper, other, lower, _ = figure.axes
+    assert (upper.get_ylim(), lower.get_ylim()) == ((90.0, 105.0), (-200.0, 90.0))
+    assert other.get_ylim() == upper.get_ylim()  # the same quantity
+    assert [axis.get_title() for axis in (upper, other)] == ["K torque", "B torque"]
+    shown = {axis: {line.get_label(): line for line in axis.get_lines()} for axis in (upper, lower)}
+    for axis, series in ((upper, "PR-MOESP"), (lower, "PI-MOESP")):
+        assert shown[axis][series].get_markevery() == [0, 1, 2]
+    assert shown[upper]["PI-MOESP"].get_markevery() == []
+    near_the_top = rows[rows["series"] == "PR-MOESP"]
+    unbroken = curves_figure(near_the_top, panels, xlabel="gain [1]", break_at=90.0)
+    assert len(unbroken.axes) == 2
+
+
+def test_panels_of_the_same_quantity_share_its_axis(results):
+    panels = {"K": Panel("VAF [%]", "closed loop"), "B": Panel("VAF [%]", "open loop")}
+    first, second = curves_figure(results, panels, xlabel="gain [1]").axes
+    assert first.get_ylim() == second.get_ylim()
+    assert [axis.get_ylabel() for axis in (first, second)] == ["VAF [%]", ""]
+    panels["B"] = Panel("B [N·m·s/rad]")
+    rows = results.assign(value=results["value"] * np.where(results["panel"] == "B", 9, 1))
+    first, second = curves_figure(rows, panels, xlabel="x").axes
+    assert first.get_ylim() != second.get_ylim()
+
+
+def test_the_table_of_a_figure_has_what_its_lines_have(results):
+    figure = curves_figure(results, {"K": Panel("K [N·m/rad]"), "B": Panel("B [N·m·s/rad]")}, xlabel="gain [1]")
+    assert figure.data["unit"].unique().tolist() == ["N·m/rad", "N·m·s/rad"]
+    for axis, quantity in zip(figure.axes, ("K", "B"), strict=True):
+        for line, band in zip(axis.get_lines(), axis.collections, strict=True):
+            rows = figure.data[(figure.data["quantity"] == quantity) & (figure.data["series"] == line.get_label())]
+            np.testing.assert_array_equal(line.get_xydata(), rows[["gain [1]", "mean"]])
+            edges = band.get_paths()[0].vertices
+            assert {*rows["low"], *rows["high"]} <= set(edges[:, 1])
+
+
+def test_traces_and_singular_values_are_in_the_tables_of_their_figures():
+    time = np.linspace(0, 5, 20)
+    figure = traces_figure({"open": {"time": time, "K": time**2}}, {"K": ("K [N·m/rad]", 150.0)})
+    np.testing.assert_array_equal(figure.axes[0].get_lines()[0].get_xydata(), figure.data[["time [s]", "estimate"]])
+    figure = order_figure({"PR-MOESP": [np.array([4.0, 2.0, 1.0])]}, order=2)
+    columns = ["number [1]", "singular value over the first [1]"]
+    np.testing.assert_array_equal(figure.axes[0].get_lines()[0].get_xydata(), figure.data[columns])

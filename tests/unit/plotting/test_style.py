@@ -1,26 +1,78 @@
+from itertools import pairwise
+
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from ankleloop.plotting.style import add_legend, panel_grid, save_figure
+from ankleloop.plotting.legends import add_legend, split_rows
+from ankleloop.plotting.panels import Panel, panel_grid, share_ordinates
+from ankleloop.plotting.style import ONE_COLUMN, REFERENCE_LINE, TWO_COLUMNS, DataFigure, inches, save_figure
 
 
-@pytest.mark.parametrize(("count", "size"), [(2, (6.5, 2.5)), (3, (9.5, 2.5)), (4, (9.5, 4.5))])
-def test_grid_has_a_panel_for_each_and_hides_the_rest(count, size):
-    figure, axes = panel_grid(count, 3, (3.0, 2.0), (0.5, 0.5))
-    assert figure.get_size_inches().tolist() == list(size)
+def entries(figure):
+    """Entries of all rows of the legend."""
+    return [[text.get_text() for text in legend.get_texts()] for legend in figure.legends]
+
+
+@pytest.mark.parametrize(("count", "rows"), [(2, 1), (3, 1), (4, 2)])
+def test_grid_has_a_panel_for_each_and_hides_the_rest(count, rows):
+    figure, axes = panel_grid(count, 3, 50.0)
+    assert figure.get_size_inches().tolist() == [inches(TWO_COLUMNS), inches(50.0 * rows)]
     assert axes == [axis for axis in figure.axes if axis.get_visible()]
     assert len(axes) == count
 
 
-def test_legend_has_each_label_once():
-    figure = Figure()
-    axes = figure.subplots(1, 2)
+def test_widths_are_those_of_columns_in_print():
+    for width in (ONE_COLUMN, TWO_COLUMNS):
+        figure, _ = panel_grid(1, 1, 40.0, width=width)
+        assert figure.get_figwidth() * 25.4 == pytest.approx(width)
+
+
+def test_panels_of_one_quantity_share_it_and_label_it_once_in_a_row():
+    panels = [Panel("VAF [%]", "net"), Panel("VAF [%]", "reflex"), Panel("K [N·m/rad]")]
+    figure, axes = panel_grid(3, 3, 40.0)
+    share_ordinates(axes, panels, 3)
+    axes[0].plot([0, 1], [0, 100])
+    axes[2].plot([0, 1], [0, 5])
+    figure.canvas.draw()
+    assert axes[0].get_ylim() == axes[1].get_ylim() != axes[2].get_ylim()
+    assert [axis.get_ylabel() for axis in axes] == ["VAF [%]", "", "K [N·m/rad]"]
+
+
+def test_legend_has_each_label_once_and_marks_at_its_end():
+    figure, axes = panel_grid(2, 2, 40.0)
     for axis in axes:
+        axis.axhline(0.0, **REFERENCE_LINE, label="true value")
         axis.plot([0, 1], [0, 1], label="estimate")
         axis.plot([0, 1], [1, 0])  # without a label
     add_legend(figure, axes)
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["estimate"]
+    assert entries(figure) == [["estimate", "true value"]]
+
+
+@pytest.mark.parametrize("count", range(1, 12))
+def test_rows_of_a_legend_differ_by_one_entry_at_most_and_stay_inside(count):
+    figure, (axis,) = panel_grid(1, 1, 40.0)
+    height = figure.get_figheight()
+    for number in range(count):
+        axis.plot([0, 1], [0, number], label=f"a method with a long name, number {number}")
+    axis.axhline(0.0, **REFERENCE_LINE, label="true value")
+    add_legend(figure, [axis])
+    figure.canvas.draw()
+    names = [name for row in entries(figure) for name in row]
+    assert len(names) == count + 1
+    assert names[-1] == "true value"
+    boxes = [legend.get_window_extent() for legend in figure.legends]
+    assert all(box.x0 >= 0 and box.x1 <= figure.bbox.x1 and box.y0 >= -0.5 for box in boxes)
+    assert all(upper.y0 >= lower.y1 - 0.5 for upper, lower in pairwise(boxes))
+    assert axis.get_tightbbox().y0 >= max(box.y1 for box in boxes)
+    assert figure.get_figheight() > height  # the panels keep their size
+
+
+@pytest.mark.parametrize(("count", "sizes"), [(3, [3]), (4, [2, 2]), (5, [3, 2]), (7, [3, 2, 2]), (9, [3, 3, 3])])
+def test_rows_are_even(count, sizes):
+    names = [str(number) for number in range(count)]
+    assert [len(row) for row in split_rows(names, dict.fromkeys(names, 10.0), 35.0, 2.0)] == sizes
 
 
 @pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
@@ -32,3 +84,13 @@ def test_equal_figures_give_equal_bytes(tmp_path, suffix):
     first, second = ((tmp_path / f"{name}{suffix}").read_bytes() for name in ("first", "second"))
     assert first == second
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"first{suffix}", f"second{suffix}"]
+
+
+def test_the_numbers_of_a_figure_are_written_beside_it(tmp_path):
+    figure = DataFigure(figsize=(1.0, 1.0))
+    figure.data = pd.DataFrame({"time [s]": [0.0, 0.1], "torque [N·m]": [1.0, 1 / 3]})
+    save_figure(figure, tmp_path / "torque")
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".pdf", ".png"]
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "torque.csv"), figure.data, check_exact=True)
+    with pytest.raises(ValueError, match="no table of its numbers"):
+        save_figure(Figure(), tmp_path / "diagram", suffixes=[".csv"])

@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -6,18 +7,23 @@ import pandas as pd
 import pytest
 from matplotlib.colors import to_hex
 
-from ankleloop.plotting.style import COLOURS, FAULT_RING, STYLE
+from ankleloop.plotting.method_styles import METHOD_STYLES
+from ankleloop.plotting.style import FAULT_RING, STYLE
 from ankleloop.plotting.sweep_axes import SweepAxis
 from ankleloop.plotting.sweep_maps import NO_POINT, NO_VALUE, maps_figure
 from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, effects_figure, lines_figure, mark_rows, value_limits
 
-PANELS = [
-    SweepPanel("vaf", "reflex VAF [%]", "Δ reflex VAF [points]", "high"),
-    SweepPanel("K", "K [N·m/rad]", "Δ K [N·m/rad]", None, 150.0),
-    SweepPanel("failures", "failed trials [% of trials]", "", "low", None, False),
+SERIES = [
+    SweepSeries("riv", "RIV", METHOD_STYLES["riv"]),
+    SweepSeries("moesp", "PR-MOESP", METHOD_STYLES["pr-moesp"]),
 ]
-SERIES = [SweepSeries("riv", "RIV", 0), SweepSeries("moesp", "PR-MOESP", 3)]
-DIFFERENCE = SweepSeries("riv − moesp", "RIV − PR-MOESP")
+DIFFERENCE = SweepSeries("riv − moesp", "RIV − PR-MOESP", is_difference=True)
+VAF = SweepPanel("vaf", "reflex VAF [%]", SERIES, "high")
+VAF_DIFFERENCE = SweepPanel("vaf", "Δ reflex VAF [points]", [DIFFERENCE], "zero")
+STIFFNESS = SweepPanel("K", "K [N·m/rad]", SERIES, None, 150.0)
+STIFFNESS_DIFFERENCE = SweepPanel("K", "Δ K [N·m/rad]", [DIFFERENCE], "zero")
+FAILURES = SweepPanel("failures", "failed trials [%]", SERIES, "low", None, False)
+PANELS = [VAF, VAF_DIFFERENCE, STIFFNESS, STIFFNESS_DIFFERENCE, FAILURES]
 GAIN = SweepAxis.of("reflex_gain", "reflex gain [N·m·s/rad]", [5.0, 10.0, 15.0, 20.0])
 NOISE = SweepAxis.of("voluntary", "voluntary torque [1]", [0.1, 1.0, 10.0])
 BASIS = SweepAxis.of("basis", "basis [1]", ["chebyshev", "rectifier"])
@@ -65,28 +71,29 @@ def bars_of(figure):
 
 
 def test_lines_have_a_panel_for_each_quantity_and_each_difference():
-    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS, SERIES, DIFFERENCE))
-    labels = [axis.get_ylabel() for axis in panels_of(figure)]
+    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS))
+    labels = [axis.get_ylabel().replace("\n", " ") for axis in panels_of(figure)]
     assert labels == [
         "reflex VAF [%]",
         "Δ reflex VAF [points]",
         "K [N·m/rad]",
         "Δ K [N·m/rad]",
-        "failed trials [% of trials]",
+        "failed trials [%]",
     ]
-    assert panels_of(figure)[-1].get_xlabel() == "reflex gain [N·m·s/rad]"
+    assert panels_of(figure)[-1].get_xlabel().replace("\n", " ") == "reflex gain [N·m·s/rad]"
 
 
-def test_methods_keep_the_colours_of_their_numbers():
-    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:1], SERIES))
+def test_methods_have_their_own_styles():
+    figure = draw(lines_figure(effects(GAIN), GAIN, [VAF]))
     lines = {line.get_label(): line for line in panels_of(figure)[0].get_lines()}
-    assert to_hex(lines["RIV"].get_color()) == COLOURS[0].lower()
-    assert to_hex(lines["PR-MOESP"].get_color()) == COLOURS[3].lower()
+    for item in SERIES:
+        line = lines[item.label]
+        assert (line.get_color(), line.get_marker()) == (item.style.colour, item.style.marker)
 
 
 def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
     for band, half in (("mean", 1.0), ("trials", 3.0)):
-        figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:1], SERIES, band=band))
+        figure = draw(lines_figure(effects(GAIN), GAIN, [VAF], band=band))
         axis = panels_of(figure)[0]
         line = next(line for line in axis.get_lines() if line.get_label() == "RIV")
         np.testing.assert_array_equal(line.get_xydata(), [(5, 95), (10, 96), (15, 97), (20, 98)])
@@ -96,14 +103,14 @@ def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
 
 
 def test_true_value_is_a_line_of_its_panel_alone():
-    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS[:2], SERIES))
+    figure = draw(lines_figure(effects(GAIN), GAIN, [VAF, STIFFNESS]))
     labels = [[line.get_label() for line in axis.get_lines()] for axis in panels_of(figure)]
     assert "true value" not in labels[0]
     assert "true value" in labels[1]
 
 
 def test_texts_have_no_line_between_them():
-    axis = panels_of(draw(lines_figure(effects(BASIS), BASIS, PANELS[:1], SERIES)))[0]
+    axis = panels_of(draw(lines_figure(effects(BASIS), BASIS, [VAF])))[0]
     assert {line.get_linestyle() for line in axis.get_lines()} == {"None"}
     assert [text.get_text() for text in axis.get_xticklabels()] == ["chebyshev", "rectifier"]
     assert axis.get_xlabel() == "basis"
@@ -111,7 +118,7 @@ def test_texts_have_no_line_between_them():
 
 def test_effects_have_a_column_for_each_parameter_and_a_row_for_each_quantity():
     table = pd.concat([effects(axis) for axis in (GAIN, NOISE, BASIS)])
-    figure = draw(effects_figure(table, (GAIN, NOISE, BASIS), PANELS, SERIES, DIFFERENCE))
+    figure = draw(effects_figure(table, (GAIN, NOISE, BASIS), PANELS))
     panels = panels_of(figure)
     assert len(panels) == 3 * 5
     assert [axis.get_xlabel() for axis in panels[-3:]] == [GAIN.label, NOISE.label, "basis"]
@@ -126,7 +133,7 @@ def test_marks_stand_where_trials_failed_or_warned():
     last = (table["place"] == 20.0) & (table["method"] == "moesp")
     table.loc[last, ["mean", "margin", "low", "high"]] = np.nan
     table.loc[last, "failures"] = 5
-    axis = panels_of(draw(lines_figure(table, GAIN, PANELS[:1], SERIES)))[0]
+    axis = panels_of(draw(lines_figure(table, GAIN, [VAF])))[0]
     lines = {line.get_label(): line for line in axis.get_lines()}
     np.testing.assert_array_equal(lines[FAULT_RING["label"]].get_xydata(), [(5.0, 95.0)])
     assert lines["every trial failed"].get_xdata().tolist() == [20.0]
@@ -140,30 +147,71 @@ def test_only_a_relevant_share_of_faults_is_marked():
 
 
 def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
-    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS, SERIES, DIFFERENCE))
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS))
     titles = [axis.get_title() for axis in panels_of(figure)]
     assert titles == ["RIV", "PR-MOESP", "RIV − PR-MOESP"] * 2 + ["RIV", "PR-MOESP"]
     labels = [axis.get_ylabel().replace("\n", " ") for axis in bars_of(figure)]
     expected = ["reflex VAF [%]", "Δ reflex VAF [points]", "K [N·m/rad]", "Δ K [N·m/rad]"]
-    assert labels == [*expected, "failed trials [% of trials]"]
-    first = panels_of(figure)[0]
-    assert (first.get_xlabel(), first.get_ylabel(), first.get_yscale()) == (GAIN.label, NOISE.label, "log")
+    assert labels == [*expected, "failed trials [%]"]
+    panels = panels_of(figure)
+    below = [axis.get_xlabel().replace("\n", " ") for axis in panels]
+    beside = [axis.get_ylabel().replace("\n", " ") for axis in panels]
+    assert below == [""] * 5 + [GAIN.label] * 3  # below the last panel of each column
+    assert beside == [NOISE.label, "", ""] * 2 + [NOISE.label, ""]
+    assert {axis.get_yscale() for axis in panels} == {"log"}
 
 
 def test_cells_of_a_map_are_the_means():
     table = cells().sample(frac=1.0, random_state=2)
-    axis = panels_of(draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES)))[1]
+    axis = panels_of(draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF])))[1]
     values = axis.collections[0].get_array()
     np.testing.assert_array_equal(values, 90.0 + np.arange(12).reshape(3, 4))
 
 
+def test_tables_of_sweeps_have_what_is_drawn():
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS))
+    rows = figure.data.query("quantity == 'reflex VAF' and method == 'PR-MOESP'").sort_values([NOISE.label, GAIN.label])
+    mesh = panels_of(figure)[1].collections[0]
+    np.testing.assert_array_equal(mesh.get_array().ravel(), rows["mean"])
+    assert set(figure.data["unit"]) == {"%", "points", "N·m/rad"}
+    figure = draw(lines_figure(effects(GAIN), GAIN, [VAF]))
+    rows = figure.data.query("method == 'RIV'")
+    line = next(line for line in panels_of(figure)[0].get_lines() if line.get_label() == "RIV")
+    np.testing.assert_array_equal(line.get_xydata(), rows[["value of the parameter", "mean"]].astype(float))
+
+
 def test_colours_of_differences_are_centred_at_zero():
-    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS[:1], SERIES, DIFFERENCE))
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, [VAF, VAF_DIFFERENCE]))
     mesh = panels_of(figure)[2].collections[0]
     assert mesh.norm.vmin == -mesh.norm.vmax
     assert mesh.get_cmap().name == "RdBu"
     shared = {id(axis.collections[0].norm) for axis in panels_of(figure)[:2]}
     assert len(shared) == 1
+
+
+def test_colour_bars_do_not_overlap_where_a_quantity_has_several_rows():
+    series = [SweepSeries("riv", f"method {number}", METHOD_STYLES["riv"]) for number in range(5)]
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, [replace(VAF, series=series), VAF_DIFFERENCE]))
+    assert len(panels_of(figure)) == 6
+    first, second = sorted((bar.get_tightbbox() for bar in bars_of(figure)), key=lambda box: box.x0)
+    assert first.x1 <= second.x0
+    assert second.x1 <= figure.bbox.x1
+
+
+def test_colours_of_a_parameter_are_centred_at_its_true_value():
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, [STIFFNESS, STIFFNESS_DIFFERENCE]))
+    mesh = panels_of(figure)[0].collections[0]
+    assert (mesh.norm.vmin + mesh.norm.vmax) / 2 == 150.0
+    assert mesh.get_cmap().name == "PuOr"
+
+
+def test_long_labels_are_inside_their_panels():
+    long = SweepAxis.of("pr.block_rows", "block rows of PR-MOESP, least squares [samples]", NOISE.values)
+    figure = draw(maps_figure(cells(), (GAIN, long), EDGES, [VAF, STIFFNESS, FAILURES]))
+    boxes = [axis.yaxis.label.get_window_extent() for axis in panels_of(figure) if axis.get_ylabel()]
+    assert len(boxes) == 3
+    assert boxes[0].y1 <= figure.bbox.y1
+    assert all(upper.y0 > lower.y1 for upper, lower in itertools.pairwise(boxes))
 
 
 def test_cells_without_a_value_are_hatched_and_those_without_a_point_are_grey():
@@ -172,11 +220,12 @@ def test_cells_without_a_value_are_hatched_and_those_without_a_point_are_grey():
     hit = (table["x"] == 5.0) & (table["y"] == 0.1) & (table["method"] == "riv")
     table.loc[hit, "mean"] = np.nan
     table.loc[hit, "failures"] = 5
-    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES))
+    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF]))
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [NO_POINT, NO_VALUE, "every trial failed"]
     first, second = panels_of(figure)
     assert np.isnan(first.collections[0].get_array().filled(np.nan)).sum() == 2
     assert first.collections[1].get_hatch() == "////"
+    assert [to_hex(colour) for colour in first.collections[1].get_facecolor()] == ["#f4f4f4"]
     assert len(second.collections) == 1
 
 
@@ -184,7 +233,7 @@ def test_small_cells_have_outlined_regions_and_no_rings():
     axis = SweepAxis.of("x", "x [1]", np.linspace(0.0, 1.0, 60).tolist())
     table = rows_of([{"x": x, "y": y} for y in axis.values for x in axis.values], slice="")
     table.loc[(table["x"] > 0.5) & (table["y"] > 0.5), "warnings"] = 2
-    figure = draw(maps_figure(table, (axis, axis), (axis.edges(), axis.edges()), PANELS[:1], SERIES))
+    figure = draw(maps_figure(table, (axis, axis), (axis.edges(), axis.edges()), [VAF]))
     panel = panels_of(figure)[0]
     assert not panel.get_lines()
     outline = np.concatenate([np.asarray(part) for part in panel.collections[-1].get_segments()])
@@ -194,7 +243,7 @@ def test_small_cells_have_outlined_regions_and_no_rings():
 
 def test_points_of_an_irregular_design_are_drawn_by_themselves():
     table = cells().drop_duplicates(["x", "method", "quantity"])
-    figure = draw(maps_figure(table, (GAIN, NOISE), None, PANELS[:1], SERIES))
+    figure = draw(maps_figure(table, (GAIN, NOISE), None, [VAF]))
     points = panels_of(figure)[0].collections[0]
     assert len(points.get_offsets()) == 4
 
@@ -202,7 +251,7 @@ def test_points_of_an_irregular_design_are_drawn_by_themselves():
 def test_slices_have_panels_of_their_own():
     table = pd.concat([cells().assign(slice=name) for name in ("block rows 12", "block rows 18")])
     names = ("block rows 12", "block rows 18")
-    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES, DIFFERENCE, names))
+    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF, VAF_DIFFERENCE], names))
     visible = panels_of(figure)
     assert len(visible) == 6
     assert visible[1].get_title() == "PR-MOESP\nblock rows 12" or visible[1].get_title() == "RIV\nblock rows 18"
@@ -211,7 +260,7 @@ def test_slices_have_panels_of_their_own():
 def test_quantity_without_estimates_says_so():
     table = cells()
     table.loc[table["method"] == "moesp", "mean"] = np.nan
-    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, PANELS[:1], SERIES))
+    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF]))
     assert [text.get_text() for text in panels_of(figure)[1].texts] == ["not estimated"]
     assert not panels_of(figure)[0].texts
 
@@ -262,7 +311,7 @@ def test_tick_labels_do_not_overlap():
         for scale in (np.linspace(0.0, 30.0, count), np.geomspace(0.01, 1000.0, count)):
             axis = SweepAxis.of("x", "reflex gain [N·m·s/rad]", scale.tolist())
             table = effects(axis)
-            panel = panels_of(draw(lines_figure(table, axis, PANELS[:1] * 3, SERIES[:1])))[0]
+            panel = panels_of(draw(lines_figure(table, axis, [replace(VAF, series=SERIES[:1])] * 3)))[0]
             low, high = sorted(panel.get_xlim())
             boxes = [
                 label.get_window_extent()
@@ -281,10 +330,14 @@ def test_words_and_units_of_values():
 
 
 def test_legend_is_inside_the_figure():
-    series = [SweepSeries("riv", "Refined instrumental variables", 0), SweepSeries("moesp", "PR-MOESP, squares", 1)]
-    difference = SweepSeries("riv − moesp", "Refined instrumental variables − PR-MOESP, least squares")
+    labels = "Refined instrumental variables", "PR-MOESP, least squares"
+    series = [replace(item, label=label) for item, label in zip(SERIES, labels, strict=True)]
+    difference = replace(DIFFERENCE, label=" − ".join(labels))
+    panels = [replace(VAF, series=series), replace(VAF_DIFFERENCE, series=[difference])]
     table = effects(GAIN).assign(warnings=1)
-    figure = draw(lines_figure(table, GAIN, PANELS[:2], series, difference))
-    box, frame = figure.legends[0].get_window_extent(), figure.bbox
-    assert frame.x0 <= box.x0
-    assert box.x1 <= frame.x1
+    figure = draw(lines_figure(table, GAIN, panels))
+    for legend in figure.legends:
+        box, frame = legend.get_window_extent(), figure.bbox
+        assert frame.x0 <= box.x0
+        assert box.x1 <= frame.x1
+        assert frame.y0 <= box.y0

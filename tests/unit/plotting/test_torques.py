@@ -1,8 +1,9 @@
 import numpy as np
+import pandas as pd
 import pytest
 
 import ankleloop
-from ankleloop.plotting.style import save_figure
+from ankleloop.plotting.style import TWO_COLUMNS, inches, save_figure
 from ankleloop.plotting.torques import torque_figure
 
 
@@ -23,8 +24,8 @@ def test_panels_have_labels_titles_and_scores(identified):
     assert {axis.get_xlabel() for axis in axes[-1]} == {"time [s]"}
     assert {axis.get_xlim() for axis in axes.flat} == {(3.0, 7.0)}
     assert axes[0, 0].get_title().startswith("PR-MOESP\nnet: VAF ")
-    legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == ["measured", "PR-MOESP (estimated)", "one pass (estimated)", "true (simulated)"]
+    legend = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert legend == ["PR-MOESP (estimated)", "one pass (estimated)", "measured", "true (simulated)"]
     scores = ankleloop.evaluate(trial, estimates["PR-MOESP"]).set_index(["torque", "against"])["vaf"]
     assert axes[2, 0].get_title() == f"reflex: VAF {scores['reflex', 'true']:.1f} % (true)"
 
@@ -42,7 +43,31 @@ def test_estimates_of_a_recording_are_drawn_over_its_measured_torque(identified)
 def test_equal_data_give_equal_bytes(identified, tmp_path):
     for name in ("first", "second"):
         save_figure(torque_figure(*identified), tmp_path / name)
-    for suffix in (".png", ".pdf"):
+    for suffix in (".png", ".pdf", ".csv"):
         first, second = ((tmp_path / f"{name}{suffix}").read_bytes() for name in ("first", "second"))
         assert first == second
         assert len(first) > 10_000
+
+
+def test_the_table_has_what_is_drawn(identified, tmp_path):
+    trial, estimates = identified
+    figure = torque_figure(trial, estimates, start=3.0, length=4.0)
+    save_figure(figure, tmp_path / "torques")
+    table = pd.read_csv(tmp_path / "torques.csv")
+    axes = np.array(figure.axes).reshape(3, 2)
+    for column, label in enumerate(estimates):
+        for row, torque in enumerate(("net", "intrinsic", "reflex")):
+            rows = table[(table["method"] == label) & (table["torque"] == torque)]
+            target, estimate = axes[row, column].get_lines()
+            np.testing.assert_array_equal(target.get_xydata(), rows[["time [s]", "torque of the trial [N·m]"]])
+            np.testing.assert_array_equal(estimate.get_xydata(), rows[["time [s]", "estimated torque [N·m]"]])
+    assert table["time [s]"].between(3.0, 7.0).all()
+
+
+def test_methods_beyond_the_width_of_a_figure_are_drawn_below(identified):
+    trial, estimates = identified
+    many = {f"{label} {number}": estimate for number in range(2) for label, estimate in estimates.items()}
+    figure = torque_figure(trial, many)
+    visible = [axis for axis in figure.axes if axis.get_visible()]
+    assert len(visible) == 3 * len(many)
+    assert figure.get_figwidth() == pytest.approx(inches(TWO_COLUMNS))

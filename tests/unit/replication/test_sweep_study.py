@@ -40,9 +40,11 @@ def test_standard_quantities_and_axes_are_those_of_the_table(sweep):
     assert set(sweep.shown_trials["method"]) == {"riv", "moesp", "riv − moesp"}
 
 
-def test_methods_keep_their_numbers_where_one_alone_is_shown(read):
+def test_methods_keep_their_styles_where_one_alone_is_shown(read):
     sweep = read(make_trials(POINTS), ["reflex_gain", "voluntary"], methods=["moesp"])
-    assert [(item.method, item.number) for item in sweep.series] == [("moesp", 1)]
+    every = {item.method: item for item in read(make_trials(POINTS), ["reflex_gain", "voluntary"]).series}
+    assert sweep.series == [every["moesp"]]
+    assert every["moesp"].style != every["riv"].style
     assert set(sweep.shown_trials["method"]) == {"moesp"}
 
 
@@ -87,7 +89,7 @@ def test_axes_choose_the_picture(read):
     assert caption.startswith("Effect of each parameter")
     figure, caption = draw_sweep(read(table, varied, axes=["voluntary"], quantities=["K"]))
     assert figure.axes[0].get_xlabel() == "relative voluntary torque [1]"
-    assert "Means are also over reflex gain, block rows." in caption
+    assert "relative voluntary torque, and over reflex gain, block rows; bands are" in caption
     figure, caption = draw_map(read(table, varied, quantities=["K"]))
     titles = [axis.get_title().split("\n")[-1] for axis in figure.axes if axis.get_title()]
     assert titles == ["block rows 10 samples", "block rows 12 samples"] * 2
@@ -123,6 +125,19 @@ def test_error_with_the_smallest_root_mean_square_is_the_best(read):
     sweep = read(table, ["voluntary"], quantities=["K_error"])
     best = list_extremes(sweep, sweep.summarise()).set_index(["method", "rank"]).loc[("PR-MOESP", "best")]
     assert best["relative voluntary torque"] == "0.2"  # a bias of 2 %, against none with a spread of 33 %
+
+
+def test_point_whose_estimates_warn_is_never_the_best(read):
+    table = make_trials(grid(voluntary=[0.1, 0.2, 0.3]), trials=2)
+    table["vaf_net_true"] = 99.0 - 10.0 * table["voluntary"]
+    table["warnings"] = np.where((table["voluntary"] == 0.1) | (table["method"] == "riv"), "a pole", None)
+    sweep = read(table, ["voluntary"], quantities=["vaf_net_true"])
+    ranks = list_extremes(sweep, sweep.summarise()).set_index(["method", "rank"])["relative voluntary torque"]
+    assert ranks.to_dict() == {
+        ("Refined instrumental variables", "worst"): "0.3",
+        ("PR-MOESP", "best"): "0.2",
+        ("PR-MOESP", "worst"): "0.3",
+    }
 
 
 def test_point_with_few_estimates_is_not_ranked(read):
@@ -166,7 +181,8 @@ def test_notebook_runs_on_the_table_alone(tmp_path, count):
         figure_stem=str(tmp_path / "s"),
     )
     written = {path.name for path in tmp_path.iterdir()}
-    figures = {"s-sweep.png", "s-sweep.pdf", *({"s-map.png", "s-map.pdf"} if count == 3 else ())}
+    names = ("sweep", "map") if count == 3 else ("sweep",)
+    figures = {f"s-{name}.{suffix}" for name in names for suffix in ("png", "pdf", "csv")}
     assert written == {"s-trials.parquet", "s.csv", "s.md", *figures}
     lines = (tmp_path / "s.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 1 + 2**count * 3  # points, methods and their difference

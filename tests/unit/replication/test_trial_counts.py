@@ -124,13 +124,18 @@ def test_a_figure_of_a_trial_says_what_failed():
         describe_absence([], ["A"])
 
 
-def test_failures_of_many_points_are_listed_in_part_and_counted_in_full():
-    points = [f"gain={number}" for number in range(50) for _ in range(2)]
-    table = pd.DataFrame({"point": points, "method": "riv", "trial": [0, 1] * 50, "failure": ["no pole.", None] * 50})
+def test_reasons_of_failures_are_counted_whatever_their_numbers():
+    reasons = [f"the loop is unstable after {number / 7:.3g} s." for number in range(50)] + ["no pole."] * 3
+    points = [f"gain={number}" for number in range(53)]
+    table = pd.DataFrame({"point": points, "method": "riv", "trial": 0, "failure": reasons})
+    table = pd.concat([table, table.assign(trial=1, failure=None)])
     for rows in (table, table.astype(dict.fromkeys(("point", "method", "failure"), "category"))):
-        text = describe_failures(rows)
-        assert text.startswith(
-            "50 of 100 identifications failed; means leave them out. riv at gain=0, 1 of 2 trials: no"
+        assert describe_failures(rows) == (
+            "53 of 106 identifications failed; means leave them out. 50 of them, such as riv at gain=0: the loop is "
+            "unstable after 0 s. 3 of them, such as riv at gain=50: no pole"
         )
-        assert text.count("riv at ") == 20
-        assert text.endswith(". 30 other points and methods have failures, too")
+
+
+def test_rare_reasons_of_failures_are_counted():
+    table = pd.DataFrame({"point": "only", "method": "riv", "failure": [letter * 3 for letter in "abcdefg"]})
+    assert describe_failures(table).endswith(": eee. Other reasons are in the table of trials (2)")

@@ -182,7 +182,7 @@ def test_a_failure_is_a_row_and_loses_no_other_result(chunk, expected, fail, rea
     assert [len(load_estimates(results.estimates, name)) for name in ("pr", "cascade")] == [4, 6]
     sentence = describe_failures(rows)
     assert sentence.startswith("2 of 12 identifications failed; means leave them out. ")
-    assert f"pr at {points[0]}, 1 of 3 trials: {reason}" in sentence
+    assert f"2 of them, such as pr at {points[0]}: {reason.rstrip('.')}" in sentence
     assert describe_failures(expected.parameters) == ""
 
 

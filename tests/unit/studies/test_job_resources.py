@@ -40,6 +40,13 @@ def test_time_beyond_the_start_is_proportional_to_the_trials(rule):
     assert many - resources.START_SECONDS == pytest.approx(10 * (few - resources.START_SECONDS))
 
 
+def test_a_method_that_was_not_measured_counts_as_the_slowest():
+    times = {
+        name: resources.identification_seconds(50_000, {"m": {"method": name}}) for name in [*METHODS, "a new one"]
+    }
+    assert times["a new one"] == max(times.values())
+
+
 def test_a_sweep_takes_the_time_of_both_jobs_with_one_start():
     everything, scores = make_study(), make_study(keep="scores")
     parts = [describe_chunk(everything, rule, 0).seconds for rule in ("simulate", "identify")]

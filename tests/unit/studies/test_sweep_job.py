@@ -7,10 +7,12 @@ import pandas as pd
 import pytest
 
 from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.replication.trial_tables import write_trial_table
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies import identification, sweep_job
 from ankleloop.studies.identification import identification_grids, identify_chunk
 from ankleloop.studies.simulation import simulate_chunk
+from ankleloop.studies.study import read_studies
 from ankleloop.studies.sweep_job import sweep_chunk
 
 SETTINGS = SimulationSettings(duration=8.0, voluntary=0.1).model_dump()
@@ -57,6 +59,37 @@ def test_numbers_do_not_depend_on_what_is_kept(tmp_path, precision):
         )
     scores = pd.read_csv(everything["scores"])
     assert set(scores.query("point == 'quiet,8'")["torque"]) == {"net", "intrinsic"}
+
+
+@pytest.mark.parametrize("keep", ["scores", "everything"])
+def test_tables_of_all_trials_do_not_depend_on_the_chunks(tmp_path, keep):
+    """1, 7 and 100 trials in a chunk give the same Parquet file and the same CSV file, byte for byte."""
+
+    def make_tables(most):
+        methods = {"pr": METHODS["pr"]}
+        settings = {"kind": "simulation", "notebook": None, "trials": 9, "seed": 1, "simulation": {"duration": 8.0}}
+        settings |= {"points": {"block_rows": [8, 10]}, "methods": methods, "keep": keep, "trials_per_chunk": most}
+        study = read_studies({"studies": {"s": settings}})[1]["s"]
+        chunks = range(len(study.chunks))
+        folders = [files_in(tmp_path / f"{most}-{chunk}", "scores", "parameters") for chunk in chunks]
+        for chunk, files in zip(chunks, folders, strict=True):
+            content = (study.identified_points(chunk), study.identified_methods)
+            if keep == "scores":
+                sweep_chunk(files, "s", 1, study.simulated_points(chunk), *content)
+            else:
+                trials = tmp_path / f"{most}-{study.trial_chunk_of(chunk)}.nc"
+                if not trials.exists():
+                    simulate_chunk(trials, "s", 1, study.simulated_points(study.trial_chunk_of(chunk), stored=True))
+                identify_chunk(trials, files, "s", *content, trials=study.identified_trials(chunk))
+        table, text = tmp_path / f"{most}.parquet", tmp_path / f"{most}.csv"
+        parts = ([files[name] for files in folders] for name in ("parameters", "scores"))
+        write_trial_table(table, *parts, study.varied, text=text, points=2, methods=["pr"], trials=9)
+        return len(folders), table.read_bytes(), text.read_bytes()
+
+    counts, *tables = zip(*map(make_tables, (1, 7, 100)), strict=True)
+    assert counts == (9, 2, 1)
+    assert all(len(set(files)) == 1 for files in tables)
+    assert len(pd.read_parquet(tmp_path / "100.parquet")) == 2 * 9
 
 
 @pytest.mark.parametrize("together", [1, 3, 100])

@@ -1,8 +1,14 @@
+from pathlib import Path
+
 import pytest
+import yaml
 from pydantic import ValidationError
 
+from ankleloop.studies.study import read_studies
+from ankleloop.studies.study_checks import check_uses
 from ankleloop.studies.sweep_settings import SweepSettings, check_sweep
 
+ROOT = Path(__file__).parents[3]
 VARIED, METHODS = ["reflex_gain", "riv.delay"], ["riv", "pr-moesp"]
 
 
@@ -26,10 +32,11 @@ def test_wrong_settings_are_refused(values, message):
 @pytest.mark.parametrize(
     ("values", "varied", "message"),
     [
-        ({"methods": ["moesp"]}, VARIED, "sweep: methods: there is no method 'moesp'"),
-        ({"difference": ["riv", "eiv"]}, VARIED, "sweep: difference: there is no method 'eiv'"),
-        ({"axes": ["voluntary"]}, VARIED, "sweep: axes: there is no varied parameter 'voluntary'"),
-        ({}, [], "sweep: no setting and no option differs"),
+        ({"methods": ["moesp"]}, VARIED, "methods: there is no method 'moesp'"),
+        ({"difference": ["riv", "eiv"]}, VARIED, "difference: there is no method 'eiv'"),
+        ({"axes": ["voluntary"]}, VARIED, "axes: there is no varied parameter 'voluntary'"),
+        ({}, [], "no setting and no option differs"),
+        ({"quantities": ["vaf_reflex_measured"]}, VARIED, "against: null has no vaf_reflex_measured; it has vaf_net"),
     ],
 )
 def test_pictures_of_what_a_study_lacks_are_refused(values, varied, message):
@@ -40,3 +47,22 @@ def test_pictures_of_what_a_study_lacks_are_refused(values, varied, message):
 def test_what_a_study_has_is_accepted():
     settings = SweepSettings(methods=["riv"], difference=["pr-moesp", "riv"], axes=["riv.delay", "reflex_gain"])
     check_sweep(settings, VARIED, METHODS)
+
+
+def test_scores_against_the_measured_torque_have_no_truth():
+    settings = SweepSettings(quantities=["K_error", "vaf_net_true"])
+    with pytest.raises(ValueError, match="against: measured has no vaf_net_true; it has vaf_net_measured"):
+        check_sweep(settings, VARIED, METHODS, "measured")
+
+
+def test_the_sweep_of_the_readme_is_three_lines_on_top_of_the_configuration():
+    text = (ROOT / "README.md").read_text(encoding="utf-8").partition("A sweep over two parameters")[2]
+    lines = [line for line in text.split("```")[1].splitlines()[1:] if line and line[0] != "#"]
+    assert len(lines) == 3
+    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
+    sweep = yaml.safe_load("\n".join(lines))["studies"]["table1"]
+    table1 = config["studies"]["table1"]
+    points = {**table1["points"], **sweep["points"]}  # as snakemake puts several files together
+    study = read_studies({"studies": {"table1": {**table1, **sweep, "points": points}}})[1]["table1"]
+    assert (list(study.varied), len(study.point_list)) == (["reflex_gain", "voluntary"], 10)
+    check_uses(study)

@@ -1,0 +1,1 @@
+"""The command `ankleloop`: recordings of a laboratory from files to results, without a workflow."""

@@ -1,0 +1,210 @@
+"""`ankleloop identify`: a recording from its file to page, table and estimates, as the workflow makes them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ankleloop.command_line.check import announce_compilation, show_reading
+from ankleloop.command_line.reading import Reading, map_file, name_recording, reading_options
+from ankleloop.command_line.terminal import COLOURS, echo, format_table, name_options, show_next, show_progress
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ankleloop.studies.recorded_study import RecordedStudy
+
+__all__ = ["identify", "identify_recording"]
+
+METHODS = ("riv", "pr-moesp", "pi-moesp", "parallel-cascade")  # keys of `usual_methods`, which --help does not import
+PARAMETERS = ("K", "B", "I", "G")
+SUFFIXES = (".nc", ".mat", ".csv")
+EPILOG = """\b
+Examples:
+  ankleloop identify S1.mat
+  ankleloop identify S1.csv --position angle --torque moment --position-unit deg --torque-sign -1
+  ankleloop identify S1.h5 --output results --method riv --method pi-moesp
+
+\b
+Results, in the folder FILE-results or that of --output:
+  NAME.html             the page: checks, methods side by side, figures
+  NAME-parameters.csv   a row for each method: parameters with intervals, scores, warnings
+  NAME/METHOD.nc, .mat  the estimate with its model, for ankleloop.load_estimate, MATLAB and others
+  NAME/METHOD.csv       its torques
+  NAME/figure-*.csv     the numbers that the figures of the page draw
+
+Exit status: 0 done; 1 the recording is refused, or no method is valid for it (the page says why); 2 wrong usage.
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option(
+    "--output", type=click.Path(file_okay=False, path_type=Path), help="Folder of the results.  [default: FILE-results]"
+)
+@click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
+@click.option(
+    "--method",
+    "methods",
+    type=click.Choice(METHODS),
+    multiple=True,
+    help="Method to fit, several times for several.  [default: all that are valid]",
+)
+@reading_options
+def identify(file: Path, output: Path | None, overwrite: bool, methods: tuple[str, ...], **values: Any) -> int:
+    """Identify a recording: checks, every method that is valid for it, page, table and estimates.
+
+    The results are those that the workflow makes of the recording. Each method is fitted to the first half and scored
+    on the second, then fitted to the whole. Files that exist are replaced with --overwrite only.
+    """
+    reading = map_file(file, **values)
+    show_reading(file, reading)
+    folder = output or file.with_name(f"{file.name}-results")
+    with show_progress():
+        table, page = identify_recording(file, reading, folder, methods=methods, overwrite=overwrite)
+    echo()
+    status = show_results(table, page)
+    show_next(f"open {page} in a browser.")
+    return status
+
+
+def identify_recording(
+    path: Path, reading: Reading, folder: Path, *, methods: Iterable[str] = (), overwrite: bool = False
+) -> tuple[pd.DataFrame, Path]:
+    """Analyse a recording as the workflow does, and write its page, its table and its estimates.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    reading : Reading
+        How it is read.
+    folder : pathlib.Path
+        Folder of the results, which is made if there is none.
+    methods : iterable of str
+        Keys of the methods to fit; all that are usual, by default.
+    overwrite : bool
+        Whether to replace results that are there.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+        A row for each method, as in the table that is written.
+    page : pathlib.Path
+        The page.
+
+    Raises
+    ------
+    click.UsageError
+        If results are there already, or cannot be written.
+    """
+    from ankleloop.studies.recordings import analyse_recordings
+
+    name = name_recording(path)
+    study = _make_study(path, reading, name, tuple(methods))
+    outputs = _check_outputs(folder, name, path, overwrite=overwrite)
+    announce_compilation()
+    window = study.settings.figure.model_dump(include={"start", "length"})
+    with tempfile.TemporaryDirectory(prefix="ankleloop-") as temporary:
+        made = Path(temporary)
+        ((_, table, _),) = analyse_recordings(study.mappings(0), study.analysed_methods, made, window)
+        table.to_csv(made / f"{name}-parameters.csv", index=False)
+        _move_results(made, folder, outputs, path, overwrite=overwrite)
+    return table, folder / f"{name}.html"
+
+
+def _make_study(path: Path, reading: Reading, name: str, methods: tuple[str, ...]) -> RecordedStudy:
+    """The study of one recording, which the workflow would make of it."""
+    from ankleloop.recordings.usual_methods import usual_methods
+    from ankleloop.studies.checking import check
+    from ankleloop.studies.config import RecordingsStudy
+    from ankleloop.studies.recorded_study import RecordedStudy
+
+    usual = usual_methods(reference=reading.recording.reference is not None)
+    settings = {
+        "kind": "recordings",
+        "folder": str(path.absolute().parent).replace("$", "$$"),
+        "files": {name: reading.recording.model_dump()},
+        "methods": {key: method for key, method in usual.items() if not methods or key in methods},
+    }
+    return RecordedStudy(name, check(RecordingsStudy, settings, name))
+
+
+def _check_outputs(folder: Path, name: str, path: Path, *, overwrite: bool) -> list[Path]:
+    """Files that the results may have; refuse to replace any of them unasked, before anything is computed or made."""
+    from ankleloop.errors import DataError
+    from ankleloop.pages.recordings import FIGURES
+    from ankleloop.records.files import check_output
+
+    estimates = [Path(name, f"{key}{suffix}") for key in METHODS for suffix in SUFFIXES]
+    numbers = [Path(name, f"figure-{kind}.csv") for kind in FIGURES]
+    outputs = [Path(f"{name}.html"), Path(f"{name}-parameters.csv"), *estimates, *numbers]
+    existing = next(parent for parent in (folder / name).absolute().parents if parent.exists())
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
+        raise click.UsageError(f"{folder}: the folder cannot be made or written to: name another one by --output.")
+    try:
+        for output in outputs:
+            if (folder / output).parent.is_dir():
+                check_output(folder / output, overwrite=overwrite, inputs=[path])
+    except DataError as error:
+        text = str(error).replace(": write to another name, or replace it by overwrite=True", "")
+        raise click.UsageError(f"{text} --overwrite replaces results, --output names another folder.") from None
+    return outputs
+
+
+def _move_results(made: Path, folder: Path, outputs: Iterable[Path], path: Path, *, overwrite: bool) -> None:
+    """Move results to their names; remove what an earlier run made and this one did not."""
+    from ankleloop.records.files import atomic_file
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for output in outputs:
+        target = folder / output
+        if (made / output).exists():
+            target.parent.mkdir(exist_ok=True)
+            with atomic_file(target, overwrite=overwrite, inputs=[path]) as partial:
+                shutil.copyfile(made / output, partial)
+        else:
+            target.unlink(missing_ok=True)
+
+
+def show_results(table: pd.DataFrame, page: Path) -> int:
+    """Show the recommendation, the methods side by side, and where the results are.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        A row for each method.
+    page : pathlib.Path
+        The page.
+
+    Returns
+    -------
+    int
+        Exit status: 0, or 1 if there is no estimate.
+    """
+    from ankleloop.quantities import QUANTITIES
+    from ankleloop.recordings.recommendation import format_with_interval, select_valid_methods
+
+    first, valid = table.iloc[0], select_valid_methods(table)
+    echo(f"{click.style(first['verdict'], fg=COLOURS[first['verdict']])}: {first['recommendation']}")
+    if not valid.empty:
+        columns = [name for name in ("vaf_unseen", *PARAMETERS) if name in valid]
+        heading = ["method", *(QUANTITIES[name].label for name in columns), ""]
+        rows = [
+            [row["label"], *(format_with_interval(row, name) for name in columns), "" if row["trusted"] else "warning"]
+            for _, row in valid.iterrows()
+        ]
+        echo(f"\n{format_table([heading, *rows])}")
+    elif first["verdict"] == "refused":
+        echo(first["reasons"])
+        show_next(*name_options(first["reasons"]))
+    echo(f"\npage       {page}\ntable      {page.with_name(f'{page.stem}-parameters.csv')}")
+    if not valid.empty:
+        echo(f"estimates  {page.with_suffix('')}")
+    return int(valid.empty)

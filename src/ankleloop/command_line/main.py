@@ -1,0 +1,137 @@
+"""The command `ankleloop`: its verbs, and the exit status of every outcome."""
+
+from __future__ import annotations
+
+import os
+import traceback
+import warnings
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
+import click
+
+import ankleloop
+from ankleloop.command_line.terminal import echo, show_error, show_warning
+from ankleloop.errors import DataError
+
+__all__ = ["DATA", "DONE", "INTERRUPTED", "MISTAKE", "USAGE", "commands", "main"]
+
+DONE, DATA, USAGE, MISTAKE, INTERRUPTED = 0, 1, 2, 3, 130
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# The modules of the verbs are imported when they are used, because `ankleloop --help` needs none of them.
+VERBS = {
+    "check": "Check what can be identified from a recording.",
+    "identify": "Identify a recording: page, table and estimates.",
+    "study": "Write a commented configuration of a study.",
+    "demo": "Simulate a trial, write it in every file format, and identify it.",
+}
+EPILOG = f"""\b
+Examples:
+  ankleloop demo
+  ankleloop check S1.mat --torque-sign -1
+  ankleloop identify S1.mat --torque-sign -1 --output results
+  ankleloop study my-study.yaml *.mat
+
+\b
+Exit status:
+  {DONE}    done; warnings are in the output
+  {DATA}    the data cannot be used: refused, or no method is valid
+  {USAGE}    wrong usage: an option that is missing or wrong, a file that exists
+  {MISTAKE}    a mistake in the program, or memory that is short
+  {INTERRUPTED}  interrupted
+
+\b
+Completion of the shell, for bash (also zsh and fish):
+  eval "$(_ANKLELOOP_COMPLETE=bash_source ankleloop)"
+"""
+
+
+class _Verbs(click.Group):
+    """Verbs whose modules are imported when they are used."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the verbs."""
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Command of a verb; None if there is none."""
+        if cmd_name not in VERBS:
+            return None
+        command: click.Command = getattr(import_module(f"ankleloop.command_line.{cmd_name}"), cmd_name)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of the verbs without importing them."""
+        with formatter.section("Verbs"):
+            formatter.write_dl(list(VERBS.items()))
+
+
+@click.group(
+    cls=_Verbs,
+    epilog=EPILOG,
+    subcommand_metavar="VERB ...",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
+@click.version_option(ankleloop.__version__, "--version", message="ankleloop %(version)s")
+def commands() -> None:
+    """Separate the torque of a joint into its intrinsic and reflex parts.
+
+    Recordings are CSV, MATLAB (v5, v7.3), HDF5 or NetCDF files with the position and the torque of a joint, and the
+    command of the servo where it was recorded. `ankleloop VERB --help` describes a verb.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Its arguments; those of the process, by default.
+
+    Returns
+    -------
+    int
+        Exit status: 0 done, 1 the data cannot be used, 2 wrong usage, 3 a mistake in the program or a lack of memory,
+        130 interrupted.
+
+    Examples
+    --------
+    >>> main(["--version"]) == 0
+    ankleloop ...
+    True
+    """
+    for name in THREADS:  # before numpy is imported; as in the jobs of the workflow, for equal bits
+        os.environ.setdefault(name, "1")
+    with warnings.catch_warnings():
+        warnings.showwarning = show_warning
+        try:
+            status: Any = commands.main(
+                args=None if arguments is None else list(arguments), prog_name="ankleloop", standalone_mode=False
+            )
+        except click.exceptions.Exit as end:
+            return end.exit_code
+        except click.ClickException as error:  # of the options
+            error.show()
+            return USAGE
+        except (click.Abort, KeyboardInterrupt):
+            echo(err=True)
+            show_error("interrupted.")
+            return INTERRUPTED
+        except DataError as error:
+            show_error(str(error))
+            return DATA
+        except Exception as error:
+            return _report_mistake(error)
+    return status if isinstance(status, int) else DONE
+
+
+def _report_mistake(error: Exception) -> int:
+    """Show an error that is not about the data or the usage."""
+    if isinstance(error, MemoryError):
+        show_error(f"out of memory ({error}): take a shorter part of the recording (start, stop), or free memory.")
+        return MISTAKE
+    traceback.print_exception(error)
+    show_error("this is a mistake in ankleloop, not in your data: please report the lines above.")
+    return MISTAKE

@@ -1,0 +1,176 @@
+"""How a command reads a file: its options, which the library declares, and what names and units of the file say."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import NoneType
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+import click
+
+from ankleloop.studies.recording_settings import Recording
+
+__all__ = ["Reading", "map_file", "name_recording", "reading_options"]
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+GUESSED = ("position", "torque", "reference")
+METAVARS = {"Hz": "HZ", "s": "S"}
+OTHER_DEFAULTS = {
+    "position_unit": "as the file states it, else rad",
+    "sampling_rate": "that of the file",
+    **dict.fromkeys(GUESSED, "by its name"),
+}
+MOST_CHARACTERS = 60  # of the name of a recording that is made of the name of a file
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a file is read.
+
+    Parameters
+    ----------
+    recording : Recording
+        Its variables, units, signs and segment.
+    reasons : dict of str to str
+        Where the position, the torque, the reference and the unit of the position come from, in words.
+    """
+
+    recording: Recording
+    reasons: Mapping[str, str]
+
+
+def reading_options(command: Command) -> Command:
+    """Decorator that gives a command an option for each field of a recording, as the library declares it.
+
+    Parameters
+    ----------
+    command : callable
+        The function of the command.
+
+    Returns
+    -------
+    callable
+    """
+    command = click.option(
+        "--no-reference", is_flag=True, help="Take no variable for the reference, whatever its name."
+    )(command)
+    for name, field in reversed(Recording.model_fields.items()):
+        if name != "file":
+            command = _make_option(name, field)(command)
+    return command
+
+
+def _make_option(name: str, field: Any) -> Callable[[Command], Command]:
+    unit = Recording.unit(name)
+    text = re.split(r"; (?:null|0) ", field.description)[0]  # what null is in YAML is to leave out an option
+    text = text[0].upper() + text[1:] + (f" [{unit}]." if unit != "1" else ".")
+    default = OTHER_DEFAULTS.get(name, field.get_default())
+    if default not in (None, ""):
+        text += f"  [default: {default}]"
+    kinds = set(get_args(field.annotation) or (field.annotation,)) - {NoneType}
+    parse: Any = click.STRING
+    if get_origin(field.annotation) is Literal:
+        parse = click.Choice([str(value) for value in get_args(field.annotation)])
+    elif kinds <= {int, float}:
+        parse = click.FLOAT if float in kinds else click.INT
+    metavar = METAVARS.get(unit) or (None if isinstance(parse, click.Choice) else "NAME" if name in GUESSED else None)
+    return click.option(f"--{name.replace('_', '-')}", name, type=parse, metavar=metavar, help=text)
+
+
+def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Reading:
+    """Map the variables of a file to the channels of a trial; what the options leave out follows from names and units.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    no_reference : bool
+        Whether no variable is the reference.
+    **values
+        Values of the options by name; None where an option was not given.
+
+    Returns
+    -------
+    Reading
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read.
+    click.UsageError
+        If the names of the variables leave a channel open, or an option has a wrong value. The message names the
+        option that decides.
+    """
+    from ankleloop.records.reading_process import list_variables  # here: --help does without numpy
+    from ankleloop.records.variable_names import AmbiguousNameError, find_position_unit, find_variable
+
+    stated = {name: _as_number(name, value) for name, value in values.items() if value is not None}
+    if no_reference and "reference" in stated:
+        raise click.UsageError("--reference and --no-reference exclude each other.")
+    reasons = {name: "by its option" for name in (*GUESSED, "position_unit") if name in stated}
+    variables = list_variables(path)
+    for channel in GUESSED:
+        if channel in stated or (channel == "reference" and no_reference):
+            continue
+        taken = [name for role in GUESSED if (name := stated.get(role))]
+        try:
+            name = find_variable(channel, variables, source=path.name, taken=taken)
+        except AmbiguousNameError as error:
+            remedy = f"Option that decides: --{channel} NAME"
+            remedy += ", or --no-reference." if channel == "reference" else "."
+            raise click.UsageError(f"{error} {remedy}") from None
+        if name is not None:
+            stated[channel] = name
+        reasons[channel] = "by its name" if name else "no variable has such a name"
+    if "position_unit" not in stated:
+        position = next((v for v in variables if v.name == stated["position"].lstrip("/")), None)
+        unit = None if position is None else find_position_unit(position)
+        reasons["position_unit"] = "stated by the file" if unit else "assumed; --position-unit deg if it is in degrees"
+        stated["position_unit"] = unit or "rad"
+    return Reading(_parse_recording(path, stated), reasons)
+
+
+def _as_number(name: str, value: Any) -> Any:
+    """Value of an option; that of a choice of numbers as a number."""
+    annotation = Recording.model_fields[name].annotation
+    if get_origin(annotation) is Literal:
+        return next(choice for choice in get_args(annotation) if str(choice) == str(value))
+    return value
+
+
+def _parse_recording(path: Path, values: Mapping[str, Any]) -> Recording:
+    try:
+        return Recording.parse("the options", file=path.name, **values)
+    except ValueError as error:
+        text = re.sub(r"^the options: ", "", str(error))
+        name = text.split(" ")[0]
+        raise click.UsageError(f"--{name.replace('_', '-')}{text[len(name) :]}" if name in values else text) from None
+
+
+def name_recording(path: Path) -> str:
+    """Name of a recording, which is part of the names of its files, by the name of its file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> name_recording(Path("data/S1 (pre).csv.gz")), name_recording(Path("µ.mat"))
+    ('S1-pre', 'recording')
+    """
+    from ankleloop.records.file_formats import find_suffix
+
+    stem = path.name[: len(path.name) - len(find_suffix(path) or path.suffix)]
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "-", stem)
+    name = re.sub(r"^[^A-Za-z0-9]+", "", name)[:MOST_CHARACTERS].rstrip("-_.")
+    return name or "recording"

@@ -1,0 +1,194 @@
+"""What a command shows: results on the standard output, messages and progress on the standard error."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO
+
+import click
+
+__all__ = [
+    "COLOURS",
+    "echo",
+    "format_table",
+    "name_options",
+    "show_error",
+    "show_next",
+    "show_progress",
+    "show_verdict",
+    "show_warning",
+]
+
+COLOURS = {"ok": "green", "warning": "yellow", "refused": "red"}
+PROGRESS = "ankleloop.recordings.analysis"  # the logger that says which method is being fitted
+# Words of the library in messages, that are options here.
+OPTION_WORDS = re.compile(
+    r"\b(sampling_rate|position_unit|position_sign|torque_sign)\b|\b(drift|overwrite)(?=[:=])|\((start), (stop)\)"
+)
+
+
+def echo(text: str = "", *, err: bool = False, nl: bool = True) -> None:
+    """Print a text, with its colours on a terminal only, and not if the variable NO_COLOR is set.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    err : bool
+        Whether it goes to the standard error.
+    nl : bool
+        Whether a line ends behind it.
+    """
+    click.echo(text, err=err, nl=nl, color=False if os.environ.get("NO_COLOR") else None)
+
+
+def show_verdict(verdict: str, name: str, text: str) -> None:
+    """Show a finding, with the colour of its verdict.
+
+    Parameters
+    ----------
+    verdict : {"ok", "warning", "refused"}
+        Its verdict.
+    name, text : str
+        What was checked, and with which result.
+    """
+    echo(f"{click.style(f'{verdict:>8}', fg=COLOURS[verdict])}  {name}: {text}")
+
+
+def show_error(text: str) -> None:
+    """Show why a command ends, and the options that its message is about.
+
+    Parameters
+    ----------
+    text : str
+        The message.
+    """
+    echo(f"{click.style('error', fg='red', bold=True)}: {text}", err=True)
+    show_next(*name_options(text))
+
+
+def show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Show a warning of the library, as `warnings.showwarning` does; those of other kinds concern programmers.
+
+    Parameters
+    ----------
+    message, category, filename, lineno, file, line
+        As of `warnings.showwarning`.
+    """
+    if issubclass(category, UserWarning):
+        echo(f"{click.style('warning', fg='yellow')}: {message}", err=True)
+
+
+def show_next(*steps: str) -> None:
+    """Show what to do next.
+
+    Parameters
+    ----------
+    *steps : str
+        Commands or options, a line each.
+    """
+    for step in steps:
+        echo(f"{click.style('next', fg='cyan')}: {step}", err=True)
+
+
+def name_options(text: str) -> list[str]:
+    """Options of the command line that a message of the library is about.
+
+    Parameters
+    ----------
+    text : str
+        The message, which names arguments of Python functions and keys of the configuration.
+
+    Returns
+    -------
+    list of str
+        A sentence, or none.
+
+    Examples
+    --------
+    >>> name_options("a.mat: there is no sampling rate and no time column: pass sampling_rate in Hz.")
+    ['on the command line this is --sampling-rate.']
+    """
+    words = dict.fromkeys(word for groups in OPTION_WORDS.findall(text) for word in groups if word)
+    options = ", ".join("--" + word.replace("_", "-") for word in words)
+    return [f"on the command line this is {options}."] if options else []
+
+
+@contextmanager
+def show_progress() -> Iterator[None]:
+    """Show which method is being fitted while the block runs, also in processes that it starts.
+
+    On a terminal this is one line, which is gone at the end.
+    """
+    logger, handler = logging.getLogger("ankleloop"), _Progress()
+    state = logger.level, logger.propagate
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.level, logger.propagate = state
+        handler.clear()
+
+
+class _Progress(logging.Handler):
+    """Shows the messages of one logger on the standard error, on a terminal each in place of the one before."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self._start = time.monotonic()
+        self._is_terminal = sys.stderr.isatty()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show a message."""
+        if record.name != PROGRESS or record.levelno != logging.INFO:
+            return
+        text = f"{record.getMessage()} ({time.monotonic() - self._start:.0f} s)"
+        if self._is_terminal:
+            echo(f"\r\x1b[K{text}", nl=False, err=True)
+        else:
+            echo(text, err=True)
+
+    def clear(self) -> None:
+        """Remove the line."""
+        if self._is_terminal:
+            echo("\r\x1b[K", nl=False, err=True)
+
+
+def format_table(rows: list[list[Any]]) -> str:
+    """Lines of aligned cells.
+
+    Parameters
+    ----------
+    rows : list of list
+        Cells of each row; all rows are of one length.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> print(format_table([["method", "K"], ["riv", 151.0]]))
+    method  K
+    riv     151.0
+    """
+    texts = [[str(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
+    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in texts)
+    return "\n".join(line.rstrip() for line in lines)

@@ -1,0 +1,207 @@
+"""The page that lists all results, and those of the ledger and of the tables, to which it links."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from ankleloop.pages.rendering import render_page, render_template
+from ankleloop.replication.judgement import (
+    BY_CONSTRUCTION,
+    CONDITIONAL,
+    CONTRADICTION,
+    NOT_REPRODUCED,
+    OPEN,
+    REPRODUCED,
+)
+from ankleloop.replication.ledger import VERDICTS, tabulate_ledger
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["VERDICT_COLOURS", "Figure", "Results", "render_index", "render_ledger", "render_tables"]
+
+# Backgrounds that are told apart in print and by readers who do not see red or green; the words stand in them.
+VERDICT_COLOURS = {
+    REPRODUCED: "#b7dfc2",
+    CONDITIONAL: "#dff0c8",
+    NOT_REPRODUCED: "#f3b8a6",
+    OPEN: "#e3e3e3",
+    CONTRADICTION: "#f6dd9b",
+    BY_CONSTRUCTION: "#cfe0f5",
+}
+# Of the ledger, in their order: a narrow screen shows the first ones.
+LEDGER_COLUMNS = ["verdict", "statement", "paper", "ours", "difference", "tolerance", "unit", "reason", "section", "id"]
+MOST_ROWS = 1000  # of a table in its page
+LONG_TEXTS = {100: "long", 40: "text"}  # letters of a cell from which its column has a class, which is wider
+FILTERED_ROWS = 15  # of a table from which it has a field that filters
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the results.
+
+    Parameters
+    ----------
+    name : str
+        Its file without suffix.
+    picture : str
+        Path of the picture, relative to the page.
+    files : dict of str to str
+        Paths of its other files by their kind.
+    caption : str
+        What it shows; empty if not known.
+    """
+
+    name: str
+    picture: str
+    files: Mapping[str, str]
+    caption: str
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a run has made, as far as it exists.
+
+    Parameters
+    ----------
+    links : dict of str to str
+        Pages and files of the whole run by their description.
+    verdicts : dict of str to int
+        Number of claims with each verdict of the ledger; empty without a ledger.
+    studies : pandas.DataFrame
+        A row for each study, as text.
+    study_links : dict of str to str
+        Pages of the studies by their titles.
+    figures : dict of str to list of Figure
+        Figures by the titles of their studies.
+    recordings : pandas.DataFrame
+        A row for each recording, as text.
+    recording_links : dict of str to str
+        Pages of the recordings by their names.
+    run_times : dict of str to pandas.DataFrame
+        Tables of times, as text, by their headings.
+    provenance : list of (str, str)
+        Terms and texts.
+    details : dict of str to str
+        Long texts by their headings, such as the configuration.
+    """
+
+    links: Mapping[str, str]
+    verdicts: Mapping[str, int]
+    studies: pd.DataFrame
+    study_links: Mapping[str, str]
+    figures: Mapping[str, Sequence[Figure]]
+    recordings: pd.DataFrame
+    recording_links: Mapping[str, str]
+    run_times: Mapping[str, pd.DataFrame]
+    provenance: Sequence[tuple[str, str]]
+    details: Mapping[str, str] = field(default_factory=dict)
+
+
+def render_index(results: Results) -> str:
+    """Page that lists all results.
+
+    Parameters
+    ----------
+    results : Results
+        What there is.
+
+    Returns
+    -------
+    str
+        HTML; all texts are escaped.
+    """
+    body = render_template(
+        "index.html.j2",
+        results=results,
+        verdicts={
+            verdict: (count, VERDICTS[verdict], VERDICT_COLOURS[verdict]) for verdict, count in results.verdicts.items()
+        },
+        studies=_describe_table(results.studies, results.study_links),
+        recordings=_describe_table(results.recordings, results.recording_links),
+        run_times={heading: _describe_table(table) for heading, table in results.run_times.items()},
+    )
+    return render_page("Results", body, pictures_of_files=True)
+
+
+def render_ledger(ledger: pd.DataFrame) -> str:
+    """Page of the ledger: each number and claim of the paper with its verdict in its colour.
+
+    Parameters
+    ----------
+    ledger : pandas.DataFrame
+        From `ankleloop.replication.ledger.verify`.
+
+    Returns
+    -------
+    str
+        HTML; all texts are escaped.
+    """
+    counts = ledger["verdict"].value_counts()
+    body = render_template(
+        "ledger.html.j2",
+        count=len(ledger),
+        verdicts={
+            verdict: (int(counts.get(verdict, 0)), meaning, VERDICT_COLOURS[verdict])
+            for verdict, meaning in VERDICTS.items()
+        },
+        table=_describe_table(tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS),
+    )
+    return render_page("Ledger", body, index="index.html", wide=True)
+
+
+def render_tables(tables: Mapping[str, pd.DataFrame]) -> str:
+    """Page of tables that readers sort and search.
+
+    Parameters
+    ----------
+    tables : dict of str to pandas.DataFrame
+        Tables by their names, as text.
+
+    Returns
+    -------
+    str
+        HTML; all texts are escaped. Of a long table the page has the first rows, and says so.
+    """
+    described = {
+        name: (_describe_table(table.head(MOST_ROWS), identifier=f"table-{name}"), len(table))
+        for name, table in tables.items()
+    }
+    return render_page("Tables", render_template("tables.html.j2", tables=described), index="index.html", wide=True)
+
+
+def _describe_table(
+    table: pd.DataFrame,
+    links: Mapping[str, str] | None = None,
+    *,
+    colours: Mapping[str, str] | None = None,
+    identifier: str = "table",
+) -> dict[str, Any]:
+    """A table for its template: names, classes of the columns, rows, and links of the first column."""
+    return {
+        "identifier": identifier,
+        "filtered": len(table) >= FILTERED_ROWS,
+        "names": list(table.columns),
+        "classes": [_class_of(table[name]) for name in table.columns],
+        "rows": list(table.itertuples(index=False, name=None)),
+        "links": links or {},
+        "colours": colours or {},
+    }
+
+
+def _class_of(column: pd.Series) -> str:
+    texts = [text for text in column if text not in ("", "–")]
+    if texts and all(_is_number(text) for text in texts):
+        return "number"
+    longest = max(map(len, texts), default=0)
+    return next((name for letters, name in LONG_TEXTS.items() if longest > letters), "")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", ""))
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,190 @@
+"""Torques of a whole record as series: measured, true, estimated by each method, and what each method leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ankleloop.joint.estimate import TORQUES
+from ankleloop.joint.prepared import prepare
+from ankleloop.plotting.envelopes import envelope
+from ankleloop.plotting.method_styles import MethodStyle, method_styles
+from ankleloop.plotting.style import MEASURED_LINE, TRUE_LINE
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from ankleloop.joint.estimate import Estimate
+    from ankleloop.joint.prepared import PreparedTrial
+
+__all__ = ["TorqueSeries", "Trace", "limit_values", "torque_series"]
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """A torque over regular times, as samples or as the ends of bins of samples.
+
+    Parameters
+    ----------
+    start : float
+        Time of the first sample, or of the start of the first bin [s].
+    step : float
+        Time between samples, or between the starts of bins [s].
+    low, high : ndarray, shape (N,)
+        Ends of each bin [N·m]; the same array for samples.
+    """
+
+    start: float
+    step: float
+    low: np.ndarray
+    high: np.ndarray
+
+    @property
+    def sampled(self) -> bool:
+        """Whether these are samples."""
+        return self.low is self.high
+
+    @property
+    def values(self) -> int:
+        """Numbers that it takes."""
+        return self.low.size if self.sampled else 2 * self.low.size
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueSeries:
+    """What one switch of a figure shows: a trace of each torque that it has.
+
+    Parameters
+    ----------
+    label : str
+        Name of the series.
+    kind : {"measured", "true", "estimate", "residual"}
+        What it is.
+    colour : str
+        As "#rrggbb", or a name.
+    traces : dict of str to Trace
+        By "net", "intrinsic" and "reflex".
+    """
+
+    label: str
+    kind: str
+    colour: str
+    traces: Mapping[str, Trace]
+
+
+def torque_series(
+    trial: xr.Dataset | PreparedTrial,
+    estimates: Mapping[str, Estimate],
+    *,
+    styles: Mapping[str, MethodStyle] | None = None,
+) -> list[TorqueSeries]:
+    """Torques of a whole record, all less their means over the samples of their estimate.
+
+    A residual is the torque of the trial less the estimated one. The net torque of a trial is the measured one; its
+    parts are known in simulations only, so that a recording has no residual of them.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset or PreparedTrial
+        The trial.
+    estimates : dict of str to Estimate
+        Estimates of it by their label; at least one.
+    styles : dict of str to MethodStyle, optional
+        Style of each label; those of the methods in the registry if left out.
+
+    Returns
+    -------
+    list of TorqueSeries
+        Measured torque, true torques of a simulation, estimates, residuals.
+
+    Examples
+    --------
+    >>> from ankleloop import identify, simulate
+    >>> trial = simulate(seed=1, duration=12.0)
+    >>> [(series.label, list(series.traces)) for series in torque_series(trial, {"riv": identify(trial, "riv")})][:2]
+    [('measured', ['net']), ('true (simulated)', ['net', 'intrinsic', 'reflex'])]
+    """
+    trial = prepare(trial)
+    styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
+    longest = max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"])
+    measured = _trace(longest, _torque_of(trial, longest, "torque"))
+    series = [TorqueSeries("measured", "measured", MEASURED_LINE["color"], {"net": measured})]
+    true = _true_torques(trial, longest)
+    if true:
+        traces = {torque: _trace(longest, values) for torque, values in true.items()}
+        series.append(TorqueSeries("true (simulated)", "true", TRUE_LINE["color"], traces))
+    residuals = []
+    for label, estimate in estimates.items():
+        values = {torque: _centre(estimate.torque[torque].values) for torque in TORQUES}
+        targets = {**_true_torques(trial, estimate), "net": _torque_of(trial, estimate, "torque")}
+        traces = {torque: _trace(estimate, values[torque]) for torque in TORQUES}
+        left = {name: _trace(estimate, targets[name] - values[name]) for name in TORQUES if name in targets}
+        colour = styles[label].colour
+        series.append(TorqueSeries(label, "estimate", colour, traces))
+        residuals.append(TorqueSeries(f"residual of {label}", "residual", colour, left))
+    return series + residuals
+
+
+def _true_torques(trial: PreparedTrial, estimate: Estimate) -> dict[str, np.ndarray]:
+    """True torques of a simulation at the samples of an estimate; none of a recording."""
+    if not {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
+        return {}
+    parts = {torque: _torque_of(trial, estimate, f"torque_{torque}") for torque in ("intrinsic", "reflex")}
+    return {"net": parts["intrinsic"] + parts["reflex"], **parts}
+
+
+def _centre(values: np.ndarray) -> np.ndarray:
+    return values - values.mean()
+
+
+def _torque_of(trial: PreparedTrial, estimate: Estimate, name: str) -> np.ndarray:
+    """A torque of the trial at the samples of an estimate, less its mean."""
+    torque = estimate.torque
+    return _centre(trial.channel_at(name, torque["time"].values, torque.attrs["identification_rate"]))
+
+
+def _trace(estimate: Estimate, values: np.ndarray) -> Trace:
+    samples = np.asarray(values, dtype=np.float32)
+    start, step = float(estimate.torque["time"].values[0]), 1.0 / float(estimate.torque.attrs["identification_rate"])
+    return Trace(start, step, samples, samples)
+
+
+def limit_values(series: Sequence[TorqueSeries], most: int) -> list[TorqueSeries]:
+    """Series in a limited amount of numbers: those of long records become ends of bins, in which no peak is lost.
+
+    Parameters
+    ----------
+    series : sequence of TorqueSeries
+        Series of samples.
+    most : int
+        Numbers that all of them may take.
+
+    Returns
+    -------
+    list of TorqueSeries
+
+    Examples
+    --------
+    >>> samples = np.zeros(1000, dtype=np.float32)
+    >>> series = [TorqueSeries("measured", "measured", "#888888", {"net": Trace(0.0, 0.01, samples, samples)})]
+    >>> trace = limit_values(series, 100)[0].traces["net"]
+    >>> trace.values, trace.step
+    (96, 0.21)
+    """
+    total = sum(trace.values for item in series for trace in item.traces.values())
+    if total <= most:
+        return list(series)
+    count = sum(len(item.traces) for item in series)
+    width = -(-2 * total // max(most - 2 * count, 2))  # the last bin of each trace may be incomplete
+    return [
+        replace(item, traces={torque: _bin_trace(trace, width) for torque, trace in item.traces.items()})
+        for item in series
+    ]
+
+
+def _bin_trace(trace: Trace, width: int) -> Trace:
+    low, high = envelope(trace.low, width)
+    return Trace(trace.start, trace.step * width, low, high)

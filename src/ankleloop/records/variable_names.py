@@ -1,0 +1,143 @@
+"""Channels of a trial by the names of the variables of a file, where the names leave no choice."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+from ankleloop.errors import DataError
+from ankleloop.records.channel_units import ANGLES, find_unit_in_name
+from ankleloop.records.channels import Channel
+from ankleloop.records.trial import TRUE_TORQUES
+
+__all__ = ["WORDS", "AmbiguousNameError", "find_position_unit", "find_variable"]
+
+# Words of a name that say what a channel is. A command of the position is a reference, one of the torque is nothing
+# that a trial has.
+WORDS = {
+    "position": ("position", "pos", "angle", "theta"),
+    "torque": ("torque", "moment", "tq", "trq"),
+    "reference": ("reference", "ref", "command", "cmd", "setpoint", "target"),
+}
+# Words that make another quantity of it.
+OTHERS = frozenset(
+    ("velocity", "speed", "acceleration", "rate", "offset", "gain", "index", "unit", "units", "name", "label")
+)
+LISTED = 30  # names of variables that a message lists
+
+
+class AmbiguousNameError(DataError):
+    """A channel that the names of the variables leave open.
+
+    Parameters
+    ----------
+    message : str
+        What the names leave open.
+    channel : str
+        The channel, "position", "torque" or "reference".
+    """
+
+    def __init__(self, message: str, channel: str) -> None:
+        super().__init__(message)
+        self.channel = channel
+
+
+def find_variable(channel: str, variables: Sequence[Channel], *, source: str, taken: Iterable[str] = ()) -> str | None:
+    """Find the variable of a channel by its name.
+
+    A name fits if one of its words, between underscores, spaces, brackets or capitals, is one of `WORDS`: `ankle_angle`
+    and `AnkleAngle` are positions, `angle_command` is a reference.
+
+    Parameters
+    ----------
+    channel : {"position", "torque", "reference"}
+        The channel.
+    variables : sequence of Channel
+        Variables of the file, from `ankleloop.records.reading_process.list_variables`.
+    source : str
+        Name of the file in error messages.
+    taken : iterable of str
+        Variables that are other channels.
+
+    Returns
+    -------
+    str or None
+        Full name of the variable; None for a reference if no name fits.
+
+    Raises
+    ------
+    AmbiguousNameError
+        If several names fit, or none fits a position or a torque.
+
+    Examples
+    --------
+    >>> variables = [Channel(name, "", (1000,)) for name in ("time", "ankle_angle_deg", "Moment", "angle_cmd")]
+    >>> [find_variable(channel, variables, source="a.csv") for channel in WORDS]
+    ['ankle_angle_deg', 'Moment', 'angle_cmd']
+    >>> find_variable("position", [*variables, Channel("knee_angle", "", (1000,))], source="a.csv")
+    Traceback (most recent call last):
+      ...
+    ankleloop.records.variable_names.AmbiguousNameError: a.csv: 2 variables may be the position: ankle_angle_deg, \
+knee_angle. Name one of them.
+    """
+    excluded = set(taken)
+    fitting = [v.name for v in variables if v.name not in excluded and _is_signal(v) and _channel_of(v.name) == channel]
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        text = f"{len(fitting)} variables may be the {channel}: {_list_names(fitting)}. Name one of them."
+        raise AmbiguousNameError(f"{source}: {text}", channel)
+    if channel == "reference":
+        return None
+    text = f"no variable is called {' or '.join(WORDS[channel])}, so that it would be the {channel}; the file has: "
+    names = [variable.name for variable in variables if _is_signal(variable)]
+    raise AmbiguousNameError(f"{source}: {text}{_list_names(names) or 'none'}. Name one of these.", channel)
+
+
+def find_position_unit(variable: Channel) -> str | None:
+    """Unit of a position as the file or the name of the variable states it.
+
+    Parameters
+    ----------
+    variable : Channel
+        The variable.
+
+    Returns
+    -------
+    {"rad", "deg"} or None
+        None if neither states one of these.
+
+    Examples
+    --------
+    >>> find_position_unit(Channel("angle", "Degrees", (9,))), find_position_unit(Channel("angle_rad", "", (9,)))
+    ('deg', 'rad')
+    """
+    return ANGLES.get(variable.unit.lower() or find_unit_in_name(variable.name, tuple(ANGLES)))
+
+
+def _is_signal(variable: Channel) -> bool:
+    """Whether a variable may have samples: it is no single number, and its shape may be unknown."""
+    size = 1
+    for length in variable.shape:
+        size *= length
+    return variable.shape == () or size > 1
+
+
+def _channel_of(name: str) -> str | None:
+    """Channel that a full name says; None if it says none, or something else."""
+    last = re.split(r"[/.]", name.rstrip("/."))[-1]
+    if last in TRUE_TORQUES:
+        return None
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", last).lower()
+    words = set(re.findall(r"[^\W\d_]+", spaced))
+    channels = [channel for channel, synonyms in WORDS.items() if words & set(synonyms)]
+    if words & OTHERS or not channels:
+        return None
+    if channels == ["position", "reference"]:
+        return "reference"
+    return channels[0] if len(channels) == 1 else None
+
+
+def _list_names(names: Sequence[str]) -> str:
+    shown = [name if name.isprintable() else repr(name) for name in names[:LISTED]]
+    return ", ".join(shown) + (" and more" if len(names) > LISTED else "")

@@ -1,0 +1,88 @@
+"""Where results come from: version, commit, packages and machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from dataclasses import dataclass
+from importlib import metadata
+
+import ankleloop
+
+__all__ = ["Provenance", "read_provenance"]
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a result was made with.
+
+    Parameters
+    ----------
+    version : str
+        Version of ankleloop.
+    commit : str
+        Commit of the repository; empty where it is no working copy of git.
+    changed : bool
+        Whether files of the working copy differ from that commit.
+    python : str
+        Version of Python.
+    system : str
+        Operating system and kind of processor.
+    packages : dict of str to str
+        Version of each distribution of the environment, by its name.
+    """
+
+    version: str
+    commit: str
+    changed: bool
+    python: str
+    system: str
+    packages: dict[str, str]
+
+    def __str__(self) -> str:
+        commit = f", commit {self.commit[:12]}{' with changes' * self.changed}" if self.commit else ""
+        return f"ankleloop {self.version}{commit}, Python {self.python}, {self.system}"
+
+
+def read_provenance(root: str | os.PathLike[str]) -> Provenance:
+    """Read version, commit, packages and machine.
+
+    Parameters
+    ----------
+    root : path-like
+        Folder of the repository.
+
+    Returns
+    -------
+    Provenance
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     provenance = read_provenance(folder)
+    >>> provenance.commit, provenance.packages["numpy"] >= "2"
+    ('', True)
+    """
+    commit = _ask_git(root, "rev-parse", "HEAD") if os.path.exists(os.path.join(root, ".git")) else ""
+    changed = bool(commit) and bool(_ask_git(root, "status", "--porcelain", "--untracked-files=no"))
+    names = {d.metadata["Name"]: d.version for d in metadata.distributions() if d.metadata["Name"]}
+    return Provenance(
+        version=ankleloop.__version__,
+        commit=commit,
+        changed=changed,
+        python=platform.python_version(),
+        system=f"{platform.system()} {platform.release()} on {platform.machine()}",
+        packages={name: names[name] for name in sorted(names, key=str.lower)},
+    )
+
+
+def _ask_git(root: str | os.PathLike[str], *arguments: str) -> str:
+    """Answer of git; empty where it has none, or there is no git."""
+    command = ["git", "--no-optional-locks", "-C", os.fspath(root), *arguments]
+    try:
+        process = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return process.stdout.strip() if process.returncode == 0 else ""

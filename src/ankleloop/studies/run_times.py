@@ -1,0 +1,104 @@
+"""Times and memory of the jobs of a run, from the benchmark files that Snakemake leaves beside their logs."""
+
+from __future__ import annotations
+
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pandas as pd
+
+__all__ = ["measure_span", "read_run_times", "summarise_run_times"]
+
+COLUMNS = {"s": "seconds", "cpu_time": "cpu_seconds", "max_rss": "memory"}
+
+
+def read_run_times(folder: str | os.PathLike[str]) -> pd.DataFrame:
+    """Read the benchmark files of a run.
+
+    Parameters
+    ----------
+    folder : path-like
+        Folder of the logs: `RULE.tsv`, `RULE/STUDY.tsv` or `RULE/STUDY/CHUNK.tsv`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each job: `rule`, `study` (empty for jobs of several studies), `seconds`, `cpu_seconds`, `memory`
+        [MB] and `end`, the time at which the file was written [s since 1970]; empty without files.
+    """
+    folder = Path(folder)
+    rows = []
+    for path in sorted(folder.rglob("*.tsv")):
+        table = pd.read_csv(path, sep="\t", na_values="-")
+        if not set(COLUMNS) <= set(table) or table.empty:
+            continue
+        parts = path.relative_to(folder).with_suffix("").parts
+        study = parts[1] if len(parts) > 1 else ""
+        values = {name: float(table[column].iloc[-1]) for column, name in COLUMNS.items()}
+        rows.append({"rule": parts[0], "study": study, **values, "end": path.stat().st_mtime})
+    return pd.DataFrame(rows, columns=["rule", "study", *COLUMNS.values(), "end"])
+
+
+def summarise_run_times(times: pd.DataFrame, by: str) -> pd.DataFrame:
+    """Sums over jobs.
+
+    Parameters
+    ----------
+    times : pandas.DataFrame
+        From `read_run_times`.
+    by : {"rule", "study"}
+        What the jobs of a row share.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `by`, `jobs`, `seconds`, `longest` [s], `cpu_seconds`, `memory` of the largest job [MB]; the longest sum first.
+
+    Examples
+    --------
+    >>> rows = [("identify", "table1", 2.0, 1.5, 300.0, 0.0), ("identify", "table2", 4.0, 3.5, 200.0, 0.0)]
+    >>> times = pd.DataFrame(rows, columns=["rule", "study", "seconds", "cpu_seconds", "memory", "end"])
+    >>> summarise_run_times(times, "rule").values.tolist()
+    [['identify', 2, 6.0, 4.0, 5.0, 300.0]]
+    """
+    sums = times.groupby(by, sort=True).agg(
+        jobs=("seconds", "size"),
+        seconds=("seconds", "sum"),
+        longest=("seconds", "max"),
+        cpu_seconds=("cpu_seconds", "sum"),
+        memory=("memory", "max"),
+    )
+    return sums.sort_values("seconds", ascending=False, kind="stable").reset_index()
+
+
+def measure_span(times: pd.DataFrame) -> tuple[datetime, datetime, float] | None:
+    """When jobs ran, and how long.
+
+    Parameters
+    ----------
+    times : pandas.DataFrame
+        From `read_run_times`.
+
+    Returns
+    -------
+    first, last : datetime.datetime
+        Start of the first job and end of the last one.
+    duration : float
+        Time during which at least one job ran [s]: the pause between two runs does not count. None without jobs.
+
+    Examples
+    --------
+    >>> times = pd.DataFrame({"seconds": [10.0, 10.0, 5.0], "end": [10.0, 15.0, 100.0]})
+    >>> measure_span(times)[2]
+    20.0
+    """
+    if times.empty:
+        return None
+    intervals = sorted(zip(times["end"] - times["seconds"], times["end"], strict=True))
+    duration, covered = 0.0, intervals[0][0]
+    for start, end in intervals:
+        duration += max(0.0, end - max(start, covered))
+        covered = max(covered, end)
+    first, last = (datetime.fromtimestamp(value, UTC) for value in (intervals[0][0], covered))
+    return first, last, duration

@@ -1,0 +1,176 @@
+"""The command: help, exit statuses, messages, colours."""
+
+import os
+import pty
+import subprocess
+import sys
+import warnings
+
+import pytest
+
+import ankleloop
+from ankleloop.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE, VERBS, commands, main
+from ankleloop.command_line.terminal import name_options
+
+PROCESSOR_TIME = """
+import os, sys
+from ankleloop.command_line.main import main
+main(["--help"])
+times = os.times()
+print(times.user + times.system, [name for name in ("numpy", "pydantic", "xarray") if name in sys.modules])
+"""
+
+
+def test_help_is_quick():
+    """It imports nothing of the library that takes time; half a second of the processor is far more than it needs."""
+    process = subprocess.run([sys.executable, "-c", PROCESSOR_TIME], capture_output=True, text=True, check=True)
+    seconds, modules = process.stdout.splitlines()[-1].split(" ", 1)
+    assert modules == "[]"
+    assert float(seconds) < 0.5
+
+
+@pytest.mark.parametrize("program", [["ankleloop"], [sys.executable, "-m", "ankleloop"]])
+def test_both_entries_are_the_command(program):
+    path = f"{os.path.dirname(sys.executable)}{os.pathsep}{os.environ['PATH']}"
+    process = subprocess.run([*program, "--version"], capture_output=True, text=True, env={**os.environ, "PATH": path})
+    assert (process.returncode, process.stdout) == (0, f"ankleloop {ankleloop.__version__}\n")
+
+
+def test_help_of_each_verb_has_examples_and_the_exit_status(run):
+    text = run("--help").out
+    for verb, summary in VERBS.items():
+        assert f"{verb}  " in text
+        assert summary in text
+        help_text = run(verb, "--help").out
+        assert f"Examples:\n    ankleloop {verb}" in help_text
+        assert "Exit status:" in help_text
+        assert commands.get_command(None, verb).callback.__doc__.strip().split("\n")[0][:40] in help_text
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "words"),
+    [
+        (
+            ankleloop.DataError("a.csv: torque is constant: record it again."),
+            DATA,
+            ["error: a.csv: torque is constant"],
+        ),
+        (KeyError("delay"), MISTAKE, ["Traceback", "KeyError: 'delay'", "mistake in ankleloop"]),
+        (MemoryError("2 GB"), MISTAKE, ["out of memory (2 GB)", "--start, --stop"]),
+        (KeyboardInterrupt(), INTERRUPTED, ["interrupted"]),
+        (OSError(5, "Input/output error"), MISTAKE, ["Traceback", "Input/output error"]),
+    ],
+)
+def test_status_of_each_error(run, monkeypatch, error, status, words):
+    def fail(*args, **options):
+        raise error
+
+    monkeypatch.setattr("ankleloop.command_line.demo.demo.callback", fail)
+    result = run("demo", "--no-open")
+    assert result.status == status
+    for word in words:
+        assert word in result.err
+    assert ("Traceback" in result.err) == ("Traceback" in words)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nothing"], ["No such command 'nothing'"]),
+        (["check"], ["Missing argument 'FILE'"]),
+        (["check", "nowhere.mat"], ["'nowhere.mat' does not exist"]),
+        (["identify", "--order", "2"], ["No such option", "--order"]),
+        (["demo", "--duration", "5"], ["--duration", "20"]),
+    ],
+)
+def test_wrong_usage(run, arguments, words):
+    result = run(*arguments)
+    assert result.status == USAGE
+    assert result.err.startswith("Usage: ankleloop")
+    for word in words:
+        assert word in result.err
+
+
+def test_without_a_verb_there_is_help(run):
+    result = run()
+    assert "Verbs:" in result.out + result.err
+    assert result.status == USAGE
+
+
+def test_warnings_of_the_library_are_lines(run, monkeypatch):
+    def warn(**options):
+        warnings.warn("a.csv: the file ends within line 3.", UserWarning, stacklevel=2)
+        warnings.warn("for programmers", DeprecationWarning, stacklevel=2)
+        return 0
+
+    monkeypatch.setattr("ankleloop.command_line.demo.demo.callback", warn)
+    assert run("demo").err == "warning: a.csv: the file ends within line 3.\n"
+
+
+@pytest.mark.parametrize(
+    ("message", "options"),
+    [
+        ("pass sampling_rate in Hz.", "--sampling-rate"),
+        ("Set torque_sign: -1 (turn round the torque)", "--torque-sign"),
+        ("pass position_unit='deg', or correct the file.", "--position-unit"),
+        ("take a shorter part of the recording (start, stop).", "--start, --stop"),
+        ("the loop is closed: input_matrices='instruments'", ""),
+        ("there is no variable 'sampling_rate_2'.", ""),
+        ("a.nc: its sampling_rate.", "--sampling-rate"),
+        ("a drift of 7 %: drift: 1 takes out a straight line.", "--drift"),
+        ("there is drift in it.", ""),
+    ],
+)
+def test_messages_name_the_option(message, options):
+    assert name_options(message) == ([f"on the command line this is {options}."] if options else [])
+
+
+def test_colours_are_for_terminals(tmp_path):
+    (tmp_path / "notes.txt").write_text("angle,torque\n")
+    command = [sys.executable, "-m", "ankleloop", "check", str(tmp_path / "notes.txt")]
+    plain = subprocess.run(command, capture_output=True, text=True)
+    assert plain.returncode == DATA
+    assert plain.stderr.startswith("error: notes.txt: unknown kind of file")
+    assert _run_on_terminal(command, {"NO_COLOR": "1"}) == plain.stderr
+    assert _run_on_terminal(command, {}).startswith("\x1b[31m\x1b[1merror\x1b[0m: notes.txt")
+
+
+def _run_on_terminal(command, variables):
+    """Output of a command that writes to a terminal."""
+    control, terminal = pty.openpty()
+    inherited = {name: value for name, value in os.environ.items() if name != "NO_COLOR"}
+    process = subprocess.Popen(command, stdout=terminal, stderr=terminal, env={**inherited, **variables})
+    os.close(terminal)
+    parts = []
+    while True:
+        try:
+            part = os.read(control, 4096)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        parts.append(part)
+    os.close(control)
+    process.wait()
+    return b"".join(parts).decode().replace("\r\n", "\n")
+
+
+def test_a_pipe_that_nobody_reads_is_no_mistake():
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "ankleloop", "--help"]
+    process = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True)
+    os.close(writing)
+    assert process.stderr == ""
+
+
+def test_completion_of_the_shell(monkeypatch, capsys):
+    for name, value in {
+        "COMP_WORDS": "ankleloop ch",
+        "COMP_CWORD": "1",
+        "_ANKLELOOP_COMPLETE": "bash_complete",
+    }.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(SystemExit):
+        main([])
+    assert capsys.readouterr().out == "plain,check\n"

@@ -1,0 +1,143 @@
+"""How the verbs read a file: variables by their names, units, and what decides where names leave a choice."""
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from ankleloop.command_line.check import list_options
+from ankleloop.command_line.reading import map_file, name_recording
+from ankleloop.records.channels import Channel
+from ankleloop.records.reading_options import ReadingOptions
+from ankleloop.records.reading_process import list_variables
+from ankleloop.records.recording_files import FILE_FORMATS, write_recording
+from ankleloop.records.variable_names import find_variable
+
+WAVE = np.sin(np.arange(300) / 20)
+
+
+def write_columns(path, *names):
+    np.savetxt(path, np.column_stack([WAVE + k for k, _ in enumerate(names)]), "%.5f", ",", header=",".join(names))
+    path.write_text(path.read_text().removeprefix("# "))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (("position", "torque"), ("position", "torque", None, "rad")),
+        (("t", "Angle", "Moment", "Command"), ("Angle", "Moment", "Command", "rad")),
+        (("ankle_angle_deg", "ankleTorque_Nm", "ref"), ("ankle_angle_deg", "ankleTorque_Nm", "ref", "deg")),
+        (("angle [deg]", "angle_velocity", "tq", "angleCmd"), ("angle [deg]", "tq", "angleCmd", "deg")),
+        (("theta", "trq", "torque_reflex", "torque_noise"), ("theta", "trq", None, "rad")),
+        (("pos", "torque", "torque_reference", "set_point", "setpoint"), ("pos", "torque", "setpoint", "rad")),
+    ],
+)
+def test_names_that_leave_no_choice(tmp_path, names, expected):
+    recording = map_file(write_columns(tmp_path / "a.csv", *names)).recording
+    assert (recording.position, recording.torque, recording.reference, recording.position_unit) == expected
+
+
+@pytest.mark.parametrize(
+    ("names", "words", "option"),
+    [
+        (("position", "angle", "torque"), "2 variables may be the position: position, angle.", "--position NAME"),
+        (("angle", "left_torque", "right_torque"), "2 variables may be the torque: left_torque,", "--torque NAME"),
+        (("angle", "torque", "ref", "cmd"), "2 variables may be the reference: ref, cmd.", "--no-reference"),
+        (("x", "torque"), "no variable is called position or pos or angle or theta", "--position NAME"),
+        (("angle", "force"), "no variable is called torque or moment or tq or trq", "--torque NAME"),
+    ],
+)
+def test_names_that_leave_a_choice_are_not_guessed(run, tmp_path, names, words, option):
+    path = write_columns(tmp_path / "a.csv", *names)
+    for verb in (["check"], ["identify"], ["study", tmp_path / "new.yaml"]):
+        result = run(*verb, path)
+        assert result.status == 2
+        assert f"a.csv: {words}" in " ".join(result.err.split())
+        assert f"Option that decides: {option.split()[0] if option == '--no-reference' else option}" in (
+            " ".join(result.err.split()).replace("--reference NAME, or ", "")
+        )
+    assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_options_decide(tmp_path):
+    path = write_columns(tmp_path / "a.csv", "angle", "position", "torque", "ref", "cmd")
+    recording = map_file(path, position="angle", reference="cmd").recording
+    assert (recording.position, recording.reference) == ("angle", "cmd")
+    assert map_file(path, position="angle", no_reference=True).recording.reference is None
+    # What is another channel already leaves no choice.
+    assert map_file(path, position="ref", reference="angle").recording.torque == "torque"
+
+
+def test_stated_units(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, unit in {"run/angle": "Degrees", "run/moment": "N·m"}.items():
+            file[name] = WAVE
+            file[name].attrs["units"] = unit
+    reading = map_file(tmp_path / "a.h5")
+    assert reading.recording.position == "run/angle"
+    assert reading.recording.position_unit == "deg"
+    assert reading.reasons["position_unit"] == "stated by the file"
+    named = map_file(tmp_path / "a.h5", position="/run/angle", position_unit="rad")
+    assert named.recording.position_unit == "rad"  # which reading then refuses
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--torque-sign", "2"], "'--torque-sign'"),
+        (["--sampling-rate", "0"], "--sampling-rate must be between 0.001 and 1e9 Hz, got 0.0."),
+        (["--start", "5", "--stop", "3"], "stop (3 s) must be after start (5 s)"),
+        (["--reference", "ref", "--no-reference"], "--reference and --no-reference exclude each other."),
+        (["--torque", "angle"], "position and torque are the same variable, 'angle'"),
+    ],
+)
+def test_wrong_options(run, tmp_path, arguments, words):
+    path = write_columns(tmp_path / "a.csv", "angle", "torque")
+    arguments = [*arguments, "--position", "angle"] if "--torque" in arguments else arguments
+    result = run("check", path, *arguments)
+    assert result.status == 2
+    assert words in " ".join(result.err.split())
+
+
+@pytest.mark.parametrize("kind", FILE_FORMATS)
+def test_variables_of_every_format(tmp_path, trial, kind):
+    path = tmp_path / f"a{FILE_FORMATS[kind][0]}"
+    write_recording(trial, path, kind)
+    variables = {variable.name: variable for variable in list_variables(path)}
+    recording = map_file(path).recording
+    for name in (recording.position, recording.torque, recording.reference):
+        assert max(variables[name].shape) == trial.sizes["time"]
+        assert variables[name].values is None
+    assert ReadingOptions(**recording.model_dump(include=set(ReadingOptions.model_fields)))
+
+
+def test_variables_of_structs_and_repeated_columns(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"data": {"angle": WAVE, "tq": WAVE, "note": "left"}, "fs": 100.0})
+    assert {v.name for v in list_variables(tmp_path / "a.mat")} == {"data.angle", "data.tq", "data.note", "fs"}
+    assert map_file(tmp_path / "a.mat").recording.torque == "data.tq"
+    path = write_columns(tmp_path / "a.csv", "angle", "torque", "torque")
+    assert [(v.name, v.shape) for v in list_variables(path)] == [("angle", (300,)), ("torque", ())]
+
+
+def test_a_number_is_no_signal():
+    assert (
+        find_variable("torque", [Channel("torque", "", (1, 1)), Channel("moment", "", (5, 1))], source="a") == "moment"
+    )
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [("S1.mat", "S1"), ("a b/S1 trial.3.csv.gz", "S1-trial.3"), ("_x.H5", "x"), ("...nc", "recording")],
+)
+def test_name_of_a_recording(tmp_path, file, name):
+    assert name_recording(tmp_path / file) == name
+
+
+def test_options_that_read_a_file_in_the_same_way(run, tmp_path):
+    path = write_columns(tmp_path / "a.csv", "angle", "tq")
+    arguments = ["--torque-sign", "-1", "--sampling-rate", "100.0", "--start", "0.5"]
+    values = {"torque_sign": "-1", "sampling_rate": 100.0, "start": 0.5}
+    options = list_options(map_file(path, **values))
+    assert options == ["--position", "angle", "--torque", "tq", *(a.replace("100.0", "100") for a in arguments[2:4]),
+                       *arguments[:2], *arguments[4:]]  # fmt: skip

@@ -1,0 +1,302 @@
+"""`check`, `identify`, `study` and `demo` with real files."""
+
+import logging
+import os
+import re
+import runpy
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from ankleloop import load_estimate, new_trial
+from ankleloop.command_line.identify import METHODS
+from ankleloop.command_line.terminal import show_progress
+from ankleloop.recordings.usual_methods import usual_methods
+from ankleloop.records.recording_files import write_recording
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.studies.config_files import check_config_file
+from ankleloop.studies.run_config import read_run
+from ankleloop.studies.study import read_studies
+from ankleloop.studies.worker import Worker
+
+ROOT = Path(__file__).parents[3]
+SCRIPTS = ROOT / "workflow" / "scripts"
+FILES = ("ankle_pf.mat", "ankle_df.csv.gz", "ankle_df3.h5")  # real ones
+
+
+@pytest.fixture(scope="session")
+def recordings():
+    """Folder of real recordings."""
+    folder = os.environ.get("ANKLELOOP_RECORDINGS")
+    if not folder:
+        pytest.skip("there are no real recordings: ANKLELOOP_RECORDINGS is not set")
+    return Path(folder)
+
+
+def turned(trial, path):
+    """The trial with its torque turned round, as a file."""
+    signals = (trial.position, -trial.torque, trial.attrs["sampling_rate"], trial.reference)
+    write_recording(new_trial(*(getattr(signal, "values", signal) for signal in signals)), path, "hdf5")
+    return path
+
+
+def contents(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+# --- check
+
+
+def test_check(run, recording):
+    result = run("check", recording)
+    assert result.status == 0
+    lines = result.out.splitlines()
+    assert lines[0] == "S1 (pre).csv"
+    assert "  position  angle_deg (by its name), in deg, stated by the file" in lines
+    assert "  rate      1000 Hz, 20 s" in lines
+    assert re.search(r"^      ok  loop: closed", result.out, re.MULTILINE)
+    assert "next: ankleloop identify '" in result.err
+    assert "--position angle_deg --torque torque_nm --reference command_deg --position-unit deg" in result.err
+
+
+def test_check_refuses(run, trial, tmp_path):
+    result = run("check", turned(trial, tmp_path / "a.h5"))
+    assert result.status == 1
+    assert re.search(r"^ refused  sign of the torque: .* the torque has the other sign", result.out, re.MULTILINE)
+    assert result.err == "next: on the command line this is --torque-sign.\n"
+    assert run("check", tmp_path / "a.h5", "--torque-sign", "-1").status == 0
+
+
+def test_check_refuses_a_file_that_is_damaged(run, tmp_path):
+    (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0" + bytes(300))
+    result = run("check", tmp_path / "a.mat")
+    assert result.status == 1
+    assert result.err.startswith("error: a.mat: cannot be read as .mat")
+
+
+# --- identify
+
+
+def run_workflow(path, reading, folder, methods):
+    """What the rule `recordings` of the workflow makes of a file."""
+    settings = {"kind": "recordings", "folder": str(path.parent), "files": {"S1-pre": reading}, "methods": methods}
+    study = read_studies({"studies": {"laboratory": settings}})[1]["laboratory"]
+    folder.mkdir()
+    job = SimpleNamespace(
+        params=SimpleNamespace(
+            points=study.mappings(0), methods=study.analysed_methods, figure=study.settings.figure.model_dump()
+        ),
+        output=SimpleNamespace(folder=str(folder), table=str(folder / "S1-pre-parameters.csv")),
+        log=str(folder.with_suffix(".log")),
+        rule="recordings",
+        wildcards={},
+    )
+    handlers, level = logging.root.handlers[:], logging.root.level
+    try:
+        runpy.run_path(str(SCRIPTS / "recordings.py"), init_globals={"snakemake": job})
+    finally:
+        logging.root.handlers[:], logging.root.level = handlers, level
+
+
+def words_of(page):
+    """Words that a page shows, without its links to other pages."""
+    text = re.sub(r"(?s)<(script|style|nav)\b.*?</\1>", " ", page.decode())
+    return re.sub(r"<[^>]+>", " ", text).split()
+
+
+def test_identify_makes_what_the_workflow_makes(run, recording, tmp_path, monkeypatch):
+    result = run("identify", recording, "--method", "pr-moesp", "--subject", "007")
+    assert result.status == 0, result.err
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    reading = {"file": recording.name, "position": "angle_deg", "torque": "torque_nm", "reference": "command_deg"}
+    reading |= {"position_unit": "deg", "subject": "007"}
+    methods = {"pr-moesp": usual_methods(reference=True)["pr-moesp"]}
+    run_workflow(recording, reading, tmp_path / "workflow", methods)
+    folder = tmp_path / "S1 (pre).csv-results"
+    made, expected = contents(folder), contents(tmp_path / "workflow")
+    names = {f"S1-pre/pr-moesp{suffix}" for suffix in (".nc", ".mat", ".csv")}
+    names |= {f"S1-pre/figure-{kind}.csv" for kind in ("spectra", "torques", "models", "residuals")}
+    assert set(made) == set(expected) == names | {"S1-pre.html", "S1-pre-parameters.csv"}
+    for name in ("S1-pre/pr-moesp.nc", "S1-pre/pr-moesp.csv", "S1-pre-parameters.csv"):
+        assert made[name] == expected[name], name
+    # The header of a MATLAB file has the time at which it was made.
+    assert made["S1-pre/pr-moesp.mat"][128:] == expected["S1-pre/pr-moesp.mat"][128:]
+    assert words_of(made["S1-pre.html"]) == words_of(expected["S1-pre.html"])
+    assert len(words_of(made["S1-pre.html"])) > 300
+    estimate = load_estimate(folder / "S1-pre" / "pr-moesp.nc")
+    assert f"{estimate.stiffness['K']:.4g}" in result.out
+    assert "take PR-MOESP" in result.out
+
+    # Results are replaced only where it is asked for, and nothing that somebody else put there is touched.
+    (folder / "S1-pre" / "notes.txt").write_text("of the user")
+    before = contents(tmp_path)
+    result = run("identify", recording, "--method", "parallel-cascade")
+    assert result.status == 2
+    assert "exists already" in result.err
+    assert "--overwrite replaces results" in " ".join(result.err.split())
+    assert contents(tmp_path) == before
+    result = run("identify", recording, "--method", "parallel-cascade", "--overwrite")
+    assert result.status == 1  # the parallel cascade does not hold in closed loop
+    assert "no method is valid for it" in result.out
+    assert set(contents(folder)) == {"S1-pre.html", "S1-pre-parameters.csv", "S1-pre/notes.txt"}
+
+
+def test_identify_refuses(run, trial, tmp_path):
+    result = run("identify", turned(trial, tmp_path / "a.h5"))
+    assert result.status == 1
+    assert "refused: Nothing can be concluded from this recording: it was refused." in result.out
+    assert "next: on the command line this is --torque-sign." in result.err
+    assert set(contents(tmp_path / "a.h5-results")) == {"a.html", "a-parameters.csv"}
+    assert "the torque has the other sign" in (tmp_path / "a.h5-results" / "a.html").read_text(encoding="utf-8")
+
+
+def test_progress_of_another_process(capfd):
+    """The analysis runs in a fork: its log shows which method is being fitted."""
+    log = logging.getLogger("ankleloop.recordings.analysis")
+    with show_progress(), Worker(log.info) as worker:
+        worker.call("method %d of %d: %s", 1, 2, "riv")
+        logging.getLogger("ankleloop.joint").info("nothing for the user")
+    assert re.fullmatch(r"method 1 of 2: riv \(\d+ s\)\n", capfd.readouterr().err)
+    assert not log.handlers
+
+
+def test_a_folder_that_cannot_be_made(run, recording, tmp_path):
+    (tmp_path / "file").write_text("x")
+    before = contents(tmp_path)
+    result = run("identify", recording, "--output", tmp_path / "file" / "results")
+    assert result.status == 2
+    assert "cannot be made or written to" in " ".join(result.err.split())
+    assert contents(tmp_path) == before
+
+
+def test_usual_methods_are_those_of_the_example():
+    example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
+    named = {method["method"]: method for method in example["studies"]["recordings"]["methods"].values()}
+    for key, method in usual_methods(reference=False).items():
+        for name in ("options", "select"):
+            assert method.get(name, {}) == named[key].get(name, {}), key
+    assert tuple(usual_methods(reference=True)) == tuple(usual_methods(reference=False)) == METHODS
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_real_recordings(run, recordings, file):
+    """Their names say all but the sign of the torque, which the check asks for."""
+    refused = run("check", recordings / file)
+    assert refused.status == 1
+    assert refused.err == "next: on the command line this is --torque-sign.\n"
+    result = run("check", recordings / file, "--torque-sign", "-1")
+    assert result.status == 0
+    assert "in N·m, turned round" in result.out
+    assert "1000 Hz, 60 s" in result.out
+
+
+# --- study
+
+
+def test_study_of_recordings(run, trial, recording, tmp_path):
+    turned(trial, tmp_path / "S2.h5")
+    new = tmp_path / "new.yaml"
+    result = run("study", new, recording, tmp_path / "S2.h5", "--subject", "012")
+    assert result.status == 0, result.err
+    assert f"snakemake --cores 2 --configfile {new}" in result.err
+    assert result.out.count("torque_sign is -1 in the configuration") == 1
+    check_config_file(new)
+    text = new.read_text(encoding="utf-8")
+    assert max(map(len, text.splitlines())) <= 120
+    study = read_run(yaml.safe_load(text), [new])[1]["recordings"]
+    first, second = study.points["S1-pre"], study.points["S2"]
+    assert (first["file"], first["position"], first["position_unit"]) == ("S1 (pre).csv", "angle_deg", "deg")
+    assert (first["torque_sign"], second["torque_sign"]) == (1, -1)
+    assert first["subject"] == second["subject"] == "012"
+    assert "# as the file has it, the torque does not oppose stretch" in text
+    assert "# null takes it from the file, 1000 Hz" in text
+    assert "# start: null" in text
+    assert study.paths("S2") == [str(tmp_path / "S2.h5")]
+    before = new.read_bytes()
+    assert run("study", new, recording).status == 2
+    assert new.read_bytes() == before
+    assert run("study", new, recording, "--overwrite").status == 0
+    assert new.read_bytes() != before
+
+
+def test_study_of_recordings_with_and_without_a_reference(run, trial, tmp_path):
+    (tmp_path / "$x").mkdir()
+    write_recording(trial, tmp_path / "$x" / "a.nc", "netcdf")
+    write_recording(trial.drop_vars("reference"), tmp_path / "a.mat", "matlab-5")
+    new = tmp_path / "new.yaml"
+    assert run("study", new, tmp_path / "$x" / "a.nc", tmp_path / "a.mat").status == 0
+    study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["recordings"]
+    assert study.paths("a") == [str(tmp_path / "$x" / "a.nc")]
+    assert study.paths("a-mat") == [str(tmp_path / "a.mat")]
+    assert set(study.methods) == {*METHODS, *(f"{key}-no-reference" for key in METHODS[:3])}
+
+
+@pytest.mark.parametrize("setting", SimulationSettings.model_fields)
+def test_study_of_a_sweep(run, tmp_path, setting):
+    new = tmp_path / "new.yaml"
+    assert run("study", new, "--sweep", setting).status == 0
+    study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["sweep"]
+    assert study.varied == [setting]
+    assert 2 <= len(study.points) <= 5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "name either the files of recordings, or settings by --sweep"),
+        (["{recording}", "--sweep", "reflex_gain"], "name either"),
+        (["--sweep", "reflex_gian"], "there is no setting 'reflex_gian'"),
+    ],
+)
+def test_study_refuses(run, recording, tmp_path, arguments, words):
+    result = run("study", tmp_path / "new.yaml", *(argument.format(recording=recording) for argument in arguments))
+    assert result.status == 2
+    assert words in " ".join(result.err.split())
+    assert not (tmp_path / "new.yaml").exists()
+    assert run("study", tmp_path / "new.txt", "--sweep", "delay").status == 2
+
+
+# --- demo
+
+
+def test_demo(run, tmp_path, monkeypatch):
+    """All but the methods, each of which tests/long/test_package.py fits in an environment of its own."""
+    opened, identified = [], []
+
+    def identify(path, reading, folder, **options):
+        identified.append((path, reading.recording.position_unit, folder))
+        row = {"verdict": "ok", "recommendation": "take riv.", "label": "riv", "valid": True, "trusted": True}
+        row |= {"recommended": True, "K": 151.0, "K_low": 148.0, "K_high": 154.0, "B": 0.81, "I": 0.015, "G": 13.5}
+        return pd.DataFrame([row]), folder / "demo-csv.html"
+
+    monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or True)
+    monkeypatch.setattr("ankleloop.command_line.demo.identify_recording", identify)
+    folder = tmp_path / "demo"
+    result = run("demo", "--output", folder, "--duration", "20")
+    assert result.status == 0, result.err
+    assert opened == [(folder / "results" / "demo-csv.html").as_uri()]
+    assert identified == [(folder / "demo-csv.csv", "deg", folder / "results")]
+    names = {"demo-csv.csv", "demo-matlab-5.mat", "demo-matlab-7.3.mat", "demo-hdf5.h5", "demo-netcdf.nc"}
+    assert {path.name for path in folder.iterdir()} == names
+    assert re.search(r"^K \[N·m/rad\] +150 +151 \(148 … 154\)$", result.out, re.MULTILINE)
+    errors = [float(text) for text in re.findall(r"difference is (\S+) of", result.out)]
+    assert len(errors) == 5
+    assert max(errors) < 1e-12
+    before = contents(folder)
+    assert run("demo", "--output", folder, "--duration", "20").status == 2
+    assert contents(folder) == before
+    assert run("demo", "--output", folder, "--duration", "20", "--overwrite", "--no-open").status == 0
+    assert len(opened) == 1
+
+
+def test_written_recordings_hold_no_true_torques(trial, tmp_path):
+    write_recording(trial, tmp_path / "a.nc", "netcdf")
+    import xarray as xr
+
+    with xr.open_dataset(tmp_path / "a.nc") as data:
+        assert set(data.data_vars) == {"position", "torque", "reference"}
+        np.testing.assert_array_equal(data["torque"], trial["torque"])

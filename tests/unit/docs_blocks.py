@@ -1,0 +1,72 @@
+"""Blocks of code of the documentation, with the output that stands behind them."""
+
+import re
+import shlex
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+FENCE = re.compile(
+    r"^(?P<indent> *)(?P<marks>`{3,})(?P<language>[^\n`]*)\n(?P<code>.*?)^(?P=indent)(?P=marks) *$",
+    re.MULTILINE | re.DOTALL,
+)
+OUTSIDE = ("README.md", "CONTRIBUTING.md", "SECURITY.md", "config/README.md", "data/README.md")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of code: where it stands, its language, and the output behind it, if there is one."""
+
+    page: str
+    line: int
+    language: str
+    code: str
+    tags: str = ""
+    output: str | None = None
+
+    @property
+    def place(self):
+        """Page and line, as a terminal shows them."""
+        return f"{self.page}:{self.line}"
+
+
+def documentation_pages():
+    """All pages with text of ours, relative to the repository."""
+    pages = [page for page in OUTSIDE if (ROOT / page).exists()]
+    pages += [path.relative_to(ROOT).as_posix() for path in sorted((ROOT / "docs").rglob("*.md"))]
+    return pages
+
+
+def read_blocks(page, text=None):
+    """The blocks of a page; a block `text` that follows another one is its output."""
+    text = (ROOT / page).read_text(encoding="utf-8") if text is None else text
+    blocks, end = [], 0
+    for match in FENCE.finditer(text):
+        language, code = match["language"].strip(), textwrap.dedent(match["code"])
+        if language == "text" and blocks and not text[end : match.start()].strip() and blocks[-1].output is None:
+            last = blocks.pop()
+            blocks.append(Block(last.page, last.line, last.language, last.code, last.tags, code))
+        else:
+            tags = re.match(r":tags: \[(.*)\]\n", code)
+            code = code[tags.end() :] if tags else code
+            language = "python" if language == "{code-cell} python" else language
+            blocks.append(Block(page, text.count("\n", 0, match.start()) + 1, language, code, tags[1] if tags else ""))
+        end = match.end()
+    return blocks
+
+
+def shell_commands(code):
+    """The commands of a block for the shell, each as a list of words; comments and empty lines are left out."""
+    lines = code.replace("\\\n", " ").splitlines()
+    parts = [part for line in lines for part in line.split("&&")]
+    return [words for part in parts if (words := shlex.split(part, comments=True))]
+
+
+def top_level_parts(code):
+    """A block of YAML, cut before each line that begins a key at the top level.
+
+    Blocks that show alternatives have a key several times, which no YAML file may have.
+    """
+    parts = re.split(r"^(?=[\w-]+:)", code, flags=re.MULTILINE)
+    return [part for part in parts if re.match(r"[\w-]+:", part)]

@@ -1,0 +1,106 @@
+"""Every figure has the width of one or two columns, and letters that can be read in print."""
+
+from types import SimpleNamespace
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.text import Text
+
+from ankleloop.plotting.curves import curves_figure
+from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
+from ankleloop.plotting.maps import map_figure
+from ankleloop.plotting.panels import Panel
+from ankleloop.plotting.recordings import group_figure, residual_figure, spectra_figure
+from ankleloop.plotting.studies import (
+    estimates_figure,
+    interval_figure,
+    order_figure,
+    ratio_figure,
+    traces_figure,
+)
+from ankleloop.plotting.style import ONE_COLUMN, STYLE, TWO_COLUMNS, DataFigure
+from ankleloop.plotting.sweep_axes import SweepAxis
+from ankleloop.plotting.sweep_maps import maps_figure
+from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, effects_figure, lines_figure
+
+SMALLEST = 6.0  # pt
+METHODS = [f"a method with a name of some length, variant {number}" for number in range(5)]
+LINE = np.linspace(0.1, 1.0, 20)
+AXIS = SweepAxis.of("voluntary", "relative voluntary torque [1]", [0.1, 0.2, 0.4, 0.8])
+SWEEP = [SweepPanel("vaf", "reflex VAF, true [%]", "Δ reflex VAF, true [points]", "high")]
+SERIES = [SweepSeries(name, name) for name in METHODS[:2]]
+
+
+def trials(**columns):
+    rows = [
+        {"series": name, "x": x, "value": 90.0 + x, **columns} for name in METHODS for x in (1.0, 2.0) for _ in "ab"
+    ]
+    return pd.DataFrame(rows)
+
+
+def means(**columns):
+    places = [{"place": place, "x": place, "y": y} for place in AXIS.values for y in AXIS.values]
+    rows = [{**place, "method": item.method, "quantity": "vaf", **columns} for place in places for item in SERIES]
+    values = {"mean": 90.0, "margin": 1.0, "low": 80.0, "high": 95.0, "trials": 3, "failures": 0, "warnings": 1}
+    return pd.DataFrame(rows).assign(**values, parameter="voluntary", slice="")
+
+
+def rows_of(**columns):
+    return pd.DataFrame({"row": ["K", "B"], "series": METHODS[:2], "panel": "p", **columns})
+
+
+def residuals():
+    test = SimpleNamespace(frequency=LINE, density=LINE, lags=LINE, correlation=LINE, limit=0.1)
+    return dict.fromkeys(METHODS, test)
+
+
+def group():
+    table = pd.DataFrame({"label": METHODS, "subject": "S1", "condition": "rest", "K": 100.0})
+    return group_figure(pd.concat([table, table.assign(condition="a condition with a long name")]), ["K"])
+
+
+FIGURES = {
+    "curves": lambda: curves_figure(trials(panel="p"), {"p": Panel("VAF [%]", "net torque")}, xlabel="gain [1]"),
+    "broken curves": lambda: curves_figure(
+        trials(panel="p"), {"p": Panel("VAF [%]")} | {"q": Panel("VAF [%]")}, xlabel="gain [1]", break_at=92.0
+    ),
+    "estimates": lambda: estimates_figure(rows_of(value=1.0, margin=0.1), {"p": Panel("K [N·m/rad]")}),
+    "ratios": lambda: ratio_figure(rows_of(ratio=2.0), limit=1.5),
+    "intervals": lambda: interval_figure(rows_of(value=1.0, low=0.0, high=2.0), {"p": ("K [N·m/rad]", 1.0)}),
+    "traces": lambda: traces_figure({"open loop": {"time": LINE, "K": LINE}}, {"K": ("K [N·m/rad]", 1.0)}),
+    "orders": lambda: order_figure({name: [LINE[::-1]] for name in METHODS[:3]}, order=2),
+    "map": lambda: map_figure(
+        pd.DataFrame({"x": [1, 2], "y": [1, 1], "p": "a", "v": [2.0, 30.0]}),
+        **{"x": "x", "y": "y", "panel": "p", "value": "v", "xlabel": "x", "ylabel": "y", "title": "{}", "limit": 1.0},
+    ),
+    "spectra": lambda: spectra_figure(dict.fromkeys(("frequency", "position", "torque", "coherence"), LINE)),
+    "residuals": lambda: residual_figure(residuals()),
+    "group": group,
+    "lines": lambda: lines_figure(means(), AXIS, SWEEP * 3, SERIES, SweepSeries("d", "difference", is_difference=True)),
+    "effects": lambda: effects_figure(means(), [AXIS], SWEEP, SERIES),
+    "maps": lambda: maps_figure(means(), (AXIS, AXIS), (AXIS.edges(), AXIS.edges()), SWEEP, SERIES),
+    "closed loop": closed_loop_diagram,
+    "parallel cascade": parallel_cascade_diagram,
+}
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures_have_the_width_of_columns_and_letters_that_can_be_read(name):
+    figure = FIGURES[name]()
+    with matplotlib.rc_context(STYLE):
+        figure.canvas.draw()
+    assert any(25.4 * figure.get_figwidth() == pytest.approx(width) for width in (ONE_COLUMN, TWO_COLUMNS))
+    texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert min(text.get_fontsize() for text in texts) >= SMALLEST
+    assert texts
+
+
+@pytest.mark.parametrize("name", [name for name in FIGURES if name not in ("closed loop", "parallel cascade")])
+def test_figures_have_the_table_of_their_numbers(name):
+    figure = FIGURES[name]()
+    assert isinstance(figure, DataFigure)
+    assert len(figure.data) > 0
+    assert figure.data.columns.is_unique
+    assert "unit" in figure.data or any("[" in column for column in figure.data.columns)

@@ -1,0 +1,148 @@
+"""The page that lists all results holds what is there, and nothing else; every text is escaped."""
+
+import json
+import re
+
+import pandas as pd
+import pytest
+
+from ankleloop.pages.index import VERDICT_COLOURS, render_index, render_ledger, render_tables
+from ankleloop.replication.ledger import VERDICTS
+from ankleloop.studies.provenance import Provenance
+from ankleloop.studies.results_index import collect_results, read_tables
+
+HOSTILE = "<b>&co"
+PROVENANCE = Provenance("1.2.3", "0123abcd" * 5, True, "3.11.2", "Linux on x86_64", {"numpy": "2.1", "scipy": "1.15"})
+STUDIES = {
+    "table1": {"title": f"Table 1 {HOSTILE}", "kind": "simulation", "points": 2, "methods": 5, "trials": 20, "seed": 7},
+    "laboratory": {
+        "title": "Laboratory",
+        "kind": "recordings",
+        "points": 2,
+        "methods": 1,
+        "trials": None,
+        "seed": None,
+    },
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Results of a run: a study with a figure, a recording and a refused one, a table, a ledger of two claims."""
+    results = tmp_path / "results"
+    for name in ("reports/laboratory", "figures", "rendered/table1", "tables", "parameters/laboratory"):
+        (results / name).mkdir(parents=True)
+    for name in ("article.html", "reports/table1.html", "reports/laboratory/A1.html", "figures/table1-order.png"):
+        (results / name).write_text("x", encoding="utf-8")
+    captions = {"table1-order": f"Order {HOSTILE}", "table1-gone": "not there"}
+    (results / "rendered/table1/captions.json").write_text(json.dumps(captions), encoding="utf-8")
+    (results / "configuration.json").write_text('{"run": ["table1"]}', encoding="utf-8")
+    rows = [
+        {"recording": "A1", "subject": "S1", "verdict": "usable", "label": HOSTILE, "recommended": True},
+        {"recording": "A1", "subject": "S1", "verdict": "usable", "label": "other", "recommended": False},
+        {"recording": "A2", "subject": "S2", "verdict": "refused", "label": None, "recommended": None},
+    ]
+    pd.DataFrame(rows).to_csv(results / "parameters/laboratory/0.csv", index=False)
+    table = pd.DataFrame({"method": [HOSTILE, "b"], "mean": [92.123456789, None], "empty": [None, None], "n": [3, 4]})
+    table.to_csv(results / "tables/table1.csv", index=False)
+    table.to_csv(results / "tables/table1-trials.csv", index=False)
+    claims = pd.DataFrame({"id": ["a", "b"], "verdict": ["reproduced", "cannot be judged"]})
+    claims.to_csv(results / "verification.csv", index=False)
+    return results
+
+
+def collect(folder):
+    return collect_results(folder, folder.parent / "logs", STUDIES, PROVENANCE)
+
+
+def test_what_is_there_is_listed(folder):
+    results = collect(folder)
+    assert list(results.links.values()) == [
+        "article.html",
+        "ledger.html",
+        "tables.html",
+        "verification.csv",
+        "configuration.json",
+    ]
+    assert results.verdicts == dict.fromkeys(VERDICTS, 0) | {"reproduced": 1, "cannot be judged": 1}
+    assert results.study_links == {STUDIES["table1"]["title"]: "reports/table1.html"}
+    assert [figure.name for figure in results.figures[STUDIES["table1"]["title"]]] == ["table1-order"]
+    assert results.recording_links == {"A1": "reports/laboratory/A1.html"}
+    recordings = results.recordings.set_index("recording")
+    assert recordings.loc["A1", "recommended method"] == HOSTILE
+    assert recordings["verdict"].tolist() == ["usable", "refused"]
+    assert results.run_times == {}
+
+
+def test_a_folder_without_results_has_a_page_too(tmp_path):
+    results = collect(tmp_path)
+    assert list(results.links.values()) == ["tables.html"]
+    assert results.figures == {}
+    page = render_index(results)
+    assert "There are no benchmark files" in page
+    assert "<h2" in page
+    assert "Ledger" not in page
+
+
+def test_provenance_is_on_the_page(folder):
+    page = render_index(collect(folder))
+    for text in (
+        "ankleloop 1.2.3",
+        PROVENANCE.commit,
+        "not committed",
+        "3.11.2",
+        "7: table1",
+        "numpy 2.1",
+        "&#34;run&#34;",
+    ):
+        assert text in page, text
+
+
+def test_every_text_is_escaped(folder):
+    tables = read_tables(folder)
+    for page in (render_index(collect(folder)), render_tables(tables)):
+        assert HOSTILE not in page
+        assert "&lt;b&gt;&amp;co" in page
+
+
+def test_tables_have_few_digits_and_no_empty_columns(folder):
+    tables = read_tables(folder)
+    assert list(tables) == ["table1"]
+    assert tables["table1"].to_dict("list") == {"method": [HOSTILE, "b"], "mean": ["92.123", "–"], "n": ["3", "4"]}
+
+
+def test_long_tables_are_cut_and_say_so():
+    page = render_tables({"long": pd.DataFrame({"n": [str(n) for n in range(1500)]})})
+    assert "1500 rows; the first 1000 are below" in page
+    assert page.count("<tr>") == 1001
+
+
+def ledger_row(number, verdict):
+    values = {"paper": 92.0, "ours": 91.0, "uncertainty": 0.5, "tolerance": 2.0, "difference": -1.0}
+    values |= {"difference_low": -1.5, "difference_high": -0.5, "section": "IV", "unit": "% VAF"}
+    return {
+        "id": f"claim{number}",
+        "statement": HOSTILE,
+        "verdict": verdict,
+        "reason": "why",
+        "conditions": "",
+        **values,
+    }
+
+
+def test_each_verdict_has_its_colour():
+    ledger = pd.DataFrame([ledger_row(number, verdict) for number, verdict in enumerate(VERDICTS)])
+    page = render_ledger(ledger)
+    for verdict in VERDICTS:
+        assert f'<span class="verdict" style="background: {VERDICT_COLOURS[verdict]}">{verdict}</span>' in page
+    assert HOSTILE not in page
+
+
+def test_colours_of_verdicts_differ_and_dark_text_is_readable_on_them():
+    assert set(VERDICT_COLOURS) == set(VERDICTS)
+    assert len(set(VERDICT_COLOURS.values())) == len(VERDICTS)
+    for colour in VERDICT_COLOURS.values():
+        parts = [int(digits, 16) / 255 for digits in re.findall("[0-9a-f]{2}", colour)]
+        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+        luminance = sum(weight * part for weight, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+        assert (luminance + 0.05) / (0.0103 + 0.05) > 7  # contrast of #1a1a1a, as WCAG asks of small text

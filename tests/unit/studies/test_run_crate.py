@@ -1,0 +1,85 @@
+"""Metadata of a run, read again by the library of Research Object Crates."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+from rocrate.rocrate import ROCrate
+
+import ankleloop
+from ankleloop.studies.provenance import read_provenance
+from ankleloop.studies.run_crate import PROFILE, hash_file, write_crate
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def results(tmp_path):
+    folder = tmp_path / "results"
+    for name in ("article.html", "tables/table1.csv", "reports/recordings/S1.html", "configuration.json"):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"content of {name}")
+    return folder
+
+
+@pytest.fixture
+def crate(results):
+    outputs = [results / "article.html", results / "tables" / "table1.csv", results / "reports" / "recordings"]
+    provenance = read_provenance(ROOT)
+    write_crate(results, outputs, results / "configuration.json", provenance, {"table1": 2008})
+    return ROCrate(results)
+
+
+def test_results_with_their_hashes(results, crate):
+    files = {entity.id: entity for entity in crate.data_entities}
+    assert set(files) == {"article.html", "tables/table1.csv", "reports/recordings/S1.html", "configuration.json"}
+    for name, entity in files.items():
+        assert entity["sha256"] == hash_file(results / name)
+        assert int(entity["contentSize"]) == (results / name).stat().st_size
+    assert files["tables/table1.csv"]["encodingFormat"] == "text/csv"
+    assert crate.root_dataset["license"]
+
+
+def test_the_action_leads_from_the_configuration_to_the_results(crate):
+    (action,) = crate.get_by_type("CreateAction")
+    assert [entity.id for entity in action["object"]] == ["configuration.json"]
+    assert {entity.id for entity in action["result"]} >= {"article.html", "reports/recordings/S1.html"}
+    software = action["instrument"]
+    assert software["softwareVersion"].startswith(ankleloop.__version__)
+    packages = {entity["name"]: entity["softwareVersion"] for entity in software["softwareRequirements"]}
+    assert {"numpy", "snakemake", "Python"} <= set(packages)
+    (seed,) = crate.dereference("configuration.json")["variableMeasured"]
+    assert seed["value"] == 2008
+    profile = crate.root_dataset["conformsTo"]
+    assert getattr(profile, "id", profile) == PROFILE
+
+
+def test_the_same_results_have_the_same_files(results, crate):
+    """Nothing but the metadata is written, and no path of this machine is in it."""
+    names = {path.relative_to(results).as_posix() for path in results.rglob("*") if path.is_file()}
+    assert names == {"article.html", "tables/table1.csv", "reports/recordings/S1.html", "configuration.json",
+                     "ro-crate-metadata.json"}  # fmt: skip
+    text = (results / "ro-crate-metadata.json").read_text(encoding="utf-8")
+    assert str(results.parent) not in text
+    json.loads(text)
+
+
+def test_commit_of_a_working_copy(tmp_path):
+    assert read_provenance(tmp_path).commit == ""
+
+    def git(*arguments):
+        identity = ("-c", "user.name=a", "-c", "user.email=a@b")
+        return subprocess.run(["git", *identity, *arguments], cwd=tmp_path, check=True, capture_output=True, text=True)
+
+    git("init", "--quiet")
+    (tmp_path / "a").write_text("1")
+    git("add", "a")
+    git("commit", "--quiet", "-m", "a file")
+    provenance = read_provenance(tmp_path)
+    assert provenance.commit == git("rev-parse", "HEAD").stdout.strip()
+    assert not provenance.changed
+    (tmp_path / "a").write_text("2")
+    assert read_provenance(tmp_path).changed
+    assert "with changes" in str(read_provenance(tmp_path))

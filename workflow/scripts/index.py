@@ -1,0 +1,29 @@
+"""The page that lists all results, and those of the ledger and of the tables."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from ankleloop.pages.index import render_index, render_ledger, render_tables
+from ankleloop.records.files import atomic_file
+from ankleloop.studies.provenance import read_provenance
+from ankleloop.studies.results_index import collect_results, read_tables
+
+from job import running
+
+
+def write_page(path: str, page: str) -> None:
+    """Write a page."""
+    with atomic_file(path, overwrite=True) as partial:
+        partial.write_text(page, encoding="utf-8")
+
+
+with running(snakemake):
+    folder, logs = Path(snakemake.params.folder), Path(snakemake.log[0]).parent
+    provenance = read_provenance(snakemake.params.repository)
+    write_page(snakemake.output.tables, render_tables(read_tables(folder)))
+    if snakemake.output.ledger:
+        write_page(snakemake.output.ledger, render_ledger(pd.read_csv(folder / "verification.csv")))
+    write_page(
+        snakemake.output.index, render_index(collect_results(folder, logs, snakemake.params.studies, provenance))
+    )
