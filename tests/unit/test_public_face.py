@@ -59,7 +59,7 @@ def test_every_public_name_exists():
         (
             "read_trial",
             "path",
-            "position torque reference sampling_rate position_unit position_sign torque_sign",
+            "position torque reference sampling_rate position_unit position_sign torque_sign variables",
         ),
         ("load_estimate", "path", ""),
         ("load_trial", "path", ""),
@@ -71,7 +71,7 @@ def test_every_public_name_exists():
         ("block_bootstrap", "trial method", "repetitions block seed progress"),
         ("method_options", "method", ""),
         ("LongRecord", "path sampling_rate position torque reference position_unit position_sign torque_sign", ""),
-        ("Estimate", "method torque matrices stiffness reflex intervals diagnostics predictor", ""),
+        ("Estimate", "method torque matrices stiffness reflex intervals diagnostics predictor trajectories", ""),
         (
             "subspace.moesp",
             "u y block_rows order instruments projection reference dt",

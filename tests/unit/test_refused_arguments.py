@@ -70,8 +70,8 @@ def required(options):
 
 @pytest.mark.parametrize(("options", "name"), FIELDS, ids=IDS)
 def test_every_option_takes_its_values_and_refuses_all_others(options, name):
-    if name == "names":
-        pytest.skip("names are texts in a tuple, which their own test covers")
+    if name in ("names", "variables"):
+        pytest.skip("names are texts in a tuple or in pairs, which their own tests cover")
     limits = options.limits(name)
     for value in VALUES:
         if isinstance(value, int) and abs(value) > 1e300 and not limits:
@@ -199,6 +199,7 @@ ARGUMENTS = {
         "position_unit": [None, *CHOICES],
         "position_sign": [None, "no", 0, 2, 0.5, True, math.nan, []],
         "torque_sign": [None, "no", 0, 2, 0.5, True, math.nan, []],
+        "variables": ["no", 1, True, [], {"a": 1}],
     },
     "save_estimate": {"estimate": TRIALS, "path": PATHS, **OVERWRITE},
     "save_trial": {"trial": TRIALS, "path": PATHS, **OVERWRITE},

@@ -18,7 +18,7 @@ __all__ = ["Reading", "map_file", "name_recording", "reading_options"]
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 GUESSED = ("position", "torque", "reference")
-METAVARS = {"Hz": "HZ", "s": "S"}
+METAVARS = {"Hz": "HZ", "s": "S", "variables": "NAME=VARIABLE,…"}  # by unit, or by name
 OTHER_DEFAULTS = {
     "position_unit": "as the file states it, else rad",
     "sampling_rate": "that of the file",
@@ -77,7 +77,9 @@ def _make_option(name: str, field: Any) -> Callable[[Command], Command]:
         parse = click.Choice([str(value) for value in get_args(field.annotation)])
     elif kinds <= {int, float}:
         parse = click.FLOAT if float in kinds else click.INT
-    metavar = METAVARS.get(unit) or (None if isinstance(parse, click.Choice) else "NAME" if name in GUESSED else None)
+    metavar = METAVARS.get(name) or METAVARS.get(unit)
+    if metavar is None and name in GUESSED:
+        metavar = "NAME"
     return click.option(f"--{name.replace('_', '-')}", name, type=parse, metavar=metavar, help=text)
 
 

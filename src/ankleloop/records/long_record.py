@@ -84,7 +84,7 @@ class LongRecord:
 
     def __post_init__(self) -> None:
         path = Path(self.path)
-        values = {name: getattr(self, name) for name in ReadingOptions.model_fields}
+        values = {name: getattr(self, name) for name in ReadingOptions.model_fields if name != "variables"}
         self._set(path=path, options=parse_options(path.name, **values))
         if find_suffix(path) not in SUFFIXES:
             raise DataError(f"{path.name}: long records are read from {', '.join(SUFFIXES)}; convert it first.")
@@ -117,10 +117,10 @@ class LongRecord:
         ValueError
             For a channel that the record does not have, or a piece without samples.
         """
-        roles = tuple(channels or self.options.variables)
-        missing = [role for role in roles if role not in self.options.variables]
+        roles = tuple(channels or self.options.channels)
+        missing = [role for role in roles if role not in self.options.channels]
         if missing:
-            known = ", ".join(self.options.variables)
+            known = ", ".join(self.options.channels)
             raise ValueError(f"{self.path.name}: the record has no channel {missing[0]!r}; it has {known}.")
         if not 0 <= start < min(stop, self.samples):
             raise ValueError(
@@ -170,7 +170,7 @@ class LongRecord:
 
     def _blocks(self) -> Iterator[dict[str, np.ndarray]]:
         for start in range(0, self.samples, BLOCK):
-            yield self._read_ahead(tuple(self.options.variables), start, min(start + BLOCK, self.samples))
+            yield self._read_ahead(tuple(self.options.channels), start, min(start + BLOCK, self.samples))
 
     def _read_ahead(self, roles: tuple[str, ...], start: int, stop: int) -> dict[str, np.ndarray]:
         """Samples in rad and N·m; more than are asked for are read, because the next ones are asked for next."""

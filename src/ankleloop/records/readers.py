@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +36,7 @@ def read_trial(
     position_unit: str = "rad",
     position_sign: int = 1,
     torque_sign: int = 1,
+    variables: Mapping[str, str] | None = None,
 ) -> xr.Dataset:
     r"""Read a trial from a file.
 
@@ -61,6 +62,9 @@ def read_trial(
         The unit of position and reference in the file.
     position_sign, torque_sign : {1, -1}
         Factors that bring the file to the convention here: the torque opposes stretch, so stiffness is positive.
+    variables : mapping of str to str, optional
+        Further variables, as the one that schedules a joint or the phase of a cycle: the name in the trial, and the
+        variable of the file. Their numbers stay as the file has them.
 
     Returns
     -------
@@ -96,17 +100,19 @@ def read_trial(
         position_unit=position_unit,
         position_sign=position_sign,
         torque_sign=torque_sign,
+        variables=variables,
     )
     channels = read_channels(path, options, TRUE_TORQUES)
     time, rate = channels.pop(TIME, None), channels.pop(RATE, None)
     signals = {}
     for role, channel in channels.items():
-        check_unit(role, channel.name, channel.unit, options.position_unit, source=path.name)
+        if role not in options.further:
+            check_unit(role, channel.name, channel.unit, options.position_unit, source=path.name)
         signals[role] = as_signal(np.asarray(channel.values), channel.name, source=path.name) * options.factor(role)
     stated = options.sampling_rate
     if stated is None and rate is not None:
         stated = parse_rate(np.asarray(rate.values).item(), source=path.name)
-    return new_trial(
+    trial = new_trial(
         **signals,
         sampling_rate=choose_rate(
             stated,
@@ -116,9 +122,12 @@ def read_trial(
             source=path.name,
         ),
         source=path.name,
-        **{f"{channel}_variable": name for channel, name in options.variables.items()},
+        **{f"{channel}_variable": name for channel, name in {**options.channels, **options.further}.items()},
         **options.model_dump(include={"position_unit", "position_sign", "torque_sign"}),
     )
+    for name in options.further:
+        trial[name].attrs["units"] = channels[name].unit
+    return trial
 
 
 def parse_options(source: str, **values: Any) -> ReadingOptions:

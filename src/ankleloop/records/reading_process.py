@@ -203,7 +203,7 @@ def _request(path: str | os.PathLike[str], options: ReadingOptions, **changes: A
     message = {
         "path": str(path.absolute()),
         "format": find_suffix(path),
-        "variables": options.variables,
+        "variables": {**options.channels, **options.further},
         "extras": [],
         "has_rate": options.sampling_rate is not None,
         "part": None,

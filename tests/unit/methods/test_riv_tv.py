@@ -1,10 +1,11 @@
 """Joints that change in time, in closed loop: trajectories against the truth, and records that cannot show them."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import signal as sps
 
-from ankleloop import DataError, evaluate, identify, load_estimate, new_trial, save_estimate, simulate
+from ankleloop import DataError, evaluate, identify, load_estimate, new_trial, read_trial, save_estimate, simulate
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.riv_tv import RivTvOptions
@@ -173,6 +174,33 @@ def test_a_scheduling_variable_beyond_its_range():
     other = simulate(seed=3, **settings)
     other["schedule"] += 0.5
     assert any("lies beyond the fitted range" in text for text in result.predict(other).diagnostics["warnings"])
+
+
+def test_a_schedule_from_a_file(tmp_path):
+    """The angle that schedules a joint is a further column of a file, in degrees; the estimate is the same."""
+    trial = simulate(seed=4, variation="schedule", duration=30.0, voluntary=0.1, **JOINT)
+    channels = {name: trial[name].values for name in ("position", "torque", "reference")}
+    degrees = 15.0 + 20.0 * trial["schedule"].values
+    pd.DataFrame({"time": trial["time"].values, **channels, "angle": degrees}).to_csv(tmp_path / "S1.csv", index=False)
+    recorded = read_trial(tmp_path / "S1.csv", reference="reference", variables={"ankle_angle": "angle"})
+    trial = new_trial(**channels, sampling_rate=1000.0, angle=degrees)
+    result = identify(recorded, "riv-tv", schedule="ankle_angle", knots=(6, 6, 6))
+    expected = identify(trial, "riv-tv", schedule="angle", knots=(6, 6, 6))
+    for name in "KBG":
+        np.testing.assert_allclose(result.trajectories[name], expected.trajectories[name], rtol=1e-6)
+    schedule = result.trajectories["schedule"].values
+    assert 14.0 < schedule[0] < schedule[-1] < 36.0
+    place = (schedule - 15.0) / 20.0
+    truth = 150.0 * (1 + 0.45 * np.cos(2 * np.pi * (place - 0.5)))
+    assert np.sqrt(np.mean((result.trajectories["K"].values - truth) ** 2)) < 0.08 * 150.0
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_schedule_with_missing_samples_is_refused(value):
+    trial = simulate(seed=4, variation="schedule", duration=12.0)
+    trial["schedule"][500] = value
+    with pytest.raises(DataError, match="schedule"):
+        identify(trial, "riv-tv", schedule="schedule")
 
 
 def excited_trial(window, cycles=40, rate=1000.0, period=1.0, seed=4):

@@ -496,3 +496,37 @@ def test_real_recordings(name, variables):
     assert np.ptp(trial.position.to_numpy()) == pytest.approx(0.055, abs=0.02)
     # Torque opposes stretch, so with the sign set right a regression on the position has a positive slope.
     assert np.cov(trial.position, trial.torque)[0, 1] > 0
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".h5", ".nc"])
+def test_further_variables(tmp_path, suffix):
+    """They keep their numbers and their unit, whatever the position has."""
+    position, torque = np.sin(np.arange(50.0)), np.cos(np.arange(50.0))
+    data = {"angle": position, "torque": torque, "knee": 30.0 + position, "emg": torque**2}
+    path = tmp_path / f"trial{suffix}"
+    if suffix == ".csv":
+        pd.DataFrame(data).to_csv(path, index=False)
+    elif suffix == ".mat":
+        scipy.io.savemat(path, data)
+    elif suffix == ".h5":
+        with h5py.File(path, "w") as file:
+            for name, values in data.items():
+                file[name] = values
+            file["knee"].attrs["units"] = "degrees of the knee"
+    else:
+        xr.Dataset({name: ("time", values) for name, values in data.items()}).to_netcdf(path, engine="h5netcdf")
+    trial = read_trial(
+        path,
+        position="angle",
+        sampling_rate=100.0,
+        position_unit="deg",
+        position_sign=-1,
+        variables={"knee_angle": "knee", "activity": "emg"},
+    )
+    np.testing.assert_allclose(trial["position"], -np.deg2rad(position))
+    np.testing.assert_allclose(trial["knee_angle"], data["knee"])
+    np.testing.assert_allclose(trial["activity"], data["emg"])
+    assert trial["knee_angle"].attrs["units"] == ("degrees of the knee" if suffix == ".h5" else "")
+    assert trial.attrs["knee_angle_variable"] == "knee"
+    with pytest.raises(DataError, match="hip"):
+        read_trial(path, position="angle", sampling_rate=100.0, variables={"hip_angle": "hip"})

@@ -24,9 +24,9 @@ def test_every_option_is_described():
     assert ReadingOptions.unit("sampling_rate") == "Hz"
 
 
-def test_variables_by_channel():
-    assert ReadingOptions(position="angle").variables == {"position": "angle", "torque": "torque"}
-    assert ReadingOptions(reference="command").variables["reference"] == "command"
+def test_channels():
+    assert ReadingOptions(position="angle").channels == {"position": "angle", "torque": "torque"}
+    assert ReadingOptions(reference="command").channels["reference"] == "command"
 
 
 @pytest.mark.parametrize("unit", ["rad", "deg"])
@@ -69,3 +69,32 @@ def test_declaration_does_not_import_numpy():
 def test_variable_of_two_channels_is_refused(names):
     with pytest.raises(ValueError, match=r"are the same variable, .*: name another one"):
         ReadingOptions.parse("trial.csv", **names)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [{"ankle_angle": "group/angle", "emg": "EMG"}, "ankle_angle=group/angle, emg = EMG"],
+    ids=["mapping", "text"],
+)
+def test_further_variables(value):
+    options = ReadingOptions.parse("trial.csv", variables=value)
+    assert options.variables == {"ankle_angle": "group/angle", "emg": "EMG"}
+    assert options.factor("ankle_angle") == ReadingOptions(position_unit="deg", position_sign=-1).factor("emg") == 1.0
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("angle", "variables must be pairs of a name in the trial and the variable of the file, .*; got 'angle'"),
+        ("a=b, c", "got 'a=b, c'"),
+        ({"a": 1}, "must be pairs"),
+        (1, "must be pairs"),
+        ({"torque_2": "x"}, "cannot be called 'torque_2'"),
+        ({"position": "x"}, "cannot be called 'position'"),
+        ({"a variable": "x"}, "cannot be called 'a variable'"),
+        ({"a_variable": "x"}, "cannot be called 'a_variable'"),
+    ],
+)
+def test_wrong_further_variables_are_refused(value, message):
+    with pytest.raises(ValueError, match=message):
+        ReadingOptions.parse("trial.csv", variables=value)
