@@ -8,6 +8,7 @@ written to disk. Writes results/tables/time-varying.csv with a row for each tria
 import argparse
 import os
 import time
+import tracemalloc
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -24,6 +25,7 @@ from ankleloop.simulation.simulate import simulate
 
 ROOT = Path(__file__).resolve().parents[1]
 CYCLE = 1.4  # s
+CYCLES = (20, 40, 100, 200, 400)  # of records whose memory is measured
 LIGHT, MODERATE = (0.1, 10.0, 100.0), (1.1, 7.1, 250.0)
 JOINT = {
     "stiffness": 150.0,
@@ -155,6 +157,26 @@ def run_trial(settings, seed, methods):
     return rows
 
 
+def compare(table, rows):
+    """Mean errors over those of least squares on the same trials, as text."""
+    squares = table[(table["method"] == "least squares") & table["seed"].isin(rows["seed"])]
+    if squares.empty or rows["method"].iloc[0] == "least squares":
+        return ""
+    ratios = [f"{rows[f'{k} error'].mean() / squares[f'{k} error'].mean():.2f}" for k in TRUTHS]
+    return f" error over that of least squares {'/'.join(ratios)}"
+
+
+def measure_memory(cycles, seed=0):
+    """Largest memory that an identification allocates beside its trial [MB]."""
+    prepared = prepare(simulate(seed=seed, **case(LIGHT, 0.3, cycles)))
+    identify(prepared, "riv-tv", cycle_onsets="phase")  # caches of the trial and compiled kernels
+    tracemalloc.start()
+    identify(prepared, "riv-tv", cycle_onsets="phase")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / 1e6
+
+
 def summarise(table):
     """Means over trials with half of their 95 % intervals for the errors."""
     lines = []
@@ -170,6 +192,7 @@ def summarise(table):
             f"p<.05 {100 * (rows['p'] < 0.05).mean():.1f} % rounds {rows['rounds'].mean():.1f} "
             f"converged {100 * rows['converged'].mean():.0f} % {rows['seconds'].mean():.3f} s"
             + (f" holds riv {rows['agrees with riv'].mean():.1f} %" if rows["agrees with riv"].notna().any() else "")
+            + compare(table[table["case"] == name], rows)
         )
     return "\n".join(lines)
 
@@ -182,7 +205,13 @@ def main():
     parser.add_argument("--cases", nargs="*", default=list(CASES), help="parts of the names of the cases")
     parser.add_argument("--methods", nargs="*", default=list(METHODS), choices=list(METHODS))
     parser.add_argument("--output", type=Path, default=ROOT / "results" / "tables" / "time-varying.csv")
+    parser.add_argument("--memory", action="store_true", help="memory of an identification over cycles, alone")
     arguments = parser.parse_args()
+    if arguments.memory:
+        for cycles in CYCLES:
+            memory = measure_memory(cycles)
+            print(f"{cycles:4d} cycles: {memory:6.1f} MB, {memory / cycles:.3f} MB for each cycle", flush=True)
+        return
     tables = []
     for name, settings in CASES.items():
         if not any(part in name for part in arguments.cases):
