@@ -1,8 +1,10 @@
-"""Errors, bias and coverage of `riv-tv` on simulated joints that change in time, beside least squares.
+"""Errors, bias and coverage of `riv-tv` on simulated joints that change in time, beside least squares and the bound.
 
 Light load 0.1/10/100 and moderate load 1.1/7.1/250, cycles of 1.4 s, 10 dB; K 80-220, B 0.55-1.05, G 4-20. Errors are
-root mean squares over the trajectory, over the mean of the truth. A record of n cycles has n cycles in all. No trial is
-written to disk. Writes results/tables/time-varying.csv with a row for each trial and method, and prints the means.
+root mean squares over the trajectory, over the mean of the truth. A record of n cycles has n cycles in all. Efficiency
+is the Cramér-Rao bound of splines without penalties over the mean square error; penalties may beat it, but not that of
+the means over the trajectory. No trial is written to disk. Writes results/tables/time-varying.csv with a row for each
+trial and method, and prints the means.
 """
 
 import argparse
@@ -18,6 +20,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.assessment.scores import score_rows
+from ankleloop.assessment.trajectory_bound import trajectory_bound
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.registry import identify
@@ -25,6 +28,7 @@ from ankleloop.simulation.simulate import simulate
 
 ROOT = Path(__file__).resolve().parents[1]
 CYCLE = 1.4  # s
+BOUNDS = 5  # trials of a case whose bound is computed; it hardly depends on the perturbation
 CYCLES = (20, 40, 100, 200, 400)  # of records whose memory is measured
 LIGHT, MODERATE = (0.1, 10.0, 100.0), (1.1, 7.1, 250.0)
 JOINT = {
@@ -177,7 +181,26 @@ def measure_memory(cycles, seed=0):
     return peak / 1e6
 
 
-def summarise(table):
+def bound_errors(settings, seeds):
+    """Mean squares of the Cramér-Rao bound, over phase and of the means, in the unit of errors squared [%²]."""
+    bounds = [trajectory_bound(seed=seed, **settings) for seed in seeds]
+    values = {}
+    for name in TRUTHS:
+        unit = 100.0 / settings[{"K": "stiffness", "B": "viscosity", "G": "reflex_gain"}[name]]
+        values[name] = np.mean([unit**2 * float((bound[name] ** 2).mean()) for bound in bounds])
+        values[f"{name}_mean"] = np.mean([unit**2 * float(bound[f"{name}_mean"] ** 2) for bound in bounds])
+    return values
+
+
+def show_efficiency(bound, rows):
+    """Bounds of variances over mean squares of the errors of trajectories, and of their means, as text."""
+    whole = [f"{100 * bound[name] / np.mean(rows[f'{name} error'] ** 2):.0f}" for name in TRUTHS]
+    means = [f"{100 * bound[f'{name}_mean'] / np.mean(rows[f'{name} bias'] ** 2):.0f}" for name in TRUTHS]
+    deviations = [f"{bound[name] ** 0.5:.2f}" for name in TRUTHS]
+    return f" bound {' '.join(deviations)} efficiency {'/'.join(whole)} % of the means {'/'.join(means)} %"
+
+
+def summarise(table, bound=None):
     """Means over trials with half of their 95 % intervals for the errors."""
     lines = []
     for (name, method), rows in table.groupby(["case", "method"], sort=False):
@@ -193,6 +216,7 @@ def summarise(table):
             f"converged {100 * rows['converged'].mean():.0f} % {rows['seconds'].mean():.3f} s"
             + (f" holds riv {rows['agrees with riv'].mean():.1f} %" if rows["agrees with riv"].notna().any() else "")
             + compare(table[table["case"] == name], rows)
+            + (show_efficiency(bound, rows) if bound and method == "riv-tv" else "")
         )
     return "\n".join(lines)
 
@@ -220,7 +244,8 @@ def main():
         for seed in range(arguments.first_seed, arguments.first_seed + arguments.trials):
             rows += run_trial(settings, seed, arguments.methods)
         tables.append(pd.DataFrame(rows).assign(case=name))
-        print(summarise(tables[-1]), flush=True)
+        seeds = range(arguments.first_seed, arguments.first_seed + min(arguments.trials, BOUNDS))
+        print(summarise(tables[-1], bound_errors(settings, seeds)), flush=True)
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     pd.concat(tables).to_csv(arguments.output, index=False)
 
