@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.arguments import check_choice, check_flag, check_number, show_value
+from ankleloop.assessment.trajectory_scores import score_trajectories
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import Estimate
@@ -23,7 +24,7 @@ __all__ = ["SCORE_COLUMNS", "evaluate", "in_band_snr", "parameter_row", "score_r
 SCORE_COLUMNS = ("torque", "against", "vaf", "low", "high")
 CORRELATED = 1.0  # s: over this the squares of torques may be correlated
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
-DIAGNOSTICS = ("order", "spectral_radius", "passes", "converged", "stable", "reference")
+DIAGNOSTICS = ("order", "spectral_radius", "passes", "converged", "stable", "reference", "cycles")
 
 
 def evaluate(
@@ -202,7 +203,9 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
         order, largest magnitude of the poles (`spectral_radius`), passes, converged, stable and reference that the
         method reports, the largest distance of a pole from that of the simulated reflex (`pole_error`, for models of
         its order), the scores [%] on unseen data where options were selected (`unseen_instrumental`,
-        `unseen_cross_validation`), and the warnings.
+        `unseen_cross_validation`), where parameters vary in the model or in the simulation the probability of a
+        variation as large in a constant joint (`variation_p`) and the scores of the trajectories
+        (`ankleloop.assessment.trajectory_scores.score_trajectories`), and the warnings.
     """
     prepared = prepare(trial)
     row: dict[str, Any] = {**estimate.stiffness, **estimate.reflex}
@@ -216,6 +219,9 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
     if "torque_reflex" in prepared.trial and "poles" in estimate.diagnostics:
         row |= _pole_error(np.asarray(estimate.diagnostics["poles"]), estimate, prepared.trial.attrs)
     row |= _unseen_scores(estimate.diagnostics.get("selection"))
+    if "variation_p" in estimate.diagnostics:
+        row["variation_p"] = estimate.diagnostics["variation_p"]["all"]
+    row |= score_trajectories(prepared, estimate)
     row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
     return row
 

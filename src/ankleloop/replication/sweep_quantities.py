@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Literal
 
+from ankleloop.assessment.trajectory_scores import TRAJECTORY_TRUTHS
 from ankleloop.methods.registry import METHODS
 from ankleloop.quantities import QUANTITIES, Quantity
 from ankleloop.replication.captions import label_setting
@@ -32,6 +33,14 @@ DIAGNOSTICS = {
     "in_band_snr_db": Quantity("signal-to-noise ratio in the band", "in-band SNR", "dB"),
     "unseen_instrumental": Quantity("instrumental VAF of unseen data", "instrumental VAF, unseen", "%"),
     "unseen_cross_validation": Quantity("net VAF of unseen data", "net VAF, unseen", "%"),
+    "cycles": Quantity("whole cycles that were identified", "cycles", "1"),
+    "variation_p": Quantity("probability of as large a variation in a constant joint", "p of the variation", "1"),
+}
+TRAJECTORY_SCORES = {
+    "nrmse": ("rms error of the trajectory of {} over the mean of the truth", "error of {}(·)", "%"),
+    "bias": ("mean error of the trajectory of {} over the mean of the truth", "bias of {}(·)", "%"),
+    "covered": ("places at which the 95 % band of {} holds the truth", "covered by the band of {}(·)", "%"),
+    "rise": ("time from 10 to 90 % of a step of {}", "rise time of {}(·)", "s"),
 }
 
 
@@ -47,6 +56,11 @@ def _list_quantities() -> dict[str, Quantity]:
         for name, symbol in ((name, QUANTITIES[name].symbol) for name in SETTINGS)
     }
     quantities |= DIAGNOSTICS
+    quantities |= {
+        f"{name}_{score}": Quantity(words.format(name), symbol.format(name), unit)
+        for score, (words, symbol, unit) in TRAJECTORY_SCORES.items()
+        for name in TRAJECTORY_TRUTHS
+    }
     return quantities | {name: Quantity(label, label, "%") for name, label in FAULT_SHARES.items()}
 
 
@@ -91,7 +105,7 @@ def error_source(quantity: str) -> str | None:
 
 
 def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
-    """What a method should reach: "high" for a VAF, "zero" for an error, "low" for a share of faults.
+    """What a method should reach: "high" for a VAF, "zero" for an error or bias, "low" for a share of faults.
 
     Examples
     --------
@@ -100,9 +114,9 @@ def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
     """
     if quantity.startswith(("vaf_", "unseen_")):
         return "high"
-    if error_source(quantity):
+    if error_source(quantity) or quantity.endswith("_bias"):
         return "zero"
-    return "low" if quantity == "pole_error" or quantity in FAULT_SHARES else None
+    return "low" if quantity == "pole_error" or quantity.endswith("_nrmse") or quantity in FAULT_SHARES else None
 
 
 def label_parameter(name: str, labels: Mapping[str, str]) -> str:

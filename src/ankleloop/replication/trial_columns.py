@@ -17,7 +17,7 @@ Kind = Literal["number", "count", "flag", "text"]
 
 FIRST, FAULTS = ("study", "point"), ("failure", "warnings")
 TEXTS = {*FIRST, *FAULTS, "method", "torque", "against", "reference", "intervals"}
-COUNTS = {"trial", "order", "passes"}
+COUNTS = {"trial", "order", "passes", "cycles"}
 FLAGS = {"converged", "stable"}
 ENDS = {"_low": "lower end of the 95 % interval of the ", "_high": "upper end of the 95 % interval of the "}
 ESTIMATED = "_estimated"  # ending of an estimate whose name is that of a parameter of the sweep

@@ -1,0 +1,122 @@
+"""Scores of trajectories against truths that are known in closed form."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from ankleloop import identify, new_trial, simulate
+from ankleloop.assessment.scores import parameter_row
+from ankleloop.assessment.trajectory_scores import score_trajectories, true_trajectories
+from ankleloop.joint.estimate import Estimate, torque_dataset
+
+PLACES = np.linspace(0.0, 1.0, 101)
+NAMES = ("stiffness_true", "viscosity_true", "reflex_gain_true")
+
+
+def make_trial(profile, variation="cycle", cycle=2.0, **attributes):
+    """A trial of eight seconds whose K, B and G follow a profile of the place within 0 … 1."""
+    time = np.arange(8000) / 1000.0
+    place = time / 8.0 if variation == "time" else time % cycle / cycle
+    noise = np.random.default_rng(1).standard_normal((2, time.size))
+    variables = {} if variation == "time" else {"phase": place}
+    truths = {name: profile(place) for name in NAMES}
+    settings = {"variation": variation, "cycle_duration": cycle, **attributes}
+    return new_trial(0.01 * noise[0], noise[1], 1000.0, **variables, **truths, **settings)
+
+
+def make_estimate(values, margin=None, dimension="phase", places=PLACES, **fields):
+    variables = dict.fromkeys("KBG", (dimension, values))
+    if margin is not None:
+        variables |= {f"{name}_low": (dimension, values - margin) for name in "KBG"}
+        variables |= {f"{name}_high": (dimension, values + margin) for name in "KBG"}
+    torque = torque_dataset(np.arange(800) / 100, 100.0, net=np.arange(800.0))
+    curves = xr.Dataset(variables, coords={dimension: places})
+    return Estimate("test", torque, None, {"K": 1.0}, {"G": 1.0}, trajectories=curves, **fields)
+
+
+def smooth(place):
+    return 100.0 + 50.0 * np.sin(2 * np.pi * place)
+
+
+def square(place):
+    return np.where(place % 1.0 < 0.5, 100.0, 200.0)
+
+
+def test_the_truth_has_no_error():
+    row = score_trajectories(make_trial(smooth), make_estimate(smooth(PLACES), margin=1.0))
+    assert row["K_nrmse"] < 0.05
+    assert abs(row["G_bias"]) < 0.02
+    assert row["B_covered"] == 100.0
+
+
+def test_error_bias_and_coverage_are_those_of_the_definition():
+    error = 4.0 + 3.0 * np.cos(2 * np.pi * 5 * PLACES[:-1])
+    estimate = make_estimate(smooth(PLACES[:-1]) + error, margin=4.5, places=PLACES[:-1])
+    row = score_trajectories(make_trial(smooth), estimate)
+    assert row["K_bias"] == pytest.approx(4.0, abs=0.01)
+    assert row["K_nrmse"] == pytest.approx(np.sqrt(4.0**2 + 0.5 * 3.0**2), abs=0.01)
+    assert row["K_covered"] == pytest.approx(100.0 * np.mean(error <= 4.5), abs=1.1)
+
+
+def test_places_that_are_not_identified_are_left_out():
+    values = smooth(PLACES) + 5.0
+    values[:50] = np.nan
+    row = score_trajectories(make_trial(smooth), make_estimate(values))
+    assert row["K_nrmse"] == pytest.approx(5.0, abs=0.05)
+    assert "K_covered" not in row
+
+
+def test_rise_time_over_time_is_that_of_a_ramp():
+    """A ramp from 40 to 60 % of the record takes 80 % of its length from 10 to 90 %."""
+    places = np.linspace(0.0, 8.0, 501)
+    ramp = np.interp(places, [0.0, 3.2, 4.8, 8.0], [100.0, 100.0, 200.0, 200.0])
+    trial = make_trial(square, "time", variation_shape="square")
+    row = score_trajectories(trial, make_estimate(ramp, dimension="time", places=places))
+    assert row["K_rise"] == pytest.approx(0.8 * 1.6, rel=0.01)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.13, 0.25, 0.5])
+def test_rise_time_over_the_cycle_is_the_mean_of_both_steps_wherever_they_are(shift):
+    places = np.linspace(0.0, 1.0, 501)
+    trial = make_trial(lambda place: square(place - shift), variation_shape="square")
+    corners = np.array([0.0, 0.05, 0.45, 0.55, 0.95, 1.0])
+    curve = np.interp((places - shift) % 1.0, corners, [150.0, 100.0, 100.0, 200.0, 200.0, 150.0])
+    row = score_trajectories(trial, make_estimate(curve, places=places))
+    assert row["K_rise"] == pytest.approx(0.8 * 0.1 * 2.0, rel=0.01)
+
+
+def test_rise_time_needs_a_square_wave_and_a_curve_that_follows_it():
+    ramp = np.interp(PLACES, [0.0, 0.4, 0.6, 1.0], [100.0, 100.0, 200.0, 200.0])
+    assert "K_rise" not in score_trajectories(make_trial(smooth), make_estimate(ramp))
+    trial = make_trial(square, variation_shape="square")
+    assert "K_rise" not in score_trajectories(trial, make_estimate(np.full(101, 150.0)))
+
+
+def test_trajectories_over_something_else_and_constant_joints_have_no_scores():
+    trial = make_trial(smooth)
+    assert score_trajectories(trial, make_estimate(smooth(PLACES), dimension="time")) == {}
+    constant = simulate(seed=1, duration=10.0)
+    assert true_trajectories(constant) is None
+    assert score_trajectories(constant, make_estimate(smooth(PLACES))) == {}
+
+
+def test_the_truth_is_that_of_the_simulation():
+    for variation in ("cycle", "time", "schedule"):
+        trial = simulate(seed=1, duration=20.0, variation=variation, stiffness_variation=0.4, stiffness_peak=0.3)
+        truths = true_trajectories(trial)
+        (dimension,) = truths.sizes
+        place = truths[dimension] / (20.0 if variation == "time" else 1.0)
+        expected = 150.0 * (1.0 + 0.4 * np.cos(2 * np.pi * (place - 0.3)))
+        np.testing.assert_allclose(truths["K"], expected, atol=0.01)
+
+
+def test_rows_of_tables_hold_the_scores_of_varying_and_of_constant_estimates():
+    trial = simulate(seed=1, duration=30.0, variation="cycle", stiffness_variation=0.4)
+    varying = parameter_row(trial, identify(trial, "riv-tv", cycle_onsets="phase"))
+    constant = parameter_row(trial, identify(trial, "riv"))
+    assert varying["K_nrmse"] < 10.0 < constant["K_nrmse"]
+    # Of a cosine, a constant misses all but its mean.
+    assert constant["K_nrmse"] == pytest.approx(np.hypot(100 * 0.4 / np.sqrt(2), constant["K_bias"]), rel=0.02)
+    assert varying["variation_p"] < 1e-6
+    assert varying["cycles"] == 19
+    assert "variation_p" not in constant
