@@ -61,7 +61,7 @@ class MethodStyle:
         return {**self.symbol, **self.line}
 
 
-# Five of Okabe and Ito's colours and three that differ from them for readers without red or green receptors, too. The
+# Five of Okabe and Ito's colours and four that differ from them for readers without red or green receptors, too. The
 # colours also differ in lightness where their hues are near; no two methods share a symbol.
 METHOD_STYLES: Mapping[str, MethodStyle] = {
     "pr-moesp": MethodStyle("#0072B2", "o"),
@@ -72,9 +72,10 @@ METHOD_STYLES: Mapping[str, MethodStyle] = {
     "parallel-cascade": MethodStyle("#009E73", "^"),
     "real-time": MethodStyle("#CC79A7", "X"),
     "riv": MethodStyle("#882255", "D"),
+    "riv-tv": MethodStyle("#444400", "p"),
 }
 # Of methods that the registry has but the table above does not, such as a new one.
-SPARE_STYLES = (MethodStyle("#666633", "p"), MethodStyle("#555555", "P"), MethodStyle("#332288", "h"))
+SPARE_STYLES = (MethodStyle("#555555", "P"), MethodStyle("#332288", "h"), MethodStyle("#661100", "*"))
 
 # Change of lightness, fill and line of the variants of a method: they keep its colour and its symbol.
 VARIANTS: tuple[tuple[float, bool, Dashes], ...] = (
@@ -94,6 +95,8 @@ NAMED_VARIANTS = {
     "pr-moesp-free-b": 2,
     "riv-delay": 1,
     "riv-chebyshev": 2,
+    "riv-tv-least-squares": 1,
+    "riv-tv-segments": 2,
 }
 # From dark to light: values of a parameter, subjects.
 ORDINAL_COLOURS = ("#1B1044", "#3B4A8C", "#2A788E", "#1F9E77", "#62B244", "#DDBE00")
