@@ -16,6 +16,7 @@ NOTEBOOKS = {
     "efficiency": ("efficiency", "intervals"),
     "choosing": ("choosing",),
     "obstacles": ("obstacles",),
+    "time-varying": ("errors", "trajectories"),
     "sweep": ("sweep",),
     "recordings": ("group",),
 }

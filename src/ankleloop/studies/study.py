@@ -80,7 +80,7 @@ class SimulatedStudy(Study):
 
     @cached_property
     def trial_chunks(self) -> list[list[PointTrials]]:
-        """Trials of each trial file, which have equal length and rate; none where no trials are kept.
+        """Trials of each trial file, which have equal length, rate and variables; none where no trials are kept.
 
         Their size follows from the simulation alone: another method or option simulates nothing again.
         """
@@ -213,10 +213,10 @@ class SimulatedStudy(Study):
         return round(settings["duration"] * settings["recording_rate"])
 
     def _all_trials(self, *, equal: bool) -> list[tuple[Any, PointTrials]]:
-        """Trials of each condition, with their length and rate where those of a chunk have to be equal."""
+        """Trials of each condition, with what those of a chunk have to share where a file holds them."""
         trials = self.settings.trials
         return [
-            ((settings["duration"], settings["recording_rate"]) if equal else None, PointTrials(condition, 0, trials))
+            (_file_label(settings) if equal else None, PointTrials(condition, 0, trials))
             for condition, settings in self.conditions.items()
         ]
 
@@ -278,6 +278,12 @@ class SimulatedStudy(Study):
                 ("studies", self.name, key),
             )
         return divide_trials(parts, sizes.__getitem__)
+
+
+def _file_label(settings: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Length, rate and variables of trials, which are equal in a trial file."""
+    follows_cycle = any(settings[name] for name in ("movement", "locked_torque", "perturbation_locked"))
+    return settings["duration"], settings["recording_rate"], settings["variation"], follows_cycle
 
 
 def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:

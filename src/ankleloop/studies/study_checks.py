@@ -186,6 +186,16 @@ def _poles(study: SimulatedStudy) -> str:
     return "" if members else "a method of the MOESP family, for its poles"
 
 
+def _variations(study: SimulatedStudy) -> str:
+    constant = [name for name, settings in study.points.items() if settings["variation"] is None]
+    return f"variation (of K, B and G) at every point, got none at {constant[0]}" if constant else ""
+
+
+def _trajectories(study: SimulatedStudy) -> str:
+    varying = any(method.method == "riv-tv" for method in study.methods.values())
+    return "" if varying else "a method riv-tv, for its trajectories"
+
+
 def _filtered_points(study: SimulatedStudy) -> str:
     filters = any(settings["antialias_cutoff"] for settings in study.points.values())
     return "" if filters else "a point with the anti-aliasing filter (antialias_cutoff)"
@@ -202,4 +212,5 @@ NEEDS: dict[str, tuple[Callable[[SimulatedStudy], str], ...]] = {
     "efficiency": (_true_torques, _delay_intervals),
     "choosing": (_single_setting, _numbers, _true_torques, _selections),
     "obstacles": (_true_torques, _poles, _filtered_points),
+    "time-varying": (_estimates, _true_torques, _variations, _trajectories),
 }
