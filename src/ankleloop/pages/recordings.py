@@ -12,23 +12,26 @@ from ankleloop.pages.rendering import render_page, render_template
 from ankleloop.plotting.method_styles import method_styles
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
 from ankleloop.plotting.torques import torque_figure
+from ankleloop.plotting.trajectories import trajectories_figure
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.recommendation import (
     format_with_interval,
     select_trusted_methods,
     select_valid_methods,
 )
+from ankleloop.recordings.variation import describe_variations
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from ankleloop.joint.estimate import Estimate
     from ankleloop.recordings.analysis import Analysis
     from ankleloop.recordings.recommendation import Recommendation
 
 __all__ = ["FIGURES", "embed_recording_figures", "render_recording_page"]
 
-FIGURES = ("spectra", "torques", "models", "residuals")  # of a page
+FIGURES = ("spectra", "trajectories", "torques", "models", "residuals")  # of a page
 SCORES = ("vaf_unseen", "vaf_net", "vaf_intrinsic", "vaf_reflex")
 PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "threshold", "delay")
 # Rows of the table of methods: columns of `Analysis.table` with their headings.
@@ -54,7 +57,8 @@ def embed_recording_figures(
     Returns
     -------
     dict of str to EmbeddedFigure
-        `spectra` if the recording could be read; `torques`, `models` and `residuals` if a method was fitted.
+        `spectra` if the recording could be read; `torques`, `models` and `residuals` if a method was fitted;
+        `trajectories` if one whose parameters may change.
     """
     figures = {}
     if analysis.check.spectra:
@@ -66,6 +70,8 @@ def embed_recording_figures(
         figures["torques"] = torque_figure(recording, estimates, start=start, length=length)
         figures["models"] = model_figure(estimates)
         styles = method_styles({label: estimate.method for label, estimate in estimates.items()})
+        if changing := _select_changing(estimates):
+            figures["trajectories"] = trajectories_figure(changing, styles=styles)
         tests = {marked[label]: test for label, test in analysis.residuals.items()}
         figures["residuals"] = residual_figure(tests, styles=styles)
     embedded = {name: embed_figure(figure) for name, figure in figures.items()}
@@ -84,7 +90,7 @@ def render_recording_page(
     *,
     index: str | None = None,
 ) -> str:
-    """Page of a recording: recommendation, checks, methods side by side, figures, tests of the residuals.
+    """Page of a recording: recommendation, checks, methods side by side, change of the joint, figures, residuals.
 
     Parameters
     ----------
@@ -116,10 +122,26 @@ def render_recording_page(
         figures=figures,
         labels=list(marked.values()),
         quantities=_compare_methods(valid),
+        variations=[(marked[variation.label], variation) for variation in describe_variations(analysis)],
         remarks=_list_remarks(analysis.table),
         residuals={marked[label]: test for label, test in analysis.residuals.items()},
     )
     return render_page(name, body, index=index)
+
+
+def _select_changing(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """Estimates with trajectories over what the first of them has, and riv beside them; none without any."""
+    curves = {
+        label: estimate.trajectories for label, estimate in estimates.items() if estimate.trajectories is not None
+    }
+    if not curves:
+        return {}
+    dimensions = next(iter(curves.values())).sizes.keys()
+    return {
+        label: estimate
+        for label, estimate in estimates.items()
+        if (estimate.method == "riv" if label not in curves else curves[label].sizes.keys() == dimensions)
+    }
 
 
 def _describe(mapping: Mapping[str, Any]) -> list[str]:

@@ -226,7 +226,7 @@ def _fit(
         chosen = half[0].diagnostics["selection"]["chosen"] if select else {}
         scores["selected"] = ", ".join(f"{name} {value}" for name, value in chosen.items())
         scores["unseen_warnings"] = " ".join(half[0].fit_warnings)
-        predictions = [(part, half[0].predict(part)) for part in second]
+        predictions = [(part, _predict(half[0], part, options)) for part in second]
         scores |= _score(predictions, {"net": "vaf_unseen"})
         unseen = [unseen_torque(*prediction) for prediction in predictions]
     except DataError as error:
@@ -236,6 +236,14 @@ def _fit(
     whole = _identify_all(trials, method, **options, **chosen)
     columns = {torque: f"vaf_{torque}" for torque in TORQUES}
     return whole, unseen, scores | _score(zip(trials, whole, strict=True), columns)
+
+
+def _predict(estimate: Estimate, part: PreparedTrial, options: Mapping[str, Any]) -> Estimate:
+    """Torques of a part that was not fitted; its cycles begin at onsets of the whole recording."""
+    if estimate.trajectories is not None and "time" in estimate.trajectories.sizes:
+        raise DataError("the parameters are functions of time, and were fitted before the times of the other half.")
+    onsets = options.get("cycle_onsets")
+    return estimate.predict(part) if onsets is None else estimate.predict(part, cycle_onsets=onsets)
 
 
 def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], list[PreparedTrial]]:

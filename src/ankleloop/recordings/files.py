@@ -17,6 +17,7 @@ from ankleloop.recordings.analysis import Analysis, analyse
 from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.export import export_estimate
 from ankleloop.recordings.recommendation import recommend
+from ankleloop.recordings.variation import add_course
 from ankleloop.records.drift import remove_drift
 from ankleloop.records.readers import read_trial
 from ankleloop.records.reading_options import ReadingOptions
@@ -84,7 +85,8 @@ def analyse_files(
     paths : sequence of path-like
         Files of the recording: one, or one for each trial that is merged.
     mappings : sequence of dict
-        Mapping of each file, for `load_recording`.
+        Mapping of each file, for `load_recording`; `cycle_onsets` or `schedule` of the first is what the parameters of
+        methods for joints that change are functions of.
     methods : dict of str to dict
         Methods by label, for `ankleloop.recordings.analysis.analyse`.
 
@@ -97,7 +99,7 @@ def analyse_files(
     """
     try:
         trials = [load_recording(path, mapping) for path, mapping in zip(paths, mappings, strict=True)]
-        return trials, analyse(trials, methods)
+        return trials, analyse(trials, add_course(methods, mappings[0]))
     except NUMERICAL_ERRORS as error:
         return [], refuse_recording(error)
 

@@ -13,6 +13,7 @@ from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.comparison import VafDifference, compare_unseen
 from ankleloop.recordings.validity import VALIDITY
+from ankleloop.recordings.variation import LEVEL
 
 __all__ = [
     "Recommendation",
@@ -53,7 +54,8 @@ def recommend(analysis: Analysis) -> Recommendation:
     """Recommend one of the methods that were fitted to a recording without a warning.
 
     Where feedback is there or is not excluded, and there is a reference, this is `riv`: torque that is fed back does
-    not bias it; the VAF of unseen data does not count there. In open loop it is the method with the largest VAF of the
+    not bias it, and the VAF of unseen data does not count there; or `riv-tv`, where its test says that the parameters
+    change. In open loop it is the method with the largest VAF of the
     half that was not fitted. Methods that no other one beats, by the 95 % interval of the paired difference of their
     VAFs, are as good; of these the one with the fewest parameters is taken, `riv` first, which gives their intervals.
 
@@ -102,8 +104,12 @@ def _no_recommendation(reason: str) -> Recommendation:
 
 def _choose_by_reference(analysis: Analysis, trusted: pd.DataFrame) -> tuple[pd.Series, str]:
     """The preferred method among those that rest on the reference, and the reason."""
-    row = _prefer(trusted)
     loop = "the loop is closed" if analysis.check.loop == "closed" else "feedback is not excluded"
+    changing = _select_changing(trusted)
+    if len(changing):
+        row = changing.iloc[0]
+        return row, f"{loop}, torque that is fed back does not bias it, and its test says that K, B or G change"
+    row = _prefer(trusted)
     if row["method"] == "riv":
         return row, f"{loop}, and torque that is fed back does not bias it"
     riv = (
@@ -179,8 +185,13 @@ def _describe_stiffness(row: pd.Series) -> str:
 
 
 def _reservations(analysis: Analysis, row: pd.Series) -> list[str]:
-    """What speaks against too much trust: caution, an incomplete model, methods that were left out."""
+    """What speaks against too much trust: caution, change of the joint, an incomplete model, methods left out."""
     texts = []
+    changing = _select_changing(select_valid_methods(analysis.table))
+    if len(changing) and row["label"] not in set(changing["label"]):
+        texts.append(f"Its parameters are constant, and the test of {changing.iloc[0]['label']} says that they change")
+    elif len(changing):
+        texts.append("This is the mean over the recording; the trajectories show the change")
     if isinstance(row.get("caution"), str) and row["caution"]:
         texts.append(f"Caution: {row['caution'].rstrip('.')}")
     if row.get("residual_related") is True or row.get("residual_related") == 1:
@@ -194,6 +205,11 @@ def _reservations(analysis: Analysis, row: pd.Series) -> list[str]:
     if unscored:
         texts.append(f"Not compared, for want of a score of the unseen half without a warning: {', '.join(unscored)}")
     return texts
+
+
+def _select_changing(rows: pd.DataFrame) -> pd.DataFrame:
+    """Methods whose parameters may change, and whose test says that they do."""
+    return rows[rows["variation_p"] < LEVEL] if "variation_p" in rows else rows.iloc[:0]
 
 
 def _select_comparable(trusted: pd.DataFrame) -> pd.DataFrame:

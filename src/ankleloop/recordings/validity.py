@@ -92,7 +92,7 @@ def valid_methods(loop: str, reference: bool, path_bias: float, *, merged: bool 
     Examples
     --------
     >>> list(valid_methods("closed", True, 30.0))
-    ['riv', 'pr-moesp', 'pi-moesp', 'po-moesp', 'eiv-moesp']
+    ['riv', 'pr-moesp', 'pi-moesp', 'po-moesp', 'eiv-moesp', 'riv-tv']
     >>> valid_methods("undecided", False, 30.0)["riv"]
     {'reference': 'position'}
     """

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Self
+import re
+from contextlib import suppress
+from typing import Any, Self
 
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
 from ankleloop.options import option
 from ankleloop.records.reading_options import ReadingOptions
@@ -24,6 +26,35 @@ class Recording(ReadingOptions):
     start: float | None = option(None, "start of the segment that is used; null for the beginning", unit="s", ge=0)
     stop: float | None = option(None, "end of the segment that is used; null for the end", unit="s", gt=0)
     drift: int = option(0, "degree of the polynomial that is taken out of the torque; 0 takes the mean", ge=0, le=10)
+
+    cycle_onsets: tuple[float, ...] | str | None = option(
+        None,
+        "start of every cycle, for methods whose parameters follow it: times, in a table with spaces between them; or "
+        "the variable of the recording (variables) that holds the phase of the cycle, from 0 to 1",
+        unit="s",
+    )
+    schedule: str | None = option(
+        None,
+        "variable of the recording (variables) with which the parameters change, for methods whose parameters may",
+        min_length=1,
+    )
+
+    @field_validator("cycle_onsets", mode="before")
+    @classmethod
+    def _as_times(cls, value: Any) -> Any:
+        """Tables have times as a text."""
+        if isinstance(value, str):
+            words = re.split(r"[\s;,]+", value.strip())
+            with suppress(ValueError):
+                return tuple(float(word) for word in words)
+            return value
+        return tuple(value) if isinstance(value, list) else value
+
+    @model_validator(mode="after")
+    def _check_course(self) -> Self:
+        if self.cycle_onsets is not None and self.schedule is not None:
+            raise ValueError("cycle_onsets and schedule exclude each other: parameters are functions of one of them")
+        return self
 
     @model_validator(mode="after")
     def _check_segment(self) -> Self:

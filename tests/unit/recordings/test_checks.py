@@ -27,7 +27,7 @@ def test_a_good_record_is_ok(closed):
     check = check_trial(closed)
     assert check.verdict == "ok", str(check)
     assert check.loop == "closed"
-    assert list(check.methods) == ["riv", "pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp"]
+    assert list(check.methods) == ["riv", "pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp", "riv-tv"]
     assert check.reasons == []
     assert set(check.spectra) == {"frequency", "position", "torque", "coherence", "reference_coherence"}
 

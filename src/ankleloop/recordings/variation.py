@@ -1,0 +1,144 @@
+"""Recordings of joints that change: what their parameters are functions of, and whether they change at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ankleloop.errors import DataError
+from ankleloop.joint.estimate import Estimate
+from ankleloop.methods.registry import find_method
+from ankleloop.recordings.analysis import Analysis
+from ankleloop.recordings.comparison import compare_unseen
+
+__all__ = ["LEVEL", "Variation", "add_course", "describe_variations"]
+
+LEVEL = 0.05  # of the test whether anything varies
+COURSE = ("cycle_onsets", "schedule")  # options that say what parameters are functions of
+DIMENSIONS = {
+    "phase": ("with the phase of the cycle", "unseen cycles"),
+    "time": ("with time", "the unseen half"),
+    "schedule": ("with the scheduling variable", "the unseen half"),
+}
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Whether the joint of a recording changes, by one method.
+
+    Parameters
+    ----------
+    label : str
+        Label of the method.
+    varies : bool
+        Whether a constant joint is refused at the level of the test.
+    test, unseen : str
+        The test, and the VAF of unseen data beside that of a time-invariant fit, in sentences.
+    """
+
+    label: str
+    varies: bool
+    test: str
+    unseen: str
+
+
+def add_course(methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Give methods what the parameters of a recording are functions of.
+
+    Parameters
+    ----------
+    methods : dict of str to dict
+        Methods by label, for `ankleloop.recordings.analysis.analyse`.
+    mapping : dict
+        Mapping of the recording, with `cycle_onsets` and `schedule` where it has them.
+
+    Returns
+    -------
+    dict of str to dict
+        The same methods; those that have such options and set none of them have those of the recording.
+
+    Examples
+    --------
+    >>> methods = add_course({"tv": {"method": "riv-tv"}, "riv": {"method": "riv"}}, {"cycle_onsets": "phase"})
+    >>> methods["tv"]["options"], methods["riv"]
+    ({'cycle_onsets': 'phase'}, {'method': 'riv'})
+    """
+    course = {name: mapping[name] for name in COURSE if mapping.get(name) is not None}
+    result: dict[str, Mapping[str, Any]] = {}
+    for label, method in methods.items():
+        options = method.get("options", {})
+        takes = course.keys() <= find_method(method["method"]).options.model_fields.keys()
+        free = all(options.get(name) is None for name in COURSE)
+        result[label] = {**method, "options": {**options, **course}} if course and takes and free else method
+    return result
+
+
+def describe_variations(analysis: Analysis) -> list[Variation]:
+    """Whether the joint of a recording changes, by each method whose parameters may.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        Analysis of the recording.
+
+    Returns
+    -------
+    list of Variation
+        Empty where no method has trajectories.
+
+    Examples
+    --------
+    >>> from ankleloop.recordings.analysis import analyse
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = simulate(seed=1, duration=60.0, variation="cycle", stiffness_variation=0.4)
+    >>> methods = {"riv-tv": {"method": "riv-tv", "options": {"cycle_onsets": "phase"}}, "riv": {"method": "riv"}}
+    >>> describe_variations(analyse(trial, methods))[0].varies
+    True
+    """
+    varying = {label: estimate for label, estimate in analysis.estimates.items() if estimate.trajectories is not None}
+    return [_describe(analysis, label, estimate) for label, estimate in varying.items()]
+
+
+def _describe(analysis: Analysis, label: str, estimate: Estimate) -> Variation:
+    if estimate.trajectories is None:
+        raise ValueError(f"{label} has no trajectories.")
+    dimension = str(next(iter(estimate.trajectories.sizes)))
+    words, data = DIMENSIONS[dimension]
+    p = {name: float(value) for name, value in estimate.diagnostics["variation_p"].items()}
+    varies = p["all"] < LEVEL
+    level = f"test at the level of {100 * LEVEL:g} %"
+    if varies:
+        test = f"K, B or G change {words}: in a constant joint so large a variation has a probability of "
+        test += f"{_show(p['all'])} ({level})."
+    else:
+        test = f"No change of K, B or G {words} is shown: a constant joint gives as large a variation with a "
+        test += f"probability of {_show(p['all'])} ({level}). A change that is smaller than the bands may be there."
+    alone = ", ".join(f"{name} {_show(p[name])}" for name in "KBG")
+    test += f" Each of them alone, while the others may change: {alone}."
+    return Variation(label, varies, test, _compare_with_constant(analysis, label, data))
+
+
+def _compare_with_constant(analysis: Analysis, label: str, data: str) -> str:
+    """VAF of unseen data beside that of a time-invariant fit."""
+    table = analysis.table.set_index("label")
+    score = table.loc[label].get("vaf_unseen")
+    if score is None or score != score:
+        reason = str(table.loc[label].get("unseen_warnings") or "").removeprefix("there is none: ")
+        return f"There is no VAF of {data}: {reason or 'it could not be computed.'}"
+    text = f"Of the torque of {data} the trajectories explain {score:.1f} %"
+    constants = [name for name in analysis.unseen if analysis.estimates[name].method == "riv"]
+    if not constants:
+        return f"{text}. To compare it with a time-invariant fit, name riv among the methods."
+    constant = constants[0]
+    text += f", the time-invariant fit ({constant}) {table.loc[constant, 'vaf_unseen']:.1f} %"
+    try:
+        gain = compare_unseen(analysis.unseen[label], analysis.unseen[constant])
+    except DataError:
+        return f"{text}; the difference cannot be judged: the unseen part is too short."
+    verdict = "" if gain.distinct else ", so they cannot be told apart by it"
+    return f"{text}: a difference of {gain.difference:.1f} points (95 %: {gain.low:.1f} … {gain.high:.1f}){verdict}."
+
+
+def _show(p: float) -> str:
+    return "less than 0.001" if p < 0.001 else f"{p:.2g}"

@@ -1,0 +1,160 @@
+"""Recordings of joints that change: what their parameters follow, and whether they change at all."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ankleloop import save_trial, simulate
+from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
+from ankleloop.recordings.analysis import analyse
+from ankleloop.recordings.files import analyse_files
+from ankleloop.recordings.recommendation import recommend
+from ankleloop.recordings.variation import add_course, describe_variations
+from ankleloop.studies.checking import ConfigError
+from ankleloop.studies.recording_settings import Recording
+from ankleloop.studies.recording_tables import read_recordings
+
+CHANGE = {"stiffness_variation": 0.4, "gain_variation": 0.4, "load": (0.1, 10.0, 100.0), "voluntary": 0.3}
+METHODS = {
+    "changing": {"method": "riv-tv", "options": {"rest_position": 0.0}},
+    "constant": {"method": "riv"},
+}
+MAPPING = {"subject": "", "condition": "", "trial": "", "parts": [{"file": "a.nc"}]}
+
+
+def onsets_of(trial):
+    """Onsets of cycles [s] of a simulated trial."""
+    phase = trial["phase"].values
+    return trial["time"].values[1:][np.diff(phase) < -0.5].tolist()
+
+
+@pytest.fixture(scope="module")
+def analysis():
+    """Cycles of uneven duration, whose onsets are numbers: each half has its own."""
+    trial = simulate(seed=1, duration=50.0, variation="cycle", cycle_jitter=0.05, **CHANGE)
+    return trial, analyse(trial, add_course(METHODS, {"cycle_onsets": onsets_of(trial)}))
+
+
+def test_unseen_cycles_are_predicted_at_their_own_onsets(analysis):
+    _, result = analysis
+    table = result.table.set_index("label")
+    assert table.loc["changing", "vaf_unseen"] > table.loc["constant", "vaf_unseen"] + 10.0
+    assert table.loc["changing", "vaf_unseen"] == pytest.approx(table.loc["changing", "vaf_net"], abs=4.0)
+
+
+def test_a_change_is_told_with_its_test_and_the_gain_on_unseen_cycles(analysis):
+    _, result = analysis
+    (variation,) = describe_variations(result)
+    gain = np.subtract(*result.table.set_index("label").loc[["changing", "constant"], "vaf_unseen"])
+    assert variation.varies
+    assert "K, B or G change with the phase of the cycle" in variation.test
+    assert "test at the level of 5 %" in variation.test
+    stated = float(re.search(r"a difference of ([\d.]+) points", variation.unseen)[1])
+    assert stated == pytest.approx(gain, abs=1.0)  # without the means of the residuals, which a VAF leaves out, too
+    assert "Of the torque of unseen cycles the trajectories explain" in variation.unseen
+    assert "the time-invariant fit (constant)" in variation.unseen
+
+
+def test_the_page_shows_trajectories_bands_and_excitation(analysis):
+    trial, result = analysis
+    figures = embed_recording_figures(trial, result)
+    data = figures["trajectories"].data
+    assert set(data["series"]) == {"changing"}
+    assert {"value", "low", "high", "excitation over its mean [1]"} <= set(data.columns)
+    page = render_recording_page("a", MAPPING, result, recommend(result), figures)
+    assert "Change of the joint" in page
+    assert describe_variations(result)[0].unseen.split(",")[0] in page
+
+
+def test_a_constant_joint_is_not_called_changing():
+    trial = simulate(seed=3, duration=50.0, variation="cycle", voluntary=0.3, load=(0.1, 10.0, 100.0))
+    result = analyse(trial, add_course(METHODS, {"cycle_onsets": "phase"}))
+    (variation,) = describe_variations(result)
+    assert not variation.varies
+    assert variation.test.startswith("No change of K, B or G with the phase of the cycle is shown")
+    assert recommend(result).label == "constant"
+
+
+def test_a_slow_change_has_no_unseen_half_and_is_recommended():
+    trial = simulate(seed=1, duration=60.0, variation="time", **CHANGE)
+    result = analyse(trial, METHODS)
+    (variation,) = describe_variations(result)
+    assert variation.varies
+    assert "There is no VAF of the unseen half" in variation.unseen
+    assert "were fitted before the times of the other half" in variation.unseen
+    recommendation = recommend(result)
+    assert recommendation.label == "changing"
+    assert "its test says that K, B or G change" in recommendation.text
+    assert "the trajectories show the change" in recommendation.text
+
+
+def test_a_constant_method_says_what_the_test_says():
+    """With few cycles riv-tv has a warning, so it is not taken; its test counts all the same."""
+    trial = simulate(seed=1, duration=30.0, variation="cycle", **CHANGE)
+    result = analyse(trial, add_course(METHODS, {"cycle_onsets": "phase"}))
+    assert recommend(result).label == "constant"
+    assert "Its parameters are constant, and the test of changing says that they change" in recommend(result).text
+
+
+def test_without_riv_there_is_nothing_to_compare_with():
+    trial = simulate(seed=1, duration=50.0, variation="cycle", **CHANGE)
+    methods = add_course({"changing": METHODS["changing"]}, {"cycle_onsets": "phase"})
+    assert "name riv among the methods" in describe_variations(analyse(trial, methods))[0].unseen
+
+
+def test_the_course_of_a_recording_goes_to_methods_that_take_one_and_set_none():
+    mapping = {"schedule": "ankle_angle", "cycle_onsets": None}
+    methods = METHODS | {"own": {"method": "riv-tv", "options": {"cycle_onsets": "phase"}}}
+    result = add_course(methods, mapping)
+    assert result["changing"]["options"] == {"rest_position": 0.0, "schedule": "ankle_angle"}
+    assert result["constant"] == METHODS["constant"]
+    assert result["own"] == methods["own"]
+    assert add_course(methods, {}) == methods
+
+
+def test_files_are_analysed_over_their_scheduling_variable(tmp_path):
+    trial = simulate(seed=1, duration=40.0, variation="schedule", **CHANGE)
+    save_trial(trial, tmp_path / "a.nc")
+    mapping = Recording(
+        file="a.nc", reference="reference", variables={"level": "schedule"}, schedule="level"
+    ).model_dump()
+    trials, result = analyse_files([tmp_path / "a.nc"], [mapping], METHODS)
+    assert "level" in trials[0]
+    assert list(result.estimates["changing"].trajectories.sizes) == ["schedule"]
+    assert describe_variations(result)[0].varies
+
+
+def test_a_variable_that_is_missing_is_a_reason_for_its_method_alone(tmp_path):
+    save_trial(simulate(seed=1, duration=30.0), tmp_path / "a.nc")
+    mapping = Recording(file="a.nc", reference="reference", cycle_onsets="phase").model_dump()
+    _, result = analyse_files([tmp_path / "a.nc"], [mapping], METHODS)
+    table = result.table.set_index("label")
+    assert table["valid"].tolist() == [False, True]
+    assert "no variable 'phase'" in table.loc["changing", "warnings"]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("phase", "phase"), ("0.1 1.5 2.9", (0.1, 1.5, 2.9)), ("0.1;1.5", (0.1, 1.5)), ([0.1, 1.5], (0.1, 1.5))],
+)
+def test_onsets_are_times_or_the_name_of_a_variable(text, value):
+    assert Recording(file="a.nc", cycle_onsets=text).cycle_onsets == value
+
+
+def test_tables_of_recordings_have_onsets_and_schedules(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("file,name,cycle_onsets,schedule\na.nc,a,0.5 1.9 3.3,\nb.nc,b,,ankle_angle\n", encoding="utf-8")
+    recordings = read_recordings(path, {})
+    assert recordings["a"][0].cycle_onsets == (0.5, 1.9, 3.3)
+    assert recordings["b"][0].schedule == "ankle_angle"
+    Path(path).write_text("file,name,cycle_onsets,schedule\na.nc,a,phase,angle\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"line 2.*exclude each other"):
+        read_recordings(path, {})
+
+
+def test_times_that_do_not_increase_are_refused_with_the_method():
+    trial = simulate(seed=1, duration=30.0, variation="cycle", **CHANGE)
+    result = analyse(trial, add_course(METHODS, {"cycle_onsets": [0.0, 3.0, 2.0]}))
+    assert "is not after onset" in result.table.set_index("label").loc["changing", "warnings"]
