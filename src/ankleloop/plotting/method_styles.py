@@ -72,7 +72,7 @@ METHOD_STYLES: Mapping[str, MethodStyle] = {
     "parallel-cascade": MethodStyle("#009E73", "^"),
     "real-time": MethodStyle("#CC79A7", "X"),
     "riv": MethodStyle("#882255", "D"),
-    "riv-tv": MethodStyle("#444400", "p"),
+    "riv-tv": MethodStyle("#B22222", "p"),
 }
 # Of methods that the registry has but the table above does not, such as a new one.
 SPARE_STYLES = (MethodStyle("#555555", "P"), MethodStyle("#332288", "h"), MethodStyle("#661100", "*"))

@@ -22,6 +22,7 @@ from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 
 __all__ = [
+    "SPREAD",
     "average_study",
     "average_trajectories",
     "measure_trajectories",
@@ -35,6 +36,7 @@ NAMES = {"stiffness": "K", "viscosity": "B", "gain": "G"}  # of the trajectories
 SCORES = ("nrmse", "bias", "covered", "rise")  # of a trajectory in the table of trials
 VARIATIONS = {"cycle": "{:g} cycles", "time": "over {:g} s", "schedule": "scheduling variable, {:g} s"}
 PLACES = 101
+SPREAD = (0.025, 0.975)  # quantiles of the trials
 
 
 def profile_trajectories(settings: Mapping[str, Any], dimension: str, coordinate: np.ndarray) -> dict[str, np.ndarray]:
@@ -150,7 +152,7 @@ def _average(
     seen = values[:, shown]
     table.loc[shown, "mean"] = np.nanmean(seen, axis=0)
     if len(curves) > 1:
-        table.loc[shown, ["low", "high"]] = np.nanquantile(seen, [0.025, 0.975], axis=0).T
+        table.loc[shown, ["low", "high"]] = np.nanquantile(seen, SPREAD, axis=0).T
         table.loc[table["n"] > 1, "sd"] = np.nanstd(values[:, table["n"] > 1], axis=0, ddof=1)
     return table
 
