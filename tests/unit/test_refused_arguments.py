@@ -3,7 +3,8 @@
 import inspect
 import math
 from functools import partial
-from typing import Literal, get_args, get_origin
+from types import UnionType
+from typing import Literal, Union, get_args, get_origin
 
 import numpy as np
 import pandas as pd
@@ -40,7 +41,7 @@ VALUES = [
 
 def types_of(annotation):
     """Types of a field, and whether None is one of them."""
-    members = [annotation] if get_origin(annotation) is Literal or not get_args(annotation) else get_args(annotation)
+    members = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else [annotation]
     return [member for member in members if member is not type(None)], type(None) in members
 
 
@@ -50,10 +51,17 @@ def is_within(value, ge=-math.inf, gt=-math.inf, le=math.inf, lt=math.inf):
 
 def is_valid(options, name, value):
     """Whether the declaration of a field allows a value."""
-    (kind, *_), optional = types_of(options.model_fields[name].annotation)
+    kinds, optional = types_of(options.model_fields[name].annotation)
     plain = value.item() if isinstance(value, np.generic) else value
     if plain is None:
         return optional
+    return any(is_of_kind(options, name, kind, plain) for kind in kinds)
+
+
+def is_of_kind(options, name, kind, plain):
+    if get_origin(kind) is tuple:
+        lengths = {len(get_args(kind))} if ... not in get_args(kind) else range(1001)
+        return isinstance(plain, (list, tuple, np.ndarray)) and len(plain) in lengths
     if get_origin(kind) is Literal:
         return type(plain) is not bool and plain in get_args(kind) if isinstance(plain, (str, int, float)) else False
     if kind is int:
@@ -94,7 +102,7 @@ def test_every_option_takes_its_values_and_refuses_all_others(options, name):
                 assert " must be " in message
         else:
             assert valid, value
-            assert parsed == value
+            assert parsed == (tuple(value) if isinstance(value, (list, np.ndarray)) else value)
 
 
 @pytest.mark.parametrize(("options", "name"), FIELDS, ids=IDS)

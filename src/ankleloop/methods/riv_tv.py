@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from pydantic import field_validator, model_validator
 
-from ankleloop.arguments import as_plain
+from ankleloop.arguments import as_plain, show_value
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import fit_basis
 from ankleloop.joint.estimate import Estimate
@@ -78,14 +78,26 @@ class RivTvOptions(Options):
         "noise", "weights of frequencies and of phases: the inverse of the noise, or flat"
     )
 
-    @field_validator("cycle_onsets", "knots", mode="before")
+    @field_validator("cycle_onsets", mode="before")
     @classmethod
-    def _as_tuple(cls, values: Any) -> Any:
-        """Numbers come as lists from YAML, and as arrays from NumPy."""
-        values = values.tolist() if hasattr(values, "tolist") else values
-        if not isinstance(values, (list, tuple)):
-            return values
-        return tuple(as_plain(value) for value in values)
+    def _as_onsets(cls, values: Any) -> Any:
+        """Onsets come as lists from YAML, and as arrays from NumPy."""
+        numbers = _as_tuple(values)
+        if numbers is None and values is not None and not isinstance(values, str):
+            raise ValueError(
+                "cycle_onsets must be times in seconds, or the name of the variable that holds the phase; got "
+                f"{show_value(values)}."
+            )
+        return values if numbers is None else numbers
+
+    @field_validator("knots", mode="before")
+    @classmethod
+    def _as_knots(cls, values: Any) -> Any:
+        """Knots come as lists from YAML, and as arrays from NumPy."""
+        numbers = _as_tuple(values)
+        if numbers is None or len(numbers) != len("KBG"):
+            raise ValueError(f"knots must be three whole numbers, those of K, B and G; got {show_value(values)}.")
+        return tuple(int(value) if type(value) is float and value.is_integer() else value for value in numbers)
 
     @model_validator(mode="after")
     def _check_knots(self) -> Self:
@@ -96,6 +108,12 @@ class RivTvOptions(Options):
         if self.cycle_onsets is not None and self.schedule is not None:
             raise ValueError("cycle_onsets and schedule exclude each other: K, B and G are functions of one of them.")
         return self
+
+
+def _as_tuple(values: Any) -> tuple[Any, ...] | None:
+    """Values of a list, tuple or array; None for anything else."""
+    values = values.tolist() if hasattr(values, "tolist") else values
+    return tuple(as_plain(value) for value in values) if isinstance(values, (list, tuple)) else None
 
 
 def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal, Self
 
-from pydantic import field_validator, model_validator
+from pydantic import ValidationInfo, field_validator, model_validator
 
-from ankleloop.arguments import as_plain
+from ankleloop.arguments import as_plain, show_value
 from ankleloop.options import Options, option
 
 __all__ = ["SimulationSettings"]
@@ -246,18 +246,20 @@ class SimulationSettings(Options):
 
     @field_validator("stiffness_table", "viscosity_table", "gain_table", mode="before")
     @classmethod
-    def _as_table(cls, values: Any) -> Any:
+    def _as_table(cls, values: Any, info: ValidationInfo) -> Any:
         """Tables come as lists from YAML, as arrays from NumPy, and as text from points of a study."""
+        if values is None:
+            return None
+        name = str(info.field_name)
+        fault = f"{name} must be 2 to {MOST_VALUES} numbers [{cls.unit(name)}], in a list or a text with commas"
         if isinstance(values, str):
             try:
                 values = [float(value) for value in values.split(",")]
             except ValueError:
-                raise ValueError(f"a table must be numbers with commas between them, got {values!r}.") from None
+                raise ValueError(f"{fault}, got {values!r}.") from None
         values = values.tolist() if hasattr(values, "tolist") else values
-        if not isinstance(values, (list, tuple)):
-            return values
-        if not 2 <= len(values) <= MOST_VALUES:
-            raise ValueError(f"a table must hold 2 to {MOST_VALUES} values, got {len(values)}.")
+        if not isinstance(values, (list, tuple)) or not 2 <= len(values) <= MOST_VALUES:
+            raise ValueError(f"{fault}, got {show_value(values)}.")
         return tuple(as_plain(value) for value in values)
 
     @model_validator(mode="after")
@@ -268,10 +270,8 @@ class SimulationSettings(Options):
             if table is not None and min(table) < 0:
                 raise ValueError(f"{name}_table must hold values of at least 0, got {min(table):g}.")
             if self.variation is None and (table is not None or share > 0):
-                raise ValueError(
-                    f"{name}_{'table' if share == 0 else 'variation'} needs `variation`, what K, B and G vary with: "
-                    "cycle, time or schedule."
-                )
+                fault = f"{name}_table must be null" if share == 0 else f"{name}_variation must be 0, got {share:g}"
+                raise ValueError(f"{fault}, where `variation` is not cycle, time or schedule, with which it varies.")
         if self.variation is not None and self.stiffness_drift != 0:
             raise ValueError(f"stiffness_drift must be 0 where `variation` is set, got {self.stiffness_drift:g}.")
         return self
