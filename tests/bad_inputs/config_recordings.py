@@ -71,6 +71,16 @@ def _rows_of_notebooks() -> list[BadInput]:
             "choosing needs select for every method, got none for a",
         ),
         row(
+            "time-varying joints that are constant",
+            notebook("time-varying"),
+            "time-varying needs variation (of K, B and G) at every point, got none at only",
+        ),
+        row(
+            "time-varying joints without trajectories",
+            notebook("time-varying", simulation={"variation": "cycle"}),
+            "time-varying needs a method riv-tv, for its trajectories",
+        ),
+        row(
             "obstacles without a filter",
             notebook("obstacles", simulation={"antialias_cutoff": None}),
             "obstacles needs a point with the anti-aliasing filter",
@@ -101,6 +111,12 @@ def _rows_of_recordings() -> list[BadInput]:
             recordings(files={"S1": {"file": "a.mat", "subject": 7}}),
             f"{place} → files → S1 → subject: must be text, got 7",
             "quotes",
+        ),
+        row(
+            "cycles and a schedule",
+            recordings(files={"S1": {"file": "a.mat", "cycle_onsets": "phase", "schedule": "angle"}}),
+            f"{place} → files → S1",
+            "cycle_onsets and schedule exclude each other",
         ),
         row(
             "a sign of 0",

@@ -6,6 +6,7 @@ import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from matplotlib.text import Text
 
 from ankleloop.plotting.curves import curves_figure
@@ -24,6 +25,7 @@ from ankleloop.plotting.style import ONE_COLUMN, STYLE, TWO_COLUMNS, DataFigure
 from ankleloop.plotting.sweep_axes import SweepAxis
 from ankleloop.plotting.sweep_maps import maps_figure
 from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, effects_figure, lines_figure
+from ankleloop.plotting.trajectories import mean_trajectories_figure, trajectories_figure
 
 SMALLEST = 6.0  # pt
 METHODS = [f"a method with a name of some length, variant {number}" for number in range(5)]
@@ -61,6 +63,23 @@ def group():
     return group_figure(pd.concat([table, table.assign(condition="a condition with a long name")]), ["K"])
 
 
+def changing():
+    names = [f"{name}{end}" for name in "KBG" for end in ("", "_low", "_high")]
+    curves = xr.Dataset(dict.fromkeys(names, ("phase", LINE)), coords={"phase": LINE})
+    estimate = SimpleNamespace(trajectories=curves, diagnostics={"excitation": dict.fromkeys("KBG", LINE)})
+    return trajectories_figure(dict.fromkeys(METHODS[:3], estimate))
+
+
+def mean_trajectories():
+    table = pd.DataFrame({"place": LINE, "truth": 1.0, "mean": LINE, "low": LINE, "high": LINE, "n": 3})
+    rows = [
+        table.assign(parameter=name, series=series, row="a setting of some length", dimension="phase")
+        for name in "KBG"
+        for series in METHODS
+    ]
+    return mean_trajectories_figure(pd.concat(rows))
+
+
 FIGURES = {
     "curves": lambda: curves_figure(trials(panel="p"), {"p": Panel("VAF [%]", "net torque")}, xlabel="gain [1]"),
     "broken curves": lambda: curves_figure(
@@ -81,6 +100,8 @@ FIGURES = {
     "lines": lambda: lines_figure(means(), AXIS, SWEEP * 3, SERIES, SweepSeries("d", "difference", is_difference=True)),
     "effects": lambda: effects_figure(means(), [AXIS], SWEEP, SERIES),
     "maps": lambda: maps_figure(means(), (AXIS, AXIS), (AXIS.edges(), AXIS.edges()), SWEEP, SERIES),
+    "trajectories": changing,
+    "mean trajectories": mean_trajectories,
     "closed loop": closed_loop_diagram,
     "parallel cascade": parallel_cascade_diagram,
 }

@@ -41,6 +41,16 @@ def test_points_may_be_a_list(table1):
     assert study.varied == ["load_stiffness", "load_inertia"]
 
 
+def test_trials_with_other_variables_are_in_another_file(table1):
+    """A phase, a scheduling variable, or neither: the trials of a file have the same variables."""
+    points = [{"variation": kind} for kind in (None, "cycle", "time", "schedule")] + [{"movement": 0.1}]
+    study = table1(points=points, points_per_chunk=10)
+    conditions = [[part.condition for part in chunk] for chunk in study.trial_chunks]
+    assert conditions == [[point.condition] for point in study.point_list]
+    alike = table1(points={"variation": ["cycle"], "stiffness_variation": [0.0, 0.4]}, points_per_chunk=10)
+    assert len(alike.trial_chunks) == 1
+
+
 def test_the_order_of_settings_does_not_matter(table1):
     points = ({"load_stiffness": [50.0], "load_inertia": [0.2]}, {"load_inertia": [0.2], "load_stiffness": [50.0]})
     names = [list(table1(points=combinations).points) for combinations in points]

@@ -1,0 +1,91 @@
+"""Figures of trajectories: what is not identified is blank, and the numbers that are drawn stand in a table."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from matplotlib.patches import Rectangle
+
+from ankleloop.plotting.trajectories import BLANK, mean_trajectories_figure, trajectories_figure
+
+PLACES = np.linspace(0.0, 1.0, 101)
+
+
+def make_estimate(dimension="phase", blank=slice(0, 0)):
+    values = 100.0 + 50.0 * np.sin(2 * np.pi * PLACES)
+    values[blank] = np.nan
+    curves = dict.fromkeys("KBG", (dimension, values))
+    curves |= {f"{name}_low": (dimension, values - 5.0) for name in "KBG"}
+    curves |= {f"{name}_high": (dimension, values + 5.0) for name in "KBG"}
+    excitation = np.where(np.isnan(values), 0.001, 1.0)
+    return SimpleNamespace(
+        method="riv-tv",
+        trajectories=xr.Dataset(curves, coords={dimension: PLACES}),
+        diagnostics={"excitation": dict.fromkeys("KBG", excitation)},
+    )
+
+
+def grey_fields(axis):
+    return [p for p in axis.patches if isinstance(p, Rectangle) and np.allclose(p.get_facecolor()[:3], 0xDD / 0xFF)]
+
+
+def test_what_is_not_identified_is_blank_and_grey():
+    assert BLANK == "#dddddd"
+    figure = trajectories_figure({"riv-tv": make_estimate(blank=slice(20, 41))})
+    upper, lower = figure.axes[0], figure.axes[3]
+    for axis in (upper, lower):
+        (field,) = grey_fields(axis)
+        assert field.get_x() == pytest.approx(0.195)
+        assert field.get_x() + field.get_width() == pytest.approx(0.405)
+    line = next(line for line in upper.get_lines() if line.get_label() == "riv-tv")
+    assert np.isnan(line.get_ydata()[20:41]).all()
+    assert np.isfinite(line.get_ydata()[:20]).all()
+    assert "not identified" in [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def test_without_blanks_there_is_no_grey_and_no_entry():
+    figure = trajectories_figure({"riv-tv": make_estimate()})
+    assert not any(grey_fields(axis) for axis in figure.axes)
+    assert "not identified" not in [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def test_the_table_has_trajectories_bands_excitation_and_truth():
+    truths = make_estimate().trajectories
+    data = trajectories_figure({"riv-tv": make_estimate(blank=slice(0, 10))}, truths).data
+    part = data[data["quantity"] == "G"]
+    assert part["unit"].unique().tolist() == ["N·m·s/rad"]
+    np.testing.assert_allclose((part["high"] - part["low"])[10:], 10.0)
+    assert part["value"][:10].isna().all()
+    np.testing.assert_allclose(part["truth"], truths["G"])
+    np.testing.assert_allclose(part["excitation over its mean [1]"][:10], 0.001)
+
+
+def test_an_estimate_without_trajectories_is_a_line():
+    constant = SimpleNamespace(
+        method="riv", trajectories=None, diagnostics={}, stiffness={"K": 90.0, "B": 1.0}, reflex={"G": 9.0}
+    )
+    figure = trajectories_figure({"riv-tv": make_estimate(), "riv": constant})
+    line = next(line for line in figure.axes[0].get_lines() if line.get_label() == "riv")
+    assert set(line.get_ydata()) == {90.0}
+    assert set(figure.data["series"]) == {"riv-tv"}
+
+
+def test_trajectories_over_different_things_are_refused():
+    with pytest.raises(ValueError, match="functions of one thing, got phase, time"):
+        trajectories_figure({"a": make_estimate(), "b": make_estimate("time")})
+
+
+def test_the_scheduling_variable_has_its_name_at_the_abscissa():
+    figure = trajectories_figure({"a": make_estimate("schedule")}, variable="ankle angle [rad]")
+    assert figure.axes[3].get_xlabel() == "ankle angle [rad]"
+
+
+def test_ordinates_of_means_follow_truth_and_means_and_not_the_spread():
+    table = pd.DataFrame({"place": PLACES, "truth": 100.0, "mean": 100.0 + 10.0 * PLACES, "n": 5})
+    table = table.assign(low=-1e4, high=1e4, parameter="K", dimension="phase", row="40 cycles", series="riv-tv")
+    figure = mean_trajectories_figure(table)
+    low, high = figure.axes[0].get_ylim()
+    assert 95.0 < low < 100.0 < 110.0 < high < 115.0
+    assert figure.data["high"].max() == 1e4
