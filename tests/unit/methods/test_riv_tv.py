@@ -1,8 +1,11 @@
 """Joints that change in time, in closed loop: trajectories against the truth, and records that cannot show them."""
 
+import tracemalloc
+
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from scipy import signal as sps
 
 from ankleloop import DataError, evaluate, identify, load_estimate, new_trial, read_trial, save_estimate, simulate
@@ -255,6 +258,38 @@ def test_records_that_cannot_show_the_change(settings, options, message):
     trial = simulate(seed=1, **settings)
     with pytest.raises(DataError, match=message):
         identify(trial, "riv-tv", **options)
+
+
+def test_a_perturbation_that_voluntary_torque_hides_is_refused():
+    trial = simulate(seed=1, voluntary=4.0, duration=28.0, variation="cycle", **JOINT)
+    with pytest.raises(DataError, match="it is too weak an instrument"):
+        identify(trial, "riv-tv", cycle_onsets="phase")
+
+
+def test_weak_instruments_at_some_phases_are_warned_about():
+    """Over a third of each cycle the reference is that of another record: it explains the rest alone."""
+    trial, other = (simulate(seed=seed, voluntary=0.3, **CYCLES, **JOINT) for seed in (1, 2))
+    trial["reference"] = xr.where(trial["phase"] < 0.3, other["reference"], trial["reference"])
+    result = identify(trial, "riv-tv", cycle_onsets="phase")
+    assert result.diagnostics["instrument_strength"] < 0.1
+    assert any(text.startswith("the instruments are weak") for text in result.diagnostics["warnings"])
+    assert any(text.startswith("not converged after 30 rounds") for text in result.diagnostics["warnings"])
+    assert result.intervals == {}
+    assert np.all(np.isnan(result.trajectories["K_low"]))
+
+
+def test_memory_is_proportional_to_the_number_of_cycles():
+    peaks = []
+    for cycles in (12, 24, 48):
+        trial = prepare(simulate(seed=1, variation="cycle", duration=round(cycles * 1.4, 3)))
+        identify(trial, "riv-tv", cycle_onsets="phase")  # what the trial keeps, and compiled kernels
+        tracemalloc.start()
+        identify(trial, "riv-tv", cycle_onsets="phase")
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    first, second = np.diff(peaks)
+    assert 1.7 < second / first < 2.3, peaks
+    assert peaks[2] < 48e6
 
 
 def test_few_cycles_are_warned_about():
