@@ -1,0 +1,84 @@
+"""The notebook of joints that change in time, on small studies like those of the configuration."""
+
+import json
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pandas as pd
+import pytest
+import yaml
+
+from ankleloop.plotting import style
+from ankleloop.studies.results import report_parameters
+from ankleloop.studies.study import read_studies
+from ankleloop.studies.sweep_job import sweep_chunk
+
+ROOT = Path(__file__).parents[3]
+# Points in the place of those of the configuration; fewer and shorter ones.
+SMALL = {
+    "time-varying": [{"voluntary": 0.05, "duration": 16.8}, {"voluntary": 1.0, "duration": 14.0}],
+    "time-varying-modes": [
+        {"variation": "cycle", "cycle_jitter": 0.06, "cycle_onsets": "phase", "schedule": None},
+        {"variation": "schedule", "cycle_jitter": 0.0, "cycle_onsets": None, "schedule": "schedule"},
+    ],
+    "square-wave": [{"voluntary": 0.05}],
+    "open-loop-cycles": [{"voluntary": 0.0}],
+}
+
+
+@pytest.fixture
+def run_notebook(tmp_path, monkeypatch):
+    """Make a small study, and run the cells of the notebook on it; it gives what they show, and the table."""
+
+    monkeypatch.setattr(style, "DOTS_PER_INCH", 50)  # which takes less time
+
+    def run(name):
+        config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
+        settings = config["studies"][name]
+        settings |= {"trials": 2, "keep": "estimates", "points": SMALL[name]}
+        settings["simulation"] |= {"duration": 16.8}
+        study = read_studies({"studies": {name: settings}})[1][name]
+        files = {kind: [] for kind in ("estimates", "scores", "parameters")}
+        for chunk in range(len(study.chunks)):
+            paths = {kind: tmp_path / f"{kind}-{chunk}{'.nc' if kind == 'estimates' else '.csv'}" for kind in files}
+            sweep_chunk(paths, name, **study.sweep_arguments(chunk))
+            for kind, path in paths.items():
+                files[kind].append(str(path))
+        stems = {"table_stem": str(tmp_path / name), "figure_stem": str(tmp_path / f"figure-{name}")}
+        parameters = report_parameters(study, files, published=str(ROOT / "data" / "published"), **stems)
+        return run_cells(parameters), pd.read_csv(tmp_path / f"{name}.csv"), tmp_path
+
+    return run
+
+
+def run_cells(parameters):
+    """Markdown and HTML that the cells of the notebook show."""
+    cells = json.loads((ROOT / "notebooks" / "time-varying.ipynb").read_text(encoding="utf-8"))["cells"]
+    shown, names = [], {}
+    with plt.rc_context({"backend": "Agg"}):
+        for cell in (cell for cell in cells if cell["cell_type"] == "code"):
+            exec("".join(cell["source"]), names)
+            if "parameters" in cell["metadata"].get("tags", ()):
+                assert set(parameters) <= set(names)
+                names |= parameters
+            names["display"] = lambda *outputs: shown.extend(str(getattr(output, "data", output)) for output in outputs)
+    return "\n".join(shown)
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_the_notebook_shows_every_study(run_notebook, name):
+    shown, table, folder = run_notebook(name)
+    assert table["parameter"].value_counts().nunique() == 1
+    assert table["error"].notna().all()
+    for figure in ("errors", "trajectories"):
+        assert (folder / f"figure-{name}-{figure}.csv").stat().st_size > 0
+        assert (folder / f"figure-{name}-{figure}.png").stat().st_size > 0
+    assert "Mean trajectories" in shown
+    assert ("1.33 to 4.06 %" in shown) == (name == "open-loop-cycles")
+    assert ("rise time [ms]" in shown) == (name == "square-wave")
+    assert table["rise"].notna().any() == (name == "square-wave")
+    if name == "time-varying":
+        assert list(dict.fromkeys(table["point"])) == ["duration=16.8,voluntary=0.05", "duration=14.0,voluntary=1.0"]
+        assert "Without trajectories: riv, time-invariant." in shown
+        assert table[table["method"] == "riv"]["bias"].isna().all()
+        assert table[table["method"] == "riv-tv"]["total"].notna().any()
