@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ankleloop.plotting.legends import add_legend
-from ankleloop.plotting.method_styles import MethodStyle, ordinal_styles
+from ankleloop.plotting.method_styles import MethodStyle, method_styles, ordinal_styles
 from ankleloop.plotting.style import STYLE, TRUE_LINE, TWO_COLUMNS, DataFigure, inches
 from ankleloop.quantities import QUANTITIES
 
@@ -54,7 +54,7 @@ def trajectories_figure(
     variable : str
         Name of the scheduling variable, for the abscissa.
     styles : dict of str to MethodStyle, optional
-        Styles by label; from dark to light if left out.
+        Styles by label; those of the methods in the registry if left out.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def trajectories_figure(
     if len(dimensions) != 1:
         raise ValueError(f"trajectories must be functions of one thing, got {', '.join(sorted(dimensions)) or 'none'}.")
     (dimension,) = dimensions
-    styles = styles or ordinal_styles(estimates)
+    styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     size = (inches(TWO_COLUMNS), inches(ROW + EXCITATION))
     figure = DataFigure(figsize=size, layout="constrained")
     rows = figure.subplots(2, 3, sharex=True, height_ratios=[ROW, EXCITATION], squeeze=False)
@@ -90,6 +90,7 @@ def trajectories_figure(
         for label, estimate in estimates.items():
             _draw_estimate(upper, estimate, name, label, styles[label])
             _draw_excitation(lower, estimate, name, label, styles[label])
+        lower.set_ylim(bottom=0.0)
     rows[1, 0].set_ylabel("excitation [1]")
     add_legend(figure, rows.ravel())
     figure.data = _tabulate(estimates, truths)
@@ -116,7 +117,6 @@ def _draw_excitation(axis: Axes, estimate: Estimate, name: str, label: str, styl
     place = estimate.trajectories[next(iter(estimate.trajectories.sizes))].values
     axis.fill_between(place, 0.0, excitation[name], color=style.colour, alpha=0.25, lw=0)
     axis.plot(place, excitation[name], **(style.line | {"lw": 0.7}), label=label)
-    axis.set_ylim(bottom=0.0)
     _mark_blanks(axis, place, estimate.trajectories[name].values)
 
 

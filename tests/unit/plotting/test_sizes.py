@@ -66,7 +66,9 @@ def group():
 def changing():
     names = [f"{name}{end}" for name in "KBG" for end in ("", "_low", "_high")]
     curves = xr.Dataset(dict.fromkeys(names, ("phase", LINE)), coords={"phase": LINE})
-    estimate = SimpleNamespace(trajectories=curves, diagnostics={"excitation": dict.fromkeys("KBG", LINE)})
+    estimate = SimpleNamespace(
+        method="riv-tv", trajectories=curves, diagnostics={"excitation": dict.fromkeys("KBG", LINE)}
+    )
     return trajectories_figure(dict.fromkeys(METHODS[:3], estimate))
 
 
