@@ -140,14 +140,14 @@ def trajectory_bound(
     places = np.linspace(0.0, 1.0, PLACES)
     low, high = course.limits
     bound = xr.Dataset(coords={course.dimension: low + (high - low) * places})
-    for name, splines, block in zip("KBG", bases.all, bases.blocks, strict=True):
+    for name, splines, block in zip("KBG", bases.all, bases.blocks, strict=False):
         weights = splines(places)
         variance = np.einsum("ij,jk,ik->i", weights, covariance[block, block], weights)
         bound[name] = course.dimension, np.sqrt(variance)
         mean = weights[:-1].mean(axis=0)
         bound[f"{name}_mean"] = np.sqrt(mean @ covariance[block, block] @ mean)
     deviations = np.sqrt(np.diag(covariance))
-    bound["I"] = deviations[bases.blocks[1].stop]
+    bound["I"] = deviations[bases.blocks[3].start]
     for name, deviation in zip(information.names, deviations[bases.size :], strict=True):
         bound[name] = deviation * (information.dynamics.values[name] if name in LOGARITHMIC else 1.0)
     for variable, values in bound.data_vars.items():
@@ -227,7 +227,7 @@ def _true_coefficients(trial: PreparedTrial, equations: TimeVaryingEquations) ->
     """Splines that are closest to the true K, B and G, and no inertia, of which nothing else depends."""
     course, bases, grid = equations.inputs.course, equations.bases, equations.inputs.grid
     linear = np.zeros(bases.size)
-    for name, splines, block in zip(TRUTHS, bases.all, bases.blocks, strict=True):
+    for name, splines, block in zip(TRUTHS, bases.all, bases.blocks, strict=False):
         truth = trial.channel(name, grid)[course.rows]
         linear[block] = np.linalg.lstsq(splines(course.place[course.rows]), truth, rcond=1e-12)[0]
     return linear

@@ -30,7 +30,7 @@ BEYOND = 0.05  # share of the samples beyond the limits of a scheduling variable
 
 @dataclass(frozen=True, eq=False)
 class TimeVaryingModel:
-    """K, B and G as splines, inertia, and the low-pass of the reflex behind the gain.
+    """K, B, G and I as splines, and the low-pass of the reflex behind the gain.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ class TimeVaryingModel:
         Degree of the splines.
     coefficients : tuple of ndarray
         Coefficients of the splines of K [N·m/rad], B [N·m·s/rad] and G [N·m·s/rad].
-    inertia : float
-        I [kg·m²].
+    inertia : ndarray, shape (splines,)
+        Coefficients of the splines of I [kg·m²]; a single one where it is constant.
     dynamics : ReflexDynamics
         Low-pass of unit gain.
     torque_lag : float
@@ -62,7 +62,7 @@ class TimeVaryingModel:
     limits: tuple[float, float]
     degree: int
     coefficients: tuple[np.ndarray, np.ndarray, np.ndarray]
-    inertia: float
+    inertia: np.ndarray
     dynamics: ReflexDynamics
     torque_lag: float = 0.0
     rest_position: float | None = None
@@ -70,9 +70,10 @@ class TimeVaryingModel:
     matrices: ClassVar[None] = None
 
     def parameters(self, place: np.ndarray) -> list[np.ndarray]:
-        """K, B and G at places within 0 … 1, three arrays of the shape of `place`."""
+        """K, B, G and I at places within 0 … 1, four arrays of the shape of `place`."""
         periodic = self.dimension == "phase"
-        return [Splines(c.size, periodic, self.degree)(place) @ c for c in self.coefficients]
+        coefficients = (*self.coefficients, self.inertia)
+        return [Splines(c.size, periodic, self.degree if c.size > 1 else 0)(place) @ c for c in coefficients]
 
     def predict(
         self, trial: xr.Dataset | PreparedTrial, cycle_onsets: str | Sequence[float] | None = None
@@ -126,10 +127,10 @@ class TimeVaryingModel:
         -------
         xarray.Dataset
         """
-        stiffness, viscosity, gain = self.parameters(place)
+        stiffness, viscosity, gain, inertia = self.parameters(place)
         position, velocity, acceleration = trial.motion(grid)
         rest = position.mean() if self.rest_position is None else self.rest_position
-        intrinsic = stiffness * (position - rest) + viscosity * velocity + self.inertia * acceleration
+        intrinsic = stiffness * (position - rest) + viscosity * velocity + inertia * acceleration
         drive = gain * decimate(np.maximum(0.0, trial.velocity(self.inputs.delay)), *grid)
         rate = self.inputs.identification_rate
         size = int(next_fast_len(grid.samples + round(PADDING * rate), real=True))
@@ -208,7 +209,7 @@ class TimeVaryingModel:
             (low, high),
             int(fields.number("spline_degree")),
             (stiffness, viscosity, gain),
-            fields.number("inertia"),
+            fields.array("inertia"),
             ReflexDynamics(fields.number("omega_n"), fields.number("zeta"), pole),
             fields.number("torque_lag"),
             fields.number("rest_position") if "rest_position" in fields.values else None,

@@ -18,7 +18,7 @@ COORDINATES = {
     "time": ("s", "time from the first sample"),
     "schedule": ("", "scheduling variable"),
 }
-NAMES = ("K", "B", "G")
+NAMES = ("K", "B", "G", "I")
 ENDS = {"": "{}", "_low": "lower end of the 95 % band of the {}", "_high": "upper end of the 95 % band of the {}"}
 
 
@@ -32,7 +32,7 @@ def trajectory_dataset(dimension: str, coordinate: np.ndarray, values: Mapping[s
     coordinate : ndarray, shape (places,)
         Its values.
     values : mapping of str to ndarray, shape (places,)
-        "K", "K_low", "K_high" and the same for B and G.
+        "K", "K_low", "K_high" and the same for B and G, and for I where it varies.
 
     Returns
     -------
@@ -40,6 +40,8 @@ def trajectory_dataset(dimension: str, coordinate: np.ndarray, values: Mapping[s
     """
     variables = {}
     for name in NAMES:
+        if name not in values:
+            continue
         quantity = QUANTITIES[name]
         for end, text in ENDS.items():
             attributes = {"units": quantity.unit, "long_name": text.format(quantity.name)}
@@ -70,7 +72,7 @@ def read_trajectories(fields: Fields) -> xr.Dataset:
     if dimension is None:
         raise DataError(f"{fields.source}: there is no coordinate of the trajectories: the file is damaged.")
     coordinate = fields.array(dimension)
-    names = [name + end for name in NAMES for end in ENDS]
+    names = [name + end for name in NAMES for end in ENDS if name != "I" or name in fields.values]
     return trajectory_dataset(
         dimension, coordinate, {name: fields.array(name, coordinate.size, finite=False) for name in names}
     )

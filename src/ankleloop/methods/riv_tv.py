@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -49,6 +50,9 @@ class RivTvOptions(Options):
         None, "scheduling variable of the trial, of which K, B and G are functions; null without cycles: of time"
     )
     knots: tuple[int, int, int] = option((12, 8, 12), "numbers of splines of K, B and G; penalties smooth them")
+    inertia_knots: int = option(
+        1, "number of splines of I, of a posture or a limb that changes; 1 for a constant", ge=1, le=200
+    )
     interpolation: Literal["cubic", "constant"] = option(
         "cubic", "cubic splines; or values that are constant over equal intervals, as of short segments"
     )
@@ -105,6 +109,8 @@ class RivTvOptions(Options):
         for name, count in zip("KBG", self.knots, strict=True):
             if not least <= count <= 200:
                 raise ValueError(f"knots must be between {least} and 200 for {name}, got {count}.")
+        if 1 < self.inertia_knots < least:
+            raise ValueError(f"inertia_knots must be 1, or between {least} and 200, got {self.inertia_knots}.")
         if self.cycle_onsets is not None and self.schedule is not None:
             raise ValueError("cycle_onsets and schedule exclude each other: K, B and G are functions of one of them.")
         return self
@@ -139,13 +145,13 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     Returns
     -------
     Estimate
-        `trajectories` holds K, B and G with their 95 % bands; `stiffness` and `reflex` their means over the record,
-        and I, ωn, ζ, delay. `diagnostics`: rounds, converged, cycles (or segments that count as independent),
-        variation_p (probability of a variation as large, were K, B or G constant), instrument_strength (smallest
-        canonical correlation of instruments and regressors), perturbation_share (share of the perturbation that does
-        not repeat with the cycle), penalties, freedom (effective number of parameters of K, B and G), excitation
-        (information about K, B and G over its mean, at the places of the trajectories), torque_lag,
-        noise_frequency [Hz] and noise_spectrum [(N·m)²/Hz].
+        `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness` and
+        `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: rounds, converged, cycles (or segments
+        that count as independent), variation_p (probability of a variation as large, were K, B or G constant),
+        instrument_strength (smallest canonical correlation of instruments and regressors), perturbation_share (share
+        of the perturbation that does not repeat with the cycle), penalties, freedom (effective number of parameters of
+        each trajectory), excitation (information about each over its mean, at the places of the trajectories),
+        torque_lag, noise_frequency [Hz] and noise_spectrum [(N·m)²/Hz].
 
     Raises
     ------
@@ -186,6 +192,8 @@ def _set_up(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingEquations
     course = make_course(trial, grid, options.cycle_onsets, options.schedule)
     degree = 3 if options.interpolation == "cubic" else 0
     bases = Bases(*(Splines(count, course.periodic, degree) for count in options.knots))
+    if options.inertia_knots > 1:
+        bases = replace(bases, inertia=Splines(options.inertia_knots, course.periodic, degree))
     return TimeVaryingEquations(
         TimeVaryingInputs(trial, grid, course, options.reference),
         bases,
@@ -221,8 +229,8 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
             "variation_p": variation_p(solution),
             "instrument_strength": strength,
             "perturbation_share": share,
-            "penalties": solution.penalties,
-            "freedom": dict(zip("KBG", solution.freedom, strict=True)),
+            "penalties": solution.penalties[: len(equations.bases.names)],
+            "freedom": dict(zip(equations.bases.names, solution.freedom, strict=False)),
             "excitation": excitation,
             "torque_lag": solution.parameters.lag,
             "reference": options.reference,
@@ -238,7 +246,7 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
 def _model(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions) -> TimeVaryingModel:
     equations, parameters = solution.equations, solution.parameters
     course, bases = equations.inputs.course, equations.bases
-    stiffness, viscosity, gain = (parameters.linear[block] for block in bases.blocks)
+    stiffness, viscosity, gain, inertia = (parameters.linear[block] for block in bases.blocks)
     onsets = options.cycle_onsets if isinstance(options.cycle_onsets, str) else ""
     delay = equations.delay + parameters.shift
     return TimeVaryingModel(
@@ -248,7 +256,7 @@ def _model(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOp
         course.limits,
         bases.stiffness.degree,
         (stiffness, viscosity, gain),
-        float(parameters.linear[bases.blocks[1].stop]),
+        inertia,
         parameters.dynamics,
         parameters.lag,
         options.rest_position,
@@ -264,7 +272,7 @@ def _trajectories(
     coordinate = low + (high - low) * places
     values: dict[str, np.ndarray] = {}
     maps, blanks = {}, {}
-    for number, name in enumerate("KBG"):
+    for number, name in enumerate(solution.equations.bases.names):
         curve = trajectory(solution, bands, number, places, IDENTIFIED)
         band = 0.0 if solution.converged else np.nan
         values |= {name: curve.values, f"{name}_low": curve.low + band, f"{name}_high": curve.high + band}
@@ -284,17 +292,15 @@ def _describe_ranges(coordinate: np.ndarray, blank: np.ndarray) -> str:
 def _means(
     solution: TimeVaryingSolution, bands: TimeVaryingCovariance
 ) -> tuple[dict[str, float], dict[str, float], dict[str, tuple[float, float]]]:
-    """Means of K, B and G over the record, I, dynamics and delay of the reflex, and intervals of them."""
+    """Means of K, B, G and I over the record, dynamics and delay of the reflex, and intervals of them."""
     equations, parameters = solution.equations, solution.parameters
     course, bases = equations.inputs.course, equations.bases
     values, margins = {}, {}
-    for name, splines, block in zip("KBG", bases.all, bases.blocks, strict=True):
+    for name, splines, block in zip("KBGI", bases.all, bases.blocks, strict=True):
         weights = splines(course.place[course.rows]).mean(axis=0)[None]
         values[name] = float((weights @ parameters.linear[block])[0])
         margins[name] = float(bands.margin(weights, block)[0])
-    inertia = bases.blocks[1].stop
-    values["I"], one = float(parameters.linear[inertia]), np.ones((1, 1))
-    margins["I"] = float(bands.margin(one, slice(inertia, inertia + 1))[0])
+    one = np.ones((1, 1))
     values |= {"delay": equations.delay + parameters.shift, **parameters.dynamics.values}
     for k, name in enumerate(equations.names, bases.size):
         margins[name] = float(bands.margin(one, slice(k, k + 1))[0])

@@ -105,7 +105,7 @@ def covariance(solution: TimeVaryingSolution) -> TimeVaryingCovariance:
 
 
 def excitation(solution: TimeVaryingSolution) -> list[np.ndarray]:
-    """Information of the record about the splines of K, B and G, over its mean, for splines of equal size.
+    """Information of the record about the splines of K, B, G and I, over its mean, for splines of equal size.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def excitation(solution: TimeVaryingSolution) -> list[np.ndarray]:
 def trajectory(
     solution: TimeVaryingSolution, covariance: TimeVaryingCovariance, number: int, places: np.ndarray, least: float
 ) -> Trajectory:
-    """Trajectory of K, B or G with its band.
+    """Trajectory of K, B, G or I with its band.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def trajectory(
         The solution.
     covariance : TimeVaryingCovariance
         Its covariance.
-    number : {0, 1, 2}
+    number : {0, 1, 2, 3}
         Which one.
     places : ndarray, shape (places,)
         Places within 0 … 1.
@@ -174,12 +174,13 @@ def variation_p(solution: TimeVaryingSolution) -> dict[str, float]:
     """
     bases, unknowns = solution.equations.bases, len(solution.system.normal)
     contrasts, constants = [], []
-    for splines, block in zip(bases.all, bases.blocks, strict=True):
+    blocks = bases.blocks[: len(PARAMETERS)]
+    for splines, block in zip(bases.all, blocks, strict=False):
         matrix = np.zeros((unknowns, splines.size))
         matrix[block] = np.linalg.svd(np.ones((1, splines.size)))[2].T
         constants.append(matrix[:, :1])
         contrasts.append(matrix[:, 1:])
-    others = np.delete(np.eye(unknowns), np.r_[bases.blocks[0], bases.blocks[1], bases.blocks[2]], axis=1)
+    others = np.delete(np.eye(unknowns), np.r_[blocks], axis=1)
     base = np.hstack([*constants, others])
     values = {}
     for k, name in enumerate(PARAMETERS):

@@ -22,32 +22,39 @@ RESOLUTION, FEWEST_BINS = 0.4, 20  # Hz, and frequencies, over which the noise s
 NOISE_SPLINES = 8  # of the level of the noise
 LOWEST_LEVEL = 0.05  # of the mean level of the noise
 POWER_FLOOR = 1e-10  # of the largest power of the noise
+CONSTANT = Splines(1, periodic=False, degree=0)
 
 
 @dataclass(frozen=True)
 class Bases:
-    """Splines of K, B and G.
+    """Splines of K, B, G and I.
 
     Parameters
     ----------
-    stiffness, viscosity, gain : Splines
-        Splines of each of them.
+    stiffness, viscosity, gain, inertia : Splines
+        Splines of each of them; by default the inertia is constant.
     """
 
     stiffness: Splines
     viscosity: Splines
     gain: Splines
+    inertia: Splines = CONSTANT
 
     @property
-    def all(self) -> tuple[Splines, Splines, Splines]:
-        """The three of them."""
-        return self.stiffness, self.viscosity, self.gain
+    def all(self) -> tuple[Splines, Splines, Splines, Splines]:
+        """The four of them, in the order of `names`."""
+        return self.stiffness, self.viscosity, self.gain, self.inertia
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Those that vary: K, B, G, and I where it does."""
+        return ("K", "B", "G") if self.inertia.size == 1 else ("K", "B", "G", "I")
 
     @cached_property
-    def blocks(self) -> tuple[slice, slice, slice]:
-        """Places of the coefficients of K, B and G among the linear parameters; I is between those of B and G."""
-        k, b, g = (splines.size for splines in self.all)
-        return slice(0, k), slice(k, k + b), slice(k + b + 1, k + b + 1 + g)
+    def blocks(self) -> tuple[slice, slice, slice, slice]:
+        """Places of the coefficients of K, B, G and I among the linear parameters; those of G come last."""
+        k, b, g, i = (splines.size for splines in self.all)
+        return slice(0, k), slice(k, k + b), slice(k + b + i, k + b + i + g), slice(k + b, k + b + i)
 
     @property
     def size(self) -> int:
@@ -64,12 +71,12 @@ class Bases:
 
 @dataclass(frozen=True, eq=False)
 class TimeVaryingParameters:
-    """Coefficients of K, B and G, inertia, dynamics of the reflex, and what delays add.
+    """Coefficients of K, B, I and G, dynamics of the reflex, and what delays add.
 
     Parameters
     ----------
     linear : ndarray, shape (size,)
-        Coefficients of K and B, the inertia, coefficients of G.
+        Coefficients of K, B, I and G.
     dynamics : ReflexDynamics
         Dynamics of the reflex.
     shift : float
@@ -133,7 +140,7 @@ class TimeVaryingEquations:
     inputs : TimeVaryingInputs
         Inputs of the trial.
     bases : Bases
-        Splines of K, B and G.
+        Splines of K, B, G and I.
     delay : float
         Reflex delay of the inputs [s].
     order : {2, 3}
@@ -194,7 +201,7 @@ class TimeVaryingEquations:
 
     def _motion_spectra(self, motion: np.ndarray) -> np.ndarray:
         position, velocity, acceleration = motion
-        columns = np.vstack([self.place[0].T * position, self.place[1].T * velocity, acceleration])
+        columns = np.vstack([self.place[0].T * position, self.place[1].T * velocity, self.place[3].T * acceleration])
         return self.inputs.spectra(columns)
 
     def _drive_spectra(self, drive: np.ndarray) -> np.ndarray:

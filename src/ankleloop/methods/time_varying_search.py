@@ -33,8 +33,8 @@ class TimeVaryingSolution:
         Their solution.
     system : WhitenedSystem
         Whitened system with its regressors at the solution.
-    penalties : ndarray, shape (3,)
-        Weights of the penalties of K, B and G.
+    penalties : ndarray, shape (4,)
+        Weights of the penalties of K, B, G and I.
     variance : float
         Variance of the whitened noise at a frequency of the band.
     spectrum : ndarray
@@ -64,7 +64,7 @@ class TimeVaryingSolution:
 
     @property
     def freedom(self) -> np.ndarray:
-        """Effective number of parameters of K, B and G, shape (3,)."""
+        """Effective number of parameters of K, B, G and I, shape (4,)."""
         bases, size = self.equations.bases, self.equations.bases.size
         information = self.system.information
         penalised = information.copy()
@@ -88,7 +88,7 @@ def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
     -------
     TimeVaryingSolution
     """
-    parameters, penalties = _start(equations), np.ones(3)
+    parameters, penalties = _start(equations), np.ones(len(equations.bases.all))
     level = np.ones(equations.rows.stop - equations.rows.start)
     converged = False
     for count in range(1, MOST_ROUNDS + 1):
@@ -114,8 +114,8 @@ def _start(equations: TimeVaryingEquations) -> TimeVaryingParameters:
     """Best of a grid of dynamics for parameters that are constant, by the predicted inputs."""
     bases = equations.bases
     ones = np.zeros((4, bases.size))
-    k, b, g = bases.blocks
-    ones[0, k], ones[1, b], ones[2, b.stop], ones[3, g] = 1.0, 1.0, 1.0, 1.0
+    k, b, g, i = bases.blocks
+    ones[0, k], ones[1, b], ones[2, i], ones[3, g] = 1.0, 1.0, 1.0, 1.0
     inside, s = equations.inside, equations.inputs.s[equations.inside]
     motion = ones[:3, : g.start] @ equations.predicted_motion[:, inside]
     drive, target = equations.predicted_drive[:, inside].sum(axis=0), equations.torque[inside]
@@ -165,14 +165,14 @@ def choose_penalties(
         The equations.
     system : WhitenedSystem
         Their whitened system.
-    penalties : ndarray, shape (3,)
+    penalties : ndarray, shape (4,)
         Where to start.
 
     Returns
     -------
     solution : ndarray, shape (unknowns,)
         Linear parameters, and the step of the others.
-    penalties : ndarray, shape (3,)
+    penalties : ndarray, shape (4,)
     variance : float
         Variance s² of the whitened noise at a frequency of the band.
     """

@@ -67,13 +67,13 @@ def test_information_against_differences_of_records(name):
 
 @pytest.mark.parametrize(("variation", "shares"), [("time", (0.99, 0.99)), ("cycle", (0.98, 0.93))])
 def test_means_have_the_information_of_a_constant_joint(variation, shares):
-    """But for what repeats: switches are 200 ms apart, so the reflex responds at the same phases of each cycle of 1.4 s."""
+    """But for what repeats: with switches 200 ms apart the reflex acts at the same phases of all cycles of 1.4 s."""
     settings = {"seed": 3, "load": LIGHT, "voluntary": 0.3, "duration": 210.0}
     names, constant = fisher_information(fed_back=False, **settings)
     information = trajectory_information(knots=(12, 8, 12), variation=variation, **settings)
-    stiffness, viscosity, gain = information.bases.blocks
+    stiffness, viscosity, gain, inertia = information.bases.blocks
     sums = np.zeros((len(information.matrix), len(names)))
-    for column, rows in enumerate((stiffness, viscosity, viscosity.stop, gain)):
+    for column, rows in enumerate((stiffness, viscosity, inertia, gain)):
         sums[rows, column] = 1.0
     sums[gain.stop, 4], sums[gain.stop + 1, 5] = 1.0 / 40.0, 1.0
     assert names == ["K", "B", "I", "G", "omega_n", "zeta"]

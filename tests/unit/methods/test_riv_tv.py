@@ -206,7 +206,7 @@ def test_a_schedule_with_missing_samples_is_refused(value):
         identify(trial, "riv-tv", schedule="schedule")
 
 
-def excited_trial(window, cycles=40, rate=1000.0, period=1.0, seed=4):
+def excited_trial(window, cycles=40, rate=1000.0, period=1.0, seed=4, inertia=0.015):
     """An open-loop record whose perturbation acts in a part of each cycle, and its torque by a filter of SciPy."""
     rng = np.random.default_rng(seed)
     samples = int(cycles * period * rate)
@@ -217,7 +217,7 @@ def excited_trial(window, cycles=40, rate=1000.0, period=1.0, seed=4):
     stiffness = 100.0 + 40.0 * np.sin(2 * np.pi * phase)
     drive = 8.0 * np.maximum(0.0, np.roll(velocity, 40))
     reflex = sps.lfilter(*sps.bilinear([1600.0], [1.0, 80.0, 1600.0], rate), drive)
-    torque = stiffness * position + 0.8 * velocity + 0.015 * acceleration + reflex
+    torque = stiffness * position + 0.8 * velocity + inertia * acceleration + reflex
     torque += 0.05 * torque.std() * rng.standard_normal(samples)
     return new_trial(position, torque, rate, phase=phase), stiffness
 
@@ -278,6 +278,26 @@ def test_weak_instruments_at_some_phases_are_warned_about():
     assert np.all(np.isnan(result.trajectories["K_low"]))
 
 
+def test_an_inertia_that_varies(noisy, estimate, tmp_path):
+    """In open loop, against the truth; where it is constant, splines of it change nothing else."""
+    inertia = 0.015 * (1.0 + 0.3 * np.sin(2 * np.pi * np.arange(40_000) / 1000.0))
+    trial, stiffness = excited_trial(np.ones_like, inertia=inertia)
+    result = identify(trial, "riv-tv", cycle_onsets="phase", reference="position", inertia_knots=8)
+    np.testing.assert_allclose(result.trajectories["I"], inertia[:1001:10], atol=0.0015)
+    np.testing.assert_allclose(result.trajectories["K"], stiffness[:1001:10], atol=6.0)
+    assert np.mean(result.trajectories["I_low"] < inertia[:1001:10]) > 0.8
+    assert result.stiffness["I"] == pytest.approx(0.015, rel=0.03)
+    assert result.trajectories["I"].attrs["units"] == "kg·m²"
+    assert result.diagnostics["freedom"]["I"] > 2.0
+    save_estimate(result, tmp_path / "estimate.nc")
+    assert load_estimate(tmp_path / "estimate.nc").predict(trial).torque.identical(result.predict(trial).torque)
+    varying = identify(noisy, "riv-tv", cycle_onsets="phase", rest_position=0.0, inertia_knots=8)
+    np.testing.assert_allclose(varying.trajectories["I"], 0.015, rtol=0.1)
+    for name in "KBG":
+        band = estimate.trajectories[f"{name}_high"] - estimate.trajectories[name]
+        assert np.all(np.abs(varying.trajectories[name] - estimate.trajectories[name]) < 0.3 * band)
+
+
 def test_memory_is_proportional_to_the_number_of_cycles():
     peaks = []
     for cycles in (12, 24, 48):
@@ -303,7 +323,8 @@ def test_few_cycles_are_warned_about():
     [
         ({"knots": (12, 3, 12)}, "knots must be between 4 and 200 for B, got 3"),
         ({"cycle_onsets": "phase", "schedule": "angle"}, "exclude each other"),
-        ({"knots": (12, 8)}, "knots"),
+        ({"knots": (12, 8)}, "knots must be three whole numbers"),
+        ({"inertia_knots": 3}, "inertia_knots must be 1, or between 4 and 200, got 3"),
         ({"delay": 2.0}, "delay must be"),
     ],
 )
