@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["identify", "identify_recording"]
 
-METHODS = ("riv", "pr-moesp", "pi-moesp", "parallel-cascade")  # keys of `usual_methods`, which --help does not import
+# Keys of `usual_methods`, which --help does not import.
+METHODS = ("riv", "pr-moesp", "pi-moesp", "parallel-cascade", "riv-tv")
 PARAMETERS = ("K", "B", "I", "G")
 SUFFIXES = (".nc", ".mat", ".csv")
 EPILOG = """\b
@@ -30,6 +31,7 @@ Examples:
   ankleloop identify S1.mat
   ankleloop identify S1.csv --position angle --torque moment --position-unit deg --torque-sign -1
   ankleloop identify S1.h5 --output results --method riv --method pi-moesp
+  ankleloop identify S1.mat --variables phase=gait_phase --cycle-onsets phase
 
 \b
 Results, in the folder FILE-results or that of --output:
@@ -54,7 +56,8 @@ Exit status: 0 done; 1 the recording is refused, or no method is valid for it (t
     "methods",
     type=click.Choice(METHODS),
     multiple=True,
-    help="Method to fit, several times for several.  [default: all that are valid]",
+    help="Method to fit, several times for several.  [default: all that are valid; riv-tv with --cycle-onsets or "
+    "--schedule]",
 )
 @reading_options
 def identify(file: Path, output: Path | None, overwrite: bool, methods: tuple[str, ...], **values: Any) -> int:
@@ -126,11 +129,13 @@ def _make_study(path: Path, reading: Reading, name: str, methods: tuple[str, ...
     from ankleloop.studies.config import RecordingsStudy
     from ankleloop.studies.recorded_study import RecordedStudy
 
-    usual = usual_methods(reference=reading.recording.reference is not None)
+    recording = reading.recording
+    changing = "riv-tv" in methods or recording.changes
+    usual = usual_methods(reference=recording.reference is not None, changing=changing)
     settings = {
         "kind": "recordings",
         "folder": str(path.absolute().parent).replace("$", "$$"),
-        "files": {name: reading.recording.model_dump()},
+        "files": {name: recording.model_dump()},
         "methods": {key: method for key, method in usual.items() if not methods or key in methods},
     }
     return RecordedStudy(name, check(RecordingsStudy, settings, name))

@@ -18,7 +18,13 @@ __all__ = ["Reading", "map_file", "name_recording", "reading_options"]
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 GUESSED = ("position", "torque", "reference")
-METAVARS = {"Hz": "HZ", "s": "S", "variables": "NAME=VARIABLE,…"}  # by unit, or by name
+METAVARS = {
+    "Hz": "HZ",
+    "s": "S",
+    "variables": "NAME=VARIABLE,…",
+    "cycle_onsets": "NAME|TIMES",
+    "schedule": "NAME",
+}  # by unit, or by name
 OTHER_DEFAULTS = {
     "position_unit": "as the file states it, else rad",
     "sampling_rate": "that of the file",

@@ -27,6 +27,8 @@ WORDS = ("null", "true", "false", "yes", "no", "on", "off", "y", "n", "nan", "in
 CHANNELS = ("position", "torque", "reference", "position_unit")
 DURATION = 20.0  # s of each trial of a sweep
 FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # of the default, for the values of a sweep
+TABLES = {"stiffness_table": "stiffness", "viscosity_table": "viscosity", "gain_table": "reflex_gain"}  # and means
+VARIATIONS = ("_variation", "_table")  # endings of settings of how K, B and G vary
 REMARK, WIDTH = 40, 120  # columns where remarks begin, if there is room, and where lines end
 
 
@@ -123,9 +125,10 @@ def _describe_file(file: RecordedFile) -> list[str]:
 def _choose_methods(files: Mapping[str, RecordedFile]) -> dict[str, dict[str, Any]]:
     """Methods for recordings with a reference, for those without, or both where there are both."""
     kinds = sorted({file.reading.recording.reference is not None for file in files.values()}, reverse=True)
-    methods = usual_methods(reference=kinds[0])
+    changing = any(file.reading.recording.changes for file in files.values())
+    methods = usual_methods(reference=kinds[0], changing=changing)
     if len(kinds) > 1:
-        for key, method in usual_methods(reference=False).items():
+        for key, method in usual_methods(reference=False, changing=changing).items():
             if method != methods[key]:
                 methods[f"{key}-no-reference"] = {**method, "label": f"{method['label']} (no reference)"}
     return methods
@@ -174,11 +177,13 @@ def sweep_text(new: Path, varied: Sequence[str]) -> str:
         "    # Settings of every trial; those that are commented out have their defaults.",
         "    simulation: {}" if "duration" in varied else "    simulation:",
     ]
+    fixed: dict[str, Any] = {"duration": DURATION}
+    if any(name.endswith(VARIATIONS) for name in varied):  # else there is nothing with which K, B and G could vary
+        fixed["variation"] = "cycle"
     for name, field in SimulationSettings.model_fields.items():
         if name not in varied:
-            is_set = name == "duration"
-            value = DURATION if is_set else field.get_default()
-            lines += _entry(name, value, _describe_setting(name), indent=6, commented=not is_set)
+            value = fixed.get(name, field.get_default())
+            lines += _entry(name, value, _describe_setting(name), indent=6, commented=name not in fixed)
     lines += [
         "    methods:",
         "      riv: {label: Refined instrumental variables, method: riv}",
@@ -195,8 +200,13 @@ def _propose_values(name: str) -> Any:
     """Values of a setting about its default."""
     field, limits = SimulationSettings.model_fields[name], SimulationSettings.limits(name)
     default = field.get_default()
-    if get_origin(field.annotation) is Literal:
-        return list(get_args(field.annotation))
+    kinds = (field.annotation, *get_args(field.annotation))  # those of a choice that may be null are within a union
+    choices = [value for kind in kinds if get_origin(kind) is Literal for value in get_args(kind)]
+    if choices:
+        return choices
+    if name in TABLES:
+        mean = SimulationSettings.model_fields[TABLES[name]].get_default()
+        return [", ".join(f"{factor * mean:g}" for factor in factors) for factors in ((0.8, 1.2), (0.5, 1.5))]
     if isinstance(default, bool):
         return [True, False]
     if not default:

@@ -11,7 +11,7 @@ __all__ = ["usual_methods"]
 DEGREE = 8  # of the basis
 
 
-def usual_methods(*, reference: bool) -> dict[str, dict[str, Any]]:
+def usual_methods(*, reference: bool, changing: bool = False) -> dict[str, dict[str, Any]]:
     """Methods with labels and options that suit a minute of a recording at the ankle.
 
     The nonlinearity of the reflex path is a spline, which takes a rectifier with or without a threshold. Without a
@@ -23,6 +23,8 @@ def usual_methods(*, reference: bool) -> dict[str, dict[str, Any]]:
     reference : bool
         Whether the recording has a reference. Without one, methods that need it take the position, which is valid in
         open loop only.
+    changing : bool
+        Whether the joint may change: then riv-tv is one of them.
 
     Returns
     -------
@@ -41,11 +43,12 @@ def usual_methods(*, reference: bool) -> dict[str, dict[str, Any]]:
     as_reference = "" if reference else ", position as reference"
     spline: dict[str, Any] = {"basis": "spline", **({"degree": DEGREE} if reference else {})}
     degrees = {} if reference else {"degree": [6, DEGREE, 12]}
-    return {
+    weighting = "noise" if reference else "flat"
+    methods: dict[str, dict[str, Any]] = {
         "riv": {
             "label": f"Refined instrumental variables (spline){as_reference}",
             "method": "riv",
-            "options": {**position, "weighting": "noise" if reference else "flat", **spline},
+            "options": {**position, "weighting": weighting, **spline},
             "select": {} if reference else {**degrees, "order": [2, 3]},
         },
         "pr-moesp": {
@@ -61,3 +64,7 @@ def usual_methods(*, reference: bool) -> dict[str, dict[str, Any]]:
         },
         "parallel-cascade": {"label": "Parallel cascade, to convergence", "method": "parallel-cascade", "options": {}},
     }
+    if changing:
+        label = f"Joint that changes (riv-tv){as_reference}"
+        methods["riv-tv"] = {"label": label, "method": "riv-tv", "options": {**position, "weighting": weighting}}
+    return methods

@@ -61,3 +61,8 @@ class Recording(ReadingOptions):
         if self.stop is not None and self.stop <= (self.start or 0.0):
             raise ValueError(f"stop ({self.stop:g} s) must be after start ({self.start or 0.0:g} s)")
         return self
+
+    @property
+    def changes(self) -> bool:
+        """Whether it says what the parameters of its joint follow."""
+        return self.cycle_onsets is not None or self.schedule is not None

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from ankleloop import load_estimate, new_trial
+from ankleloop import load_estimate, new_trial, save_trial, simulate
 from ankleloop.command_line.identify import METHODS
 from ankleloop.command_line.terminal import show_progress
 from ankleloop.recordings.usual_methods import usual_methods
@@ -173,13 +173,28 @@ def test_a_folder_that_cannot_be_made(run, recording, tmp_path):
     assert contents(tmp_path) == before
 
 
+def test_a_joint_that_changes(run, tmp_path):
+    """The phase of the cycle is a further variable of the file; riv-tv is fitted, and written into a study."""
+    save_trial(simulate(seed=1, duration=40.0, variation="cycle", stiffness_variation=0.4), tmp_path / "a.nc")
+    cycles = ("--variables", "gait=phase", "--cycle-onsets", "gait")
+    result = run("identify", tmp_path / "a.nc", *cycles, "--method", "riv", "--method", "riv-tv")
+    assert result.status == 0, result.err
+    assert "its test says that K, B or G change" in " ".join(result.out.split())
+    assert (tmp_path / "a.nc-results" / "a" / "figure-trajectories.csv").exists()
+    assert run("study", tmp_path / "mine.yaml", tmp_path / "a.nc", *cycles).status == 0
+    study = yaml.safe_load((tmp_path / "mine.yaml").read_text(encoding="utf-8"))["studies"]["recordings"]
+    assert study["files"]["a"]["cycle_onsets"] == "gait"
+    assert study["methods"]["riv-tv"]["method"] == "riv-tv"
+
+
 def test_usual_methods_are_those_of_the_example():
     example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
     named = {method["method"]: method for method in example["studies"]["recordings"]["methods"].values()}
     for key, method in usual_methods(reference=False).items():
         for name in ("options", "select"):
             assert method.get(name, {}) == named[key].get(name, {}), key
-    assert tuple(usual_methods(reference=True)) == tuple(usual_methods(reference=False)) == METHODS
+    assert tuple(usual_methods(reference=True)) == tuple(usual_methods(reference=False)) == METHODS[:-1]
+    assert tuple(usual_methods(reference=True, changing=True)) == METHODS
 
 
 @pytest.mark.parametrize("file", FILES)
@@ -232,7 +247,7 @@ def test_study_of_recordings_with_and_without_a_reference(run, trial, tmp_path):
     study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["recordings"]
     assert study.paths("a") == [str(tmp_path / "$x" / "a.nc")]
     assert study.paths("a-mat") == [str(tmp_path / "a.mat")]
-    assert set(study.methods) == {*METHODS, *(f"{key}-no-reference" for key in METHODS[:3])}
+    assert set(study.methods) == {*METHODS[:-1], *(f"{key}-no-reference" for key in METHODS[:3])}
 
 
 @pytest.mark.parametrize("setting", SimulationSettings.model_fields)
