@@ -2,12 +2,15 @@
 
 from functools import cache
 
+import numpy as np
 import pandas as pd
 import yaml
 from blocks import ROOT, block
 from runs import RESULTS, make, markdown_table
 
+from ankleloop.assessment.trajectory_bound import trajectory_bound
 from ankleloop.replication.time_varying import published_rows, setting_titles
+from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.study import read_studies
 
 STUDIES = ("time-varying", "time-varying-modes", "square-wave", "open-loop-cycles")
@@ -18,6 +21,17 @@ SOURCES = (
     "ankleloop.replication.time_varying",
 )
 PARAMETERS = ("K", "B", "G")
+BOUNDS = 3  # trials whose bound is computed; it hardly depends on the perturbation
+
+
+def read_points(name):
+    """Simulation settings of each point of a study."""
+    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
+    points = read_studies({"studies": {name: config["studies"][name]}})[1][name].points
+    return {
+        point: {key: value for key, value in settings.items() if key in SimulationSettings.model_fields}
+        for point, settings in points.items()
+    }
 
 
 @cache
@@ -124,4 +138,27 @@ def write_coverage():
     return (
         f"{markdown_table(['study', 'setting', 'held by the bands of K / B / G [%]'], rows)}\n\nShare of the places at "
         "which the 95 % band holds the truth, means over trials."
+    )
+
+
+@block("time-varying-bound", (*SOURCES, "ankleloop.assessment.trajectory_bound"), studies=("time-varying",))
+def write_bound():
+    table = read_measures("time-varying")
+    points = read_points("time-varying")
+    rows, ratios = [], []
+    for (point, setting), part in table[table["method"] == "riv-tv"].groupby(["point", "setting"], sort=False):
+        bounds = [trajectory_bound(seed=seed, **points[point]) for seed in range(BOUNDS)]
+        means = [points[point][name] for name in ("stiffness", "viscosity", "reflex_gain")]
+        squares = [np.mean([(bound[name] ** 2).mean() for bound in bounds]) for name in PARAMETERS]
+        deviations = 100.0 * np.sqrt(squares) / means
+        errors = part.set_index("parameter")["error"].reindex(PARAMETERS).to_numpy()
+        ratios.append(errors / deviations)
+        cells = (errors, deviations, ratios[-1])
+        rows.append(
+            [setting, *(" / ".join(f"{value:.{n}f}" for value in c) for c, n in zip(cells, (1, 1, 2), strict=True))]
+        )
+    header = ["K / B / G", "error [%]", "bound [%]", "error over bound"]
+    return (
+        f"{markdown_table(header, rows)}\n\nStudy `time-varying`, and the bound of {BOUNDS} trials of each setting. "
+        f"The error is {np.min(ratios):.2f} to {np.max(ratios):.2f} times the bound (median {np.median(ratios):.2f})."
     )
