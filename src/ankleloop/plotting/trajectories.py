@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["mean_trajectories_figure", "trajectories_figure"]
 
-PARAMETERS = ("K", "B", "G")
+PARAMETERS = ("K", "B", "G", "I")  # in their order; I where it varies
 ABSCISSAE = {
     "phase": "phase of the cycle [1]",
     "time": "time from the first sample [s]",
@@ -81,11 +81,13 @@ def trajectories_figure(
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     size = (inches(TWO_COLUMNS), inches(ROW + EXCITATION))
     figure = DataFigure(figsize=size, layout="constrained")
-    rows = figure.subplots(2, 3, sharex=True, height_ratios=[ROW, EXCITATION], squeeze=False)
-    for (upper, lower), name in zip(rows.T, PARAMETERS, strict=True):
+    curves = [estimate.trajectories for estimate in estimates.values() if estimate.trajectories is not None]
+    names = [name for name in PARAMETERS if any(name in part for part in curves)]
+    rows = figure.subplots(2, len(names), sharex=True, height_ratios=[ROW, EXCITATION], squeeze=False)
+    for (upper, lower), name in zip(rows.T, names, strict=True):
         upper.set_ylabel(QUANTITIES[name].label)
         lower.set_xlabel(variable if dimension == "schedule" and variable else ABSCISSAE[dimension])
-        if truths is not None:
+        if truths is not None and name in truths:
             upper.plot(truths[dimension], truths[name], **TRUE_LINE, label="true value")
         for label, estimate in estimates.items():
             _draw_estimate(upper, estimate, name, label, styles[label])
@@ -99,7 +101,7 @@ def trajectories_figure(
 
 def _draw_estimate(axis: Axes, estimate: Estimate, name: str, label: str, style: MethodStyle) -> None:
     """A trajectory with its band; the constant of an estimate that has none."""
-    if estimate.trajectories is None:
+    if estimate.trajectories is None or name not in estimate.trajectories:
         axis.axhline({**estimate.stiffness, **estimate.reflex}[name], **style.line, label=label)
         return
     curves = estimate.trajectories
@@ -112,7 +114,7 @@ def _draw_estimate(axis: Axes, estimate: Estimate, name: str, label: str, style:
 def _draw_excitation(axis: Axes, estimate: Estimate, name: str, label: str, style: MethodStyle) -> None:
     """Information of the record about a parameter at each place, over its mean."""
     excitation = estimate.diagnostics.get("excitation")
-    if estimate.trajectories is None or excitation is None:
+    if excitation is None or estimate.trajectories is None or name not in estimate.trajectories:
         return
     place = estimate.trajectories[next(iter(estimate.trajectories.sizes))].values
     axis.fill_between(place, 0.0, excitation[name], color=style.colour, alpha=0.25, lw=0)
@@ -139,12 +141,12 @@ def _tabulate(estimates: Mapping[str, Estimate], truths: xr.Dataset | None) -> p
             continue
         curves, excitation = estimate.trajectories, estimate.diagnostics.get("excitation", {})
         dimension = str(next(iter(curves.sizes)))
-        for name in PARAMETERS:
+        for name in filter(curves.__contains__, PARAMETERS):
             quantity = {"series": label, "quantity": name, "unit": QUANTITIES[name].unit}
             part = pd.DataFrame({**quantity, "abscissa": ABSCISSAE[dimension], "place": curves[dimension].values})
             for column, key in (("value", name), ("low", f"{name}_low"), ("high", f"{name}_high")):
                 part[column] = curves[key].values
-            if truths is not None:
+            if truths is not None and name in truths:
                 part["truth"] = np.interp(curves[dimension], truths[dimension], truths[name])
             parts.append(part.assign(**{"excitation over its mean [1]": excitation.get(name, np.nan)}))
     return pd.concat(parts, ignore_index=True)

@@ -72,6 +72,18 @@ def test_an_estimate_without_trajectories_is_a_line():
     assert set(figure.data["series"]) == {"riv-tv"}
 
 
+def test_inertia_has_a_panel_where_it_varies():
+    constant, varying = make_estimate(), make_estimate()
+    constant.stiffness, constant.reflex = {"I": 0.015}, {}
+    curves = varying.trajectories
+    varying.trajectories = curves.assign({f"I{end}": curves[f"K{end}"] for end in ("", "_low", "_high")})
+    varying.diagnostics["excitation"]["I"] = np.ones(101)
+    figure = trajectories_figure({"a": constant, "b": varying}, curves)
+    assert [axis.get_ylabel() for axis in figure.axes[:4]][-1] == "I [kg·m²]"
+    assert figure.data.groupby("series")["quantity"].nunique().to_dict() == {"a": 3, "b": 4}
+    assert len(trajectories_figure({"a": constant}).axes) == 6
+
+
 def test_trajectories_over_different_things_are_refused():
     with pytest.raises(ValueError, match="functions of one thing, got phase, time"):
         trajectories_figure({"a": make_estimate(), "b": make_estimate("time")})
