@@ -121,7 +121,7 @@ def write_open():
     return (
         f"{markdown_table(['15 dB', 'error of K / B / G [%]', 'net VAF [%]'], rows)}\n\nStudy `open-loop-cycles`, "
         f"{trials_of(table)}. Published for this length and this noise ({others['source'].iloc[0]}): {published}; the "
-        "joint is another one, without a reflex."
+        "joint is another one."
     )
 
 

@@ -25,6 +25,7 @@ __all__ = [
     "SPREAD",
     "average_study",
     "average_trajectories",
+    "describe_cycles",
     "measure_trajectories",
     "profile_trajectories",
     "published_rows",
@@ -214,6 +215,31 @@ def _divide_error(curve: pd.DataFrame | None) -> dict[str, float]:
     bias = scale * float(np.sqrt(((curve["mean"] - curve["truth"]) ** 2).mean()))
     random = scale * float(np.sqrt((curve["sd"] ** 2).mean()))
     return {"bias": bias, "random": random, "total": float(np.hypot(bias, random))}
+
+
+def describe_cycles(details: pd.DataFrame) -> str:
+    """How many whole cycles of a trial were identified, in a sentence; empty without cycles.
+
+    Parameters
+    ----------
+    details : pandas.DataFrame
+        Rows of `ankleloop.assessment.scores.parameter_row`.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> describe_cycles(pd.DataFrame({"cycles": [10.0, 38.0, None]}))
+    ' Of a trial 10 to 38 whole cycles are identified, those that no edge of the record touches.'
+    """
+    counts = details["cycles"].dropna() if "cycles" in details else pd.Series(dtype=float)
+    if counts.empty:
+        return ""
+    low, high = int(counts.min()), int(counts.max())
+    text = f"{low}" if low == high else f"{low} to {high}"
+    return f" Of a trial {text} whole cycles are identified, those that no edge of the record touches."
 
 
 def setting_titles(points: Mapping[str, Mapping[str, Any]], varied: Sequence[str]) -> dict[str, str]:
