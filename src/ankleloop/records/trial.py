@@ -52,6 +52,7 @@ VARIABLES = {
     "phase": ("1", "phase of the cycle"),
     "schedule": ("1", "scheduling variable"),
 }
+PLAIN = (str, bool, int, float)  # attributes that need no conversion: a simulated trial has dozens
 TRUE_TORQUES = tuple(name for name in VARIABLES if name.startswith("torque_"))
 
 
@@ -105,7 +106,7 @@ def new_trial(
     for name, value in {"position": position, "torque": torque, "reference": reference, **extras}.items():
         if value is None:
             continue
-        if name in CHANNELS or np.ndim(_as_masked_array(value)) > 0:
+        if name in CHANNELS or (type(value) not in PLAIN and np.ndim(_as_masked_array(value)) > 0):
             arrays[name] = as_signal(value, name, source=source)
         else:
             attributes[name] = _as_attribute(value, name, source)
@@ -304,7 +305,7 @@ def _as_masked_array(values: Any) -> np.ma.MaskedArray[Any, Any]:
 
 def _as_attribute(value: Any, name: str, source: str) -> int | float | str:
     """Plain int, float or str, the types that every NetCDF library writes."""
-    value = np.asarray(value).item()
+    value = value if type(value) in PLAIN else np.asarray(value).item()
     if isinstance(value, bool):
         return int(value)
     if isinstance(value, float | str) or (isinstance(value, int) and -(2**63) <= value < 2**63):

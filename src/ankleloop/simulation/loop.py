@@ -422,6 +422,8 @@ def _variation_factors(
         largest = parameter_ranges(settings)["gain"][1]
         gains = variation.gain / largest if largest > 0 else variation.gain
         return loop.factors(variation.stiffness, variation.viscosity), gains
+    if loop.changes is None:
+        return np.empty((0, 0)), np.empty(0)
     time = (np.arange(frames) + 0.5) / settings.recording_rate - settings.settling
     drift = np.clip(time / settings.duration - 0.5, -0.5, 0.5) * settings.stiffness_drift
     return loop.factors(settings.stiffness * (1.0 + drift), np.full(frames, settings.viscosity)), np.empty(0)
