@@ -208,8 +208,10 @@ def _reservations(analysis: Analysis, row: pd.Series) -> list[str]:
 
 
 def _select_changing(rows: pd.DataFrame) -> pd.DataFrame:
-    """Methods whose parameters may change, and whose test says that they do."""
-    return rows[rows["variation_p"] < LEVEL] if "variation_p" in rows else rows.iloc[:0]
+    """Methods whose parameters may change, and whose test says that they do; of an incomplete model it says nothing."""
+    if "variation_p" not in rows:
+        return rows.iloc[:0]
+    return rows[(rows["variation_p"] < LEVEL) & rows["residual_related"].ne(True)]
 
 
 def _select_comparable(trusted: pd.DataFrame) -> pd.DataFrame:

@@ -32,7 +32,7 @@ class Variation:
     label : str
         Label of the method.
     varies : bool
-        Whether a constant joint is refused at the level of the test.
+        Whether a constant joint is refused at the level of the test, by a model that is complete.
     test, unseen : str
         The test, and the VAF of unseen data beside that of a time-invariant fit, in sentences.
     """
@@ -106,9 +106,9 @@ def _describe(analysis: Analysis, label: str, estimate: Estimate) -> Variation:
     dimension = str(next(iter(estimate.trajectories.sizes)))
     words, data = DIMENSIONS[dimension]
     p = {name: float(value) for name, value in estimate.diagnostics["variation_p"].items()}
-    varies = p["all"] < LEVEL
+    refused, complete = p["all"] < LEVEL, not analysis.residuals[label].related
     level = f"test at the level of {100 * LEVEL:g} %"
-    if varies:
+    if refused:
         test = f"K, B or G change {words}: in a constant joint so large a variation has a probability of "
         test += f"{_show(p['all'])} ({level})."
     else:
@@ -116,7 +116,10 @@ def _describe(analysis: Analysis, label: str, estimate: Estimate) -> Variation:
         test += f"probability of {_show(p['all'])} ({level}). A change that is smaller than the bands may be there."
     alone = ", ".join(f"{name} {_show(p[name])}" for name in "KBG")
     test += f" Each of them alone, while the others may change: {alone}."
-    return Variation(label, varies, test, _compare_with_constant(analysis, label, data))
+    if refused and not complete:
+        test += " But the residual depends on the movement: the model is not complete, and what it leaves out may be "
+        test += "taken for a change. So the test decides nothing here."
+    return Variation(label, refused and complete, test, _compare_with_constant(analysis, label, data))
 
 
 def _compare_with_constant(analysis: Analysis, label: str, data: str) -> str:

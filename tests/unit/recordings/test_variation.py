@@ -1,6 +1,7 @@
 """Recordings of joints that change: what their parameters follow, and whether they change at all."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,19 @@ def test_the_page_shows_trajectories_bands_and_excitation(analysis):
     page = render_recording_page("a", MAPPING, result, recommend(result), figures)
     assert "Change of the joint" in page
     assert describe_variations(result)[0].unseen.split(",")[0] in page
+
+
+def test_an_incomplete_model_decides_nothing(analysis):
+    """What a model leaves out, such as a threshold, may look like a change."""
+    _, result = analysis
+    test = replace(result.residuals["changing"], related=True)
+    table = result.table.assign(residual_related=result.table["label"].eq("changing"))
+    incomplete = replace(result, residuals={**result.residuals, "changing": test}, table=table)
+    (variation,) = describe_variations(incomplete)
+    assert not variation.varies
+    assert variation.test.endswith("So the test decides nothing here.")
+    assert recommend(result).label == "changing"
+    assert recommend(incomplete).label == "constant"
 
 
 def test_a_constant_joint_is_not_called_changing():
