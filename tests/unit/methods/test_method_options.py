@@ -13,9 +13,10 @@ from ankleloop.methods.moesp import MoespModelOptions, MoespOptions
 from ankleloop.methods.parallel_cascade import ParallelCascadeOptions
 from ankleloop.methods.real_time import RealTimeOptions
 from ankleloop.methods.riv import RivOptions
+from ankleloop.methods.riv_tv import RivTvOptions
 from ankleloop.options import describe_error
 
-CLASSES = [MoespModelOptions, MoespOptions, ParallelCascadeOptions, RealTimeOptions, RivOptions]
+CLASSES = [MoespModelOptions, MoespOptions, ParallelCascadeOptions, RealTimeOptions, RivOptions, RivTvOptions]
 FIELDS = [(options, name) for options in CLASSES for name in options.model_fields]
 MOESP = {
     "order": 2,
@@ -65,6 +66,21 @@ DEFAULTS = {
         "intervals": None,
         "max_iterations": 50,
         "tolerance": 0.01,
+    },
+    "riv-tv": {
+        "cycle_onsets": None,
+        "schedule": None,
+        "knots": (12, 8, 12),
+        "inertia_knots": 1,
+        "interpolation": "cubic",
+        "order": 2,
+        "delay": 0.04,
+        "basis": None,
+        "torque_lag": 0.0,
+        "rest_position": None,
+        "identification_rate": 100.0,
+        "reference": "reference",
+        "weighting": "noise",
     },
 }
 # Values at a bound and beyond it: class, option, accepted value, refused value, and the sentence about the latter.
@@ -125,6 +141,16 @@ BOUNDS = [
     (RivOptions, "max_iterations", 10000, 10001, "must be between 1 and 10000, got 10001"),
     (RivOptions, "tolerance", 1e-09, 0.0, "must be above 0 and at most 1, got 0.0"),
     (RivOptions, "tolerance", 1.0, 1.1, "must be above 0 and at most 1, got 1.1"),
+    (RivTvOptions, "inertia_knots", 1, 0, "must be between 1 and 200, got 0"),
+    (RivTvOptions, "inertia_knots", 200, 201, "must be between 1 and 200, got 201"),
+    (RivTvOptions, "delay", 0.0, -1e-09, "must be between 0 and 1 s, got -1e-09"),
+    (RivTvOptions, "delay", 1.0, 1.1, "must be between 0 and 1 s, got 1.1"),
+    (RivTvOptions, "torque_lag", -0.05, -0.051, "must be between -0.05 and 0.05 s, got -0.051"),
+    (RivTvOptions, "torque_lag", 0.05, 0.051, "must be between -0.05 and 0.05 s, got 0.051"),
+    (RivTvOptions, "rest_position", -10.0, -10.5, "must be between -10 and 10 rad, got -10.5"),
+    (RivTvOptions, "rest_position", 10.0, 10.5, "must be between -10 and 10 rad, got 10.5"),
+    (RivTvOptions, "identification_rate", 1.0, 0.5, "must be between 1 and 10000 Hz, got 0.5"),
+    (RivTvOptions, "identification_rate", 10000.0, 10001.0, "must be between 1 and 10000 Hz, got 10001.0"),
 ]
 CHOICES = [
     (MoespOptions, "basis", ["chebyshev", "rectifier", "spline"]),
@@ -142,12 +168,17 @@ CHOICES = [
     (RivOptions, "basis", ["chebyshev", "rectifier", "spline"]),
     (RivOptions, "intervals", ["asymptotic", "robust"]),
     (RivOptions, "weighting", ["noise", "flat"]),
+    (RivTvOptions, "interpolation", ["cubic", "constant"]),
+    (RivTvOptions, "order", [2, 3]),
+    (RivTvOptions, "basis", ["rectifier"]),
+    (RivTvOptions, "weighting", ["noise", "flat"]),
 ]
 
 
 def parts(annotation):
     """Types of a field, without None."""
-    return [part for part in get_args(annotation) or [annotation] if part is not type(None)]
+    alternatives = [annotation] if get_origin(annotation) is tuple else get_args(annotation) or [annotation]
+    return [get_origin(part) or part for part in alternatives if part is not type(None)]
 
 
 def choices(annotation):
@@ -216,14 +247,15 @@ def test_choices_are_enforced(options, name, values):
 @pytest.mark.parametrize(("options", "name"), FIELDS)
 def test_values_of_another_type_are_refused(options, name):
     field = options.model_fields[name]
-    (kind,) = [object] if choices(field.annotation) else parts(field.annotation)
+    kinds = [object] if choices(field.annotation) else parts(field.annotation)
     values = {
         int: [True, 2.5, "2", [2], np.nan, np.float64(2.5), np.arange(1, 4)],
         float: [True, "0.1", np.nan, np.inf, -np.inf, [0.1], 1j, np.array([0.1, 0.2])],
         bool: [1, 0, "true"],
         str: [1, b"reference", ["reference"]],
         object: [True, "", 1.5, ["full"]],
-    }[kind]
+        tuple: [1, b"reference", True, 1j, ["a"], [None, 1.0, 2.0]],
+    }[kinds[0]]
     if type(None) not in get_args(field.annotation):
         values = [*values, None]
     else:
