@@ -3,8 +3,8 @@
 Light load 0.1/10/100 and moderate load 1.1/7.1/250, cycles of 1.4 s, 10 dB; K 80-220, B 0.55-1.05, G 4-20. Errors are
 root mean squares over the trajectory, over the mean of the truth. A record of n cycles has n cycles in all. Efficiency
 is the Cramér-Rao bound of splines without penalties over the mean square error; penalties may beat it, but not that of
-the means over the trajectory. No trial is written to disk. Writes results/benchmarks/time-varying.csv with a row for each
-trial and method, and prints the means.
+the means over the trajectory. No trial is written to disk. Writes results/benchmarks/time-varying.csv with a row for
+each trial and method, and prints the means.
 """
 
 import argparse
