@@ -45,10 +45,14 @@ def read_measures(name):
     return table.assign(setting=table["point"].map(titles), label=table["method"].map(study.labels))
 
 
-def triple(part, column, spec=".1f", scale=1.0):
-    """A measure of K, B and G; one value where it is that of the method and not of a parameter."""
-    values = part.set_index("parameter")[column].reindex(PARAMETERS)
-    return " / ".join("–" if pd.isna(value) else format(scale * value, spec) for value in values)
+def triple(part, column, spec=".1f", *, margin=False):
+    """A measure of K, B and G, with half of its 95 % interval if it is wanted."""
+    rows = part.set_index("parameter").reindex(PARAMETERS)
+    margins = rows[f"{column}_margin"] if margin else [None] * len(rows)
+    return " / ".join(
+        "–" if pd.isna(value) else f"{value:{spec}}" + (f" ± {half:{spec}}" if margin else "")
+        for value, half in zip(rows[column], margins, strict=True)
+    )
 
 
 def trials_of(table):
@@ -132,12 +136,11 @@ def write_coverage():
         table = read_measures(name)
         labels = ("riv-tv", "splines-12", "splines-40")
         for (setting, label), part in table[table["method"].isin(labels)].groupby(["setting", "label"], sort=False):
-            rows.append(
-                [f"`{name}`", setting if label == "riv-tv" else f"{setting}, {label}", triple(part, "covered", ".0f")]
-            )
+            title = setting if label == "riv-tv" else f"{setting}, {label}"
+            rows.append([f"`{name}`", title, triple(part, "covered", ".0f", margin=True)])
     return (
         f"{markdown_table(['study', 'setting', 'held by the bands of K / B / G [%]'], rows)}\n\nShare of the places at "
-        "which the 95 % band holds the truth, means over trials."
+        "which the 95 % band holds the truth, means over trials with half of their 95 % intervals."
     )
 
 

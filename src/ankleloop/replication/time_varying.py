@@ -177,8 +177,8 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
     -------
     pandas.DataFrame
         Columns `point`, `method`, `parameter`; `error` and `mean_error`, means over trials of the error of a trajectory
-        and of its mean over all places, with `error_margin` and `mean_error_margin`, half of their 95 % intervals;
-        `bias`, `random` and `total`; `covered`, share of the places at which the band holds the truth, all in percent;
+        and of its mean over all places, and `covered`, that of the share of the places at which the band holds the
+        truth, each with half of its 95 % interval (`error_margin` …); `bias`, `random` and `total`, all in percent;
         `rise`, mean time from 10 to 90 % of a step [s]; and the columns of
         `ankleloop.replication.trial_counts.count_outcomes`. What a method does not have is empty.
 
@@ -198,11 +198,11 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
                 continue
             values = {score: part.get(f"{name}_{score}", pd.Series(dtype=float)).dropna() for score in SCORES}
             row = {"point": point, "method": method, "parameter": name}
-            for column, score in (("error", "nrmse"), ("mean_error", "bias")):
+            for column, score in (("error", "nrmse"), ("mean_error", "bias"), ("covered", "covered")):
                 sample = values[score]
                 row |= {column: sample.mean(), f"{column}_margin": confidence_margin(sample.std(), sample.size)}
             row |= _divide_error(curves.get((point, method, name)))
-            rows.append(row | {"covered": values["covered"].mean(), "rise": values["rise"].mean()})
+            rows.append(row | {"rise": values["rise"].mean()})
     keys = ["point", "method"]
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), how="left", on=keys)
 
