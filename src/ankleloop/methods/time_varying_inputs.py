@@ -191,7 +191,7 @@ def predict_perturbation(y: np.ndarray, x: np.ndarray, rate: float) -> np.ndarra
 
     Examples
     --------
-    >>> x = np.convolve(np.random.default_rng(1).standard_normal(2000), np.ones(5) / 5, "same")
+    >>> x = np.convolve(np.random.default_rng(1).standard_normal(2000), np.hanning(12), "same")
     >>> y = np.roll(x, 3)
     >>> bool(np.std((predict_perturbation(y, x, 100.0) - y)[200:-200]) < 0.05 * np.std(y))
     True
