@@ -8,7 +8,7 @@ import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from ankleloop.plotting.style import STYLE, TWO_COLUMNS, inches
+from ankleloop.plotting.style import STYLE, TWO_COLUMNS, DataFigure, inches
 
 __all__ = ["closed_loop_diagram", "parallel_cascade_diagram"]
 
@@ -25,7 +25,7 @@ class _Diagram:
 
     def __init__(self, width: float, height: float) -> None:
         size = inches(TWO_COLUMNS)
-        self.figure = Figure(figsize=(size, size * height / width))
+        self.figure = DataFigure(figsize=(size, size * height / width))
         self.axis = self.figure.add_axes((0, 0, 1, 1))
         self.axis.set(xlim=(0, width), ylim=(0, height), aspect="equal")
         self.axis.set_axis_off()

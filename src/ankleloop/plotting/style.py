@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,7 @@ __all__ = [
 ONE_COLUMN = 88.0
 TWO_COLUMNS = 181.0
 DOTS_PER_INCH = 300  # of pictures, for print
+SCREEN_DOTS_PER_INCH = 150  # in notebooks
 
 MARK = "mark"  # group of lines that are no series: they stand at the end of a legend
 # Line of a true value or of a limit.
@@ -93,6 +95,13 @@ class DataFigure(Figure):
     """
 
     data: pd.DataFrame | None = None
+
+    def _repr_png_(self) -> bytes:
+        """The picture, as notebooks show it; they draw other figures only behind a command of theirs."""
+        stream = io.BytesIO()
+        with matplotlib.rc_context(STYLE):
+            self.savefig(stream, format="png", dpi=SCREEN_DOTS_PER_INCH)
+        return stream.getvalue()
 
 
 def inches(millimetres: float) -> float:

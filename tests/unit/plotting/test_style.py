@@ -1,3 +1,4 @@
+import struct
 from itertools import pairwise
 
 import numpy as np
@@ -94,3 +95,11 @@ def test_the_numbers_of_a_figure_are_written_beside_it(tmp_path):
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "torque.csv"), figure.data, check_exact=True)
     with pytest.raises(ValueError, match="no table of its numbers"):
         save_figure(Figure(), tmp_path / "diagram", suffixes=[".csv"])
+
+
+def test_notebooks_show_figures_without_a_command():
+    """As a picture, whatever the notebook has imported."""
+    figure = DataFigure(figsize=(2.0, 1.0))
+    figure.subplots().plot([0.0, 1.0])
+    size = struct.unpack(">II", figure._repr_png_()[16:24])  # of the header
+    assert size == (300, 150)
