@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
+from workflow_runs import STUDY, Run
 
 ROOT = Path(__file__).parents[1]
 PARTS = ("Snakefile", "workflow", "config", "notebooks", "data", "src", "profiles")
@@ -67,6 +69,33 @@ def snakemake():
         return process.stdout + process.stderr
 
     return run
+
+
+@pytest.fixture(scope="session")
+def study_file(tmp_path_factory):
+    """Configuration of one small study."""
+    path = tmp_path_factory.mktemp("config") / "study.yaml"
+    path.write_text(yaml.safe_dump(STUDY), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def start(repository, study_file, tmp_path):
+    """Start a run of the small study, or of another configuration, in a folder; the test may leave it running."""
+    runs = []
+
+    def start(folder, *arguments, **environment):
+        folder.mkdir(exist_ok=True)
+        if "--configfile" not in arguments:
+            arguments = ("--configfile", str(study_file), *arguments)
+        run = Run(repository, folder, tmp_path / f"run{len(runs)}.log", *arguments, **environment)
+        runs.append(run)
+        return run
+
+    yield start
+    for run in runs:
+        if run.process.poll() is None:
+            run.kill(jobs=True)
 
 
 @pytest.fixture(scope="session")

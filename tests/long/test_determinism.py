@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from runs import STUDY
+from workflow_runs import STUDY
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 CHUNKS = {
