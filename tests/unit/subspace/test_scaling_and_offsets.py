@@ -104,7 +104,7 @@ def test_the_regression_without_offsets_has_no_column_for_them(u):
     np.testing.assert_allclose(fit.B.ravel(), theta[:4], rtol=1e-9)
     np.testing.assert_allclose(fit.D.ravel(), theta[4:6], rtol=1e-9)
     np.testing.assert_allclose(fit.initial_state, theta[6:], rtol=1e-9)
-    assert found.offset == 0.0
+    assert fit.offset == 0.0
     assert estimate_input_matrices(A, C, u, y).offset == pytest.approx(2.0, abs=0.1)
 
 
