@@ -20,7 +20,8 @@ CONTENTS = """() => ({
 
 
 @pytest.fixture(scope="module")
-def pages(reproduction):
+def pages(reproduction, snakemake):
+    snakemake(reproduction, "--configfile", "config/ci.yaml")  # tests before may have run other studies there
     results = reproduction / "results"
     paths = sorted(results.glob("*.html")) + sorted((results / "reports").rglob("*.html"))
     names = {path.relative_to(results).as_posix() for path in paths}
