@@ -9,6 +9,7 @@ import yaml
 from workflow_runs import STUDY, Run
 
 ROOT = Path(__file__).parents[1]
+collect_ignore_glob = ["*/conftest.py"]  # they have no examples, and share a name
 PARTS = ("Snakefile", "workflow", "config", "notebooks", "data", "src", "profiles")
 
 
