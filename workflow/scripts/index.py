@@ -24,5 +24,6 @@ with running(snakemake):
     write_page(snakemake.output.tables, render_tables(read_tables(folder)))
     for path in snakemake.output.ledger:  # none without the ledger
         write_page(path, render_ledger(pd.read_csv(folder / "verification.csv")))
-    results = collect_results(folder, logs, snakemake.params.studies, provenance)
+    has_article = bool(snakemake.output.ledger)
+    results = collect_results(folder, logs, snakemake.params.studies, provenance, has_article=has_article)
     write_page(snakemake.output.index, render_index(results))
