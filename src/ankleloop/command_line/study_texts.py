@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
-from ankleloop.command_line.reading import Reading
+from ankleloop.command_line.reading import Reading, name_recording
 from ankleloop.recordings.usual_methods import usual_methods
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.config import MAX_NAME
 from ankleloop.studies.recording_settings import Recording
 
 if TYPE_CHECKING:
@@ -76,7 +75,7 @@ def recordings_text(new: Path, folder: Path, files: Mapping[str, RecordedFile]) 
         "# A study of recordings, written by `ankleloop study`. Look through it, then run, in the folder of the",
         "# repository of ankleloop:",
         f"#   snakemake --cores 2 --configfile {new.name}",
-        *_describe_study(new, "recordings"),
+        *_describe_study(new),
         "    kind: recordings",
         "    notebook: recordings",
         "    title: Recordings",
@@ -94,10 +93,9 @@ def recordings_text(new: Path, folder: Path, files: Mapping[str, RecordedFile]) 
     return "\n".join(lines) + "\n"
 
 
-def _describe_study(new: Path, kind: str) -> list[str]:
+def _describe_study(new: Path) -> list[str]:
     """Begin the only study of a file; it has the name of the file, so that no other study has its results."""
-    stem = re.sub("[^A-Za-z0-9]+", "-", new.stem).strip("-")[:MAX_NAME]
-    name = stem or kind
+    name = name_recording(new).replace(".", "-")
     return [
         f"# The results begin at results/reports/{name}.html. config/README.md describes every key.",
         f"run: [{_value(name)}]",
@@ -167,7 +165,7 @@ def sweep_text(new: Path, varied: Sequence[str]) -> str:
         "# A sweep, written by `ankleloop study`. Look through it, then run, in the folder of the repository of",
         "# ankleloop:",
         f"#   snakemake --cores 2 --configfile {new.name}",
-        *_describe_study(new, "sweep"),
+        *_describe_study(new),
         "    kind: simulation",
         "    notebook: sweep",
         f"    title: {_value('Sweep over ' + ' and '.join(varied).replace('_', ' '))}",
