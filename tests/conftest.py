@@ -31,13 +31,13 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="session")
 def copy_repository(tmp_path_factory):
-    """Copy the repository, as a user has it."""
+    """Copy the repository, as a user has it, with the kernels that are compiled."""
 
     def copy():
         folder = tmp_path_factory.mktemp("repository")
         for part in PARTS:
             if (ROOT / part).is_dir():
-                shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+                shutil.copytree(ROOT / part, folder / part)
             else:
                 shutil.copy(ROOT / part, folder / part)
         return folder
