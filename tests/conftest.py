@@ -10,6 +10,7 @@ from workflow_runs import STUDY, Run
 
 ROOT = Path(__file__).parents[1]
 collect_ignore_glob = ["*/conftest.py"]  # they have no examples, and share a name
+COMPILED = (".pyc", ".nbi", ".nbc")  # modules and kernels
 PARTS = ("Snakefile", "workflow", "config", "notebooks", "data", "src", "profiles")
 
 
@@ -29,6 +30,11 @@ def pytest_collection_modifyitems(items):
         item.add_marker(pytest.mark.xdist_group("reproduction" if shared else str(item.path)))
 
 
+def ignore_partial(folder, names):
+    """Files of compiled code that another process is writing: they are gone when they would be copied."""
+    return [name for name in names if Path(folder).name == "__pycache__" and not name.endswith(COMPILED)]
+
+
 @pytest.fixture(scope="session")
 def copy_repository(tmp_path_factory):
     """Copy the repository, as a user has it, with the kernels that are compiled."""
@@ -37,7 +43,7 @@ def copy_repository(tmp_path_factory):
         folder = tmp_path_factory.mktemp("repository")
         for part in PARTS:
             if (ROOT / part).is_dir():
-                shutil.copytree(ROOT / part, folder / part)
+                shutil.copytree(ROOT / part, folder / part, ignore=ignore_partial)
             else:
                 shutil.copy(ROOT / part, folder / part)
         return folder
