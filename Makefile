@@ -19,7 +19,8 @@ LOCK_HINT := test -z "$$(ls .snakemake/locks 2>/dev/null)" || echo "If no other 
 was killed has left its lock: make unlock, then the same command again. Nothing is lost."
 
 all: setup ## Set up what is missing, then reproduce the paper (a few minutes).
-	snakemake --cores $(CORES) || { $(LOCK_HINT); exit 1; }
+	snakemake --cores $(CORES) --quiet reason || { $(LOCK_HINT); exit 1; }
+	@echo "Open results/index.html"
 
 # The texts behind ##, one for each target.
 help: ## List the targets.
@@ -48,7 +49,8 @@ fuzz: setup ## Seventy minutes: damaged files have to be read or refused, ten mi
 	python tests/fuzz/fuzz.py --minutes 10 --processes 2 --json results/reliability/fuzz.json $(ARGS)
 
 beyond: setup ## Reproduce the paper, and run the studies that go further.
-	snakemake --cores $(CORES) --configfile config/beyond.yaml || { $(LOCK_HINT); exit 1; }
+	snakemake --cores $(CORES) --quiet reason --configfile config/beyond.yaml || { $(LOCK_HINT); exit 1; }
+	@echo "Open results/index.html"
 
 coverage: setup ## Eight minutes: how often the intervals of riv hold the truth, 1,000 trials of eight settings.
 	python benchmarks/coverage.py --cores $(CORES) $(ARGS)

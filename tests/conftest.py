@@ -5,8 +5,12 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
+from workflow_runs import STUDY, Run
 
 ROOT = Path(__file__).parents[1]
+collect_ignore_glob = ["*/conftest.py"]  # they have no examples, and share a name
+COMPILED = (".pyc", ".nbi", ".nbc")  # modules and kernels
 PARTS = ("Snakefile", "workflow", "config", "notebooks", "data", "src", "profiles")
 
 
@@ -26,15 +30,20 @@ def pytest_collection_modifyitems(items):
         item.add_marker(pytest.mark.xdist_group("reproduction" if shared else str(item.path)))
 
 
+def ignore_partial(folder, names):
+    """Files of compiled code that another process is writing: they are gone when they would be copied."""
+    return [name for name in names if Path(folder).name == "__pycache__" and not name.endswith(COMPILED)]
+
+
 @pytest.fixture(scope="session")
 def copy_repository(tmp_path_factory):
-    """Copy the repository, as a user has it."""
+    """Copy the repository, as a user has it, with the kernels that are compiled."""
 
     def copy():
         folder = tmp_path_factory.mktemp("repository")
         for part in PARTS:
             if (ROOT / part).is_dir():
-                shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+                shutil.copytree(ROOT / part, folder / part, ignore=ignore_partial)
             else:
                 shutil.copy(ROOT / part, folder / part)
         return folder
@@ -67,6 +76,33 @@ def snakemake():
         return process.stdout + process.stderr
 
     return run
+
+
+@pytest.fixture(scope="session")
+def study_file(tmp_path_factory):
+    """Configuration of one small study."""
+    path = tmp_path_factory.mktemp("config") / "study.yaml"
+    path.write_text(yaml.safe_dump(STUDY), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def start(repository, study_file, tmp_path):
+    """Start a run of the small study, or of another configuration, in a folder; the test may leave it running."""
+    runs = []
+
+    def start(folder, *arguments, **environment):
+        folder.mkdir(exist_ok=True)
+        if "--configfile" not in arguments:
+            arguments = ("--configfile", str(study_file), *arguments)
+        run = Run(repository, folder, tmp_path / f"run{len(runs)}.log", *arguments, **environment)
+        runs.append(run)
+        return run
+
+    yield start
+    for run in runs:
+        if run.process.poll() is None:
+            run.kill(jobs=True)
 
 
 @pytest.fixture(scope="session")

@@ -35,11 +35,11 @@ def make_environment(folder, wheel):
     python = folder / "bin" / "python"
     packages = Path(run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))").strip())
     for name in dependencies("ankleloop"):
-        found = distribution(name)
-        for part in {file.parts[0] for file in found.files or () if file.parts[0] not in ("..", "__pycache__")}:
+        installed = distribution(name)
+        for part in {file.parts[0] for file in installed.files or () if file.parts[0] not in ("..", "__pycache__")}:
             target = packages / part
             if not target.exists():
-                target.symlink_to(found.locate_file(part))
+                target.symlink_to(installed.locate_file(part))
     install = ["-m", "pip", "--python", str(python), "install", "--quiet", "--no-deps", "--no-index", str(wheel)]
     subprocess.run([sys.executable, *install], check=True)
     return folder / "bin"

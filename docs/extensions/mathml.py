@@ -5,8 +5,8 @@ from latex2mathml.converter import convert
 
 
 def inline(writer, node):
-    """Write an equation within a line."""
-    writer.body.append(f'<span class="math">{convert(node.astext())}</span>')
+    """Write an equation within a line; the theme would cut off what is above it of the class `math`."""
+    writer.body.append(f'<span class="inline-equation">{convert(node.astext())}</span>')
     raise SkipNode
 
 

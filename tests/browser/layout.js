@@ -17,7 +17,7 @@
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   for (let node = walker.nextNode(); node; node = walker.nextNode()) {
     if (!node.data.trim() || node.parentElement.closest("script, style")) continue;
-    if (getComputedStyle(node.parentElement).visibility === "hidden") continue;
+    if (!node.parentElement.checkVisibility({ visibilityProperty: true })) continue; // also closed details
     const range = document.createRange();
     range.selectNodeContents(node);
     for (const rectangle of range.getClientRects()) {

@@ -1,5 +1,6 @@
 """Every page of the results in a browser, as wide as a desktop and as narrow as a phone."""
 
+import json
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -20,7 +21,8 @@ CONTENTS = """() => ({
 
 
 @pytest.fixture(scope="module")
-def pages(reproduction):
+def pages(reproduction, snakemake):
+    snakemake(reproduction, "--configfile", "config/ci.yaml")  # tests before may have run other studies there
     results = reproduction / "results"
     paths = sorted(results.glob("*.html")) + sorted((results / "reports").rglob("*.html"))
     names = {path.relative_to(results).as_posix() for path in paths}
@@ -85,8 +87,13 @@ def test_every_page_links_back_and_has_its_contents(views, pages):
 def test_the_index_leads_to_everything(pages, reproduction, visit):
     page = visit(pages["index.html"]).page
     targets = {Path(unquote(urlsplit(url).path)).resolve() for url in page.evaluate(LINKS)}
-    assert {path.resolve() for path in pages.values()} <= targets
-    figures = set((reproduction / "results" / "figures").glob("*.*"))
+    results = reproduction / "results"
+    studies = json.loads((results / "configuration.json").read_text(encoding="utf-8"))["run"]  # not those of other runs
+    expected = [path for name, path in pages.items() if "/" not in name or name.split("/")[1].split(".")[0] in studies]
+    assert len(expected) == 4 + len(studies)
+    assert {path.resolve() for path in expected} <= targets
+    groups = ["figure1.*", "figure2.*", *(f"{study}-*" for study in studies)]
+    figures = {path for group in groups for path in (results / "figures").glob(group)}
     assert {path.resolve() for path in figures} <= targets
     captions = page.locator(".figures figcaption").all_inner_texts()
     assert len(captions) == len({path.stem for path in figures})

@@ -4,8 +4,8 @@ import json
 import time
 from pathlib import Path
 
-from runs import CHUNKS, list_differences, read_results
 from slurm import CORES
+from workflow_runs import CHUNKS, list_differences, read_results
 
 SECONDS = 1500  # each job of a cluster starts Snakemake twice, and then its script
 # For docs/scaling.md.

@@ -4,7 +4,7 @@ import importlib.util
 import shutil
 
 import pytest
-from runs import list_differences, read_results
+from workflow_runs import list_differences, read_results
 
 
 @pytest.fixture

@@ -7,54 +7,21 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-import yaml
-from runs import STUDY, Run, list_differences, read_results
+from workflow_runs import Run, list_differences, read_results
 
 ROOT = Path(__file__).parents[2]
 SUMMARY = ROOT / "results" / "reliability" / "faults.json"
 
 
-@pytest.fixture(scope="session")
-def repository(copy_repository):
-    """A copy of the repository without results."""
-    return copy_repository()
-
-
-@pytest.fixture(scope="session")
-def study_file(tmp_path_factory):
-    """Configuration of one small study."""
-    path = tmp_path_factory.mktemp("config") / "study.yaml"
-    path.write_text(yaml.safe_dump(STUDY), encoding="utf-8")
-    return path
-
-
 @pytest.fixture
-def start(repository, study_file, tmp_path):
-    """Start a run of the study in a folder."""
-    runs = []
-
-    def start(folder, *arguments, **environment):
-        arguments = arguments or ("--configfile", str(study_file))
-        run = Run(repository, folder, tmp_path / f"run{len(runs)}.log", *arguments, **environment)
-        runs.append(run)
-        return run
-
-    yield start
-    for run in runs:
-        if run.process.poll() is None:
-            run.kill(jobs=True)
-
-
-@pytest.fixture
-def finish(start, study_file):
+def finish(start):
     """Unlock a folder and run the study to its end, as the documentation says; return the results."""
 
     def finish(folder, *, unlock=True):
-        arguments = ("--configfile", str(study_file))
         if unlock:
-            run = start(folder, *arguments, "--unlock")
+            run = start(folder, "--unlock")
             assert run.wait() == 0, run.text
-        run = start(folder, *arguments, "--rerun-incomplete")
+        run = start(folder, "--rerun-incomplete")
         assert run.wait() == 0, run.text
         return read_results(folder)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from runs import STUDY
+from workflow_runs import STUDY
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 CHUNKS = {
@@ -37,10 +37,10 @@ def tables(repository, snakemake, tmp_path_factory):
 
 @pytest.mark.parametrize("name", list(CHUNKS)[1:])
 def test_tables_depend_neither_on_cores_nor_on_chunks(tables, name):
-    expected, found = tables["one core"], tables[name]
+    expected, results = tables["one core"], tables[name]
     assert {"study.csv", "study.md"} <= set(expected)
-    assert set(found) == set(expected)
-    assert [file for file in expected if found[file] != expected[file]] == []
+    assert set(results) == set(expected)
+    assert [file for file in expected if results[file] != expected[file]] == []
 
 
 def test_kinds_of_processor_give_the_same_results_to_the_stated_tolerance():

@@ -20,4 +20,5 @@ def test_the_site_builds_without_a_warning(tmp_path):
     for page in COMPUTED:
         text = (tmp_path / "html" / page).with_suffix(".html").read_text(encoding="utf-8")
         assert "cell_output" in text, page
+        assert "Figure size" not in text, page  # a figure that is shown as its type
     assert len(list((tmp_path / "html" / "_images").glob("*.png"))) > 8

@@ -15,8 +15,8 @@ DOCS = Path(__file__).parents[2] / "docs" / "tutorials"
 def block(page, start, language="yaml"):
     """The first block of a page in a language that begins with a text."""
     text = (DOCS / page).read_text(encoding="utf-8")
-    found = re.findall(rf"^ *```{re.escape(language)}\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
-    return next(code for code in found if code.lstrip().startswith(start))
+    blocks = re.findall(rf"^ *```{re.escape(language)}\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
+    return next(code for code in blocks if code.lstrip().startswith(start))
 
 
 @pytest.fixture

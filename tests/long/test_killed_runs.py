@@ -4,7 +4,7 @@ import random
 import shutil
 import time
 
-from runs import CHUNKS, list_differences, read_results
+from workflow_runs import CHUNKS, list_differences, read_results
 
 KILLS = 20
 SEED = 2008

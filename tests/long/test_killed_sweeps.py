@@ -7,7 +7,7 @@ import subprocess
 import psutil
 import pytest
 import yaml
-from runs import Run, list_differences, mount, read_results
+from workflow_runs import Run, list_differences, mount, read_results
 
 TRIALS = 4  # of two points, each a job
 CONFIG = {

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from runs import PROGRAM, list_differences, read_results
+from workflow_runs import PROGRAM, list_differences, read_results
 
 NOBODY = "65534"
 CODE = """

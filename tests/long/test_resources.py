@@ -9,7 +9,7 @@ from contextlib import suppress
 
 import psutil
 import pytest
-from runs import CHUNKS, list_differences, mount, read_results
+from workflow_runs import CHUNKS, list_differences, mount, read_results
 
 
 def test_a_full_disk_is_named_and_with_more_space_the_run_ends_as_undisturbed(

@@ -57,7 +57,8 @@ class Links(HTMLParser):
 @pytest.fixture(scope="module")
 def pages(site):
     """Links of every page, by its path."""
-    return {path: Links(path.read_text(encoding="utf-8")) for path in site.rglob("*.html")}
+    paths = [path for path in site.rglob("*.html") if "_static" not in path.parts]  # templates of the theme
+    return {path: Links(path.read_text(encoding="utf-8")) for path in paths}
 
 
 def test_every_page_of_the_documentation_is_in_the_site(site):

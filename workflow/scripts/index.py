@@ -22,8 +22,8 @@ with running(snakemake):
     folder, logs = Path(snakemake.params.folder), Path(snakemake.log[0]).parent
     provenance = read_provenance(snakemake.params.repository)
     write_page(snakemake.output.tables, render_tables(read_tables(folder)))
-    if snakemake.output.ledger:
-        write_page(snakemake.output.ledger, render_ledger(pd.read_csv(folder / "verification.csv")))
-    write_page(
-        snakemake.output.index, render_index(collect_results(folder, logs, snakemake.params.studies, provenance))
-    )
+    for path in snakemake.output.ledger:  # none without the ledger
+        write_page(path, render_ledger(pd.read_csv(folder / "verification.csv")))
+    has_article = bool(snakemake.output.ledger)
+    results = collect_results(folder, logs, snakemake.params.studies, provenance, has_article=has_article)
+    write_page(snakemake.output.index, render_index(results))

@@ -70,8 +70,8 @@ def describe_failures_of(parameters: Mapping) -> str:
 
 
 def write_captions(captions: Mapping[bytes, str], folder: Path) -> None:
-    """Captions of the figures in a folder by their names, for the page that lists all results."""
-    names = {path.stem: captions[path.read_bytes()] for path in sorted(folder.glob("*.png"))}
+    """Captions of the figures in a folder by their names; a notebook of a user may show a figure without one."""
+    names = {path.stem: captions.get(path.read_bytes(), "") for path in sorted(folder.glob("*.png"))}
     (folder / "captions.json").write_text(json.dumps(names, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 

@@ -46,7 +46,7 @@ class Bootstrap:
     Examples
     --------
     >>> from ankleloop import simulate
-    >>> bootstrap = block_bootstrap(simulate(seed=1, duration=20.0), "riv", repetitions=2)
+    >>> bootstrap = block_bootstrap(simulate(seed=1, duration=30.0), "riv", repetitions=2)
     >>> len(bootstrap.samples), bootstrap.failed
     (2, 0)
     """

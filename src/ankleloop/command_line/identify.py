@@ -115,10 +115,10 @@ def identify_recording(
     announce_compilation()
     window = study.settings.figure.model_dump(include={"start", "length"})
     with tempfile.TemporaryDirectory(prefix="ankleloop-") as temporary:
-        made = Path(temporary)
-        ((_, table, _),) = analyse_recordings(study.mappings(0), study.analysed_methods, made, window)
-        table.to_csv(made / f"{name}-parameters.csv", index=False)
-        _move_results(made, folder, outputs, path, overwrite=overwrite)
+        results = Path(temporary)
+        ((_, table, _),) = analyse_recordings(study.mappings(0), study.analysed_methods, results, window)
+        table.to_csv(results / f"{name}-parameters.csv", index=False)
+        _move_results(results, folder, outputs, path, overwrite=overwrite)
     return table, folder / f"{name}.html"
 
 
@@ -163,17 +163,17 @@ def _check_outputs(folder: Path, name: str, path: Path, *, overwrite: bool) -> l
     return outputs
 
 
-def _move_results(made: Path, folder: Path, outputs: Iterable[Path], path: Path, *, overwrite: bool) -> None:
+def _move_results(results: Path, folder: Path, outputs: Iterable[Path], path: Path, *, overwrite: bool) -> None:
     """Move results to their names; remove what an earlier run made and this one did not."""
     from ankleloop.records.files import atomic_file
 
     folder.mkdir(parents=True, exist_ok=True)
     for output in outputs:
         target = folder / output
-        if (made / output).exists():
+        if (results / output).exists():
             target.parent.mkdir(exist_ok=True)
             with atomic_file(target, overwrite=overwrite, inputs=[path]) as partial:
-                shutil.copyfile(made / output, partial)
+                shutil.copyfile(results / output, partial)
         else:
             target.unlink(missing_ok=True)
 

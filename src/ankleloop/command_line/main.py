@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import traceback
 import warnings
@@ -104,6 +105,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     for name in THREADS:  # before numpy is imported; as in the jobs of the workflow, for equal bits
         os.environ.setdefault(name, "1")
+    # What the library logs is for the files of the workflow; here messages say it.
+    logging.getLogger("ankleloop").addHandler(logging.NullHandler())
     with warnings.catch_warnings():
         warnings.showwarning = show_warning
         try:

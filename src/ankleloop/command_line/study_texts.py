@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
-from ankleloop.command_line.reading import Reading
+from ankleloop.command_line.reading import Reading, name_recording
 from ankleloop.recordings.usual_methods import usual_methods
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.recording_settings import Recording
@@ -77,11 +77,7 @@ def recordings_text(new: Path, folder: Path, files: Mapping[str, RecordedFile]) 
         "# A study of recordings, written by `ankleloop study`. Look through it, then run, in the folder of the",
         "# repository of ankleloop:",
         f"#   snakemake --cores 2 --configfile {new.name}",
-        "# The results begin at results/reports/recordings.html. config/README.md describes every key.",
-        "run: [recordings]",
-        "article: []",
-        "studies:",
-        "  recordings:",
+        *_describe_study(new),
         "    kind: recordings",
         "    notebook: recordings",
         "    title: Recordings",
@@ -97,6 +93,18 @@ def recordings_text(new: Path, folder: Path, files: Mapping[str, RecordedFile]) 
         *_describe_methods(_choose_methods(files)),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _describe_study(new: Path) -> list[str]:
+    """Begin the only study of a file; it has the name of the file, so that no other study has its results."""
+    name = name_recording(new).replace(".", "-")
+    return [
+        f"# The results begin at results/reports/{name}.html. config/README.md describes every key.",
+        f"run: [{_value(name)}]",
+        "article: []",
+        "studies:",
+        f"  {_value(name)}:",
+    ]
 
 
 def _describe_file(file: RecordedFile) -> list[str]:
@@ -160,11 +168,7 @@ def sweep_text(new: Path, varied: Sequence[str]) -> str:
         "# A sweep, written by `ankleloop study`. Look through it, then run, in the folder of the repository of",
         "# ankleloop:",
         f"#   snakemake --cores 2 --configfile {new.name}",
-        "# The results begin at results/reports/sweep.html. config/README.md describes every key.",
-        "run: [sweep]",
-        "article: []",
-        "studies:",
-        "  sweep:",
+        *_describe_study(new),
         "    kind: simulation",
         "    notebook: sweep",
         f"    title: {_value('Sweep over ' + ' and '.join(varied).replace('_', ' '))}",

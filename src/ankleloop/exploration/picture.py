@@ -163,7 +163,7 @@ class Picture:
         return axis
 
     def _make_pole_axes(self) -> Axes:
-        axis = self.figure.add_axes((0.60, 0.065, 0.18, 0.245))
+        axis = self.figure.add_axes((0.60, 0.055, 0.18, 0.235))
         axis.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), aspect="equal", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
         axis.set_title("poles of the reflex")
         axis.add_patch(Circle((0, 0), 1.0, fill=False, lw=0.6, ec="#888888"))
@@ -299,7 +299,7 @@ def _describe_values(fit: Fit) -> str:
             interval = fit.intervals.get(name)
             ends = "" if interval is None else " ({:.3g} … {:.3g})".format(*interval)
             lines.append(f"{QUANTITIES[name].symbol} = {values[name]:.3g}{ends} {QUANTITIES[name].unit}")
-    lines.append("VAF [%]: " + ", ".join(f"{torque} {_format(value)}" for torque, value in fit.vaf.items()))
+    lines.append(f"VAF = {', '.join(_format(fit.vaf[torque]) for torque in SCORED)} %")  # in the order of the rows
     return "\n".join(lines)
 
 
@@ -308,7 +308,7 @@ def _format(value: float) -> str:
 
 
 def _describe_poles(result: Result) -> str:
-    """Natural frequency and damping of all poles, and the VAF, in words."""
+    """Natural frequency and damping of all poles, in words."""
     rate = next((fit.estimate.torque.attrs["identification_rate"] for fit in result.fits if fit.estimate), None)
     lines = []
     if rate is not None:

@@ -275,6 +275,16 @@ def load_estimates_of(paths: Iterable[PathLike], point: str, method: str) -> lis
     ------
     DataError
         If there is no such file, one is damaged, or none has estimates by this method at this point.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ankleloop import identify, simulate
+    >>> collection = EstimateCollection([identify(simulate(seed=seed, duration=10.0)) for seed in (1, 2)])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_estimates({"pr-moesp": collection}, f"{folder}/0.nc")
+    ...     len(load_estimates_of([f"{folder}/0.nc"], "only", "pr-moesp"))
+    2
     """
     estimates = find_estimates(paths, point, method)
     if not estimates:
@@ -301,6 +311,16 @@ def find_estimates(paths: Iterable[PathLike], point: str, method: str) -> dict[i
     ------
     DataError
         If there is no such file, or one is damaged.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ankleloop import identify, simulate
+    >>> collection = EstimateCollection([identify(simulate(seed=seed, duration=10.0)) for seed in (1, 2)])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_estimates({"pr-moesp": collection}, f"{folder}/0.nc")
+    ...     list(find_estimates([f"{folder}/0.nc"], "only", "pr-moesp"))
+    [0, 1]
     """
     estimates: list[tuple[int, Estimate]] = []
     for path in paths:

@@ -32,7 +32,7 @@ VERDICT_COLOURS = {
     BY_CONSTRUCTION: "#cfe0f5",
 }
 # Of the ledger, in their order: a narrow screen shows the first ones.
-LEDGER_COLUMNS = ["verdict", "statement", "paper", "ours", "difference", "tolerance", "unit", "reason", "section", "id"]
+LEDGER_COLUMNS = ["verdict", "section", "statement", "paper", "ours", "unit", "reason", "difference", "tolerance", "id"]
 MOST_ROWS = 1000  # of a table in its page
 LONG_TEXTS = {100: "long", 40: "text"}  # letters of a cell from which its column has a class, which is wider
 FILTERED_ROWS = 15  # of a table from which it has a field that filters

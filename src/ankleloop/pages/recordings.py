@@ -33,7 +33,7 @@ __all__ = ["FIGURES", "embed_recording_figures", "render_recording_page"]
 
 FIGURES = ("spectra", "trajectories", "torques", "models", "residuals")  # of a page
 SCORES = ("vaf_unseen", "vaf_net", "vaf_intrinsic", "vaf_reflex")
-PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "threshold", "delay")
+PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 # Rows of the table of methods: columns of `Analysis.table` with their headings.
 ROWS = {name: QUANTITIES[name].label for name in (*SCORES, *PARAMETERS)}
 ROWS |= {"intervals": "intervals of the parameters", "selected": "selected"}

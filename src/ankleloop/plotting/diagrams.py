@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import matplotlib
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from ankleloop.plotting.style import STYLE, TWO_COLUMNS, DataFigure, inches
@@ -92,12 +91,12 @@ def _draw_joint(diagram: _Diagram, left: float, upper: float, lower: float) -> t
 
 
 @matplotlib.rc_context(STYLE)
-def parallel_cascade_diagram() -> Figure:
+def parallel_cascade_diagram() -> DataFigure:
     r"""Draw the parallel cascade of intrinsic and reflex stiffness, Figure 1 of the paper.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
         Joint position θ in [rad], torques in [N·m].
 
     Examples
@@ -122,12 +121,12 @@ def parallel_cascade_diagram() -> Figure:
 
 
 @matplotlib.rc_context(STYLE)
-def closed_loop_diagram() -> Figure:
+def closed_loop_diagram() -> DataFigure:
     r"""Draw the joint and its load in closed loop, Figure 2 of the paper.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    DataFigure
         The reference INP passes the actuator; all torque that acts on the load, voluntary torque and noise included,
         moves the joint back through the admittance of the load.
 

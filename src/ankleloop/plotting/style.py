@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +33,7 @@ __all__ = [
 ONE_COLUMN = 88.0
 TWO_COLUMNS = 181.0
 DOTS_PER_INCH = 300  # of pictures, for print
-SCREEN_DOTS_PER_INCH = 150  # in notebooks
+SCREEN_DOTS_PER_INCH = 130  # of those that a notebook shows
 
 MARK = "mark"  # group of lines that are no series: they stand at the end of a legend
 # Line of a true value or of a limit.
@@ -82,10 +82,10 @@ METADATA: dict[str, dict[str, Any]] = {
 
 
 class DataFigure(Figure):
-    """Figure with the table of the numbers that it draws.
+    """Figure with the table of the numbers that it draws, which a notebook shows without pyplot.
 
     `data` is a tidy table whose units are in the names of its columns or in a column `unit`; `save_figure` writes it
-    beside the picture.
+    beside the picture. A diagram has none.
 
     Examples
     --------
@@ -97,11 +97,11 @@ class DataFigure(Figure):
     data: pd.DataFrame | None = None
 
     def _repr_png_(self) -> bytes:
-        """The picture, as notebooks show it; they draw other figures only behind a command of theirs."""
-        stream = io.BytesIO()
+        """Picture for notebooks."""
+        picture = BytesIO()
         with matplotlib.rc_context(STYLE):
-            self.savefig(stream, format="png", dpi=SCREEN_DOTS_PER_INCH)
-        return stream.getvalue()
+            self.savefig(picture, format="png", dpi=SCREEN_DOTS_PER_INCH, metadata=METADATA[".png"])
+        return picture.getvalue()
 
 
 def inches(millimetres: float) -> float:

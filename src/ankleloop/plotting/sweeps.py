@@ -31,7 +31,7 @@ __all__ = [
     "value_limits",
 ]
 
-LABEL = 22  # characters of a line of a label of a row of effects
+LABEL = 18  # characters of a line of a label of a row of effects
 LEGEND = 60  # characters of a line of an entry
 DIFFERENCE_STYLE = MethodStyle("#222222", "o")
 FAULT_SHARE = 0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked

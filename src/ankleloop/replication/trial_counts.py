@@ -305,12 +305,13 @@ def describe_counts(parameters: pd.DataFrame, labels: Mapping[str, str] | None =
 
     Examples
     --------
-    >>> describe_counts(pd.DataFrame({"method": ["riv"], "trial": 0})).split(". ")[1]
+    >>> describe_counts(pd.DataFrame({"method": ["riv"], "trial": 0})).split(". ")[2]
     'In this study, none of 1 estimates came with a warning.'
     """
     return (
-        "Failures are trials without an estimate, which no mean holds; warnings are trials whose estimate came with a "
-        f"warning, which means hold. In this study, {describe_warnings(parameters, labels)}."
+        "Failures are trials without an estimate, warnings are trials whose estimate came with a warning. Means leave "
+        "out the failed trials and include those with a warning. "
+        f"In this study, {describe_warnings(parameters, labels)}."
     )
 
 

@@ -26,6 +26,7 @@ LINKS = {
     "Metadata of the run (RO-Crate)": "ro-crate-metadata.json",
     "Comparison with other programs": "benchmarks/peers.md",
 }
+OF_ARTICLE = ("article.html", "ledger.html", "verification.csv")
 DIAGRAMS = "Diagrams"
 DIAGRAM_CAPTIONS = {
     "figure1": "The joint with its intrinsic and its reflex path.",
@@ -37,7 +38,7 @@ NO_NUMBER = "–"
 
 
 def collect_results(
-    folder: Path, logs: Path, studies: Mapping[str, Mapping[str, Any]], provenance: Provenance
+    folder: Path, logs: Path, studies: Mapping[str, Mapping[str, Any]], provenance: Provenance, *, has_article: bool
 ) -> Results:
     """Collect what a run has made.
 
@@ -52,6 +53,8 @@ def collect_results(
         `seed`; of recordings both are None.
     provenance : Provenance
         Version, commit and packages.
+    has_article : bool
+        Whether the run makes ledger and article; those of an earlier run are left out.
 
     Returns
     -------
@@ -62,10 +65,12 @@ def collect_results(
     links = {text: path for text, path in LINKS.items() if (folder / path).exists()}
     # The pages of the index itself are made with it.
     links |= {text: path for text, path in LINKS.items() if path == "tables.html" or _is_ledger(path, folder)}
+    if not has_article:
+        links = {text: path for text, path in links.items() if path not in OF_ARTICLE}
     recordings, recording_links = _collect_recordings(folder, studies)
     return Results(
         links={text: links[text] for text in LINKS if text in links},
-        verdicts=_count_verdicts(folder / "verification.csv"),
+        verdicts=_count_verdicts(folder / "verification.csv") if has_article else {},
         studies=_tabulate_studies(studies, times),
         study_links=_collect_study_links(folder, studies),
         figures=_collect_figures(folder, studies),

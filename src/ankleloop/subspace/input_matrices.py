@@ -327,8 +327,8 @@ def estimate_input_matrices(
     >>> A, B, C, D = np.array([[0.5]]), np.array([[2.0]]), np.array([[1.0]]), np.array([[0.1]])
     >>> u = rng.standard_normal((100, 1))
     >>> y = simulate_response(A, B, C, D, u)
-    >>> found = estimate_input_matrices(A, C, u, y)
-    >>> bool(np.allclose(found.B, B)), bool(np.allclose(found.D, D))
+    >>> fit = estimate_input_matrices(A, C, u, y)
+    >>> bool(np.allclose(fit.B, B)), bool(np.allclose(fit.D, D))
     (True, True)
     """
     rank_tolerance = check_number("estimate_input_matrices", "rank_tolerance", rank_tolerance, ge=0, lt=1)

@@ -222,7 +222,7 @@ def test_study_of_recordings(run, trial, recording, tmp_path):
     check_config_file(new)
     text = new.read_text(encoding="utf-8")
     assert max(map(len, text.splitlines())) <= 120
-    study = read_run(yaml.safe_load(text), [new])[1]["recordings"]
+    study = read_run(yaml.safe_load(text), [new])[1]["new"]
     first, second = study.points["S1-pre"], study.points["S2"]
     assert (first["file"], first["position"], first["position_unit"]) == ("S1 (pre).csv", "angle_deg", "deg")
     assert (first["torque_sign"], second["torque_sign"]) == (1, -1)
@@ -244,7 +244,7 @@ def test_study_of_recordings_with_and_without_a_reference(run, trial, tmp_path):
     write_recording(trial.drop_vars("reference"), tmp_path / "a.mat", "matlab-5")
     new = tmp_path / "new.yaml"
     assert run("study", new, tmp_path / "$x" / "a.nc", tmp_path / "a.mat").status == 0
-    study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["recordings"]
+    study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["new"]
     assert study.paths("a") == [str(tmp_path / "$x" / "a.nc")]
     assert study.paths("a-mat") == [str(tmp_path / "a.mat")]
     assert set(study.methods) == {*METHODS[:-1], *(f"{key}-no-reference" for key in METHODS[:3])}
@@ -254,7 +254,7 @@ def test_study_of_recordings_with_and_without_a_reference(run, trial, tmp_path):
 def test_study_of_a_sweep(run, tmp_path, setting):
     new = tmp_path / "new.yaml"
     assert run("study", new, "--sweep", setting).status == 0
-    study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["sweep"]
+    study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["new"]
     assert study.varied == [setting]
     assert 2 <= len(study.points) <= 5
 

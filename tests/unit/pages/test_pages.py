@@ -202,7 +202,9 @@ def test_page_of_a_refused_recording_has_its_reason_and_no_figures():
     analysis = refused_analysis("bad.csv: torque is not finite")
     figures = embed_recording_figures(None, analysis)
     page = check_page(render_recording_page("A3", mapping(subject=""), analysis, recommend(analysis), figures))
-    assert page.texts[:4] == ["A3", "condition rest, trial 1, file first.csv", "refused.", recommend(analysis).text]
+    heading = page.texts.index("A3", page.texts.index("Contents"))
+    description = ["condition rest, trial 1, file first.csv", "refused.", recommend(analysis).text]
+    assert page.texts[heading + 1 : heading + 4] == description
     assert "bad.csv: torque is not finite" in page.texts
     assert "img" not in page.elements
     assert "Methods" not in page.texts

@@ -31,8 +31,11 @@ SMALLEST = 6.0  # pt
 METHODS = [f"a method with a name of some length, variant {number}" for number in range(5)]
 LINE = np.linspace(0.1, 1.0, 20)
 AXIS = SweepAxis.of("voluntary", "relative voluntary torque [1]", [0.1, 0.2, 0.4, 0.8])
-SWEEP = [SweepPanel("vaf", "reflex VAF, true [%]", "Δ reflex VAF, true [points]", "high")]
 SERIES = [SweepSeries(name, name) for name in METHODS[:2]]
+SWEEP = [SweepPanel("vaf", "reflex VAF, true [%]", SERIES, "high")]
+DIFFERENCE = [
+    SweepPanel("vaf", "Δ reflex VAF, true [points]", [SweepSeries("d", "difference", is_difference=True)], "zero")
+]
 
 
 def trials(**columns):
@@ -99,9 +102,9 @@ FIGURES = {
     "spectra": lambda: spectra_figure(dict.fromkeys(("frequency", "position", "torque", "coherence"), LINE)),
     "residuals": lambda: residual_figure(residuals()),
     "group": group,
-    "lines": lambda: lines_figure(means(), AXIS, SWEEP * 3, SERIES, SweepSeries("d", "difference", is_difference=True)),
-    "effects": lambda: effects_figure(means(), [AXIS], SWEEP, SERIES),
-    "maps": lambda: maps_figure(means(), (AXIS, AXIS), (AXIS.edges(), AXIS.edges()), SWEEP, SERIES),
+    "lines": lambda: lines_figure(means(), AXIS, (SWEEP + DIFFERENCE) * 3),
+    "effects": lambda: effects_figure(means(), [AXIS], SWEEP),
+    "maps": lambda: maps_figure(means(), (AXIS, AXIS), (AXIS.edges(), AXIS.edges()), SWEEP),
     "trajectories": changing,
     "mean trajectories": mean_trajectories,
     "closed loop": closed_loop_diagram,

@@ -68,7 +68,11 @@ def test_defaults_are_filled_in(config):
             r"simulation → duration \[s\]: must be above 0 .*, got -1",
         ),
         (["studies", "table1", "simulation", "duration"], 0.0015, "simulation: duration × recording_rate must be a wh"),
-        (["studies", "table1", "points", "gain"], [1], "points: 'gain' is not a setting of the simulation .*; known: st"),
+        (
+            ["studies", "table1", "points", "gain"],
+            [1],
+            "points: 'gain' is not a setting of the simulation .*; known: st",
+        ),
         (["studies", "table1", "points"], [{"gain": 1.0}], "points: 'gain' is not a setting of the simulation"),
         (["studies", "table1", "points"], 3, "table1 → points: must be lists of values by setting, or a list of p"),
         (["studies", "table1", "points"], {"delay": 1}, "table1 → points: each setting must have a list of values"),

@@ -51,8 +51,8 @@ def folder(tmp_path):
     return results
 
 
-def collect(folder):
-    return collect_results(folder, folder.parent / "logs", STUDIES, PROVENANCE)
+def collect(folder, *, has_article=True):
+    return collect_results(folder, folder.parent / "logs", STUDIES, PROVENANCE, has_article=has_article)
 
 
 def test_what_is_there_is_listed(folder):
@@ -72,6 +72,13 @@ def test_what_is_there_is_listed(folder):
     assert recordings.loc["A1", "recommended method"] == HOSTILE
     assert recordings["verdict"].tolist() == ["usable", "refused"]
     assert results.run_times == {}
+
+
+def test_the_article_of_an_earlier_run_is_left_out(folder):
+    results = collect(folder, has_article=False)
+    assert list(results.links.values()) == ["tables.html", "configuration.json"]
+    assert results.verdicts == {}
+    assert "Ledger" not in render_index(results)
 
 
 def test_a_folder_without_results_has_a_page_too(tmp_path):
