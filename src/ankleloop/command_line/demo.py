@@ -11,6 +11,7 @@ import click
 
 from ankleloop.command_line.check import show_reading
 from ankleloop.command_line.identify import identify_recording, show_results
+from ankleloop.command_line.outputs import check_outputs
 from ankleloop.command_line.reading import map_file
 from ankleloop.command_line.terminal import echo, format_table, show_next, show_progress
 
@@ -20,11 +21,13 @@ if TYPE_CHECKING:
 
 __all__ = ["demo"]
 
+CHANNELS = ("position", "torque", "reference")
+READ = (*CHANNELS, "position_unit")
 PARAMETERS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}  # with settings of a simulation
 EPILOG = """\b
 Examples:
   ankleloop demo
-  ankleloop demo --output /tmp/demo --seed 7 --no-open
+  ankleloop demo --output my-demo --seed 7 --no-open
 
 Exit status: 0 done; 2 wrong usage, for example files that exist.
 """
@@ -76,31 +79,21 @@ def _write_files(trial: xr.Dataset, folder: Path, *, overwrite: bool) -> list[Pa
     """Write a trial in every format, read it again, and compare."""
     import numpy as np
 
-    from ankleloop.errors import DataError
-    from ankleloop.records.files import check_output
     from ankleloop.records.readers import read_trial
     from ankleloop.records.recording_files import FILE_FORMATS, write_recording
 
     paths = {kind: folder / f"demo-{kind}{suffix}" for kind, (suffix, _) in FILE_FORMATS.items()}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for path in paths.values():
-            check_output(path, overwrite=overwrite)
     except OSError as error:
         raise click.UsageError(f"{folder}: cannot be made ({error.strerror}): name another one by --output.") from None
-    except DataError as error:
-        text = str(error).replace(": write to another name, or replace it by overwrite=True", "")
-        raise click.UsageError(f"{text} --overwrite replaces it, --output names another folder.") from None
+    check_outputs(paths.values(), "--overwrite replaces it, --output names another folder.", overwrite=overwrite)
     for kind, path in paths.items():
         write_recording(trial, path, kind, overwrite=overwrite)
         copy = read_trial(path, **map_file(path).recording.model_dump(include={*READ}))
         errors = [float(np.abs(copy[name] - trial[name]).max() / trial[name].std()) for name in CHANNELS]
         echo(f"  {path}  read again: the largest difference is {max(errors):.1g} of a standard deviation")
     return list(paths.values())
-
-
-CHANNELS = ("position", "torque", "reference")
-READ = (*CHANNELS, "position_unit")
 
 
 def _compare(trial: xr.Dataset, table: pd.DataFrame) -> str:

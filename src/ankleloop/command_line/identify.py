@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ankleloop.command_line.check import announce_compilation, show_reading
+from ankleloop.command_line.outputs import check_outputs
 from ankleloop.command_line.reading import Reading, map_file, name_recording, reading_options
 from ankleloop.command_line.terminal import COLOURS, echo, format_table, name_options, show_next, show_progress
 
@@ -143,9 +144,7 @@ def _make_study(path: Path, reading: Reading, name: str, methods: tuple[str, ...
 
 def _check_outputs(folder: Path, name: str, path: Path, *, overwrite: bool) -> list[Path]:
     """Files that the results may have; refuse to replace any of them unasked, before anything is computed or made."""
-    from ankleloop.errors import DataError
     from ankleloop.pages.recordings import FIGURES
-    from ankleloop.records.files import check_output
 
     estimates = [Path(name, f"{key}{suffix}") for key in METHODS for suffix in SUFFIXES]
     numbers = [Path(name, f"figure-{kind}.csv") for kind in FIGURES]
@@ -153,13 +152,9 @@ def _check_outputs(folder: Path, name: str, path: Path, *, overwrite: bool) -> l
     existing = next(parent for parent in (folder / name).absolute().parents if parent.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK):
         raise click.UsageError(f"{folder}: the folder cannot be made or written to: name another one by --output.")
-    try:
-        for output in outputs:
-            if (folder / output).parent.is_dir():
-                check_output(folder / output, overwrite=overwrite, inputs=[path])
-    except DataError as error:
-        text = str(error).replace(": write to another name, or replace it by overwrite=True", "")
-        raise click.UsageError(f"{text} --overwrite replaces results, --output names another folder.") from None
+    targets = [folder / output for output in outputs if (folder / output).parent.is_dir()]
+    remedy = "--overwrite replaces results, --output names another folder."
+    check_outputs(targets, remedy, overwrite=overwrite, inputs=[path])
     return outputs
 
 

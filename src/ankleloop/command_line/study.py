@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from ankleloop.command_line.check import check_file, show_reading
+from ankleloop.command_line.outputs import check_outputs
 from ankleloop.command_line.reading import map_file, name_recording, reading_options
 from ankleloop.command_line.terminal import echo, show_next
 
@@ -47,7 +48,7 @@ def study(new: Path, files: tuple[Path, ...], varied: tuple[str, ...], overwrite
         raise click.UsageError("name either the files of recordings, or settings by --sweep.")
     if new.suffix not in (".yaml", ".yml"):
         raise click.UsageError(f"{new}: the name of a configuration ends in .yaml.")
-    _check_output(new, files, overwrite=overwrite)
+    check_outputs([new], "Write to another name; --overwrite replaces it.", overwrite=overwrite, inputs=files)
     text = _describe_recordings(new, files, values) if files else _describe_sweep(new, varied)
     _write(new, text, files, overwrite=overwrite)
     echo(f"\n{new} is written.")
@@ -94,17 +95,6 @@ def _describe_sweep(new: Path, varied: Sequence[str]) -> str:
             close = suggest_name(name, SimulationSettings.model_fields)
             raise click.UsageError(f"--sweep: there is no setting {name!r}{close}; there are {known}.")
     return sweep_text(new, list(dict.fromkeys(varied)))
-
-
-def _check_output(new: Path, files: Sequence[Path], *, overwrite: bool) -> None:
-    from ankleloop.errors import DataError
-    from ankleloop.records.files import check_output
-
-    try:
-        check_output(new, overwrite=overwrite, inputs=files)
-    except DataError as error:
-        text = str(error).replace(", or replace it by overwrite=True", "")
-        raise click.UsageError(f"{text} --overwrite replaces it.") from None
 
 
 def _write(new: Path, text: str, files: Sequence[Path], *, overwrite: bool) -> None:

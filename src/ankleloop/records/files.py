@@ -26,6 +26,7 @@ __all__ = [
     "atomic_netcdf",
     "check_output",
     "check_readable",
+    "holds_content",
     "parse_precision",
     "source_files",
     "write_netcdf",
@@ -122,12 +123,35 @@ def _check_existing(path: Path, status: os.stat_result, overwrite: bool, inputs:
             raise DataError(f"{path}: the file is being read ({source}): write to another name.")
     if path.is_dir():
         raise DataError(f"{path}: this is a folder: write to a file in it.")
-    is_file = stat.S_ISREG(status.st_mode)
-    if not (is_file or stat.S_ISLNK(status.st_mode)):
+    if not (stat.S_ISREG(status.st_mode) or stat.S_ISLNK(status.st_mode)):
         raise DataError(f"{path}: this is a device, no file: write to a file.")
-    is_empty = is_file and status.st_size == 0  # as modules for temporary files make it
-    if not overwrite and not is_empty:
+    if not overwrite and holds_content(path):
         raise DataError(f"{path}: the file exists already: write to another name, or replace it by overwrite=True.")
+
+
+def holds_content(path: PathLike) -> bool:
+    """Whether there is a file of this name in which something is lost if it is replaced.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    bool
+        False for an empty file, as modules for temporary files make it; true for a link, whatever it leads to.
+
+    Examples
+    --------
+    >>> holds_content("nowhere.nc")
+    False
+    """
+    try:
+        status = Path(path).lstat()
+    except FileNotFoundError:
+        return False
+    return status.st_size > 0 or not stat.S_ISREG(status.st_mode)
 
 
 def _write_error(path: Path, cause: OSError) -> DataError:

@@ -182,7 +182,7 @@ def test_a_joint_that_changes(run, tmp_path):
     assert "its test says that K, B or G change" in " ".join(result.out.split())
     assert (tmp_path / "a.nc-results" / "a" / "figure-trajectories.csv").exists()
     assert run("study", tmp_path / "mine.yaml", tmp_path / "a.nc", *cycles).status == 0
-    study = yaml.safe_load((tmp_path / "mine.yaml").read_text(encoding="utf-8"))["studies"]["recordings"]
+    study = yaml.safe_load((tmp_path / "mine.yaml").read_text(encoding="utf-8"))["studies"]["mine"]
     assert study["files"]["a"]["cycle_onsets"] == "gait"
     assert study["methods"]["riv-tv"]["method"] == "riv-tv"
 

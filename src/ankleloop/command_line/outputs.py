@@ -1,0 +1,42 @@
+"""Files that a command writes: those that exist are refused before anything is computed, with the option that helps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+
+__all__ = ["check_outputs"]
+
+
+def check_outputs(paths: Iterable[Path], remedy: str, *, overwrite: bool, inputs: Iterable[Path] = ()) -> None:
+    """Refuse files that cannot be written, or that exist and are not to be replaced.
+
+    Parameters
+    ----------
+    paths : iterable of pathlib.Path
+        The files to write, in folders that exist.
+    remedy : str
+        What the user can do about a file that exists: the options of this command, where Python has `overwrite=True`.
+    overwrite : bool
+        Whether to replace files of these names.
+    inputs : iterable of pathlib.Path
+        Files that are read for them, which are never replaced.
+
+    Raises
+    ------
+    click.UsageError
+        For the first file that is refused.
+    """
+    from ankleloop.errors import DataError
+    from ankleloop.records.files import check_output, holds_content
+
+    inputs = [*inputs]
+    for path in paths:
+        try:
+            check_output(path, overwrite=True, inputs=inputs)
+        except DataError as error:
+            raise click.UsageError(str(error)) from None
+        if not overwrite and holds_content(path):
+            raise click.UsageError(f"{path}: the file exists already. {remedy}")
