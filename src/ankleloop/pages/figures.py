@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import base64
-import io
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import matplotlib
-
-from ankleloop.plotting.style import STYLE
+from ankleloop.plotting.style import render_png
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,9 +60,6 @@ def embed_figure(figure: Figure) -> EmbeddedFigure:
     >>> picture.width, picture.source[:22]
     (550, 'data:image/png;base64,')
     """
-    stream = io.BytesIO()
-    with matplotlib.rc_context(STYLE):
-        figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
     width = min(LARGEST_WIDTH, round(PIXELS_PER_INCH * figure.get_size_inches()[0]))
-    source = f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    source = f"data:image/png;base64,{base64.b64encode(render_png(figure, DOTS_PER_INCH)).decode()}"
     return EmbeddedFigure(source, width, data=getattr(figure, "data", None))

@@ -26,6 +26,7 @@ __all__ = [
     "TWO_COLUMNS",
     "DataFigure",
     "inches",
+    "render_png",
     "save_figure",
 ]
 
@@ -98,10 +99,7 @@ class DataFigure(Figure):
 
     def _repr_png_(self) -> bytes:
         """Picture for notebooks."""
-        picture = BytesIO()
-        with matplotlib.rc_context(STYLE):
-            self.savefig(picture, format="png", dpi=SCREEN_DOTS_PER_INCH, metadata=METADATA[".png"])
-        return picture.getvalue()
+        return render_png(self, SCREEN_DOTS_PER_INCH)
 
 
 def inches(millimetres: float) -> float:
@@ -123,6 +121,36 @@ def inches(millimetres: float) -> float:
     1.0
     """
     return millimetres / 25.4
+
+
+def render_png(figure: Figure, dots_per_inch: float) -> bytes:
+    """Draw a figure as a PNG, the same bytes for the same data.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    dots_per_inch : float
+        Resolution of the picture.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Examples
+    --------
+    >>> render_png(Figure(figsize=(1.0, 1.0)), 100)[1:4]
+    b'PNG'
+    """
+    return _render(figure, ".png", dots_per_inch)
+
+
+def _render(figure: Figure, suffix: str, dots_per_inch: float) -> bytes:
+    stream = BytesIO()
+    with matplotlib.rc_context(STYLE):
+        figure.savefig(stream, format=suffix[1:], dpi=dots_per_inch, metadata=METADATA[suffix])
+    return stream.getvalue()
 
 
 def save_figure(
@@ -162,10 +190,9 @@ def save_figure(
         suffixes = (".png", ".pdf") if data is None else (".png", ".pdf", ".csv")
     if ".csv" in suffixes and data is None:
         raise ValueError(f"{stem.name}: this figure has no table of its numbers: leave .csv out of suffixes.")
-    with matplotlib.rc_context(STYLE):
-        for suffix in suffixes:
-            with atomic_file(stem.with_name(stem.name + suffix), overwrite=overwrite) as partial:
-                if suffix == ".csv" and data is not None:
-                    data.to_csv(partial, index=False, lineterminator="\n")
-                else:
-                    figure.savefig(partial, format=suffix[1:], dpi=DOTS_PER_INCH, metadata=METADATA[suffix])
+    for suffix in suffixes:
+        with atomic_file(stem.with_name(stem.name + suffix), overwrite=overwrite) as partial:
+            if suffix == ".csv" and data is not None:
+                data.to_csv(partial, index=False, lineterminator="\n")
+            else:
+                partial.write_bytes(_render(figure, suffix, DOTS_PER_INCH))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ankleloop.joint.estimate import Estimate
     from ankleloop.joint.prepared import PreparedTrial
 
-__all__ = ["TorqueSeries", "Trace", "limit_values", "torque_series"]
+__all__ = ["CentredTorques", "TorqueSeries", "Trace", "centre_torques", "limit_values", "torque_series"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +75,65 @@ class TorqueSeries:
     traces: Mapping[str, Trace]
 
 
+@dataclass(frozen=True, eq=False)
+class CentredTorques:
+    """Torques at the samples of an estimate, each less its mean over them [N·m].
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Times of the samples [s].
+    measured : ndarray, shape (N,)
+        The measured torque.
+    true, estimated : dict of str to ndarray, shape (N,)
+        By "net", "intrinsic" and "reflex"; a recording has no true ones.
+    """
+
+    time: np.ndarray
+    measured: np.ndarray
+    true: Mapping[str, np.ndarray]
+    estimated: Mapping[str, np.ndarray]
+
+
+def centre_torques(trial: PreparedTrial, estimate: Estimate) -> CentredTorques:
+    """Measured, true and estimated torques at the samples of an estimate, each less its mean.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    estimate : Estimate
+        An estimate of it.
+
+    Returns
+    -------
+    CentredTorques
+
+    Examples
+    --------
+    >>> from ankleloop import identify, simulate
+    >>> trial = prepare(simulate(seed=1, duration=12.0))
+    >>> torques = centre_torques(trial, identify(trial, "riv"))
+    >>> bool(np.allclose(torques.true["net"], torques.true["intrinsic"] + torques.true["reflex"]))
+    True
+    """
+    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    true: dict[str, np.ndarray] = {}
+    if {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
+        parts = {part: _centre(trial.channel_at(f"torque_{part}", time, rate)) for part in ("intrinsic", "reflex")}
+        true = {"net": parts["intrinsic"] + parts["reflex"], **parts}
+    return CentredTorques(
+        time=time,
+        measured=_centre(trial.channel_at("torque", time, rate)),
+        true=true,
+        estimated={torque: _centre(estimate.torque[torque].values) for torque in TORQUES},
+    )
+
+
+def _centre(values: np.ndarray) -> np.ndarray:
+    return values - values.mean()
+
+
 def torque_series(
     trial: xr.Dataset | PreparedTrial,
     estimates: Mapping[str, Estimate],
@@ -110,40 +169,23 @@ def torque_series(
     trial = prepare(trial)
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     longest = max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"])
-    measured = _trace(longest, _torque_of(trial, longest, "torque"))
-    series = [TorqueSeries("measured", "measured", MEASURED_LINE["color"], {"net": measured})]
-    true = _true_torques(trial, longest)
-    if true:
-        traces = {torque: _trace(longest, values) for torque, values in true.items()}
-        series.append(TorqueSeries("true (simulated)", "true", TRUE_LINE["color"], traces))
+    torques = centre_torques(trial, longest)
+    measured = {"net": _trace(longest, torques.measured)}
+    series = [TorqueSeries("measured", "measured", MEASURED_LINE["color"], measured)]
+    if torques.true:
+        true = {torque: _trace(longest, values) for torque, values in torques.true.items()}
+        series.append(TorqueSeries("true (simulated)", "true", TRUE_LINE["color"], true))
     residuals = []
     for label, estimate in estimates.items():
-        values = {torque: _centre(estimate.torque[torque].values) for torque in TORQUES}
-        targets = {**_true_torques(trial, estimate), "net": _torque_of(trial, estimate, "torque")}
-        traces = {torque: _trace(estimate, values[torque]) for torque in TORQUES}
-        left = {name: _trace(estimate, targets[name] - values[name]) for name in TORQUES if name in targets}
+        torques = centre_torques(trial, estimate)
+        targets = {**torques.true, "net": torques.measured}
+        errors = {torque: targets[torque] - torques.estimated[torque] for torque in TORQUES if torque in targets}
+        estimated = {torque: _trace(estimate, values) for torque, values in torques.estimated.items()}
+        residual = {torque: _trace(estimate, values) for torque, values in errors.items()}
         colour = styles[label].colour
-        series.append(TorqueSeries(label, "estimate", colour, traces))
-        residuals.append(TorqueSeries(f"residual of {label}", "residual", colour, left))
+        series.append(TorqueSeries(label, "estimate", colour, estimated))
+        residuals.append(TorqueSeries(f"residual of {label}", "residual", colour, residual))
     return series + residuals
-
-
-def _true_torques(trial: PreparedTrial, estimate: Estimate) -> dict[str, np.ndarray]:
-    """True torques of a simulation at the samples of an estimate; none of a recording."""
-    if not {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
-        return {}
-    parts = {torque: _torque_of(trial, estimate, f"torque_{torque}") for torque in ("intrinsic", "reflex")}
-    return {"net": parts["intrinsic"] + parts["reflex"], **parts}
-
-
-def _centre(values: np.ndarray) -> np.ndarray:
-    return values - values.mean()
-
-
-def _torque_of(trial: PreparedTrial, estimate: Estimate, name: str) -> np.ndarray:
-    """A torque of the trial at the samples of an estimate, less its mean."""
-    torque = estimate.torque
-    return _centre(trial.channel_at(name, torque["time"].values, torque.attrs["identification_rate"]))
 
 
 def _trace(estimate: Estimate, values: np.ndarray) -> Trace:

@@ -15,6 +15,7 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.method_styles import MethodStyle, method_styles
 from ankleloop.plotting.style import MEASURED_LINE, STYLE, TRUE_LINE, TWO_COLUMNS, DataFigure, inches
+from ankleloop.plotting.torque_series import centre_torques
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -115,21 +116,19 @@ def _tabulate(
     trial: PreparedTrial, label: str, estimate: Estimate, scores: pd.DataFrame, window: tuple[float, float]
 ) -> pd.DataFrame:
     """Estimated torques of a method in the window, beside those of the trial, all less their means over the trial."""
-    time = estimate.torque["time"].values
-    shown = (time >= window[0]) & (time <= window[1])
+    torques = centre_torques(trial, estimate)
+    inside = (torques.time >= window[0]) & (torques.time <= window[1])
     parts = []
     for torque in TORQUES:
         against = scores.loc[torque, "against"]
-        name = f"torque_{torque}" if against == "true" else "torque"
-        target = trial.channel_at(name, time, estimate.torque.attrs["identification_rate"])
-        values = estimate.torque[torque].values
+        target = torques.true[torque] if against == "true" else torques.measured
         columns = {
             "method": label,
             "torque": torque,
             "against": against,
-            "time [s]": time[shown],
-            "torque of the trial [N·m]": (target - target.mean())[shown],
-            "estimated torque [N·m]": (values - values.mean())[shown],
+            "time [s]": torques.time[inside],
+            "torque of the trial [N·m]": target[inside],
+            "estimated torque [N·m]": torques.estimated[torque][inside],
         }
         parts.append(pd.DataFrame(columns))
     return pd.concat(parts)

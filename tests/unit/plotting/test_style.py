@@ -1,4 +1,5 @@
 import struct
+from base64 import b64decode
 from itertools import pairwise
 
 import numpy as np
@@ -6,9 +7,20 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from ankleloop.pages.figures import embed_figure
 from ankleloop.plotting.legends import add_legend, split_rows
 from ankleloop.plotting.panels import Panel, panel_grid, share_ordinates
-from ankleloop.plotting.style import ONE_COLUMN, REFERENCE_LINE, TWO_COLUMNS, DataFigure, inches, save_figure
+from ankleloop.plotting.style import (
+    DOTS_PER_INCH,
+    ONE_COLUMN,
+    REFERENCE_LINE,
+    SCREEN_DOTS_PER_INCH,
+    TWO_COLUMNS,
+    DataFigure,
+    inches,
+    render_png,
+    save_figure,
+)
 
 
 def entries(figure):
@@ -102,4 +114,14 @@ def test_notebooks_show_figures_without_a_command():
     figure = DataFigure(figsize=(2.0, 1.0))
     figure.subplots().plot([0.0, 1.0])
     size = struct.unpack(">II", figure._repr_png_()[16:24])  # of the header
-    assert size == (300, 150)
+    assert size == (2 * SCREEN_DOTS_PER_INCH, SCREEN_DOTS_PER_INCH)
+
+
+def test_files_notebooks_and_pages_have_the_same_picture(tmp_path):
+    figure = DataFigure(figsize=(2.0, 1.0))
+    figure.subplots().plot([0.0, 1.0])
+    save_figure(figure, tmp_path / "line", suffixes=[".png"])
+    assert (tmp_path / "line.png").read_bytes() == render_png(figure, DOTS_PER_INCH)
+    assert figure._repr_png_() == render_png(figure, SCREEN_DOTS_PER_INCH)
+    _, content = embed_figure(figure).source.split(",")
+    assert b64decode(content) == render_png(figure, 220)

@@ -5,9 +5,10 @@ import pytest
 
 import ankleloop
 from ankleloop.joint.estimate import TORQUES
+from ankleloop.joint.prepared import prepare
 from ankleloop.plotting.method_styles import method_styles
 from ankleloop.plotting.style import MEASURED_LINE, TRUE_LINE
-from ankleloop.plotting.torque_series import TorqueSeries, Trace, limit_values, torque_series
+from ankleloop.plotting.torque_series import TorqueSeries, Trace, centre_torques, limit_values, torque_series
 
 METHODS = ("riv", "parallel-cascade")
 
@@ -41,6 +42,19 @@ def test_estimates_are_centred_and_residuals_are_what_they_leave(trial, estimate
             total = estimate.traces["net"].low + residual.traces["net"].low
             np.testing.assert_allclose(total, series["measured"].traces["net"].low, atol=1e-4)
         assert estimate.traces["net"].start == pytest.approx(float(estimates[name].torque["time"][0]))
+
+
+def test_torques_have_no_mean_and_are_those_of_the_trial(trial, estimates):
+    prepared, estimate = prepare(trial), estimates["riv"]
+    torques = centre_torques(prepared, estimate)
+    for values in (torques.measured, *torques.true.values(), *torques.estimated.values()):
+        assert values.shape == torques.time.shape
+        assert abs(values.mean()) < 1e-9
+    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    for channel, values in (("torque", torques.measured), ("torque_reflex", torques.true["reflex"])):
+        expected = prepared.channel_at(channel, time, rate)
+        np.testing.assert_allclose(values, expected - expected.mean(), atol=1e-12)
+    assert centre_torques(prepare(trial.drop_vars(["torque_intrinsic", "torque_reflex"])), estimate).true == {}
 
 
 def test_the_true_net_torque_is_the_sum_of_its_parts(trial, estimates):
