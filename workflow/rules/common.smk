@@ -119,7 +119,7 @@ def repository_file(path):
 
 
 def title_of(wildcards):
-    return study_of(wildcards).settings.title
+    return study_of(wildcards).title
 
 
 def estimates_of(wildcards):

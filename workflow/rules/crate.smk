@@ -5,6 +5,7 @@ rule crate:
     output:
         metadata="results/ro-crate-metadata.json",
         configuration="results/configuration.json",
+        provenance="results/provenance.json",
     log:
         "logs/crate.log",
     localrule: True

@@ -1,7 +1,9 @@
 # The page at which a reader starts: it lists whatever is there of the results.
 rule index:
     input:
-        crate=rules.crate.output,
+        metadata=rules.crate.output.metadata,
+        configuration=rules.crate.output.configuration,
+        provenance=rules.crate.output.provenance,
         results=targets(),
         rendered=[
             f"results/rendered/{study.name}"
@@ -25,10 +27,10 @@ rule index:
         "../envs/ankleloop.yaml"
     threads: 1
     params:
-        folder=lambda wildcards, input: os.path.dirname(input.crate[0]),
+        folder=lambda wildcards, input: os.path.dirname(input.provenance),
         studies={
             study.name: {
-                "title": study.settings.title,
+                "title": study.title,
                 "kind": study.kind,
                 "points": len(study.points),
                 "methods": len(study.methods),
@@ -37,7 +39,6 @@ rule index:
             }
             for study in run_studies(CONFIG, STUDIES)
         },
-        repository=str(ROOT),
         library=library("workflow/scripts/index.py"),
     script:
         "../scripts/index.py"

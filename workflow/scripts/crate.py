@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from ankleloop.records.files import atomic_file
-from ankleloop.studies.provenance import read_provenance
+from ankleloop.studies.provenance import read_provenance, save_provenance
 from ankleloop.studies.run_crate import write_crate
 
 from job import running
@@ -14,4 +14,5 @@ with running(snakemake):
     with atomic_file(configuration, overwrite=True) as path:
         path.write_text(json.dumps(snakemake.params.configuration, indent=2, ensure_ascii=False) + "\n", "utf-8")
     provenance = read_provenance(snakemake.params.repository)
+    save_provenance(provenance, snakemake.output.provenance, overwrite=True)
     write_crate(configuration.parent, snakemake.input.results, configuration, provenance, snakemake.params.seeds)

@@ -6,7 +6,7 @@ import pandas as pd
 
 from ankleloop.pages.index import render_index, render_ledger, render_tables
 from ankleloop.records.files import atomic_file
-from ankleloop.studies.provenance import read_provenance
+from ankleloop.studies.provenance import load_provenance
 from ankleloop.studies.results_index import collect_results, read_tables
 
 from job import running
@@ -20,7 +20,7 @@ def write_page(path: str, page: str) -> None:
 
 with running(snakemake):
     folder, logs = Path(snakemake.params.folder), Path(snakemake.log[0]).parent
-    provenance = read_provenance(snakemake.params.repository)
+    provenance = load_provenance(snakemake.input.provenance)
     write_page(snakemake.output.tables, render_tables(read_tables(folder)))
     for path in snakemake.output.ledger:  # none without the ledger
         write_page(path, render_ledger(pd.read_csv(folder / "verification.csv")))

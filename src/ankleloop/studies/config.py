@@ -113,6 +113,10 @@ def _figure_option() -> Any:
     return option(description="what figures of torques show", default_factory=FigureSettings)
 
 
+def _title_option() -> Any:
+    return option("", "heading of the report; if it is empty, the name of the study")
+
+
 def _methods_option() -> Any:
     return option(description="methods with their options, by the name that tables and figures use", min_length=1)
 
@@ -121,7 +125,7 @@ class SimulationStudy(Options):
     """A study of simulated trials."""
 
     kind: Literal["simulation"] = option(description="source of the trials")
-    title: str = option("Simulation", "heading of the report")
+    title: str = _title_option()
     notebook: SimulationNotebook | None = option("table1", "notebook that renders the study; null for none")
     trials: int = option(20, "simulated trials at each point", ge=1, le=100000)
     seed: int = option(
@@ -201,7 +205,7 @@ class RecordingsStudy(Options):
     """A study of recordings of a laboratory."""
 
     kind: Literal["recordings"] = option(description="source of the trials")
-    title: str = option("Recordings", "heading of the report")
+    title: str = _title_option()
     notebook: Literal["recordings"] | None = option("recordings", "notebook that renders the study; null for none")
     folder: str = option(".", "folder of the files; ${NAME} stands for an environment variable")
     files: dict[RecordingName, Recording] = option(

@@ -1,16 +1,19 @@
-"""Where results come from: version, commit, packages and machine."""
+"""Where results come from: version, commit, packages and machine; read once in a run, and kept in a file."""
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import subprocess
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import metadata
+from pathlib import Path
 
 import ankleloop
+from ankleloop.records.files import atomic_file
 
-__all__ = ["Provenance", "read_provenance"]
+__all__ = ["Provenance", "load_provenance", "read_provenance", "save_provenance"]
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,51 @@ def read_provenance(root: str | os.PathLike[str]) -> Provenance:
         system=f"{platform.system()} {platform.release()} on {platform.machine()}",
         packages={name: names[name] for name in sorted(names, key=str.lower)},
     )
+
+
+def save_provenance(provenance: Provenance, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write version, commit, packages and machine to a file.
+
+    Parameters
+    ----------
+    provenance : Provenance
+        What is written.
+    path : path-like
+        The JSON file to write.
+    overwrite : bool
+        Whether to replace a file of this name.
+
+    Raises
+    ------
+    DataError
+        If the file exists, or cannot be written.
+    """
+    with atomic_file(path, overwrite=overwrite) as partial:
+        partial.write_text(json.dumps(asdict(provenance), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def load_provenance(path: str | os.PathLike[str]) -> Provenance:
+    """Read what `save_provenance` has written.
+
+    Parameters
+    ----------
+    path : path-like
+        The JSON file.
+
+    Returns
+    -------
+    Provenance
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> provenance = Provenance("1.0", "", False, "3.11.2", "Linux on x86_64", {"numpy": "2.1"})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_provenance(provenance, f"{folder}/provenance.json")
+    ...     load_provenance(f"{folder}/provenance.json") == provenance
+    True
+    """
+    return Provenance(**json.loads(Path(path).read_text(encoding="utf-8")))
 
 
 def _ask_git(root: str | os.PathLike[str], *arguments: str) -> str:

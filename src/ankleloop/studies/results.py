@@ -80,7 +80,7 @@ def report_parameters(
     parameters = {
         "study": study.name,
         "kind": study.kind,
-        "title": study.settings.title,
+        "title": study.title,
         "labels": study.labels,
         "algorithms": study.algorithms,
         "points": study.points if not shows_sweep(study) else {},
@@ -120,7 +120,7 @@ def article_parameters(
         "title": "Closed-loop identification of ankle dynamics: a replication",
         "studies": {
             study.name: {
-                "title": study.settings.title,
+                "title": study.title,
                 "trials": study.settings.trials,
                 "parameters": study.settings.simulation.model_dump(),
                 "points": study.points,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -32,6 +33,12 @@ class Study(ABC):
     def kind(self) -> str:
         """Source of its trials, "simulation" or "recordings"."""
         return self.settings.kind
+
+    @property
+    def title(self) -> str:
+        """Heading of its report; its name where the configuration has none."""
+        words = re.sub("[_-]+", " ", self.name).strip()
+        return self.settings.title or words[:1].upper() + words[1:]
 
     @property
     def methods(self) -> Mapping[str, MethodSettings]:

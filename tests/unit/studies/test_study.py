@@ -6,10 +6,10 @@ import pytest
 import yaml
 
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config import NOTEBOOKS
+from ankleloop.studies.config import NOTEBOOKS, SimulationStudy
 from ankleloop.studies.results import article_studies, figure_names, run_studies
 from ankleloop.studies.seeds import trial_entropy
-from ankleloop.studies.study import read_studies
+from ankleloop.studies.study import SimulatedStudy, read_studies
 
 
 @pytest.fixture
@@ -23,6 +23,13 @@ def table1(change):
         return read_studies(config)[1]["table1"]
 
     return read
+
+
+@pytest.mark.parametrize(("name", "title"), [("a_load-sweep", "A load sweep"), ("PR-MOESP", "PR MOESP"), ("7", "7")])
+def test_a_study_without_a_title_is_called_by_its_name(change, name, title):
+    settings = change("studies", "table1", "title", value="")["studies"]["table1"]
+    assert SimulatedStudy(name, SimulationStudy.model_validate(settings)).title == title
+    assert SimulatedStudy(name, SimulationStudy.model_validate({**settings, "title": "Mine"})).title == "Mine"
 
 
 def test_points_are_all_combinations(table1):
