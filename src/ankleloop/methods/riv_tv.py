@@ -148,10 +148,11 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
         `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness` and
         `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: rounds, converged, cycles (or segments
         that count as independent), variation_p (probability of a variation as large, were K, B or G constant),
-        instrument_strength (smallest canonical correlation of instruments and regressors), perturbation_share (share
-        of the perturbation that does not repeat with the cycle), penalties, freedom (effective number of parameters of
-        each trajectory), excitation (information about each over its mean, at the places of the trajectories),
-        torque_lag, noise_frequency [Hz] and noise_spectrum [(N·m)²/Hz].
+        instrument_strength (smallest canonical correlation of instruments and regressors), perturbation_share (share of
+        the perturbation that does not repeat with the cycle), outside (share of the samples whose scheduling variable
+        lies beyond its fitted range, the 2nd to the 98th percentile; they count as its ends), penalties, freedom
+        (effective number of parameters of each trajectory), excitation (information about each over its mean, at the
+        places of the trajectories), torque_lag, noise_frequency [Hz] and noise_spectrum [(N·m)²/Hz].
 
     Raises
     ------
@@ -229,6 +230,7 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
             "variation_p": variation_p(solution),
             "instrument_strength": strength,
             "perturbation_share": share,
+            "outside": inputs.course.outside,
             "penalties": solution.penalties[: len(equations.bases.names)],
             "freedom": dict(zip(equations.bases.names, solution.freedom, strict=False)),
             "excitation": excitation,
@@ -327,11 +329,6 @@ def _warnings(solution: TimeVaryingSolution, strength: float, blanks: dict[str, 
         warnings.append(
             f"the instruments are weak: their smallest canonical correlation with the regressors is {strength:.2g}. "
             "Record more cycles, perturb more strongly, or take fewer knots."
-        )
-    if course.outside > 0:
-        warnings.append(
-            f"{100 * course.outside:.2g} % of the samples lie beyond the range of the scheduling variable that was "
-            f"fitted, {course.limits[0]:.3g} to {course.limits[1]:.3g}: they count as its ends."
         )
     if not solution.converged:
         warnings.append(f"not converged after {solution.rounds} rounds: the trajectories have no bands.")

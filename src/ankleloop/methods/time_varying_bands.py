@@ -160,7 +160,8 @@ def variation_p(solution: TimeVaryingSolution) -> dict[str, float]:
     """Probability of a variation at least as large as the one that was seen, if K, B and G were constant.
 
     A score test: the equations are solved for constant parameters, with the weights and the dynamics of the solution,
-    and the left sides of those for the contrasts of the splines are compared with their covariance.
+    and the left sides of those for the contrasts of the splines are compared with their covariance, which the spectrum
+    of the residual gives.
 
     Parameters
     ----------
@@ -182,22 +183,28 @@ def variation_p(solution: TimeVaryingSolution) -> dict[str, float]:
         contrasts.append(matrix[:, 1:])
     others = np.delete(np.eye(unknowns), np.r_[blocks], axis=1)
     base = np.hstack([*constants, others])
-    values = {}
+    values, scatter = {}, _side_covariance(solution)
     for k, name in enumerate(PARAMETERS):
         free = [base, *(contrast for j, contrast in enumerate(contrasts) if j != k)]
-        values[name] = _score_p(solution, np.hstack(free), contrasts[k])
-    values["all"] = _score_p(solution, base, np.hstack(contrasts))
+        values[name] = _score_p(solution, scatter, np.hstack(free), contrasts[k])
+    values["all"] = _score_p(solution, scatter, base, np.hstack(contrasts))
     return values
 
 
-def _score_p(solution: TimeVaryingSolution, free: np.ndarray, tested: np.ndarray) -> float:
+def _score_p(solution: TimeVaryingSolution, scatter: np.ndarray, free: np.ndarray, tested: np.ndarray) -> float:
     """Probability of left sides of tested directions as large as they are, the free ones being solved for."""
     system = solution.system
     normal = system.normal
     projection = np.eye(len(normal)) - normal @ free @ solve_scaled(free.T @ normal @ free, free.T)
     rows = tested.T @ projection
     side = rows @ system.side
-    scatter = solution.variance * rows @ system.information @ rows.T
-    statistic = float(side @ solve_scaled(scatter, side))
-    # Weights from the noise are an estimate, by which left sides scatter more.
-    return float(special.chdtrc(tested.shape[1], statistic / (1.0 + solution.equations.smoothing_variance)))
+    statistic = float(side @ solve_scaled(rows @ scatter @ rows.T, side))
+    return float(special.chdtrc(tested.shape[1], statistic))
+
+
+def _side_covariance(solution: TimeVaryingSolution) -> np.ndarray:
+    """Covariance of the left sides of the equations, for noise of the spectrum of the residual."""
+    e, system = solution.equations, solution.system
+    coloured = e.colour(system.instruments, system.residual(solution.parameters.linear))
+    # The spectrum is an estimate, by which left sides scatter more.
+    return solution.variance * (1.0 + e.band.smoothing_variance(e.resolution)) * (coloured @ coloured.T)

@@ -311,6 +311,16 @@ class TimeVaryingEquations:
         power = power / np.sum(self.band.taper**2)
         return np.maximum(power, POWER_FLOOR * power.max())
 
+    def colour(self, signals: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """Whitened signals with the spectrum of a whitened residual over its mean, shape (signals, rows).
+
+        Noise weights leave about white noise, flat ones its colour.
+        """
+        spectrum = self.spectrum(residual)
+        frequency = np.fft.rfftfreq(residual.size, 1.0 / self.inputs.rate)
+        power = np.interp(frequency, self.band.frequency, spectrum / spectrum.mean(), left=0.0, right=0.0)
+        return irfft(np.sqrt(power) * rfft(signals, axis=1), residual.size, axis=1)
+
     def weight(self, noise: np.ndarray) -> np.ndarray:
         """Weight of each frequency, the inverse root of the spectrum of the noise, shape (frequencies,)."""
         spectrum = self.spectrum(noise)

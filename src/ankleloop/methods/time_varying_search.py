@@ -156,8 +156,11 @@ def choose_penalties(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     r"""Penalties by restricted likelihood, and the solution with them (Wood and Fasiolo 2017).
 
-    .. math:: \lambda \leftarrow s^2 \frac{rank(S) - \lambda\, tr(V S) / s^2}{\theta^T S \theta}, \quad
+    .. math:: \lambda \leftarrow c s^2 \frac{rank(S) - \lambda\, tr(V S) / s^2}{\theta^T S \theta}, \quad
               V = s^2 (Z^T Z + S_\lambda)^{-1}
+
+    The factor c is 1 for noise weights; for flat ones it is the variance of the noise where the regressors of the
+    parameter have their power, over its mean.
 
     Parameters
     ----------
@@ -178,12 +181,14 @@ def choose_penalties(
     """
     bases = equations.bases
     size, unknowns = bases.size, len(system.normal)
-    typical = _scale_penalties(equations, system)
-    for _ in range(SMOOTHING_STEPS):
+    typical, factors = _scale_penalties(equations, system), np.ones(len(penalties))
+    for step in range(SMOOTHING_STEPS):
         penalty = np.zeros((unknowns, unknowns))
         penalty[:size, :size] = bases.penalty(penalties)
         solution = solve_scaled(system.normal + penalty, system.side)
         variance = _noise_variance(equations, system, solution, penalty)
+        if step == 0 and equations.weighting == "flat":
+            factors = _noise_factors(equations, system, solution[:size])
         inverse = solve_scaled(system.information + penalty, np.eye(unknowns))
         new = penalties.copy()
         for k, (splines, block) in enumerate(zip(bases.all, bases.blocks, strict=True)):
@@ -192,7 +197,7 @@ def choose_penalties(
                 continue
             roughness = solution[block] @ splines.penalty @ solution[block]
             freedom = splines.rank - penalties[k] * np.trace(inverse[block, block] @ splines.penalty)
-            value = variance * max(freedom, 1e-10) / max(roughness, 1e-300)
+            value = factors[k] * variance * max(freedom, 1e-10) / max(roughness, 1e-300)
             new[k] = np.clip(value, SMALLEST_PENALTY * typical[k], LARGEST_PENALTY * typical[k])
         penalties = new
     return solution, penalties, variance
@@ -205,6 +210,18 @@ def _noise_variance(
     residual = system.torque - solution @ system.regressors
     freedom = residual.size * system.share - solution.size - equations.locked_dimension() * system.share
     return float(residual @ residual / max(freedom, 1.0))
+
+
+def _noise_factors(equations: TimeVaryingEquations, system: WhitenedSystem, linear: np.ndarray) -> np.ndarray:
+    """Variance of the noise where the regressors of K, B, G and I have their power, over its mean, shape (4,).
+
+    Low frequencies show K and G, and flat weights leave the noise large there.
+    """
+    instruments = system.instruments[: linear.size]
+    coloured = equations.colour(instruments, system.residual(linear))
+    return np.array(
+        [np.sum(coloured[block] ** 2) / np.sum(instruments[block] ** 2) for block in equations.bases.blocks]
+    )
 
 
 def _step(

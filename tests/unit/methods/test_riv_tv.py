@@ -135,6 +135,19 @@ def test_a_constant_joint_is_that_of_riv():
         assert low < values[name] < high
 
 
+def test_coloured_noise_is_no_variation():
+    """Flat weights leave the noise its colour: it is neither taken for a variation, nor for a rough trajectory."""
+    p, freedom = [], []
+    for seed in range(5):
+        trial = simulate(seed=seed, duration=42.0, voluntary=0.3, load=LIGHT, variation="cycle")
+        diagnostics = identify(trial, "riv-tv", cycle_onsets="phase", weighting="flat").diagnostics
+        p.append(diagnostics["variation_p"]["all"])
+        freedom.append(diagnostics["freedom"]["G"])
+    assert np.count_nonzero(np.array(p) < 0.05) <= 2  # more in 0.1 % of such tests
+    assert min(p) > 1e-4
+    assert np.median(freedom) < 3.0
+
+
 def test_onsets_in_seconds_are_those_of_the_phase(noisy, estimate):
     onsets = 1.4 * np.arange(31)
     other = identify(noisy, "riv-tv", cycle_onsets=onsets, rest_position=0.0)
@@ -173,7 +186,8 @@ def test_a_scheduling_variable_beyond_its_range():
     settings = {"variation": "schedule", "duration": 40.0, "voluntary": 0.1, **JOINT}
     trial = simulate(seed=2, **settings)
     result = identify(trial, "riv-tv", schedule="schedule", knots=(6, 6, 6))
-    assert any("beyond the range of the scheduling variable" in text for text in result.diagnostics["warnings"])
+    assert result.diagnostics["outside"] == pytest.approx(0.04, abs=0.001)
+    assert result.diagnostics["warnings"] == []
     other = simulate(seed=3, **settings)
     other["schedule"] += 0.5
     assert any("lies beyond the fitted range" in text for text in result.predict(other).diagnostics["warnings"])
