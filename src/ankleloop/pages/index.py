@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ankleloop.pages.rendering import render_page, render_template
+from ankleloop.pages.tables import describe_table
 from ankleloop.replication.judgement import (
     BY_CONSTRUCTION,
     CONDITIONAL,
@@ -34,8 +35,6 @@ VERDICT_COLOURS = {
 # Of the ledger, in their order: a narrow screen shows the first ones.
 LEDGER_COLUMNS = ["verdict", "section", "statement", "paper", "ours", "unit", "reason", "difference", "tolerance", "id"]
 MOST_ROWS = 1000  # of a table in its page
-LONG_TEXTS = {100: "long", 40: "text"}  # letters of a cell from which its column has a class, which is wider
-FILTERED_ROWS = 15  # of a table from which it has a field that filters
 
 
 @dataclass(frozen=True)
@@ -119,9 +118,9 @@ def render_index(results: Results) -> str:
         verdicts={
             verdict: (count, VERDICTS[verdict], VERDICT_COLOURS[verdict]) for verdict, count in results.verdicts.items()
         },
-        studies=_describe_table(results.studies, results.study_links),
-        recordings=_describe_table(results.recordings, results.recording_links),
-        run_times={heading: _describe_table(table) for heading, table in results.run_times.items()},
+        studies=describe_table(results.studies, results.study_links),
+        recordings=describe_table(results.recordings, results.recording_links),
+        run_times={heading: describe_table(table) for heading, table in results.run_times.items()},
     )
     return render_page("Results", body, pictures_of_files=True)
 
@@ -147,7 +146,9 @@ def render_ledger(ledger: pd.DataFrame) -> str:
             verdict: (int(counts.get(verdict, 0)), meaning, VERDICT_COLOURS[verdict])
             for verdict, meaning in VERDICTS.items()
         },
-        table=_describe_table(tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS),
+        table=describe_table(
+            tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS, identifier="claims", compact=True
+        ),
     )
     return render_page("Ledger", body, index="index.html", wide=True)
 
@@ -166,42 +167,7 @@ def render_tables(tables: Mapping[str, pd.DataFrame]) -> str:
         HTML; all texts are escaped. Of a long table the page has the first rows, and says so.
     """
     described = {
-        name: (_describe_table(table.head(MOST_ROWS), identifier=f"table-{name}"), len(table))
+        name: (describe_table(table.head(MOST_ROWS), identifier=f"table-{name}"), len(table))
         for name, table in tables.items()
     }
     return render_page("Tables", render_template("tables.html.j2", tables=described), index="index.html", wide=True)
-
-
-def _describe_table(
-    table: pd.DataFrame,
-    links: Mapping[str, str] | None = None,
-    *,
-    colours: Mapping[str, str] | None = None,
-    identifier: str = "table",
-) -> dict[str, Any]:
-    """A table for its template: names, classes of the columns, rows, and links of the first column."""
-    return {
-        "identifier": identifier,
-        "filtered": len(table) >= FILTERED_ROWS,
-        "names": list(table.columns),
-        "classes": [_class_of(table[name]) for name in table.columns],
-        "rows": list(table.itertuples(index=False, name=None)),
-        "links": links or {},
-        "colours": colours or {},
-    }
-
-
-def _class_of(column: pd.Series) -> str:
-    texts = [text for text in column if text not in ("", "–")]
-    if texts and all(_is_number(text) for text in texts):
-        return "number"
-    longest = max(map(len, texts), default=0)
-    return next((name for letters, name in LONG_TEXTS.items() if longest > letters), "")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", ""))
-    except ValueError:
-        return False
-    return True

@@ -102,7 +102,7 @@ def render_page(
 def _scripts_of(body: str) -> list[str]:
     """Scripts that a body needs: those that sort its tables, and those that draw its figures."""
     scripts = []
-    if 'class="sortable"' in body:
+    if '<table class="sortable' in body:
         scripts.append(_read("scripts", "tables.js"))
     if 'class="interactive"' in body:
         scripts += [_read_bokeh(), _read("scripts", "torques.js")]

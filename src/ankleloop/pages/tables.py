@@ -3,14 +3,83 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ankleloop.pages.rendering import render_template
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["render_paragraphs", "render_table"]
+__all__ = ["describe_table", "render_paragraphs", "render_table"]
+
+LONG_TEXTS = {100: "long", 40: "text"}  # letters of a cell from which its column has a class, which is wider
+SHORT_TEXT = 16  # letters up to which a cell is one line
+FILTERED_ROWS = 15  # of a table from which it has a field that filters
+
+
+def describe_table(
+    table: pd.DataFrame,
+    links: Mapping[str, str] | None = None,
+    *,
+    colours: Mapping[str, str] | None = None,
+    identifier: str = "",
+    compact: bool = False,
+) -> dict[str, Any]:
+    """A table for the template `table.html.j2`.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The table; its cells are shown as text, its index is left out.
+    links : dict of str to str, optional
+        Links of cells in the first column by their text: paths relative to the page.
+    colours : dict of str to str, optional
+        Background of cells by their text.
+    identifier : str
+        Name of the table in its page, which a field that filters needs; empty for none.
+    compact : bool
+        Whether a wide screen shows all columns at once, in smaller type, instead of scrolling.
+
+    Returns
+    -------
+    dict
+        Names and classes of the columns, rows, and what is passed on.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> description = describe_table(pd.DataFrame({"method": ["riv"], "VAF [%]": [92.1]}))
+    >>> description["classes"], description["rows"]
+    (['', 'number'], [('riv', '92.1')])
+    """
+    columns = [[str(cell) for cell in column] for _, column in table.items()]
+    return {
+        "identifier": identifier,
+        "compact": compact,
+        "filtered": len(table) >= FILTERED_ROWS,
+        "names": list(table.columns),
+        "classes": [_class_of(column) for column in columns],
+        "rows": list(zip(*columns, strict=True)),
+        "links": links or {},
+        "colours": colours or {},
+        "short": SHORT_TEXT,
+    }
+
+
+def _class_of(column: Iterable[str]) -> str:
+    texts = [text for text in column if text not in ("", "–")]
+    if texts and all(_is_number(text) for text in texts):
+        return "number"
+    longest = max(map(len, texts), default=0)
+    return next((name for letters, name in LONG_TEXTS.items() if longest > letters), "")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", ""))
+    except ValueError:
+        return False
+    return True
 
 
 def render_table(table: pd.DataFrame, links: Mapping[str, str] | None = None) -> str:
@@ -19,7 +88,7 @@ def render_table(table: pd.DataFrame, links: Mapping[str, str] | None = None) ->
     Parameters
     ----------
     table : pandas.DataFrame
-        The table; its cells are text, its index is left out.
+        The table; its cells are shown as text, its index is left out.
     links : dict of str to str, optional
         Links of cells in the first column by their text: paths relative to the page.
 
@@ -35,8 +104,7 @@ def render_table(table: pd.DataFrame, links: Mapping[str, str] | None = None) ->
     >>> '<a href="pages/A1.html">A1</a>' in html, "&lt;none&gt;" in html
     (True, True)
     """
-    rows = table.itertuples(index=False, name=None)
-    return render_template("table.html.j2", names=list(table.columns), rows=rows, links=links or {})
+    return render_template("table.html.j2", table=describe_table(table, links))
 
 
 def render_paragraphs(items: Iterable[tuple[str, str]]) -> str:

@@ -143,6 +143,14 @@ def test_each_verdict_has_its_colour():
     for verdict in VERDICTS:
         assert f'<span class="verdict" style="background: {VERDICT_COLOURS[verdict]}">{verdict}</span>' in page
     assert HOSTILE not in page
+    assert "function sort(" in page  # its script
+
+
+def test_names_of_elements_are_unique(folder):
+    for page in (render_index(collect(folder)), render_tables(read_tables(folder))):
+        names = re.findall(r'\bid="([^"]+)"', page)
+        assert names
+        assert len(set(names)) == len(names)
 
 
 def test_colours_of_verdicts_differ_and_dark_text_is_readable_on_them():
