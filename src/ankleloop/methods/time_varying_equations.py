@@ -277,8 +277,8 @@ class TimeVaryingEquations:
         white = irfft(weight * rfft(splines, self.inputs.size, axis=1), self.inputs.size, axis=1)[:, self.rows]
         white = white / level
         values, vectors = np.linalg.eigh(white @ white.T)
-        kept = values > 1e-12 * values[-1]
-        directions = (vectors[:, kept] / np.sqrt(values[kept])).T @ white
+        large = values > 1e-12 * values[-1]
+        directions = (vectors[:, large] / np.sqrt(values[large])).T @ white
 
         def project(x: np.ndarray) -> np.ndarray:
             x = x / level

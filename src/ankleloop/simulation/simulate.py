@@ -16,7 +16,8 @@ from ankleloop.options import show_fields
 from ankleloop.records.trial import new_trial
 from ankleloop.simulation.excitation import draw_noise, draw_prbs, draw_pulses, draw_voluntary_torque
 from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias
-from ankleloop.simulation.loop import Loop, build_loop, run_loop
+from ankleloop.simulation.loop import Loop, build_loop
+from ankleloop.simulation.loop_kernel import run_loop
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import Course, Trajectories, draw_course, trajectories
 

@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 from ankleloop import simulate
 from ankleloop.joint.prepared import prepare
 from ankleloop.simulation.filters import antialias
-from ankleloop.simulation.loop import FEWEST, LANES, build_loop, run_loop
+from ankleloop.simulation.loop import build_loop
+from ankleloop.simulation.loop_kernel import FEWEST, LANES, run_loop
 from ankleloop.simulation.settings import SimulationSettings
 
 RATE = 1000.0
