@@ -18,7 +18,7 @@ def ledger(tmp_path):
     """The page of a claim with each verdict, with texts as long as those of the paper."""
     row = {
         "section": "IV, Table 1",
-        "statement": "PR-MOESP finds the intrinsic torque accurately in closed loop, with a basis that has the rectifier",
+        "statement": "PR-MOESP finds the intrinsic torque accurately in closed loop, with a basis that can form it",
         "unit": "% of K",
         "paper": 97.0,
         "ours": 97.86123,
