@@ -302,10 +302,10 @@ def _means(
         weights = splines(course.place[course.rows]).mean(axis=0)[None]
         values[name] = float((weights @ parameters.linear[block])[0])
         margins[name] = float(bands.margin(weights, block)[0])
-    one = np.ones((1, 1))
+    unit = np.ones((1, 1))
     values |= {"delay": equations.delay + parameters.shift, **parameters.dynamics.values}
     for k, name in enumerate(equations.names, bases.size):
-        margins[name] = float(bands.margin(one, slice(k, k + 1))[0])
+        margins[name] = float(bands.margin(unit, slice(k, k + 1))[0])
     intervals = {}
     for name, margin in margins.items():
         if name in LOGARITHMIC:

@@ -75,10 +75,10 @@ class Sink(io.RawIOBase):
     def write(self, data: Any) -> int:
         """Write all bytes, or remember why not."""
         view = memoryview(data).cast("B")
-        start, done = self._file.tell(), 0
+        start, written = self._file.tell(), 0
         try:
-            while self._failure is None and done < len(view):
-                done += self._file.write(view[done:])
+            while self._failure is None and written < len(view):
+                written += self._file.write(view[written:])
         except OSError as failure:
             self._failure = failure
         if self._failure is not None:

@@ -234,7 +234,7 @@ def _read_trials(
 ) -> Trials:
     """Trials of a file, prepared; those of one pass share the decimation of each signal."""
     ranks = {condition: rank for rank, condition in enumerate(conditions)}
-    done = 0
+    count = 0
     try:
         for chunk in load_chunks(path, trials):
             prepared = prepare_trials(chunk.trials, chunk.signals, grids) if chunk.trials else []
@@ -247,9 +247,9 @@ def _read_trials(
             rows.reverse()
             while rows:  # a trial holds what methods compute from it: none is kept after its turn
                 yield rows.pop()
-                done += 1
+                count += 1
     except MemoryError as error:
-        error.add_note(f"reading of trials from row {done} on, {path}")
+        error.add_note(f"reading of trials from row {count} on, {path}")
         raise
 
 

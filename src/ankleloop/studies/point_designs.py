@@ -157,7 +157,7 @@ def draw_points(design: Design, parameters: Mapping[str, Parameter], place: tupl
     import numpy as np
     from scipy.stats import qmc
 
-    columns = [_scale(parameters[name], given, place) for name, given in design.parameters.items()]
+    columns = [_scale(parameters[name], values, place) for name, values in design.parameters.items()]
     if design.design == "sobol":
         sampler: Any = qmc.Sobol(len(columns), scramble=True, rng=np.random.default_rng(design.seed))
     else:
@@ -167,18 +167,18 @@ def draw_points(design: Design, parameters: Mapping[str, Parameter], place: tupl
     return [{name: column(u) for name, column, u in zip(names, columns, row, strict=True)} for row in numbers.tolist()]
 
 
-def _scale(parameter: Parameter, given: Any, place: tuple[str, ...]) -> Any:
+def _scale(parameter: Parameter, values: Any, place: tuple[str, ...]) -> Any:
     """Function from the unit interval to the values of a parameter."""
-    if isinstance(given, list) and given:
-        return lambda u: given[min(int(u * len(given)), len(given) - 1)]
-    if not isinstance(given, Mapping):
+    if isinstance(values, list) and values:
+        return lambda u: values[min(int(u * len(values)), len(values) - 1)]
+    if not isinstance(values, Mapping):
         raise ConfigError(
             f"{' → '.join(('config', *place, 'parameters'))}: each parameter must have limits (start, stop) or a list "
-            f"of values, got {parameter.column}: {show_value(given)}.",
+            f"of values, got {parameter.column}: {show_value(values)}.",
             place,
         )
     _check_number(parameter, (*place, "parameters"))
-    interval: Interval = check(Interval, given, "config", *place, "parameters", parameter.column)
+    interval: Interval = check(Interval, values, "config", *place, "parameters", parameter.column)
     start, stop, scale = interval.start, interval.stop, interval.scale
     if parameter.is_integer and scale == "linear":  # each whole number from start to stop has the same share
         low, high = math.ceil(start), math.floor(stop)

@@ -113,20 +113,20 @@ def _simulate_point(seed: int, study: str, point: str, part: Mapping[str, Any], 
     def seed_of(number: int) -> SeedSequence:
         return SeedSequence(trial_entropy(seed, study, point, number))
 
-    done = 0
-    while done < len(numbers):
-        trials = _simulate_to_error(map(seed_of, numbers[done:]), part["settings"])
+    index = 0
+    while index < len(numbers):
+        trials = _simulate_to_error(map(seed_of, numbers[index:]), part["settings"])
         alone = iter(range(CHUNK))
-        while done < len(numbers):
-            with locate_errors(f"study {study}, point {point}, trial {numbers[done]}"):
+        while index < len(numbers):
+            with locate_errors(f"study {study}, point {point}, trial {numbers[index]}"):
                 trial: xr.Dataset | FailedTrial | None = next(trials, None)
                 if trial is None:  # several trials ran together: which of them failed shows where each runs alone
                     if next(alone, None) is None:
                         break
-                    trial = _simulate_alone(point, numbers[done], seed_of(numbers[done]), part["settings"], failures)
+                    trial = _simulate_alone(point, numbers[index], seed_of(numbers[index]), part["settings"], failures)
             yield trial
-            log.info("%s: simulated trial %d", point, numbers[done])
-            done += 1
+            log.info("%s: simulated trial %d", point, numbers[index])
+            index += 1
 
 
 def _simulate_to_error(seeds: Iterable[SeedSequence], settings: Mapping[str, Any]) -> Iterator[xr.Dataset]:
