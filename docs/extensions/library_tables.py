@@ -140,13 +140,13 @@ def resolve_name(app, env, node, content):
         if name.startswith("ankleloop.") and name in domain.objects:
             if name != target and target.startswith("ankleloop.") and not _same_object(name, target):
                 continue
-            found = domain.objects[name]
+            entry = domain.objects[name]
             return nodes.reference(
                 "",
                 "",
                 content,
                 internal=True,
-                refuri=app.builder.get_relative_uri(node["refdoc"], found.docname) + "#" + found.node_id,
+                refuri=app.builder.get_relative_uri(node["refdoc"], entry.docname) + "#" + entry.node_id,
             )
     return content
 

@@ -65,8 +65,8 @@ def write_loop_test():
         name: check_trial([segment(trial, 0.0, 6.0) for trial in trials[:6]]).loop
         for name, trials in (("closed", _simulate(0.05, load=LOAD)), ("open", _simulate(0.05, closed_loop=False)))
     }
-    found = " and ".join(f"{outcome} where it is {name}" for name, outcome in merged.items())
-    return f"{table}\n\n{note}{found}."
+    loops = " and ".join(f"{outcome} where it is {name}" for name, outcome in merged.items())
+    return f"{table}\n\n{note}{loops}."
 
 
 def _simulate(voluntary, **settings):

@@ -81,10 +81,10 @@ def _scale():
 
 @block("scaling-cores", ("benchmarks/scaling.py", "workflow/rules/sweep.smk", "ankleloop.studies.sweep_job"))
 def write_cores():
-    one = _scale()[0]
+    baseline = _scale()[0]
     rows = []
     for kind, run in zip(("", "strong", "weak"), _scale(), strict=True):
-        speed = (run["trials"] / run["seconds"]) / (one["trials"] / one["seconds"])
+        speed = (run["trials"] / run["seconds"]) / (baseline["trials"] / baseline["seconds"])
         rows.append(
             [
                 kind,

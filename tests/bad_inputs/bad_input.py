@@ -71,21 +71,21 @@ class BadInput:
 
     def check(self, folder: Path) -> None:
         """Make the input in a folder, call the library, and compare what it does with what it must do."""
-        given = self.make(folder)
+        value = self.make(folder)
         before = list_files(folder)
         if self.status is not None:
-            process = self.call(given)
+            process = self.call(value)
             message = process.stdout + process.stderr
             assert process.returncode == self.status, message
         elif self.right is not None:
-            self.right(self.call(given))
+            self.right(self.call(value))
             return
         elif self.error is None:
-            message = " ".join(map(str, self.call(given)))
+            message = " ".join(map(str, self.call(value)))
             assert message, "there is no warning"
         else:
             with pytest.raises(self.error) as caught:
-                self.call(given)
+                self.call(value)
             message = str(caught.value)
             assert caught.type is self.error, f"{caught.type.__name__}: {message}"
             assert len(message) <= LONGEST, message

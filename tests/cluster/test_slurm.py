@@ -47,6 +47,6 @@ def test_after_a_node_has_failed_only_the_jobs_that_it_ran_are_repeated(start_cl
     slurm.start_node()
     assert run.wait(SECONDS) == 0, run.text
     assert interrupted
-    done = [log for log, time in before.items() if log.stat().st_mtime_ns == time]
-    assert len(done) >= len(before) - len(interrupted) > 0
+    logs = [log for log, time in before.items() if log.stat().st_mtime_ns == time]
+    assert len(logs) >= len(before) - len(interrupted) > 0
     assert not list_differences(local, read_results(folder))

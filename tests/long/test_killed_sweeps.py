@@ -74,10 +74,10 @@ def test_a_sweep_goes_on_after_its_jobs_and_itself_were_killed(start, config, ex
     victim = jobs_of(run)[0]
     victim.kill()  # one job: all others go on
     assert run.wait() != 0
-    kept = finished(folder)
-    assert len(kept) == JOBS - 1
+    before = finished(folder)
+    assert len(before) == JOBS - 1
     assert count_jobs(run_to_end(start, folder, config)) == 1
-    assert kept.items() <= finished(folder).items()
+    assert before.items() <= finished(folder).items()
     assert not list_differences(expected, read_results(folder))
 
     stopped = tmp_path / "stopped"
@@ -85,12 +85,12 @@ def test_a_sweep_goes_on_after_its_jobs_and_itself_were_killed(start, config, ex
     run = start(stopped, "--configfile", str(config))
     run.wait_for(lambda: len(finished(stopped)) >= JOBS // 2)
     run.kill(jobs=True)  # Snakemake and its jobs, in the middle
-    kept = len(finished(stopped))
+    count = len(finished(stopped))
     unlock = start(stopped, "--configfile", str(config), "--unlock")
     assert unlock.wait() == 0, unlock.text
     repeated = count_jobs(run_to_end(start, stopped, config))
-    record({"jobs": JOBS, "finished_when_stopped": kept, "jobs_afterwards": repeated})
-    assert JOBS - kept <= repeated <= JOBS - kept + 2  # those that ran on two cores are repeated
+    record({"jobs": JOBS, "finished_when_stopped": count, "jobs_afterwards": repeated})
+    assert JOBS - count <= repeated <= JOBS - count + 2  # those that ran on two cores are repeated
     assert not list_differences(expected, read_results(stopped))
 
 
@@ -126,13 +126,13 @@ def test_a_full_disk_is_named_by_jobs_and_table_and_loses_nothing(start, config,
         run = start(tmp_path, *arguments)
         assert run.wait() != 0
         check_message(run, "sweep")
-        kept = finished(tmp_path)
-        assert len(kept) < JOBS
+        before = finished(tmp_path)
+        assert len(before) < JOBS
         resize("1M")
         run = start(tmp_path, *arguments, "--until", "sweep")
         assert run.wait() == 0, run.text
-        assert kept.items() <= finished(tmp_path).items()
-        kept = finished(tmp_path)
+        assert before.items() <= finished(tmp_path).items()
+        before = finished(tmp_path)
         disk = os.statvfs(results)
         resize((disk.f_blocks - disk.f_bfree) * disk.f_frsize)
         run = start(tmp_path, *arguments)
@@ -140,7 +140,7 @@ def test_a_full_disk_is_named_by_jobs_and_table_and_loses_nothing(start, config,
         check_message(run, "small_trial_table")
         resize("8M")
         assert count_jobs(run_to_end(start, tmp_path, config)) == 0
-        assert finished(tmp_path) == kept
+        assert finished(tmp_path) == before
         assert not list_differences(expected, read_results(tmp_path))
 
 

@@ -80,5 +80,5 @@ def test_no_file_names_a_package_index():
         pytest.skip("this is no working copy of git")
     hosts = re.compile("py" + r"pi\.org|python" + r"hosted\.org|conda\.ana" + "conda")
     names = [name for name in listed.stdout.splitlines() if (ROOT / name).is_file()]
-    found = [name for name in names if hosts.search((ROOT / name).read_bytes().decode("utf-8", "ignore"))]
-    assert found == []
+    files = [name for name in names if hosts.search((ROOT / name).read_bytes().decode("utf-8", "ignore"))]
+    assert files == []

@@ -281,14 +281,14 @@ def _turn_labels(axis: Axes, conditions: Sequence[Any], columns: int) -> None:
 def _tabulate_group(table: pd.DataFrame, names: Sequence[str], condition: str, subject: str) -> pd.DataFrame:
     """A row for each recording, method and parameter, with the mean over the recordings that are to be trusted."""
     table = table.assign(trusted=table["trusted"].eq(True) if "trusted" in table else True)
-    kept = [*(["recording"] if "recording" in table else []), subject, condition, "label", "trusted"]
-    data = table.melt(kept, list(names), "name", "value").rename(columns={"label": "method"})
+    columns = [*(["recording"] if "recording" in table else []), subject, condition, "label", "trusted"]
+    data = table.melt(columns, list(names), "name", "value").rename(columns={"label": "method"})
     keys = ["method", "name", subject, condition]
     trusted = data.assign(value=data["value"].where(data["trusted"]))
     data["mean"] = trusted.groupby(keys, sort=False)["value"].transform("mean")
     quantities = [split_label(QUANTITIES[name].label) for name in data["name"]]
-    data.insert(len(kept), "quantity", [quantity for quantity, _ in quantities])
-    data.insert(len(kept) + 1, "unit", [unit for _, unit in quantities])
+    data.insert(len(columns), "quantity", [quantity for quantity, _ in quantities])
+    data.insert(len(columns) + 1, "unit", [unit for _, unit in quantities])
     return data.rename(columns={subject: "subject", condition: "condition"})
 
 

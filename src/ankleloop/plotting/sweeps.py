@@ -333,5 +333,5 @@ def value_limits(values: np.ndarray, desired: str | None) -> tuple[float, float]
         return (low, high) if np.isfinite(low) else (float(values.min()), float(values.max()))
     first, last = np.quantile(inside, [0.1, 0.9])
     reach = 3.0 * (last - first)
-    kept = inside[(inside >= first - reach) & (inside <= last + reach)] if reach > 0 else inside
-    return float(kept.min()), float(kept.max())
+    inliers = inside[(inside >= first - reach) & (inside <= last + reach)] if reach > 0 else inside
+    return float(inliers.min()), float(inliers.max())

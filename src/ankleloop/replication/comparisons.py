@@ -204,14 +204,14 @@ def describe_growth(first: pd.DataFrame, last: pd.DataFrame) -> str:
     return f"its size {'; '.join(texts)}"
 
 
-def compare_sizes(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+def compare_sizes(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
     """Whether the error of one method is smaller than that of another, on the same trials.
 
     The margins are added: this bounds the interval of the difference whatever the correlation of the two.
 
     Parameters
     ----------
-    one, other : mapping
+    first, second : mapping
         Rows of `stiffness_errors`.
 
     Returns
@@ -224,8 +224,8 @@ def compare_sizes(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
     >>> compare_sizes({"error": 1.0, "margin": 2.0}, {"error": -30.0, "margin": 4.0})
     'smaller'
     """
-    difference = abs(one["error"]) - abs(other["error"])
-    if not abs(difference) > one["margin"] + other["margin"]:
+    difference = abs(first["error"]) - abs(second["error"])
+    if not abs(difference) > first["margin"] + second["margin"]:
         return "not shown to differ"
     return "smaller" if difference < 0 else "larger"
 

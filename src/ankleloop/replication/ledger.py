@@ -94,18 +94,18 @@ def _ledger_row(claim: Claim, evidence: Evidence) -> dict[str, Any]:
         result = check(claim, evidence)
     except MissingEvidence as missing:
         result = CheckResult(str(missing).rstrip("."))
-    judged = _judge_result(result)
-    verdict = judged.pop("verdict")
+    outcome = _judge_result(result)
+    verdict = outcome.pop("verdict")
     if verdict == REPRODUCED and isinstance(claim["conditions"], str) and claim["conditions"]:
         verdict = CONDITIONAL
     return {
         **{name: claim[name] for name in ("id", "section", "statement", "unit", "paper")},
-        "ours": judged.pop("ours", np.nan),
-        "uncertainty": judged.pop("uncertainty", np.nan),
+        "ours": outcome.pop("ours", np.nan),
+        "uncertainty": outcome.pop("uncertainty", np.nan),
         "tolerance": claim.get("tolerance"),
-        **{name: judged.pop(name, np.nan) for name in ("difference", "difference_low", "difference_high")},
+        **{name: outcome.pop(name, np.nan) for name in ("difference", "difference_low", "difference_high")},
         "verdict": verdict,
-        "reason": result.reason + judged.pop("explanation", "") + ".",
+        "reason": result.reason + outcome.pop("explanation", "") + ".",
         "conditions": claim["conditions"],
         "how": claim["how"],
     }

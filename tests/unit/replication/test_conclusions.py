@@ -182,9 +182,9 @@ def test_instruments_for_b_and_d_are_compared_with_least_squares(instruments, wo
 
 
 def test_margins_add_up_for_methods_on_the_same_trials():
-    one, other = {"error": 5.0, "margin": 2.0}, {"error": 8.5, "margin": 2.0}
-    assert compare_sizes(one, other) == "not shown to differ"  # but 3.5 is above the root of the sum of squares
-    assert compare_sizes(one, {**other, "margin": 1.0}) == "smaller"
+    first, second = {"error": 5.0, "margin": 2.0}, {"error": 8.5, "margin": 2.0}
+    assert compare_sizes(first, second) == "not shown to differ"  # but 3.5 is above the root of the sum of squares
+    assert compare_sizes(first, {**second, "margin": 1.0}) == "smaller"
 
 
 def choosing_table(net, instrumental):

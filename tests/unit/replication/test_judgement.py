@@ -117,9 +117,9 @@ def test_wrong_verdicts_are_rare(truth, verdict):
         samples = rng.normal([[0.0], [0.0], [truth]], 0.3, (3, 8))
         verdicts.append(judge([Comparison("", Mean.of(sample), (-2.0, 2.0)) for sample in samples]).verdict)
     if verdict:
-        assert np.mean([found == verdict for found in verdicts]) > 0.95
+        assert np.mean([result == verdict for result in verdicts]) > 0.95
     else:
-        assert np.mean([found != OPEN for found in verdicts]) < 0.08
+        assert np.mean([result != OPEN for result in verdicts]) < 0.08
 
 
 def test_replicates_give_the_percentile_interval():

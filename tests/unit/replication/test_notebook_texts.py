@@ -58,7 +58,7 @@ def list_results(text):
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_fixed_texts_hold_no_results(notebook):
-    results = [(number, text, found) for number, text in fixed_texts(notebook) if (found := list_results(text))]
+    results = [(number, text, matches) for number, text in fixed_texts(notebook) if (matches := list_results(text))]
     assert results == []
 
 

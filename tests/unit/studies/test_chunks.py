@@ -69,9 +69,9 @@ def results(request, tmp_path_factory):
             points, methods = study.identified_points(chunk), study.identified_methods
             part = study.identified_trials(chunk)
             path = files[study.trial_chunk_of(chunk)]
-            found = identify_to(folder, path, "small", points, methods, chunk, trials=part, precision=request.param)
-            scores.append(found.scores)
-            parameters.append(found.parameters)
+            tables = identify_to(folder, path, "small", points, methods, chunk, trials=part, precision=request.param)
+            scores.append(tables.scores)
+            parameters.append(tables.parameters)
         return study, folder, pd.concat(scores, ignore_index=True), pd.concat(parameters, ignore_index=True)
 
     return {name: make(name, chunking) for name, chunking in CHUNKS.items()}
@@ -85,10 +85,10 @@ def in_order(table):
 
 @pytest.mark.parametrize("chunks", list(CHUNKS)[1:])
 def test_tables_are_identical(results, chunks):
-    for expected, found in zip(results["a point"][2:], results[chunks][2:], strict=True):
-        pd.testing.assert_frame_equal(in_order(found), in_order(expected), check_exact=True)
+    for expected, table in zip(results["a point"][2:], results[chunks][2:], strict=True):
+        pd.testing.assert_frame_equal(in_order(table), in_order(expected), check_exact=True)
         if "points" in chunks:  # then the rows have the same order, too
-            pd.testing.assert_frame_equal(found, expected, check_exact=True)
+            pd.testing.assert_frame_equal(table, expected, check_exact=True)
 
 
 def test_rows_are_ordered_by_point_method_and_trial(results):

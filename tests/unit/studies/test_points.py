@@ -18,8 +18,8 @@ from ankleloop.studies.study_checks import check_uses
 def methods(**named):
     """Methods of a study: by name the method, or the method and its options."""
     settings = {}
-    for name, given in named.items():
-        method, options = given if isinstance(given, tuple) else (given, {})
+    for name, value in named.items():
+        method, options = value if isinstance(value, tuple) else (value, {})
         settings[name] = MethodSettings(method=method, options=METHODS[method].options(**options))
     return settings
 
@@ -27,8 +27,8 @@ def methods(**named):
 TWO = methods(pr="pr-moesp", cascade="parallel-cascade")
 
 
-def read(given, named=TWO, **shared):
-    return list_points("mine", given, SimulationSettings(**shared), named)
+def read(points, named=TWO, **shared):
+    return list_points("mine", points, SimulationSettings(**shared), named)
 
 
 def test_options_vary_beside_settings_and_share_trials():
@@ -73,7 +73,7 @@ def test_points_that_leave_a_parameter_out_have_the_shared_value():
 
 
 @pytest.mark.parametrize(
-    ("given", "expected"),
+    ("values", "expected"),
     [
         ({"start": 0, "stop": 0.3, "step": 0.1}, [0.0, 0.1, 0.2, 0.3]),
         ({"start": -0.1, "stop": 0.1, "step": 0.1}, [-0.1, 0.0, 0.1]),
@@ -82,9 +82,9 @@ def test_points_that_leave_a_parameter_out_have_the_shared_value():
         ({"start": 0.01, "stop": 100, "count": 5, "scale": "logarithmic"}, [0.01, 0.1, 1.0, 10.0, 100.0]),
     ],
 )
-def test_ranges(given, expected):
+def test_ranges(values, expected):
     name = "stiffness_drift" if expected[0] < 0 else "reflex_threshold"
-    assert [point.values[name] for point in read({name: given}).points] == expected
+    assert [point.values[name] for point in read({name: values}).points] == expected
 
 
 def test_ranges_of_whole_numbers():
@@ -154,7 +154,7 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("points", "message"),
     [
         ({"block_row": [1]}, r"'block_row' is not a setting.*did you mean 'block_rows'.*nor an option of a method"),
         ({"pr.order": [2], "order": [3]}, r"pr\.order and order are the same option of the method pr"),
@@ -175,9 +175,9 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
         ([{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}], "have the same settings"),
     ],
 )
-def test_refusals(given, message):
+def test_refusals(points, message):
     with pytest.raises(ConfigError, match=message):
-        read(given)
+        read(points)
 
 
 def test_an_option_that_is_fixed_or_selected_is_not_varied():
