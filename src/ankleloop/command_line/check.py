@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,9 +47,8 @@ def check(file: Path, **values: Any) -> int:
     for finding in result.findings:
         show_verdict(finding.verdict, finding.name, finding.text)
     refused = result.verdict == "refused"
-    if refused:
-        show_next(*dict.fromkeys(step for reason in result.reasons for step in name_options(reason)))
-    else:
+    show_next(*dict.fromkeys(step for reason in result.reasons for step in name_options(reason)))
+    if not refused:
         show_next(shlex.join(["ankleloop", "identify", str(file), *list_options(reading)]))
     return int(refused)
 
@@ -74,12 +75,15 @@ def check_file(path: Path, reading: Reading) -> tuple[xr.Dataset | None, Check]:
     from ankleloop.recordings.checks import check_trial
     from ankleloop.recordings.files import load_recording, refuse_recording
     from ankleloop.recordings.usual_methods import usual_methods
+    from ankleloop.recordings.variation import check_course
 
     announce_compilation()
     methods = usual_methods(reference=reading.recording.reference is not None)
     try:
-        trial = load_recording(path, reading.recording.model_dump())
-        return trial, check_trial(trial, **largest_options(methods))
+        mapping = reading.recording.model_dump()
+        trial = load_recording(path, mapping)
+        result = check_trial(trial, **largest_options(methods))
+        return trial, replace(result, findings=[*result.findings, *check_course(trial, mapping)])
     except NUMERICAL_ERRORS as error:
         return None, refuse_recording(error).check
 
@@ -138,5 +142,14 @@ def list_options(reading: Reading) -> list[str]:
     for name, field in type(recording).model_fields.items():
         value = getattr(recording, name)
         if name != "file" and value != field.get_default():
-            options += [f"--{name.replace('_', '-')}", f"{value:g}" if isinstance(value, float) else str(value)]
+            options += [f"--{name.replace('_', '-')}", _show_option(value)]
     return options
+
+
+def _show_option(value: Any) -> str:
+    """A value as the command line takes it."""
+    if isinstance(value, Mapping):
+        return ",".join(f"{name}={variable}" for name, variable in value.items())
+    if isinstance(value, tuple):
+        return " ".join(_show_option(part) for part in value)
+    return f"{value:.12g}" if isinstance(value, float) else str(value)

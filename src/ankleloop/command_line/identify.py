@@ -201,6 +201,9 @@ def show_results(table: pd.DataFrame, page: Path) -> int:
             for _, row in valid.iterrows()
         ]
         echo(f"\n{format_table([heading, *rows])}")
+        absent = table[~table.index.isin(valid.index)]
+        for _, row in absent.iterrows():
+            echo(f"not fitted: {row['label']}: {row['warnings']}")
     elif first["verdict"] == "refused":
         echo(first["reasons"])
         show_next(*name_options(first["reasons"]))

@@ -30,6 +30,14 @@ OTHER_DEFAULTS = {
     "sampling_rate": "that of the file",
     **dict.fromkeys(GUESSED, "by its name"),
 }
+# What the library says of YAML and tables, in words of the command line.
+TEXTS = {
+    "variables": "further variables of the trial, as a schedule or the phase of a cycle: name in the trial and "
+    "variable of the file, as ankle_angle=angle, with commas between several",
+    "cycle_onsets": "start of every cycle, for riv-tv: times with spaces between them, as '0.52 1.93 3.31'; or the "
+    "name in the trial of the variable that holds the phase of the cycle, from 0 to 1 (--variables reads it)",
+    "schedule": "name in the trial of the variable with which the parameters change, for riv-tv (--variables reads it)",
+}
 MOST_CHARACTERS = 60  # of the name of a recording that is made of the name of a file
 
 
@@ -72,7 +80,9 @@ def reading_options(command: Command) -> Command:
 
 def _make_option(name: str, field: Any) -> Callable[[Command], Command]:
     unit = Recording.unit(name)
-    text = re.split(r"; (?:null|0) ", field.description)[0]  # what null is in YAML is to leave out an option
+    text = (
+        TEXTS.get(name) or re.split(r"; (?:null|0) ", field.description)[0]
+    )  # what null is in YAML is to leave out an option
     text = text[0].upper() + text[1:] + (f" [{unit}]." if unit != "1" else ".")
     default = OTHER_DEFAULTS.get(name, field.get_default())
     if default not in (None, ""):

@@ -29,7 +29,8 @@ COLOURS = {"ok": "green", "warning": "yellow", "refused": "red"}
 PROGRESS = "ankleloop.recordings.analysis"  # the logger that says which method is being fitted
 # Words of the library in messages, that are options here.
 OPTION_WORDS = re.compile(
-    r"\b(sampling_rate|position_unit|position_sign|torque_sign)\b|\b(drift|overwrite)(?=[:=])|\((start), (stop)\)"
+    r"\b(sampling_rate|position_unit|position_sign|torque_sign)\b|\b(drift|overwrite)(?=[:=])"
+    r"|\b(variables)(?= of read_trial)|\((start), (stop)\)"
 )
 
 

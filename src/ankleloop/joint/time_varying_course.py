@@ -29,7 +29,7 @@ MARGIN = 0.75  # s at either end of a record that responses and filters touch
 FEWEST_CYCLES = 8
 SEGMENT = 1.0  # s: segments of a record without cycles, which count as independent
 OUTSIDE = 0.02  # share of the samples at either end of a scheduling variable that lie beyond its range
-UNEVEN = 3.0  # ratio of the longest to the shortest cycle
+UNEVEN = 1.8  # ratio of a cycle to the median one, or of that to a cycle: an onset is missing, or one too many
 SAME_PHASE = 1e-4
 FALL = -0.5  # of a phase from 0 to 1, where a cycle begins
 
@@ -121,29 +121,47 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
 
 
 def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
-    if onsets.ndim != 1 or onsets.size < 2 or not np.all(np.isfinite(onsets)):
+    if onsets.ndim != 1 or onsets.size < 2:
         raise DataError("there are fewer than two onsets of cycles: give the start of every cycle in seconds.")
+    bad = np.flatnonzero(~np.isfinite(onsets))
+    if bad.size:
+        raise DataError(f"onset {bad[0] + 1} of {onsets.size} is {onsets[bad[0]]:g}: leave it out, or give its time.")
     durations = np.diff(onsets)
     if durations.min() <= 0:
         k = int(np.argmin(durations))
-        raise DataError(f"onset {k + 1} ({onsets[k + 1]:g} s) is not after onset {k} ({onsets[k]:g} s): sort them.")
-    if durations.max() > UNEVEN * durations.min():
-        k = int(np.argmax(durations))
         raise DataError(
-            f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the shortest one "
-            f"{durations.min():.3g} s: is an onset missing, or one too many? Cut the record to cycles of one kind."
+            f"onset {k + 2} of {onsets.size} ({onsets[k + 1]:g} s) is not after onset {k + 1} ({onsets[k]:g} s): sort "
+            "them, and leave out those that are there twice."
         )
-    if onsets[0] > stop or onsets[-1] < start:
+    if onsets[0] > stop or onsets[-1] < start or np.median(durations) > stop - start:
         raise DataError(
             f"the onsets of the cycles go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {start:g} to "
-            f"{stop:g} s: give them in seconds of the record."
+            f"{stop:g} s: give them in seconds of the record, neither milliseconds nor samples."
         )
+    _check_durations(onsets, durations)
+
+
+def _check_durations(onsets: np.ndarray, durations: np.ndarray) -> None:
+    """Refuse a cycle that is far longer or shorter than the others."""
+    median = float(np.median(durations))
+    for k, reason in (
+        (int(np.argmax(durations)), "is an onset missing there"),
+        (int(np.argmin(durations)), "is an onset too many there"),
+    ):
+        if not median / UNEVEN <= durations[k] <= median * UNEVEN:
+            raise DataError(
+                f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the median one {median:.3g} "
+                f"s: {reason}? Mend the onsets, or cut the record to cycles of one kind."
+            )
 
 
 def _variable(trial: PreparedTrial, name: str, option: str) -> np.ndarray:
     if name not in trial.trial:
         variables = ", ".join(map(str, trial.trial.data_vars))
-        raise DataError(f"the trial has no variable {name!r} for {option}; it has {variables}.")
+        raise DataError(
+            f"the trial has no variable {name!r} for {option}; it has {variables}. Name one of these, or read another "
+            "one with the trial: variables of read_trial, a further array of new_trial."
+        )
     return trial.samples(name)
 
 
@@ -180,8 +198,9 @@ def follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cours
     edges = onsets[inside]
     if edges.size - 1 < FEWEST_CYCLES:
         raise DataError(
-            f"{max(edges.size - 1, 0)} whole cycles lie more than {MARGIN:g} s within the record, and riv-tv needs "
-            f"{FEWEST_CYCLES}: record more cycles; about 20 give useful bands."
+            f"too few whole cycles lie more than {MARGIN:g} s within the record: {max(edges.size - 1, 0)} with onsets "
+            f"from {onsets[0]:g} to {onsets[-1]:g} s, and riv-tv needs {FEWEST_CYCLES}. Record more cycles; about 20 "
+            "give useful bands."
         )
     first, stop = np.searchsorted(time, edges[[0, -1]] - half)
     segment = np.searchsorted(edges, time[first:stop] + half, side="right") - 1
@@ -261,7 +280,10 @@ def follow_schedule(trial: PreparedTrial, grid: Grid, name: str, limits: tuple[f
     if limits is None:
         low, high = np.quantile(values[rows], [OUTSIDE, 1.0 - OUTSIDE]).tolist()
         if not high - low > 1e-9 * max(abs(low), abs(high)):
-            raise DataError(f"{name} does not vary: a scheduling variable has to.")
+            raise DataError(
+                f"{name} does not vary between its 2nd and 98th percentile: a scheduling variable has to. Name another "
+                "one, or leave out schedule for changes over time."
+            )
         limits = low, high
     place = (values - limits[0]) / (limits[1] - limits[0])
     outside = float(np.mean((place[rows] < 0) | (place[rows] > 1)))

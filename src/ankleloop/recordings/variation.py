@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.prepared import prepare
+from ankleloop.joint.time_varying_course import make_course
 from ankleloop.methods.registry import find_method
+from ankleloop.methods.riv_tv import RivTvOptions
 from ankleloop.recordings.analysis import Analysis
+from ankleloop.recordings.checks import Finding
 from ankleloop.recordings.comparison import compare_unseen
 
-__all__ = ["LEVEL", "Variation", "add_course", "describe_variations"]
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["LEVEL", "Variation", "add_course", "check_course", "describe_variations"]
 
 LEVEL = 0.05  # of the test whether anything varies
 COURSE = ("cycle_onsets", "schedule")  # options that say what parameters are functions of
@@ -72,6 +81,51 @@ def add_course(methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, A
         free = all(options.get(name) is None for name in COURSE)
         result[label] = {**method, "options": {**options, **course}} if course and takes and free else method
     return result
+
+
+def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]:
+    """Check whether the onsets of cycles, or the scheduling variable, can be used with a recording.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The recording.
+    mapping : dict
+        Its mapping, with `cycle_onsets` and `schedule` where it has them.
+
+    Returns
+    -------
+    list of Finding
+        One, "ok" or "warning"; none where the mapping has neither.
+
+    Examples
+    --------
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> (finding,) = check_course(simulate(seed=1, duration=20.0, variation="cycle"), {"cycle_onsets": "phase"})
+    >>> finding.text
+    '12 whole cycles of 1.4 s can be identified.'
+    >>> (finding,) = check_course(simulate(seed=1, duration=5.0), {"cycle_onsets": [3.0, 1.0]})
+    >>> finding.verdict, finding.text
+    ('warning', 'onset 2 of 2 (1 s) is not after onset 1 (3 s): sort them, and leave out those that are there twice.')
+    """
+    onsets, schedule = (mapping.get(name) for name in COURSE)
+    if onsets is None and schedule is None:
+        return []
+    name = "cycles" if onsets is not None else "schedule"
+    options = RivTvOptions.model_fields
+    prepared = prepare(trial)
+    try:
+        grid = prepared.grid(options["identification_rate"].default, options["delay"].default)
+        course = make_course(prepared, grid, onsets, schedule)
+    except DataError as error:
+        return [Finding(name, "warning", str(error))]
+    if schedule is not None:
+        low, high = course.limits
+        return [Finding(name, "ok", f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile).")]
+    durations = np.bincount(course.segment) * grid.factor / prepared.rate
+    shortest, longest = f"{durations.min():.3g}", f"{durations.max():.3g}"
+    text = f"{shortest} s" if shortest == longest else f"{shortest} to {longest} s"
+    return [Finding(name, "ok", f"{course.segments} whole cycles of {text} can be identified.")]
 
 
 def describe_variations(analysis: Analysis) -> list[Variation]:

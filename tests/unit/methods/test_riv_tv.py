@@ -261,7 +261,7 @@ def test_phases_without_excitation_are_blank():
         ({"duration": 9.0}, {}, "without cycles needs 9.5 s"),
         (CYCLES, {"cycle_onsets": "position"}, "the phase of a cycle goes from 0 to 1"),
         (CYCLES, {"cycle_onsets": "heel"}, "no variable 'heel' for cycle_onsets"),
-        (CYCLES, {"cycle_onsets": [0.0, 1.4, 1.2, 3.0]}, r"onset 2 \(1.2 s\) is not after onset 1 \(1.4 s\)"),
+        (CYCLES, {"cycle_onsets": [0.0, 1.4, 1.2, 3.0]}, r"onset 3 of 4 \(1.2 s\) is not after onset 2 \(1.4 s\)"),
         (CYCLES, {"cycle_onsets": [0.0, 1.4, 2.8, 8.0, 9.4]}, "is an onset missing"),
         (CYCLES, {"cycle_onsets": [100.0, 101.4, 102.8]}, "give them in seconds of the record"),
         (CYCLES, {"schedule": "angle"}, "no variable 'angle' for schedule"),

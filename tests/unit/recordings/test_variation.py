@@ -12,7 +12,7 @@ from ankleloop.pages.recordings import embed_recording_figures, render_recording
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.files import analyse_files
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.recordings.variation import add_course, describe_variations
+from ankleloop.recordings.variation import add_course, check_course, describe_variations
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.recording_settings import Recording
 from ankleloop.studies.recording_tables import read_recordings
@@ -172,3 +172,21 @@ def test_times_that_do_not_increase_are_refused_with_the_method():
     trial = simulate(seed=1, duration=30.0, variation="cycle", **CHANGE)
     result = analyse(trial, add_course(METHODS, {"cycle_onsets": [0.0, 3.0, 2.0]}))
     assert "is not after onset" in result.table.set_index("label").loc["changing", "warnings"]
+
+
+@pytest.mark.parametrize(
+    ("course", "verdict", "text"),
+    [
+        ({}, None, ""),
+        ({"cycle_onsets": "phase"}, "ok", "12 whole cycles of 1.4 s can be identified."),
+        ({"cycle_onsets": (5.0, 3.0, 2.0)}, "warning", r"onset 2 of 3 \(3 s\) is not after onset 1"),
+        ({"cycle_onsets": (5.0, 6.4, 7.8)}, "warning", "too few whole cycles"),
+        ({"cycle_onsets": "gait"}, "warning", "no variable 'gait' for cycle_onsets; .* variables of read_trial"),
+        ({"schedule": "emg"}, "warning", "no variable 'emg' for schedule"),
+        ({"schedule": "position"}, "ok", "position goes from .* percentile"),
+    ],
+)
+def test_cycles_are_checked_before_anything_is_fitted(course, verdict, text):
+    findings = check_course(simulate(seed=1, duration=20.0, variation="cycle"), course)
+    assert [finding.verdict for finding in findings] == ([] if verdict is None else [verdict])
+    assert all(re.search(text, finding.text) for finding in findings)

@@ -1,0 +1,67 @@
+"""Onsets of cycles and scheduling variables: what is refused, and with which words."""
+
+import numpy as np
+import pytest
+
+from ankleloop import DataError, new_trial
+from ankleloop.joint.prepared import prepare
+from ankleloop.joint.regressors import decimation_grid
+from ankleloop.joint.time_varying_course import find_onsets, make_course
+
+RATE = 100.0
+TIME = np.arange(6000) / RATE
+ONSETS = 0.3 + 1.4 * np.arange(43)
+RNG = np.random.default_rng(1)
+
+
+@pytest.fixture(scope="module")
+def trial():
+    phase = np.mod((TIME - ONSETS[0]) / 1.4, 1.0)
+    signals = np.cumsum(RNG.standard_normal((2, TIME.size)), axis=1) * 1e-3
+    return prepare(new_trial(*signals, RATE, phase=phase, still=np.ones(TIME.size), percent=100.0 * phase))
+
+
+def change(onsets, number, value):
+    onsets = onsets.copy()
+    onsets[number] = value
+    return onsets
+
+
+def test_onsets_from_a_phase_are_those_of_the_cycles(trial):
+    onsets = find_onsets(trial, "phase")
+    np.testing.assert_allclose(onsets, ONSETS[: onsets.size], atol=1e-6)
+    np.testing.assert_array_equal(find_onsets(trial, ONSETS.tolist()), ONSETS)
+
+
+@pytest.mark.parametrize(
+    ("onsets", "message"),
+    [
+        (change(ONSETS, 5, np.nan), "onset 6 of 43 is nan: leave it out"),
+        (change(ONSETS, 5, ONSETS[7]), r"onset 7 of 43 \(8.7 s\) is not after onset 6 \(10.1 s\): sort"),
+        (np.sort(np.append(ONSETS, ONSETS[3])), "leave out those that are there twice"),
+        (np.delete(ONSETS, 10), r"the cycle that begins at 12.9 s lasts 2.8 s, .* 1.4 s: is an onset missing there"),
+        (np.sort(np.append(ONSETS, ONSETS[3] + 0.05)), r"begins at 4.5 s lasts 0.05 s, .* is an onset too many there"),
+        (ONSETS + 100.0, "go from 100.3 to 159.1 s, the record from 0 to 59.99 s: give them in seconds"),
+        (1000.0 * ONSETS, "neither milliseconds nor samples"),
+        (ONSETS[:1], "fewer than two onsets"),
+        ("gait", "no variable 'gait' for cycle_onsets; it has .* Name one of these"),
+        ("percent", "goes from 0 to 100, and the phase of a cycle goes from 0 to 1"),
+    ],
+)
+def test_wrong_onsets_are_refused_with_what_to_do(trial, onsets, message):
+    with pytest.raises(DataError, match=message):
+        find_onsets(trial, onsets)
+
+
+@pytest.mark.parametrize(
+    ("onsets", "schedule", "message"),
+    [
+        (ONSETS[:3].tolist(), None, "too few whole cycles lie more than 0.75 s within the record: 1 with onsets from"),
+        (None, "emg", "no variable 'emg' for schedule; it has .* Name one of these"),
+        (None, "still", "still does not vary between its 2nd and 98th percentile"),
+    ],
+)
+def test_records_without_a_course_are_refused(trial, onsets, schedule, message):
+    grid = decimation_grid(TIME.size, RATE, 50.0, 0.04)
+    with pytest.raises(DataError, match=message):
+        make_course(trial, grid, onsets, schedule)
