@@ -79,14 +79,14 @@ def point_name(values: Mapping[str, Any]) -> str:
     return ",".join(f"{name}={value}" for name, value in sorted(values.items())) or "only"
 
 
-def list_points(study: str, given: Any, shared: SimulationSettings, methods: Mapping[str, MethodSettings]) -> Points:
+def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Mapping[str, MethodSettings]) -> Points:
     """Points of a study, checked: names, types and bounds of every value, and what values may not go together.
 
     Parameters
     ----------
     study : str
         Name of the study.
-    given : mapping or list
+    entry : mapping or list
         Key `points` of the configuration: lists or ranges of values by name, all combinations of which are points; a
         design; a table; or a list of points.
     shared : SimulationSettings
@@ -109,7 +109,7 @@ def list_points(study: str, given: Any, shared: SimulationSettings, methods: Map
     >>> [point.name for point in points.points]
     ['reflex_gain=8.0', 'reflex_gain=12.0']
     """
-    return _PointList(("studies", study, "points"), shared, methods).read(given)
+    return _PointList(("studies", study, "points"), shared, methods).read(entry)
 
 
 class _PointList:
@@ -127,35 +127,35 @@ class _PointList:
         self._names: dict[str, str] = {}
         self._contents: dict[tuple[int, ...], str] = {}
 
-    def read(self, given: Any) -> Points:
+    def read(self, entry: Any) -> Points:
         """Read the key `points`."""
-        points = [self._make_point(*combination) for combination in self._list_combinations(given)]
+        points = [self._make_point(*combination) for combination in self._list_combinations(entry)]
         shared = {name: self._shared_value(parameter) for name, parameter in self._parameters.items()}
         if any(len(point.values) < len(shared) for point in points):
             points = [point._replace(values={**shared, **point.values}) for point in points]
         return Points(points, self._conditions, self._parameters)
 
-    def _list_combinations(self, given: Any) -> Iterable[Combination]:
-        self._check_form(given)
-        if isinstance(given, Mapping) and "table" in given:
-            table: PointTable = check(PointTable, given, "config", *self._place)
+    def _list_combinations(self, entry: Any) -> Iterable[Combination]:
+        self._check_form(entry)
+        if isinstance(entry, Mapping) and "table" in entry:
+            table: PointTable = check(PointTable, entry, "config", *self._place)
             path = expand_path(table.table, f"study {self._place[1]}: the table of its points")
             return self._check_count(self._read_table(path))
-        if isinstance(given, Mapping) and "design" in given:
-            design: Design = check(Design, given, "config", *self._place)
+        if isinstance(entry, Mapping) and "design" in entry:
+            design: Design = check(Design, entry, "config", *self._place)
             parameters = self._find(list(design.parameters))
             return [("", point) for point in draw_points(design, parameters, self._place)]
-        if isinstance(given, Mapping):
-            return self._list_grid(given)
-        if not isinstance(given, list) or not given or not all(isinstance(point, Mapping) for point in given):
+        if isinstance(entry, Mapping):
+            return self._list_grid(entry)
+        if not isinstance(entry, list) or not entry or not all(isinstance(point, Mapping) for point in entry):
             raise self._error("must be lists of values by setting, or a list of points with their settings")
-        self._find(list(dict.fromkeys(name for point in given for name in point)))
-        return self._check_count(("", dict(point)) for point in given)
+        self._find(list(dict.fromkeys(name for point in entry for name in point)))
+        return self._check_count(("", dict(point)) for point in entry)
 
-    def _check_form(self, given: Any) -> None:
+    def _check_form(self, entry: Any) -> None:
         """Refuse values of settings beside a table or a design, as where a second file changes the form of points."""
-        form = next((key for key in ("table", "design") if isinstance(given, Mapping) and key in given), None)
-        other = next((name for name in given if name in SETTINGS), None) if form else None
+        form = next((key for key in ("table", "design") if isinstance(entry, Mapping) and key in entry), None)
+        other = next((name for name in entry if name in SETTINGS), None) if form else None
         if other:
             raise self._error(
                 f"{other} stands beside {form}: points have one form. Keys of several configuration files are put "
@@ -168,9 +168,9 @@ class _PointList:
         except ConfigError as error:
             raise ConfigError(f"{error}", self._place) from None
 
-    def _list_grid(self, given: Mapping[str, Any]) -> Iterator[Combination]:
-        parameters = self._find(list(given))
-        values = {name: list_values(parameters[name], given[name], self._place) for name in given}
+    def _list_grid(self, lists: Mapping[str, Any]) -> Iterator[Combination]:
+        parameters = self._find(list(lists))
+        values = {name: list_values(parameters[name], lists[name], self._place) for name in lists}
         count = math.prod(map(len, values.values()))
         if count > MAX_POINTS:
             raise self._error(f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies")
@@ -187,9 +187,9 @@ class _PointList:
         self._parameters = find_parameters(names, self._methods, self._place)
         return self._parameters
 
-    def _make_point(self, row: str, given: dict[str, Any]) -> Point:
+    def _make_point(self, row: str, parameters: dict[str, Any]) -> Point:
         try:
-            values = {name: self._parameters[name].normalise(value) for name, value in given.items()}
+            values = {name: self._parameters[name].normalise(value) for name, value in parameters.items()}
         except ValueError as error:
             raise self._error(f"{row}: {error}" if row else f"{error}") from None
         name = point_name(values)
