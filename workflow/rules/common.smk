@@ -126,8 +126,8 @@ def estimates_of(wildcards):
     """Estimate files of a study, if it keeps them; of recordings the folder of their pages, to which their notebook links."""
     study = study_of(wildcards)
     if isinstance(study, SimulatedStudy):
-        kept = study.settings.keep != "scores"
-        return chunk_files("estimates", study, "nc") if kept else []
+        has_files = study.settings.keep != "scores"
+        return chunk_files("estimates", study, "nc") if has_files else []
     return f"results/reports/{study.name}"
 
 
