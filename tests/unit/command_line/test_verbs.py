@@ -117,16 +117,16 @@ def test_identify_makes_what_the_workflow_makes(run, recording, tmp_path, monkey
     methods = {"pr-moesp": usual_methods(reference=True)["pr-moesp"]}
     run_workflow(recording, reading, tmp_path / "workflow", methods)
     folder = tmp_path / "S1 (pre).csv-results"
-    made, expected = contents(folder), contents(tmp_path / "workflow")
+    outputs, expected = contents(folder), contents(tmp_path / "workflow")
     names = {f"S1-pre/pr-moesp{suffix}" for suffix in (".nc", ".mat", ".csv")}
     names |= {f"S1-pre/figure-{kind}.csv" for kind in ("spectra", "torques", "models", "residuals")}
-    assert set(made) == set(expected) == names | {"S1-pre.html", "S1-pre-parameters.csv"}
+    assert set(outputs) == set(expected) == names | {"S1-pre.html", "S1-pre-parameters.csv"}
     for name in ("S1-pre/pr-moesp.nc", "S1-pre/pr-moesp.csv", "S1-pre-parameters.csv"):
-        assert made[name] == expected[name], name
+        assert outputs[name] == expected[name], name
     # The header of a MATLAB file has the time at which it was made.
-    assert made["S1-pre/pr-moesp.mat"][128:] == expected["S1-pre/pr-moesp.mat"][128:]
-    assert words_of(made["S1-pre.html"]) == words_of(expected["S1-pre.html"])
-    assert len(words_of(made["S1-pre.html"])) > 300
+    assert outputs["S1-pre/pr-moesp.mat"][128:] == expected["S1-pre/pr-moesp.mat"][128:]
+    assert words_of(outputs["S1-pre.html"]) == words_of(expected["S1-pre.html"])
+    assert len(words_of(outputs["S1-pre.html"])) > 300
     estimate = load_estimate(folder / "S1-pre" / "pr-moesp.nc")
     assert f"{estimate.stiffness['K']:.4g}" in result.out
     assert "take PR-MOESP" in result.out
