@@ -24,8 +24,10 @@ MOST_TEXT_ROWS = 10_000  # of a table of trials that is written as CSV, too
 
 
 def figure_names(study: Study) -> tuple[str, ...]:
-    """Names of the figures of a study; none without a notebook."""
-    return NOTEBOOKS[study.settings.notebook] if study.settings.notebook else ()
+    """Names of the figures of a study; none without a notebook, no singular values where no method has them."""
+    names = NOTEBOOKS[study.settings.notebook] if study.settings.notebook else ()
+    has_singular_values = any(algorithm.endswith("moesp") for algorithm in study.algorithms.values())
+    return tuple(name for name in names if name != "order" or has_singular_values)
 
 
 def shows_sweep(study: Study) -> bool:

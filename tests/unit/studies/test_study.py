@@ -152,6 +152,7 @@ def test_the_article_is_made_where_all_its_studies_are(config, change):
 def test_figures_of_a_study(table1):
     assert figure_names(table1()) == NOTEBOOKS["table1"] == ("figure3", "order")
     assert figure_names(table1(notebook=None)) == ()
+    assert figure_names(table1(methods={"riv": {"method": "riv"}}, figure={})) == ("figure3",)
 
 
 # --- recordings
