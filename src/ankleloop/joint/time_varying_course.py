@@ -31,6 +31,7 @@ SEGMENT = 1.0  # s: segments of a record without cycles, which count as independ
 OUTSIDE = 0.02  # share of the samples at either end of a scheduling variable that lie beyond its range
 UNEVEN = 1.8  # ratio of a cycle to the median one, or of that to a cycle: an onset is missing, or one too many
 SAME_PHASE = 1e-4
+COMMON = 0.5  # share of its fast changes that a scheduling variable may have in common with the position
 FALL = -0.5  # of a phase from 0 to 1, where a cycle begins
 
 
@@ -284,10 +285,37 @@ def follow_schedule(trial: PreparedTrial, grid: Grid, name: str, limits: tuple[f
                 f"{name} does not vary between its 2nd and 98th percentile: a scheduling variable has to. Name another "
                 "one, or leave out schedule for changes over time."
             )
+        _check_schedule(trial, grid, name, values)
         limits = low, high
     place = (values - limits[0]) / (limits[1] - limits[0])
     outside = float(np.mean((place[rows] < 0) | (place[rows] > 1)))
     return Course("schedule", np.clip(place, 0.0, 1.0), limits, rows, segment, since, outside)
+
+
+def _check_schedule(trial: PreparedTrial, grid: Grid, name: str, values: np.ndarray) -> None:
+    """Refuse a scheduling variable that holds the perturbation, such as the measured angle itself.
+
+    Second differences leave movements of a second or longer out.
+    """
+    fast = _fast_changes(values)
+    for channel in ("position", "reference"):
+        if channel not in trial.trial:
+            continue
+        share = float(fast @ _fast_changes(trial.channel(channel, grid))) ** 2
+        if share > COMMON:
+            raise DataError(
+                f"{name} follows the perturbation: {100 * share:.0f} % of its fast changes are those of the {channel}. "
+                "What is a function of it is taken out of the torque, and with it the effect of the perturbation. Give "
+                "its slow part, filtered below about 1 Hz, as the schedule."
+            )
+
+
+def _fast_changes(x: np.ndarray) -> np.ndarray:
+    """Second differences of a signal, of unit norm; zeros for one without any."""
+    changes = np.diff(x, 2)
+    changes -= changes.mean()
+    norm = float(np.linalg.norm(changes))
+    return changes / norm if norm > 0 else changes
 
 
 def schedule_place(trial: PreparedTrial, grid: Grid, name: str, limits: tuple[float, float]) -> np.ndarray:

@@ -65,3 +65,18 @@ def test_records_without_a_course_are_refused(trial, onsets, schedule, message):
     grid = decimation_grid(TIME.size, RATE, 50.0, 0.04)
     with pytest.raises(DataError, match=message):
         make_course(trial, grid, onsets, schedule)
+
+
+@pytest.mark.parametrize(("share", "refused"), [(1.0, True), (0.8, True), (0.3, False), (0.0, False)])
+def test_a_schedule_that_holds_the_perturbation_is_refused(share, refused):
+    """The measured angle holds it; its slow part, or another variable, does not, however far the joint moves."""
+    slow, fast, other = np.sin(0.4 * np.pi * TIME), *(0.02 * RNG.standard_normal((2, TIME.size)))
+    schedule = slow + np.sqrt(share) * fast + np.sqrt(1.0 - share) * other
+    trial = prepare(new_trial(slow + fast, RNG.standard_normal(TIME.size), RATE, angle=schedule, slow=slow))
+    grid = decimation_grid(TIME.size, RATE, 50.0, 0.04)
+    assert make_course(trial, grid, None, "slow").dimension == "schedule"
+    if refused:
+        with pytest.raises(DataError, match=r"angle follows the perturbation: .* Give its slow part"):
+            make_course(trial, grid, None, "angle")
+    else:
+        assert make_course(trial, grid, None, "angle").dimension == "schedule"

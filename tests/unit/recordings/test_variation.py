@@ -183,7 +183,8 @@ def test_times_that_do_not_increase_are_refused_with_the_method():
         ({"cycle_onsets": (5.0, 6.4, 7.8)}, "warning", "too few whole cycles"),
         ({"cycle_onsets": "gait"}, "warning", "no variable 'gait' for cycle_onsets; .* variables of read_trial"),
         ({"schedule": "emg"}, "warning", "no variable 'emg' for schedule"),
-        ({"schedule": "position"}, "ok", "position goes from .* percentile"),
+        ({"schedule": "phase"}, "ok", r"phase goes from 0\.0\d+ to 0\.9\d+ \(2nd to 98th percentile\)"),
+        ({"schedule": "position"}, "warning", "position follows the perturbation: 100 % of its fast changes"),
     ],
 )
 def test_cycles_are_checked_before_anything_is_fitted(course, verdict, text):
