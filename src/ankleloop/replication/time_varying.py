@@ -25,6 +25,7 @@ __all__ = [
     "SPREAD",
     "average_study",
     "average_trajectories",
+    "count_cycles",
     "describe_cycles",
     "measure_trajectories",
     "profile_trajectories",
@@ -217,6 +218,27 @@ def _divide_error(curve: pd.DataFrame | None) -> dict[str, float]:
     return {"bias": bias, "random": random, "total": float(np.hypot(bias, random))}
 
 
+def count_cycles(details: pd.DataFrame) -> str:
+    """Smallest and largest number of whole cycles of a trial that were identified; empty without cycles.
+
+    Parameters
+    ----------
+    details : pandas.DataFrame
+        Rows of `ankleloop.assessment.scores.parameter_row`.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> count_cycles(pd.DataFrame({"cycles": [10.0, 38.0, None]}))
+    '10 to 38'
+    """
+    counts = details["cycles"].dropna() if "cycles" in details else pd.Series(dtype=float)
+    return " to ".join(dict.fromkeys(f"{count:.0f}" for count in (counts.min(), counts.max()) if counts.size))
+
+
 def describe_cycles(details: pd.DataFrame) -> str:
     """How many whole cycles of a trial were identified, in a sentence; empty without cycles.
 
@@ -234,12 +256,8 @@ def describe_cycles(details: pd.DataFrame) -> str:
     >>> describe_cycles(pd.DataFrame({"cycles": [10.0, 38.0, None]}))
     ' Of a trial 10 to 38 whole cycles are identified, those that no edge of the record touches.'
     """
-    counts = details["cycles"].dropna() if "cycles" in details else pd.Series(dtype=float)
-    if counts.empty:
-        return ""
-    low, high = int(counts.min()), int(counts.max())
-    text = f"{low}" if low == high else f"{low} to {high}"
-    return f" Of a trial {text} whole cycles are identified, those that no edge of the record touches."
+    cycles = count_cycles(details)
+    return f" Of a trial {cycles} whole cycles are identified, those that no edge of the record touches." * bool(cycles)
 
 
 def setting_titles(points: Mapping[str, Mapping[str, Any]], varied: Sequence[str]) -> dict[str, str]:

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
@@ -77,6 +78,14 @@ def test_the_notebook_shows_every_study(run_notebook, name):
     assert ("1.33 to 4.06 %" in shown) == (name == "open-loop-cycles")
     assert ("rise time [ms]" in shown) == (name == "square-wave")
     assert table["rise"].notna().any() == (name == "square-wave")
+    assert shown.startswith("# ")
+    assert "## What the bands hold" in shown
+    assert ("our joint has a reflex" in shown) == (name == "open-loop-cycles")
+    assert ("## How small errors can be" in shown) == (name != "square-wave")
+    if name != "square-wave":
+        rows = table.dropna(subset="efficiency")
+        assert rows["method"].eq("riv-tv").all()
+        np.testing.assert_allclose(rows["efficiency"], 100.0 * (rows["bound"] / rows["root_error"]) ** 2)
     if name == "time-varying":
         assert list(dict.fromkeys(table["point"])) == ["duration=16.8,voluntary=0.05", "duration=14.0,voluntary=1.0"]
         assert "Without trajectories: riv, time-invariant." in shown
