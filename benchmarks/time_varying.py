@@ -21,6 +21,7 @@ import pandas as pd
 
 from ankleloop.assessment.scores import score_rows
 from ankleloop.assessment.trajectory_bound import trajectory_bound
+from ankleloop.assessment.trajectory_scores import TRAJECTORY_TRUTHS, score_trajectories
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.registry import identify
@@ -44,7 +45,6 @@ JOINT = {
 }
 CONSTANT = {f"{name}_variation": 0.0 for name in ("stiffness", "viscosity", "gain")}
 SQUARE = {**CONSTANT, "stiffness_variation": 1.0 / 3.0, "variation_shape": "square"}
-TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}
 
 
 def case(load, voluntary, cycles=40, variation="cycle", **settings):
@@ -91,36 +91,13 @@ def course_options(settings):
     return {"cycle": {"cycle_onsets": "phase"}, "schedule": {"schedule": "schedule"}, "time": {}}[variation]
 
 
-def true_trajectories(trial, trajectories):
-    """True K, B and G at the coordinates of estimated trajectories."""
-    dimension = next(iter(trajectories.dims))
-    place = trial[dimension].values if dimension != "time" else trial["time"].values
-    order = np.argsort(place, kind="stable")
-    return {
-        name: np.interp(trajectories[dimension].values, place[order], trial[variable].values[order])
-        for name, variable in TRUTHS.items()
-    }
-
-
-def score_trajectories(trial, trajectories):
-    """Relative error, bias and coverage [%] of each parameter."""
-    row = {}
-    for name, truth in true_trajectories(trial, trajectories).items():
-        error = trajectories[name].values - truth
-        row[f"{name} error"] = 100.0 * np.sqrt(np.mean(error**2)) / truth.mean()
-        row[f"{name} bias"] = 100.0 * np.mean(error) / truth.mean()
-        low, high = trajectories[f"{name}_low"].values, trajectories[f"{name}_high"].values
-        row[f"{name} covered"] = 100.0 * np.mean((low <= truth) & (truth <= high))
-    return row
-
-
 def agreement(trial, trajectories):
     """Share of the bands that hold the constant parameters of `riv` [%]."""
     estimate = identify(trial, "riv")
     values = estimate.stiffness | estimate.reflex
     inside = [
         (trajectories[f"{name}_low"].values <= values[name]) & (values[name] <= trajectories[f"{name}_high"].values)
-        for name in TRUTHS
+        for name in TRAJECTORY_TRUTHS
     ]
     return 100.0 * float(np.mean(inside))
 
@@ -146,7 +123,7 @@ def run_trial(settings, seed, methods):
             {
                 "method": method,
                 "seed": seed,
-                **score_trajectories(trial, estimate.trajectories),
+                **score_trajectories(prepared, estimate),
                 **scores,
                 "omega_n": estimate.reflex["omega_n"],
                 "zeta": estimate.reflex["zeta"],
@@ -166,7 +143,7 @@ def compare(table, rows):
     squares = table[(table["method"] == "least squares") & table["seed"].isin(rows["seed"])]
     if squares.empty or rows["method"].iloc[0] == "least squares":
         return ""
-    ratios = [f"{rows[f'{k} error'].mean() / squares[f'{k} error'].mean():.2f}" for k in TRUTHS]
+    ratios = [f"{rows[f'{k}_nrmse'].mean() / squares[f'{k}_nrmse'].mean():.2f}" for k in TRAJECTORY_TRUTHS]
     return f" error over that of least squares {'/'.join(ratios)}"
 
 
@@ -185,7 +162,7 @@ def bound_errors(settings, seeds):
     """Mean squares of the Cramér-Rao bound, over phase and of the means, in the unit of errors squared [%²]."""
     bounds = [trajectory_bound(seed=seed, **settings) for seed in seeds]
     values = {}
-    for name in TRUTHS:
+    for name in TRAJECTORY_TRUTHS:
         unit = 100.0 / settings[{"K": "stiffness", "B": "viscosity", "G": "reflex_gain"}[name]]
         values[name] = np.mean([unit**2 * float((bound[name] ** 2).mean()) for bound in bounds])
         values[f"{name}_mean"] = np.mean([unit**2 * float(bound[f"{name}_mean"] ** 2) for bound in bounds])
@@ -194,9 +171,9 @@ def bound_errors(settings, seeds):
 
 def show_efficiency(bound, rows):
     """Bounds of variances over mean squares of the errors of trajectories, and of their means, as text."""
-    whole = [f"{100 * bound[name] / np.mean(rows[f'{name} error'] ** 2):.0f}" for name in TRUTHS]
-    means = [f"{100 * bound[f'{name}_mean'] / np.mean(rows[f'{name} bias'] ** 2):.0f}" for name in TRUTHS]
-    deviations = [f"{bound[name] ** 0.5:.2f}" for name in TRUTHS]
+    whole = [f"{100 * bound[name] / np.mean(rows[f'{name}_nrmse'] ** 2):.0f}" for name in TRAJECTORY_TRUTHS]
+    means = [f"{100 * bound[f'{name}_mean'] / np.mean(rows[f'{name}_bias'] ** 2):.0f}" for name in TRAJECTORY_TRUTHS]
+    deviations = [f"{bound[name] ** 0.5:.2f}" for name in TRAJECTORY_TRUTHS]
     return f" bound {' '.join(deviations)} efficiency {'/'.join(whole)} % of the means {'/'.join(means)} %"
 
 
@@ -205,12 +182,12 @@ def summarise(table, bound=None):
     lines = []
     for (name, method), rows in table.groupby(["case", "method"], sort=False):
         half = 1.96 / np.sqrt(max(len(rows), 1))
-        errors = [f"{rows[f'{k} error'].mean():5.2f}±{half * rows[f'{k} error'].std():4.2f}" for k in TRUTHS]
-        bias = " ".join(f"{rows[f'{k} bias'].mean():6.2f}" for k in ("K", "B", "G"))
-        covered = "/".join(f"{rows[f'{k} covered'].mean():.0f}" for k in ("K", "B", "G"))
+        errors = [f"{rows[f'{k}_nrmse'].mean():5.2f}±{half * rows[f'{k}_nrmse'].std():4.2f}" for k in TRAJECTORY_TRUTHS]
+        bias = " ".join(f"{rows[f'{k}_bias'].mean():6.2f}" for k in ("K", "B", "G"))
+        covered = "/".join(f"{rows[f'{k}_covered'].mean():.0f}" for k in ("K", "B", "G"))
         lines.append(
             f"{name:44s} {method:23s} n={len(rows):3d} error {' '.join(errors)} bias {bias} "
-            f"(K ±{half * rows['K bias'].std():.2f}) covered {covered} "
+            f"(K ±{half * rows['K_bias'].std():.2f}) covered {covered} "
             f"vaf {rows['intrinsic vaf'].mean():.2f}/{rows['reflex vaf'].mean():.2f} "
             f"p<.05 {100 * (rows['p'] < 0.05).mean():.1f} % rounds {rows['rounds'].mean():.1f} "
             f"converged {100 * rows['converged'].mean():.0f} % {rows['seconds'].mean():.3f} s"
