@@ -31,6 +31,7 @@ _MODULES = {
     "save_trial": "records.trial",
     "segment": "records.trial",
     "simulate": "simulation.simulate",
+    "trajectory_bound": "assessment.trajectory_bound",
     "vaf": "signals.vaf",
 }
 

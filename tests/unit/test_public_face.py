@@ -34,6 +34,7 @@ NAMES = {
     "segment",
     "simulate",
     "subspace",
+    "trajectory_bound",
     "vaf",
 }
 
@@ -68,6 +69,7 @@ def test_every_public_name_exists():
         ("segment", "trial start stop", ""),
         ("check_trial", "trial", "reference delay order block_rows identification_rate"),
         ("cramer_rao", "", "seed identification_rate fed_back known_delay"),
+        ("trajectory_bound", "", "seed knots identification_rate known_delay"),
         ("block_bootstrap", "trial method", "repetitions block seed progress"),
         ("method_options", "method", ""),
         ("LongRecord", "path sampling_rate position torque reference position_unit position_sign torque_sign", ""),

@@ -217,6 +217,12 @@ ARGUMENTS = {
         "stop": [*NUMBERS, None],
     },
     "simulate": {"seed": SEEDS, "load": ["no", 1, True, [], [1.0, 2.0], [0.0, 1.0, 1.0], [1.0, math.nan, 1.0], {}]},
+    "trajectory_bound": {
+        "seed": SEEDS,
+        "knots": ["no", None, 12, [], (12, 8), (12, 8, 0), (12, 8, 2.5), (12, 8, math.nan)],
+        "identification_rate": [*RATES, 1e-9],
+        "known_delay": FLAGS,
+    },
     "vaf": {"measured": [*SIGNALS, None], "estimated": [*SIGNALS, None]},
 }
 NOT_FUNCTIONS = {"METHODS", "DataError", "Estimate", "LongRecord", "UnstableLoopError", "subspace"}
@@ -249,6 +255,7 @@ def values(trial, tmp_path_factory):
         "save_trial": {"trial": trial, "path": folder / "other.nc"},
         "segment": {"trial": trial, "start": 0.0, "stop": 5.0},
         "simulate": {"seed": 1, "duration": 2.0},
+        "trajectory_bound": {"seed": 1, "duration": 20.0, "variation": "cycle"},
         "vaf": {"measured": [1.0, 2.0], "estimated": [1.0, 2.0]},
     }
 
@@ -284,6 +291,7 @@ def test_every_argument_of_a_public_function_refuses_what_it_cannot_be(values, f
 def test_functions_that_take_settings_or_options_refuse_wrong_ones(trial, value):
     refuse(ankleloop.simulate, "duration", value, seed=1)
     refuse(ankleloop.cramer_rao, "duration", value, seed=1)
+    refuse(ankleloop.trajectory_bound, "duration", value, seed=1, variation="cycle")
     refuse(ankleloop.block_bootstrap, "degree", value, trial=trial, method="riv")
     refuse(ankleloop.identify, "degree", value, trial=trial)
 
