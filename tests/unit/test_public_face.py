@@ -72,7 +72,11 @@ def test_every_public_name_exists():
         ("trajectory_bound", "", "seed knots identification_rate known_delay"),
         ("block_bootstrap", "trial method", "repetitions block seed progress"),
         ("method_options", "method", ""),
-        ("LongRecord", "path sampling_rate position torque reference position_unit position_sign torque_sign", ""),
+        (
+            "LongRecord",
+            "path sampling_rate position torque reference position_unit position_sign torque_sign variables",
+            "",
+        ),
         ("Estimate", "method torque matrices stiffness reflex intervals diagnostics predictor trajectories", ""),
         (
             "subspace.moesp",

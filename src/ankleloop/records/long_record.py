@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -51,6 +51,8 @@ class LongRecord:
         Unit of position and reference.
     position_sign, torque_sign : {1, -1}
         Factors that make the torque oppose stretch.
+    variables : mapping of str to str, optional
+        Further variables, read as the file has them: the name in the pieces that `read` gives, and that in the file.
 
     Raises
     ------
@@ -76,6 +78,7 @@ class LongRecord:
     position_unit: str = "rad"
     position_sign: int = 1
     torque_sign: int = 1
+    variables: Mapping[str, str] | None = field(default=None, hash=False)
     options: ReadingOptions = field(init=False, repr=False)
     rate: float = field(init=False, repr=False)
     samples: int = field(init=False, repr=False)
@@ -84,7 +87,7 @@ class LongRecord:
 
     def __post_init__(self) -> None:
         path = Path(self.path)
-        values = {name: getattr(self, name) for name in ReadingOptions.model_fields if name != "variables"}
+        values = {name: getattr(self, name) for name in ReadingOptions.model_fields}
         self._set(path=path, options=parse_options(path.name, **values))
         if find_suffix(path) not in SUFFIXES:
             raise DataError(f"{path.name}: long records are read from {', '.join(SUFFIXES)}; convert it first.")
@@ -104,7 +107,7 @@ class LongRecord:
         start, stop : int
             Samples: the first, and the one before which the piece ends, at the end of the record at the latest.
         channels : sequence of str, optional
-            Which of position, torque and reference; all, by default.
+            Which of position, torque, reference and the further variables; all, by default.
 
         Returns
         -------
@@ -117,10 +120,10 @@ class LongRecord:
         ValueError
             For a channel that the record does not have, or a piece without samples.
         """
-        roles = tuple(channels or self.options.channels)
-        missing = [role for role in roles if role not in self.options.channels]
+        roles = tuple(channels or self._roles)
+        missing = [role for role in roles if role not in self._roles]
         if missing:
-            known = ", ".join(self.options.channels)
+            known = ", ".join(self._roles)
             raise ValueError(f"{self.path.name}: the record has no channel {missing[0]!r}; it has {known}.")
         if not 0 <= start < min(stop, self.samples):
             raise ValueError(
@@ -130,6 +133,11 @@ class LongRecord:
         variables = {role: ("time", values) for role, values in self._read_ahead(roles, start, stop).items()}
         time = ("time", np.arange(start, stop) / self.rate)
         return xr.Dataset(variables, coords={"time": time}, attrs={"sampling_rate": self.rate})
+
+    @property
+    def _roles(self) -> tuple[str, ...]:
+        """Channels and further variables."""
+        return (*self.options.channels, *self.options.further)
 
     def _set(self, **values: object) -> None:
         for name, value in values.items():
@@ -142,7 +150,8 @@ class LongRecord:
         source, options = self.path.name, self.options
         sizes = {}
         for role, channel in channels.items():
-            check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
+            if role not in options.further:
+                check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
             sizes[role] = check_shape(channel.shape, channel.name, source=source)
         rate = options.sampling_rate
         if rate is None and stated is not None:
@@ -170,7 +179,7 @@ class LongRecord:
 
     def _blocks(self) -> Iterator[dict[str, np.ndarray]]:
         for start in range(0, self.samples, BLOCK):
-            yield self._read_ahead(tuple(self.options.channels), start, min(start + BLOCK, self.samples))
+            yield self._read_ahead(self._roles, start, min(start + BLOCK, self.samples))
 
     def _read_ahead(self, roles: tuple[str, ...], start: int, stop: int) -> dict[str, np.ndarray]:
         """Samples in rad and N·m; more than are asked for are read, because the next ones are asked for next."""

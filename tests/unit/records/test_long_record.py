@@ -93,6 +93,16 @@ VARIANTS = {
     "spike": ({"variables": {"position": changed(P, 503, 1.0)}}, {}),
     "two spikes": ({"variables": {"position": changed(changed(P, 100, 1.0), 503, -1.1)}}, {}),
     "group": ({"group": "ankle/left"}, {name: f"ankle/left/{name}" for name in ("position", "torque", "reference")}),
+    "further variables": (
+        {"variables": {"emg": R + 1.0, "level": np.ones(N)}, "attributes": {"emg": {"units": "mV"}}},
+        {"variables": {"activity": "emg", "still": "level"}, "position_unit": "deg", "torque_sign": -1},
+    ),
+    "further variable not finite": (
+        {"variables": {"emg": changed(R, 700, np.nan)}},
+        {"variables": {"activity": "emg"}},
+    ),
+    "further variable of another length": ({"variables": {"emg": R[:-1]}}, {"variables": {"activity": "emg"}}),
+    "further variable that is missing": ({}, {"variables": {"activity": "emg"}}),
     "missing variable": ({}, {"torque": "moment"}),
     "group as a variable": ({"group": "ankle"}, dict.fromkeys(("position", "torque", "reference"), "ankle")),
     "wrong option": ({}, {"position_sign": 2}),
@@ -216,6 +226,17 @@ def test_pieces_in_any_order(tmp_path, monkeypatch):
         np.testing.assert_array_equal(piece["torque"], TQ[start : start + length])
         np.testing.assert_array_equal(piece["time"], TIME[start : start + length])
         piece["torque"][:] = 0.0  # a piece is a copy
+
+
+def test_pieces_have_further_variables_as_the_file_has_them(tmp_path):
+    write(tmp_path / "rec.h5", {"emg": R + 1.0})
+    record = LongRecord(tmp_path / "rec.h5", position_sign=-1, variables={"activity": "emg"})
+    piece = record.read(10, 20)
+    np.testing.assert_array_equal(piece["activity"], R[10:20] + 1.0)
+    np.testing.assert_array_equal(piece["position"], -P[10:20])
+    assert list(record.read(0, 5, ["activity"]).data_vars) == ["activity"]
+    with pytest.raises(ValueError, match="has no channel 'emg'; it has position, torque, reference, activity"):
+        record.read(0, 5, ["emg"])
 
 
 _values = st.sampled_from([0.0, 0.01, -0.01, 0.5, np.nan, np.inf, 1e308, -1e308])
