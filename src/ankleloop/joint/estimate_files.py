@@ -8,7 +8,7 @@ import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from tempfile import SpooledTemporaryFile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -155,11 +155,12 @@ class EstimateCollection:
         return [round((start - float(self._time[0])) * rate) for start in self._starts]
 
 
-def _describe_trajectories(estimate: Estimate) -> dict[str, np.ndarray] | None:
-    """Trajectories by name with their coordinate; None for a method that has none."""
+def _describe_trajectories(estimate: Estimate) -> dict[str, Any] | None:
+    """Trajectories by name with their coordinate and attributes; None for a method that has none."""
     if estimate.trajectories is None:
         return None
-    return {str(name): variable.values for name, variable in estimate.trajectories.variables.items()}
+    curves = {str(name): variable.values for name, variable in estimate.trajectories.variables.items()}
+    return {**curves, **estimate.trajectories.attrs}
 
 
 def _join_times(grid: np.ndarray, time: np.ndarray, rate: float) -> np.ndarray:

@@ -11,7 +11,7 @@ from ankleloop.errors import DataError
 from ankleloop.quantities import QUANTITIES
 from ankleloop.records.group_files import Fields
 
-__all__ = ["read_trajectories", "trajectory_dataset"]
+__all__ = ["describe_schedule", "read_trajectories", "trajectory_dataset"]
 
 COORDINATES = {
     "phase": ("1", "phase of the cycle"),
@@ -22,7 +22,39 @@ NAMES = ("K", "B", "G", "I")
 ENDS = {"": "{}", "_low": "lower end of the 95 % band of the {}", "_high": "upper end of the 95 % band of the {}"}
 
 
-def trajectory_dataset(dimension: str, coordinate: np.ndarray, values: Mapping[str, np.ndarray]) -> xr.Dataset:
+def describe_schedule(trial: xr.Dataset, schedule: str | None) -> dict[str, str]:
+    """Name and unit of the scheduling variable of a trial, as `trajectory_dataset` takes them.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        The trial.
+    schedule : str or None
+        The variable; None without one.
+
+    Returns
+    -------
+    dict of str to str
+
+    Examples
+    --------
+    >>> trial = xr.Dataset({"ankle_angle": ("time", [0.0, 0.1], {"units": "rad"})})
+    >>> describe_schedule(trial, "ankle_angle"), describe_schedule(trial, None)
+    ({'variable': 'ankle_angle', 'variable_unit': 'rad'}, {})
+    """
+    if schedule is None:
+        return {}
+    return {"variable": schedule, "variable_unit": str(trial[schedule].attrs.get("units", ""))}
+
+
+def trajectory_dataset(
+    dimension: str,
+    coordinate: np.ndarray,
+    values: Mapping[str, np.ndarray],
+    *,
+    variable: str = "",
+    variable_unit: str = "",
+) -> xr.Dataset:
     """Trajectories over phase, time or a scheduling variable, with units and names.
 
     Parameters
@@ -33,6 +65,8 @@ def trajectory_dataset(dimension: str, coordinate: np.ndarray, values: Mapping[s
         Its values.
     values : mapping of str to ndarray, shape (places,)
         "K", "K_low", "K_high" and the same for B and G, and for I where it varies.
+    variable, variable_unit : str
+        Name and unit of the scheduling variable.
 
     Returns
     -------
@@ -47,8 +81,13 @@ def trajectory_dataset(dimension: str, coordinate: np.ndarray, values: Mapping[s
             attributes = {"units": quantity.unit, "long_name": text.format(quantity.name)}
             variables[name + end] = (dimension, values[name + end], attributes)
     unit, long_name = COORDINATES[dimension]
-    attributes = {"units": unit, "long_name": long_name}
-    return xr.Dataset(variables, coords={dimension: (dimension, coordinate, attributes)})
+    attributes = {"units": variable_unit or unit, "long_name": variable or long_name}
+    stated = {"variable": variable, "variable_unit": variable_unit}
+    return xr.Dataset(
+        variables,
+        coords={dimension: (dimension, coordinate, attributes)},
+        attrs={name: text for name, text in stated.items() if text},
+    )
 
 
 def read_trajectories(fields: Fields) -> xr.Dataset:
@@ -73,6 +112,6 @@ def read_trajectories(fields: Fields) -> xr.Dataset:
         raise DataError(f"{fields.source}: there is no coordinate of the trajectories: the file is damaged.")
     coordinate = fields.array(dimension)
     names = [name + end for name in NAMES for end in ENDS if name != "I" or name in fields.values]
-    return trajectory_dataset(
-        dimension, coordinate, {name: fields.array(name, coordinate.size, finite=False) for name in names}
-    )
+    values = {name: fields.array(name, coordinate.size, finite=False) for name in names}
+    stated = {name: fields.text(name) for name in ("variable", "variable_unit") if name in fields.values}
+    return trajectory_dataset(dimension, coordinate, values, **stated)

@@ -52,7 +52,8 @@ def trajectories_figure(
     truths : xarray.Dataset, optional
         True trajectories, as of `ankleloop.assessment.trajectory_scores.true_trajectories`.
     variable : str
-        Name of the scheduling variable, for the abscissa.
+        What the abscissa of a scheduling variable is called; by default its name and its unit, as the estimates know
+        them.
     styles : dict of str to MethodStyle, optional
         Styles by label; those of the methods in the registry if left out.
 
@@ -86,7 +87,7 @@ def trajectories_figure(
     rows = figure.subplots(2, len(names), sharex=True, height_ratios=[ROW, EXCITATION], squeeze=False)
     for (upper, lower), name in zip(rows.T, names, strict=True):
         upper.set_ylabel(QUANTITIES[name].label)
-        lower.set_xlabel(variable if dimension == "schedule" and variable else ABSCISSAE[dimension])
+        lower.set_xlabel(variable if dimension == "schedule" and variable else _label_abscissa(curves[0]))
         if truths is not None and name in truths:
             upper.plot(truths[dimension], truths[name], **TRUE_LINE, label="true value")
         for label, estimate in estimates.items():
@@ -97,6 +98,13 @@ def trajectories_figure(
     add_legend(figure, rows.ravel())
     figure.data = _tabulate(estimates, truths)
     return figure
+
+
+def _label_abscissa(curves: xr.Dataset) -> str:
+    """What trajectories are functions of, with its unit."""
+    dimension = str(next(iter(curves.sizes)))
+    name, unit = (curves.attrs.get(key, "") for key in ("variable", "variable_unit"))
+    return (f"{name} [{unit}]" if unit else name) or ABSCISSAE[dimension]
 
 
 def _draw_estimate(axis: Axes, estimate: Estimate, name: str, label: str, style: MethodStyle) -> None:
@@ -143,7 +151,7 @@ def _tabulate(estimates: Mapping[str, Estimate], truths: xr.Dataset | None) -> p
         dimension = str(next(iter(curves.sizes)))
         for name in filter(curves.__contains__, PARAMETERS):
             quantity = {"series": label, "quantity": name, "unit": QUANTITIES[name].unit}
-            part = pd.DataFrame({**quantity, "abscissa": ABSCISSAE[dimension], "place": curves[dimension].values})
+            part = pd.DataFrame({**quantity, "abscissa": _label_abscissa(curves), "place": curves[dimension].values})
             for column, key in (("value", name), ("low", f"{name}_low"), ("high", f"{name}_high")):
                 part[column] = curves[key].values
             if truths is not None and name in truths:

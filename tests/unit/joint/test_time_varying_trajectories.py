@@ -1,0 +1,55 @@
+"""Trajectories with units and names, and what files keep of them."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from ankleloop import load_estimate, save_estimate
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.estimate_files import EstimateCollection, load_estimates, save_estimates
+from ankleloop.joint.time_varying_trajectories import trajectory_dataset
+from ankleloop.joint.torques import torque_dataset
+from ankleloop.plotting.trajectories import trajectories_figure
+
+PLACES = np.linspace(-0.1, 0.2, 11)
+VALUES = {name + end: np.linspace(1.0, 2.0, 11) for name in "KBG" for end in ("", "_low", "_high")}
+SCHEDULE = {"variable": "ankle_angle", "variable_unit": "rad"}
+
+
+def make_estimate(dimension="schedule", **names):
+    torques = dict.fromkeys(("net", "intrinsic", "reflex"), np.zeros(20))
+    curves = trajectory_dataset(dimension, PLACES, VALUES, **names)
+    torque = torque_dataset(np.arange(20) / 100, 100.0, **torques)
+    return Estimate("riv-tv", torque, None, {"K": 1.0}, {"G": 1.0, "delay": 0.04}, trajectories=curves)
+
+
+@pytest.mark.parametrize("names", [SCHEDULE, {"variable": "emg"}, {}])
+@pytest.mark.parametrize("suffix", [".nc", ".mat", "chunk.nc"])
+def test_files_keep_name_and_unit_of_the_schedule(tmp_path, suffix, names):
+    estimate = make_estimate(**names)
+    path = tmp_path / f"a{suffix}"
+    if suffix == "chunk.nc":
+        save_estimates({"riv-tv": EstimateCollection([estimate])}, path)
+        (loaded,) = load_estimates(path, "riv-tv")
+    else:
+        save_estimate(estimate, path)
+        loaded = load_estimate(path)
+    xr.testing.assert_identical(loaded.trajectories, estimate.trajectories)
+    coordinate = loaded.trajectories["schedule"]
+    assert coordinate.attrs["units"] == names.get("variable_unit", "")
+    assert coordinate.attrs["long_name"] == names.get("variable", "scheduling variable")
+
+
+@pytest.mark.parametrize(
+    ("dimension", "names", "label"),
+    [
+        ("schedule", SCHEDULE, "ankle_angle [rad]"),
+        ("schedule", {"variable": "emg"}, "emg"),
+        ("schedule", {}, "scheduling variable"),
+        ("phase", {}, "phase of the cycle [1]"),
+    ],
+)
+def test_the_abscissa_of_a_figure_has_name_and_unit(dimension, names, label):
+    figure = trajectories_figure({"riv-tv": make_estimate(dimension, **names)})
+    assert figure.axes[3].get_xlabel() == label
+    assert figure.data["abscissa"].unique().tolist() == [label]
