@@ -11,6 +11,7 @@ import xarray as xr
 
 from ankleloop.arguments import check_flag, check_number
 from ankleloop.assessment.cramer_rao import disturbance_spectrum
+from ankleloop.assessment.trajectory_scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial, prepare
@@ -25,7 +26,6 @@ from ankleloop.simulation.simulate import simulate
 
 __all__ = ["TrajectoryInformation", "trajectory_bound", "trajectory_information"]
 
-TRUTHS = ("stiffness_true", "viscosity_true", "reflex_gain_true")
 COURSES = {"cycle": ("phase", None), "time": (None, None), "schedule": (None, "schedule")}
 LOGARITHMIC = ("omega_n", "zeta", "pole")
 PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one
@@ -227,7 +227,7 @@ def _true_coefficients(trial: PreparedTrial, equations: TimeVaryingEquations) ->
     """Splines that are closest to the true K, B and G, and no inertia, of which nothing else depends."""
     course, bases, grid = equations.inputs.course, equations.bases, equations.inputs.grid
     linear = np.zeros(bases.size)
-    for name, splines, block in zip(TRUTHS, bases.all, bases.blocks, strict=False):
+    for name, splines, block in zip(TRAJECTORY_TRUTHS.values(), bases.all, bases.blocks, strict=False):
         truth = trial.channel(name, grid)[course.rows]
         linear[block] = np.linalg.lstsq(splines(course.place[course.rows]), truth, rcond=1e-12)[0]
     return linear

@@ -195,8 +195,8 @@ def mean_trajectories_figure(table: pd.DataFrame, *, styles: Mapping[str, Method
             axis.set(ylabel=QUANTITIES[name].label, title=row if name == names[len(names) // 2] else "")
     add_legend(figure, axes.ravel())
     columns = {"row": "setting", "series": "method"}
-    kept = ["row", "series", "parameter", "dimension", "place", "truth", "mean", "low", "high", "n"]
-    data = table[kept].rename(columns=columns)
+    names = ["row", "series", "parameter", "dimension", "place", "truth", "mean", "low", "high", "n"]
+    data = table[names].rename(columns=columns)
     figure.data = data.assign(unit=[QUANTITIES[name].unit for name in data["parameter"]]).reset_index(drop=True)
     return figure
 

@@ -173,6 +173,11 @@ def _describe(analysis: Analysis, label: str, estimate: Estimate) -> Variation:
     if refused and not complete:
         test += " But the residual depends on the movement: the model is not complete, and what it leaves out may be "
         test += "taken for a change. So the test decides nothing here."
+    if dimension == "schedule":
+        place = estimate.trajectories[dimension]
+        unit = f" {place.attrs['units']}" if place.attrs.get("units") else ""
+        test += f" The trajectories reach from {float(place[0]):.3g} to {float(place[-1]):.3g}{unit}, the 2nd to the "
+        test += "98th percentile of the variable; samples beyond count as its ends."
     return Variation(label, refused and complete, test, _compare_with_constant(analysis, label, data))
 
 

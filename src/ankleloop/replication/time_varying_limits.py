@@ -106,8 +106,8 @@ def count_coverage(table: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFra
     """
     low, high = COVERED
     rows = []
-    known = table.dropna(subset="covered")
-    for (method, parameter), part in known.groupby(["method", "parameter"], sort=False):
+    bands = table.dropna(subset="covered")
+    for (method, parameter), part in bands.groupby(["method", "parameter"], sort=False):
         margin = part["covered_margin"].fillna(np.inf)  # of a single trial
         less, more = part["covered"] + margin < low, part["covered"] - margin > high
         inside = (part["covered"] - margin >= low) & (part["covered"] + margin <= high)
