@@ -18,7 +18,7 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import make_course
 from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.joint.time_varying_splines import Splines
-from ankleloop.joint.time_varying_trajectories import trajectory_dataset
+from ankleloop.joint.time_varying_trajectories import describe_schedule, trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
 from ankleloop.methods.riv_equations import DELAY_LIMITS
 from ankleloop.methods.time_varying_bands import TimeVaryingCovariance, covariance, trajectory, variation_p
@@ -92,6 +92,12 @@ class RivTvOptions(Options):
                 "cycle_onsets must be times in seconds, or the name of the variable that holds the phase; got "
                 f"{show_value(values)}."
             )
+        for number, value in enumerate(numbers or (), 1):
+            if not isinstance(value, (int, float)) or not np.isfinite(value):
+                raise ValueError(
+                    f"cycle_onsets must be finite times in seconds; onset {number} of {len(numbers or ())} is "
+                    f"{show_value(value)}."
+                )
         return values if numbers is None else numbers
 
     @field_validator("knots", mode="before")
@@ -118,6 +124,7 @@ class RivTvOptions(Options):
 
 def _as_tuple(values: Any) -> tuple[Any, ...] | None:
     """Values of a list, tuple or array; None for anything else."""
+    values = values.to_numpy() if hasattr(values, "to_numpy") else values
     values = values.tolist() if hasattr(values, "tolist") else values
     return tuple(as_plain(value) for value in values) if isinstance(values, (list, tuple)) else None
 
@@ -211,7 +218,7 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     equations, inputs = solution.equations, solution.equations.inputs
     bands = covariance(solution)
     model = _model(trial, solution, options)
-    trajectories, excitation, blanks = _trajectories(solution, bands)
+    trajectories, excitation, blanks = _trajectories(solution, bands, describe_schedule(trial.trial, options.schedule))
     stiffness, reflex, intervals = _means(solution, bands)
     strength = instrument_strength(solution.system, equations.bases.size)
     spectrum = solution.spectrum / (0.5 * inputs.rate)
@@ -266,7 +273,7 @@ def _model(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOp
 
 
 def _trajectories(
-    solution: TimeVaryingSolution, bands: TimeVaryingCovariance
+    solution: TimeVaryingSolution, bands: TimeVaryingCovariance, schedule: dict[str, str]
 ) -> tuple[xr.Dataset, dict[str, np.ndarray], dict[str, str]]:
     """Trajectories with their bands, the excitation behind each, and where they are blank."""
     course, places = solution.equations.inputs.course, np.linspace(0.0, 1.0, PLACES)
@@ -281,7 +288,7 @@ def _trajectories(
         maps[name] = curve.excitation
         if np.isnan(curve.values).any():
             blanks[name] = _describe_ranges(coordinate, np.isnan(curve.values))
-    return trajectory_dataset(course.dimension, coordinate, values), maps, blanks
+    return trajectory_dataset(course.dimension, coordinate, values, **schedule), maps, blanks
 
 
 def _describe_ranges(coordinate: np.ndarray, blank: np.ndarray) -> str:
@@ -309,7 +316,8 @@ def _means(
     intervals = {}
     for name, margin in margins.items():
         if name in LOGARITHMIC:
-            intervals[name] = (values[name] * float(np.exp(-margin)), values[name] * float(np.exp(margin)))
+            with np.errstate(over="ignore"):  # what the record does not tell has no upper end
+                intervals[name] = (values[name] * float(np.exp(-margin)), values[name] * float(np.exp(margin)))
         elif name in values:
             intervals[name] = (values[name] - margin, values[name] + margin)
     reflex = {name: values[name] for name in ("delay", "G", *parameters.dynamics.values)}

@@ -345,3 +345,30 @@ def test_few_cycles_are_warned_about():
 def test_options_that_contradict_each_other(options, message):
     with pytest.raises(ValueError, match=message):
         RivTvOptions.parse("riv-tv", **options)
+
+
+@pytest.mark.parametrize(
+    ("onsets", "message"),
+    [
+        ([0.0, 1.4, np.nan, 4.2], "cycle_onsets must be finite times in seconds; onset 3 of 4 is nan"),
+        ([0.0, np.inf], "onset 2 of 2 is inf"),
+        (np.zeros((2, 3)), r"onset 1 of 2 is \[0.0, 0.0, 0.0\]"),
+        (["a", "b"], "onset 1 of 2 is 'a'"),
+        (1.4, "must be times in seconds, or the name"),
+    ],
+)
+def test_onsets_that_are_no_times_are_refused_by_their_number(onsets, message):
+    with pytest.raises(ValueError, match=message):
+        RivTvOptions.parse("riv-tv", cycle_onsets=onsets)
+
+
+def test_onsets_of_any_array():
+    for onsets in ([0, 1.5], np.array([0, 1.5]), xr.DataArray([0, 1.5]), (np.float64(0), 1.5)):
+        assert RivTvOptions.parse("riv-tv", cycle_onsets=onsets).cycle_onsets == (0.0, 1.5)
+
+
+def test_trajectories_of_a_schedule_have_its_name_and_unit():
+    trial = simulate(seed=1, duration=20.0, variation="schedule", **JOINT).rename(schedule="ankle_angle")
+    trial["ankle_angle"].attrs["units"] = "rad"
+    coordinate = identify(trial, "riv-tv", schedule="ankle_angle").trajectories["schedule"]
+    assert (coordinate.attrs["units"], coordinate.attrs["long_name"]) == ("rad", "ankle_angle")
