@@ -55,7 +55,7 @@ rule economy:
 
 rule verify:
     input:
-        published=PUBLISHED,
+        published=OF_PAPER,
         economy="results/tables/economy.csv",
         scores=chunk_files_of_article("scores"),
         parameters=chunk_files_of_article("parameters"),
