@@ -24,6 +24,8 @@ FAMILIES = (
     "ankleloop.methods.riv",
     "ankleloop.methods.riv_tv",
 )
+# Options that a selection needs to score what was not fitted.
+SHARED = ("reference", "delay", "identification_rate", "cycle_onsets")
 
 METHODS: Mapping[str, Method] = MappingProxyType(
     {method.name: method for family in FAMILIES for method in import_module(family).METHODS}
@@ -136,7 +138,7 @@ def identify(
     if not candidates:
         return entry(trial, **options)
     values = {**entry.options.defaults(), **options}
-    shared = {name: values[name] for name in ("reference", "delay", "identification_rate") if name in values}
+    shared = {name: values[name] for name in SHARED if name in values}
     selection = select_options(cast(Trial, trial), partial(entry, **options), candidates, criterion=criterion, **shared)
     estimate = entry(trial, **options, **selection.chosen)
     return replace(estimate, diagnostics={**estimate.diagnostics, "selection": selection.diagnostics})

@@ -78,6 +78,7 @@ def select_options(
     identification_rate: float = 100.0,
     folds: int = 2,
     merges: bool = False,
+    cycle_onsets: str | Sequence[float] | None = None,
 ) -> Selection:
     r"""Choose options by the residual in parts of the record that were not fitted.
 
@@ -119,6 +120,8 @@ def select_options(
         Parts of the record.
     merges : bool
         Whether `fit` takes a list of trials; without that there are two folds.
+    cycle_onsets : str or sequence of float, optional
+        Start of every cycle of the trial [s], or the variable that holds the phase, for a joint that changes with it.
 
     Returns
     -------
@@ -166,7 +169,7 @@ def select_options(
     for values in itertools.product(*candidates.values()):
         options = dict(zip(candidates, values, strict=True))
         try:
-            results, warnings = _losses(parts, fit, options)
+            results, warnings = _losses(parts, fit, options, cycle_onsets)
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             rows.append({**options, "scores": {}, "warnings": [], "error": str(error)})
             losses.append(None)
@@ -328,7 +331,10 @@ def _project(grid: np.ndarray, instruments: np.ndarray, time: np.ndarray, signal
 
 
 def _losses(
-    folds: Sequence[_Fold], fit: Callable[..., Any], options: Mapping[str, Any]
+    folds: Sequence[_Fold],
+    fit: Callable[..., Any],
+    options: Mapping[str, Any],
+    cycle_onsets: str | Sequence[float] | None,
 ) -> tuple[dict[str, tuple[np.ndarray, float]], list[str]]:
     """Losses of a candidate in segments of time and the energy to explain, by criterion; and warnings of its fits."""
     results: dict[str, tuple[np.ndarray, float]] = {}
@@ -337,7 +343,7 @@ def _losses(
         merged = len(fold.training) > 1
         estimate: Estimate = fit(fold.training, **options)[0] if merged else fit(fold.training[0], **options)
         warnings += estimate.fit_warnings  # those about the data concern all candidates alike
-        torque = estimate.predict(fold.test).torque
+        torque = estimate.predict(fold.test, cycle_onsets=cycle_onsets).torque
         time, rate = torque["time"].values, torque.attrs["identification_rate"]
         scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
         measured = fold.test.channel_at("torque", time, rate)

@@ -372,3 +372,17 @@ def test_trajectories_of_a_schedule_have_its_name_and_unit():
     trial["ankle_angle"].attrs["units"] = "rad"
     coordinate = identify(trial, "riv-tv", schedule="ankle_angle").trajectories["schedule"]
     assert (coordinate.attrs["units"], coordinate.attrs["long_name"]) == ("rad", "ankle_angle")
+
+
+def test_options_are_selected_on_unseen_cycles_at_their_own_onsets():
+    trial = simulate(seed=1, duration=40.0, variation="cycle", cycle_jitter=0.03, **JOINT)
+    onsets = trial["time"].values[1:][np.diff(trial["phase"].values) < -0.5]
+    select = {"knots": [(4, 4, 4), (12, 8, 12)]}
+    chosen = [
+        identify(trial, "riv-tv", cycle_onsets=cycles, select=select).diagnostics["selection"]
+        for cycles in ("phase", onsets)
+    ]
+    assert chosen[0]["chosen"] == chosen[1]["chosen"]
+    for scores in zip(*(entry["candidates"] for entry in chosen), strict=True):
+        values = [next(iter(candidate["scores"].values())) for candidate in scores]
+        assert values[0] == pytest.approx(values[1], abs=0.5)
