@@ -116,7 +116,12 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
         slope = np.median(np.diff(phase)[np.diff(phase) > 0]) * trial.rate if starts.size else 1.0
         values = time[starts] - phase[starts] / slope
     else:
-        values = np.asarray(onsets, dtype=float)
+        try:
+            values = np.asarray(onsets, dtype=float)
+        except (TypeError, ValueError):
+            raise DataError(
+                "the onsets of the cycles are no numbers: give the start of every cycle in seconds."
+            ) from None
     _check_onsets(values, float(time[0]), float(time[-1]))
     return values
 

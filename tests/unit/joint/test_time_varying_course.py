@@ -44,6 +44,7 @@ def test_onsets_from_a_phase_are_those_of_the_cycles(trial):
         (ONSETS + 100.0, "go from 100.3 to 159.1 s, the record from 0 to 59.99 s: give them in seconds"),
         (1000.0 * ONSETS, "neither milliseconds nor samples"),
         (ONSETS[:1], "fewer than two onsets"),
+        ([1.0, 2.0, "a"], "the onsets of the cycles are no numbers: give the start"),
         ("gait", "no variable 'gait' for cycle_onsets; it has .* Name one of these"),
         ("percent", "goes from 0 to 100, and the phase of a cycle goes from 0 to 1"),
     ],
