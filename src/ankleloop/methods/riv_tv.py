@@ -154,12 +154,13 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     Estimate
         `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness` and
         `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: rounds, converged, cycles (or segments
-        that count as independent), variation_p (probability of a variation as large, were K, B or G constant),
-        instrument_strength (smallest canonical correlation of instruments and regressors), perturbation_share (share of
-        the perturbation that does not repeat with the cycle), outside (share of the samples whose scheduling variable
-        lies beyond its fitted range, the 2nd to the 98th percentile; they count as its ends), penalties, freedom
-        (effective number of parameters of each trajectory), excitation (information about each over its mean, at the
-        places of the trajectories), torque_lag, noise_frequency [Hz] and noise_spectrum [(N·m)²/Hz].
+        that count as independent), intervals (their kind), variation_p (probability of a variation as large, were K, B
+        or G constant), instrument_strength (smallest canonical correlation of instruments and regressors),
+        perturbation_share (share of the perturbation that does not repeat with the cycle), outside (share of the
+        samples whose scheduling variable lies beyond its fitted range, the 2nd to the 98th percentile; they count as
+        its ends), penalties, freedom (effective number of parameters of each trajectory), excitation (information about
+        each over its mean, at the places of the trajectories), torque_lag, noise_frequency [Hz] and noise_spectrum
+        [(N·m)²/Hz].
 
     Raises
     ------
@@ -234,6 +235,7 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
             "rounds": solution.rounds,
             "converged": solution.converged,
             "cycles" if inputs.course.periodic else "segments": inputs.course.segments,
+            "intervals": "robust" if solution.converged else None,
             "variation_p": variation_p(solution),
             "instrument_strength": strength,
             "perturbation_share": share,

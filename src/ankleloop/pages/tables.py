@@ -12,8 +12,9 @@ if TYPE_CHECKING:
 
 __all__ = ["describe_table", "render_paragraphs", "render_table"]
 
-LONG_TEXTS = {100: "long", 40: "text"}  # letters of a cell from which its column has a class, which is wider
 SHORT_TEXT = 16  # letters up to which a cell is one line
+# Letters of a cell from which its column has a class, which is wider.
+LONG_TEXTS = {100: "long", 40: "text", SHORT_TEXT: "words"}
 FILTERED_ROWS = 15  # of a table from which it has a field that filters
 
 
