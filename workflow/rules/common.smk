@@ -40,7 +40,9 @@ PUBLISHED = [
     local(str(path)) for path in sorted((ROOT / "data" / "published").glob("*.csv"))
 ]
 # Numbers and claims of the paper that is replicated, which the ledger checks; other files hold numbers of other papers.
-OF_PAPER = [path for path in PUBLISHED if Path(path).stem in ("claims", "table1", "table2")]
+OF_PAPER = [
+    path for path in PUBLISHED if Path(path).stem in ("claims", "table1", "table2")
+]
 
 
 def alternatives(names):
