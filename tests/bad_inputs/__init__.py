@@ -16,6 +16,7 @@ SUBJECTS = (
     "trials",
     "options",
     "scores",
+    "time_varying",
     "saved_files",
     "writing",
     "configs",

@@ -12,6 +12,7 @@ from ankleloop import (
     evaluate,
     method_options,
     subspace,
+    trajectory_bound,
 )
 from ankleloop.records.trial import segment
 from bad_inputs.bad_input import BadInput, rows_of
@@ -116,6 +117,21 @@ def _rows_of_scores() -> list[BadInput]:
             lambda values: cramer_rao(**values),
             right=_all_zero,
             shown="cramer_rao",
+        ),
+        BadInput(
+            "a bound of trajectories of a constant joint",
+            lambda folder: {"seed": 1, "duration": 20.0},
+            lambda values: trajectory_bound(**values),
+            ("variation", "cramer_rao"),
+            error=ValueError,
+            shown="trajectory_bound",
+        ),
+        BadInput(
+            "a bound of trajectories of three cycles",
+            lambda folder: {"seed": 1, "duration": 5.0, "variation": "cycle"},
+            lambda values: trajectory_bound(**values),
+            ("too few whole cycles", "Record more cycles"),
+            shown="trajectory_bound",
         ),
         BadInput(
             "a delay as text",

@@ -23,7 +23,7 @@ def test_first_recording(tmp_path, container):
     )
     text = printed_text(notebook)
     assert "Set torque_sign: -1" in text  # the sign is detected, and then corrected
-    assert "The loop is closed. Valid methods: riv, pr-moesp, pi-moesp, po-moesp, eiv-moesp." in text
+    assert "The loop is closed. Valid methods: riv, pr-moesp, pi-moesp, po-moesp, eiv-moesp, riv-tv." in text
     assert "take riv: the loop is closed" in text
     assert "written: estimate.csv, estimate.mat, estimate.nc" in text
     estimate = scipy.io.loadmat(folder / "estimate.mat", simplify_cells=True)["estimate"]

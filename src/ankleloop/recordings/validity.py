@@ -130,8 +130,8 @@ def describe_validity(loop: str, reference: bool, path_bias: float, *, merged: b
         position = [name for name, options in methods.items() if options]
         rest = [name for name in methods if name not in position]
         text = (
-            f"those that need no reference ({', '.join(rest)}), and {' and '.join(position)} with the position for "
-            "one; none of them if the loop was closed"
+            f"those that need no reference ({', '.join(rest)}), and {', '.join(position)} with the position for one; "
+            "none of them if the loop was closed"
         )
     if _paths_correlated(path_bias) and not merged:
         text += (

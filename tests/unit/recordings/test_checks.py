@@ -104,7 +104,7 @@ def test_real_recordings(file, mapping):
     assert check.loop == "undecided"
     assert {f.name for f in check.findings if f.verdict != "ok"} == {"reference", "loop", "methods"}
     assert set(check.methods) == {
-        *("riv", "pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp", "moesp", "parallel-cascade")
+        *("riv", "riv-tv", "pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp", "moesp", "parallel-cascade")
     }
 
 
