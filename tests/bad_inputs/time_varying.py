@@ -31,9 +31,9 @@ def _spoil(trial):
 
 
 def _row(wrong, make, *says, error=None, **options):
-    arguments = ", ".join(f"{name}=…" for name in options)
+    arguments = "".join(f", {name}=…" for name in options)
     call = partial(identify, method="riv-tv", **options)
-    shown = f"identify(method='riv-tv', {arguments})"
+    shown = f"identify(method='riv-tv'{arguments})"
     return BadInput(wrong, make, call, says, shown=shown, **({"error": error} if error else {}))
 
 
