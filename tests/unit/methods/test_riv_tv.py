@@ -9,6 +9,7 @@ import xarray as xr
 from scipy import signal as sps
 
 from ankleloop import DataError, evaluate, identify, load_estimate, new_trial, read_trial, save_estimate, simulate
+from ankleloop.assessment.trajectory_scores import true_trajectories
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.riv_tv import RivTvOptions
@@ -27,17 +28,6 @@ QUIET = {"voluntary": 0.0, "snr_db": None}
 CYCLES = {"variation": "cycle", "duration": 42.0}
 LOCKED = {**CYCLES, "perturbation_locked": True}
 FREQUENCIES = 2j * np.pi * np.linspace(0.1, 30.0, 100)
-TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}
-
-
-def true_trajectories(trial, trajectories):
-    dimension = next(iter(trajectories.dims))
-    order = np.argsort(trial[dimension].values, kind="stable")
-    place = trial[dimension].values[order]
-    return {
-        name: np.interp(trajectories[dimension].values, place, trial[variable].values[order])
-        for name, variable in TRUTHS.items()
-    }
 
 
 def relative_errors(trial, estimate, places=slice(None)):
