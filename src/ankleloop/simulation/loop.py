@@ -118,7 +118,8 @@ def _continuous_model(settings: SimulationSettings, stiffness: float, viscosity:
         B[3] = inputs / (settings.load_inertia + settings.inertia)
     if settings.antialias_cutoff is not None and not _varying_range(settings)[:, 1].any():
         denominator = antialias_denominator(settings.antialias_cutoff)
-        return _add_filters(A, B, velocity, (position, reflex_torque), denominator, settings)
+        joint = (stiffness, viscosity, settings.inertia)
+        return _add_filters(A, B, velocity, (position, reflex_torque), denominator, joint)
     intrinsic = stiffness * position + viscosity * velocity + settings.inertia * (A[1] - A[3])
     D = np.zeros((3, 4))
     D[1] = settings.inertia * (B[1] - B[3])  # command and noise act on the acceleration at once
@@ -144,9 +145,9 @@ def _add_filters(
     velocity: np.ndarray,
     signals: Sequence[np.ndarray],
     denominator: np.ndarray,
-    settings: SimulationSettings,
+    joint: tuple[float, float, float],
 ) -> _ContinuousModel:
-    """The model with an anti-aliasing filter behind each of two signals, position and reflex torque."""
+    """The model of a joint with K, B and I, with an anti-aliasing filter behind position and reflex torque."""
     Af, bf, _ = companion(denominator)
     n, order = len(A), len(Af)
     motion, reflex = slice(n, n + order), slice(n + order, n + 2 * order)
@@ -157,7 +158,7 @@ def _add_filters(
     # The filter commutes with differentiation: its states give the filtered P, Ṗ and P̈, hence the intrinsic torque.
     C = np.zeros((3, len(A)))
     C[0, motion.start] = 1
-    C[1, motion][:3] = settings.stiffness, settings.viscosity, settings.inertia
+    C[1, motion][:3] = joint
     C[2, reflex.start] = 1
     return _ContinuousModel(A, B, np.pad(velocity, (0, 2 * order)), C, np.zeros((3, B.shape[1])))
 
