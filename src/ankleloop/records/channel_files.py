@@ -36,8 +36,8 @@ class Request:
         Names of the variables in the file by channel; position and torque are among them.
     extras : tuple of str
         Channels that are read if the file has them beside the torque.
-    has_rate : bool
-        Whether the sampling rate is known, so that the file's own does not matter.
+    rate : float, optional
+        Sampling rate that the caller states [Hz]; that of the file must not contradict it.
     part : slice, optional
         Samples that are wanted; None for all of them.
     with_samples : bool
@@ -48,7 +48,7 @@ class Request:
 
     variables: Mapping[str, str]
     extras: tuple[str, ...] = ()
-    has_rate: bool = False
+    rate: float | None = None
     part: slice | None = None
     with_samples: bool = True
     roles: tuple[str, ...] | None = None
@@ -130,11 +130,12 @@ def _select(contents: Contents, request: Request) -> dict[str, Variable]:
         variable = contents.find(f"{parent}{separator}{role}")
         if variable is not None:
             selected.setdefault(role, variable)
-    if not request.has_rate:
-        rate = contents.find_nearest(RATE_NAMES, position, scalar=True)
-        if rate is not None:
-            _check_other_rates(contents, rate)
-            selected[RATE] = rate
+    rate = contents.find_nearest(RATE_NAMES, position, scalar=True)
+    if rate is not None and request.rate is None:
+        _check_other_rates(contents, rate)
+        selected[RATE] = rate
+    elif rate is not None and request.rate is not None:
+        _check_stated_rate(contents, rate, request.rate)
     time = contents.find_nearest(TIME_NAMES, position, scalar=False)
     if time is not None and time.name not in {variable.name for variable in selected.values()}:
         selected[TIME] = time
@@ -194,15 +195,34 @@ def _show(cell: Any) -> str:
 
 def _check_other_rates(contents: Contents, rate: Variable) -> None:
     """Refuse two sampling rates beside each other that differ."""
-    owner, separator, _ = rate.name.rpartition(contents.separator)
     number = _read_rate(contents, rate)
-    for name in RATE_NAMES:
-        other = contents.find_number(owner, name, f"{owner}{separator}{name}")
-        if other is not None and abs(_read_rate(contents, other) - number) > RATE_TOLERANCE * abs(number):
+    for other in _find_rates(contents, rate):
+        if abs(_read_rate(contents, other) - number) > RATE_TOLERANCE * abs(number):
             raise DataError(
                 f"{contents.path.name}: {rate.name} is {number.item():g} Hz, but {other.name} is "
                 f"{_read_rate(contents, other).item():g} Hz: pass sampling_rate, or correct the file."
             )
+
+
+def _check_stated_rate(contents: Contents, rate: Variable, stated: float) -> None:
+    """Refuse a stated sampling rate that no rate of the file agrees with."""
+    try:
+        numbers = {variable.name: _read_rate(contents, variable).item() for variable in _find_rates(contents, rate)}
+    except DataError:  # what cannot be read contradicts nothing
+        return
+    if not any(abs(number - stated) <= RATE_TOLERANCE * stated for number in numbers.values()):
+        texts = " and ".join(f"{name} of the file is {number:g} Hz" for name, number in numbers.items())
+        raise DataError(
+            f"{contents.path.name}: sampling_rate is stated as {stated:g} Hz, but {texts}: leave sampling_rate out, or "
+            "correct the file."
+        )
+
+
+def _find_rates(contents: Contents, rate: Variable) -> list[Variable]:
+    """A sampling rate, and all others beside it."""
+    owner, separator, _ = rate.name.rpartition(contents.separator)
+    variables = (contents.find_number(owner, name, f"{owner}{separator}{name}") for name in RATE_NAMES)
+    return [rate, *(variable for variable in variables if variable is not None and variable.name != rate.name)]
 
 
 def _read_rate(contents: Contents, variable: Variable) -> np.ndarray:

@@ -56,8 +56,8 @@ def read_trial(
     sampling_rate : float, optional
         Sampling rate [Hz]. By default it comes from the file: a number called `sampling_rate`, `sample_rate`, `fs` or
         `Fs`, as a variable or an attribute, beside the position or above it; else from a column `time`, `time_s`, `t`
-        or `Time` [s], `time_ms`, `t_ms` or `time_us`. A time column must be regular and agree with the rate within
-        0.1 % in any case.
+        or `Time` [s], `time_ms`, `t_ms` or `time_us`. A time column must be regular. Rates that are given, in the
+        file, and of the time column have to agree within 0.1 %.
     position_unit : {"rad", "deg"}
         The unit of position and reference in the file.
     position_sign, torque_sign : {1, -1}

@@ -205,7 +205,7 @@ def _request(path: str | os.PathLike[str], options: ReadingOptions, **changes: A
         "format": find_suffix(path),
         "variables": {**options.channels, **options.further},
         "extras": [],
-        "has_rate": options.sampling_rate is not None,
+        "rate": options.sampling_rate,
         "part": None,
         "with_samples": True,
         "roles": None,

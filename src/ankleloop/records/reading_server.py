@@ -118,7 +118,7 @@ def _send_channels(path: Path, request: Message, send: Send) -> None:
     wanted = Request(
         variables=request["variables"],
         extras=tuple(request["extras"]),
-        has_rate=request["has_rate"],
+        rate=request["rate"],
         part=None if part is None else slice(*part),
         with_samples=request["with_samples"],
         roles=None if request["roles"] is None else tuple(request["roles"]),

@@ -394,9 +394,29 @@ def test_wrong_sampling_rate_in_the_file(tmp_path):
         read_trial(tmp_path / "a.mat")
 
 
-def test_option_precedes_the_rate_of_the_file(tmp_path):
-    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "fs": 1.0})
-    assert_signals(read_trial(tmp_path / "a.mat", sampling_rate=RATE))
+@pytest.mark.parametrize("file_format", [".csv", ".mat", ".h5"])
+def test_a_stated_rate_that_contradicts_the_file(tmp_path, file_format):
+    path = tmp_path / f"a{file_format}"
+    columns = {"position": P, "torque": TQ}
+    if file_format == ".csv":  # a table has no single number
+        write_csv(path, time=T, **columns)
+    elif file_format == ".mat":
+        scipy.io.savemat(path, {**columns, "fs": RATE})
+    else:
+        with h5py.File(path, "w") as file:
+            file.update(columns)
+            file.attrs["fs"] = RATE
+    with pytest.raises(DataError, match=rf"stated as {RATE / 2:g} Hz, but .*{RATE:g} Hz"):
+        read_trial(path, sampling_rate=RATE / 2)
+    assert_signals(read_trial(path, sampling_rate=RATE))
+
+
+def test_a_stated_rate_settles_what_the_file_does_not_say(tmp_path):
+    columns = {"position": P, "torque": TQ}
+    scipy.io.savemat(tmp_path / "a.mat", {**columns, "fs": "fast"})
+    scipy.io.savemat(tmp_path / "b.mat", {**columns, "fs": RATE / 10, "Fs": RATE})
+    for name in ("a.mat", "b.mat"):
+        assert_signals(read_trial(tmp_path / name, sampling_rate=RATE))
 
 
 def test_option_and_time_must_agree(tmp_path):
