@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 __all__ = ["QUANTITIES", "Quantity"]
 
@@ -19,11 +20,14 @@ class Quantity:
         How it is written.
     unit : str
         Its unit, "1" where it has none.
+    plausible : tuple of float
+        Smallest and largest value that a joint can have, from a finger to a leg that stands.
     """
 
     name: str
     symbol: str
     unit: str
+    plausible: tuple[float, float] = (-inf, inf)
 
     @property
     def label(self) -> str:
@@ -39,15 +43,15 @@ class Quantity:
 
 QUANTITIES = {
     "torque": Quantity("torque", "torque", "N·m"),
-    "K": Quantity("intrinsic stiffness", "K", "N·m/rad"),
-    "B": Quantity("intrinsic viscosity", "B", "N·m·s/rad"),
-    "I": Quantity("intrinsic inertia", "I", "kg·m²"),
-    "G": Quantity("reflex gain", "G", "N·m·s/rad"),
-    "omega_n": Quantity("natural frequency of the reflex", "ωn", "rad/s"),
-    "zeta": Quantity("damping of the reflex", "ζ", "1"),
+    "K": Quantity("intrinsic stiffness", "K", "N·m/rad", (0.0, 1e5)),
+    "B": Quantity("intrinsic viscosity", "B", "N·m·s/rad", (0.0, 1e3)),
+    "I": Quantity("intrinsic inertia", "I", "kg·m²", (0.0, 10.0)),
+    "G": Quantity("reflex gain", "G", "N·m·s/rad", (0.0, 1e3)),
+    "omega_n": Quantity("natural frequency of the reflex", "ωn", "rad/s", (1.0, 500.0)),
+    "zeta": Quantity("damping of the reflex", "ζ", "1", (0.05, 10.0)),
     "pole": Quantity("third pole of the reflex", "p", "rad/s"),
     "threshold": Quantity("threshold of the reflex", "threshold", "rad/s"),
-    "delay": Quantity("reflex delay", "delay", "s"),
+    "delay": Quantity("reflex delay", "delay", "s", (0.0, 0.3)),
     "vaf_unseen": Quantity("net VAF, unseen half", "net VAF, unseen half", "%"),
     "vaf_net": Quantity("net VAF", "net VAF", "%"),
     "vaf_intrinsic": Quantity("intrinsic contribution", "intrinsic contribution", "%"),

@@ -203,7 +203,7 @@ def _good_and_turned(folder) -> list[xr.Dataset]:
 
 
 def _merged(trials) -> list[str]:
-    return identify(trials)[0].diagnostics["warnings"]
+    return identify(trials, "pr-moesp")[0].diagnostics["warnings"]
 
 
 def _repeated(*numbers: int, copied: bool = False):

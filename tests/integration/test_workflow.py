@@ -142,7 +142,9 @@ def test_a_trial_of_the_workflow_can_be_simulated_alone(reproduction):
     trial = ankleloop.simulate(seed=seed, reflex_gain=13.0, duration=20.0)
     scores = pd.read_csv(reproduction / "results/scores/table1/0.csv")
     scores = scores.query("point == 'reflex_gain=13.0' and trial == 1 and method == 'pr-moesp'")
-    np.testing.assert_allclose(ankleloop.evaluate(trial, ankleloop.identify(trial))["vaf"], scores["vaf"], atol=1e-6)
+    np.testing.assert_allclose(
+        ankleloop.evaluate(trial, ankleloop.identify(trial, "pr-moesp"))["vaf"], scores["vaf"], atol=1e-6
+    )
 
 
 def test_nothing_is_left_to_do_and_nothing_half_written(reproduction, plan, snakemake):

@@ -62,7 +62,7 @@ def files(tmp_path_factory):
     """Every kind of file of the library without its checksum, which would betray all that follows; and its reader."""
     folder = tmp_path_factory.mktemp("whole")
     trial = simulate(seed=1, duration=10.0)
-    estimate = identify(trial)
+    estimate = identify(trial, "pr-moesp")
     save_trial(trial, folder / "trial.nc")
     save_trials([trial, trial], folder / "trials.nc")
     save_estimates({"m": EstimateCollection([estimate])}, folder / "estimates.nc")

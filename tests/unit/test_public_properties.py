@@ -44,7 +44,7 @@ def trial():
 
 @pytest.fixture(scope="module")
 def estimate(trial):
-    return identify(trial)
+    return identify(trial, "pr-moesp")
 
 
 # --- new_trial and segment

@@ -237,7 +237,7 @@ def trial():
 def values(trial, tmp_path_factory):
     """Right values of the arguments that have no default."""
     folder = tmp_path_factory.mktemp("arguments")
-    estimate = ankleloop.identify(trial)
+    estimate = ankleloop.identify(trial, "pr-moesp")
     ankleloop.save_trial(trial, folder / "trial.nc")
     return {
         "block_bootstrap": {"trial": trial, "method": "pr-moesp"},

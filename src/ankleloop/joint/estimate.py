@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["TORQUES", "Estimate", "torque_dataset"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Estimate:
     """Result of an identification.
 
@@ -45,8 +45,9 @@ class Estimate:
     intervals : dict
         95 % intervals (low, high) by the same names, where the method gives them.
     diagnostics : dict
-        Details of the identification: singular values, order, poles, ranks, passes, warnings; those among them that
-        are about the data (see `ankleloop.joint.data_checks.check_data`) are in "data_warnings" as well.
+        Details of the identification: singular values, order, poles, ranks, passes. "warnings" say what was seen to be
+        wrong; those about the data (see `ankleloop.joint.data_checks.check_data`) are in "data_warnings" as well.
+        "assumptions" say what was taken for granted, and "missing" which parameters could not be had, and why.
     predictor : ankleloop.joint.models.Model or None
         The model as data: all that `predict` needs, among it the basis, the delay and the rate of its inputs. None
         where the method has no fixed model.
@@ -136,14 +137,32 @@ class Estimate:
             diagnostics = {**diagnostics, "warnings": [*diagnostics.get("warnings", ()), *warnings]}
         return replace(self, torque=torque, diagnostics=diagnostics)
 
+    def __eq__(self, other: object) -> bool:
+        """Whether method, parameters, intervals and torques are the same; details of the fit do not count."""
+        if not isinstance(other, Estimate):
+            return NotImplemented
+        return self._values() == other._values() and self.torque.identical(other.torque)
+
+    def __hash__(self) -> int:
+        return hash((self.method, *self.stiffness.items()))
+
+    def _values(self) -> tuple[Any, ...]:
+        return self.method, self.stiffness, self.reflex, self.intervals
+
     def __repr__(self) -> str:
-        values = ", ".join(
-            f"{name} = {value:.4g}{self._interval(name)} {QUANTITIES[name].unit}"
-            for name, value in self.stiffness.items()
-        )
-        lines = [f"<Estimate by {self.method}: {values}>"]
-        lines += [f"  warning: {text}" for text in self.diagnostics.get("warnings", ())]
+        lines = [f"<Estimate by {self.method}: {self._list_parameters(self.stiffness)}>"]
+        lines += [f"  reflex: {self._list_parameters(self.reflex)}"]
+        for kind in ("missing", "assumptions", "warnings"):
+            label = {"assumptions": "assumed", "warnings": "warning"}.get(kind, kind)
+            lines += [f"  {label}: {text}" for text in self.diagnostics.get(kind, ())]
         return "\n".join(lines)
+
+    def _list_parameters(self, values: dict[str, float]) -> str:
+        return ", ".join(
+            f"{quantity.symbol} = {value:.4g}{self._interval(name)}" + f" {quantity.unit}" * (quantity.unit != "1")
+            for name, value in values.items()
+            for quantity in [QUANTITIES[name]]
+        )
 
     def _interval(self, name: str) -> str:
         """The 95 % interval of a parameter as text, empty where there is none."""

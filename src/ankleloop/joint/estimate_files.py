@@ -246,7 +246,7 @@ def load_estimates(path: PathLike, group: str) -> list[Estimate]:
     >>> from ankleloop import identify, simulate
     >>> trial = simulate(seed=1, duration=10.0)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_estimates({"pr-moesp": EstimateCollection([identify(trial)])}, f"{folder}/0.nc")
+    ...     save_estimates({"pr-moesp": EstimateCollection([identify(trial, "pr-moesp")])}, f"{folder}/0.nc")
     ...     [estimate] = load_estimates(f"{folder}/0.nc", "pr-moesp")
     >>> estimate.predict(trial).method
     'pr-moesp'

@@ -21,6 +21,9 @@ __all__ = ["DriveSpectra", "ReflexPath", "StaticNonlinearity", "separate_model",
 LOWEST = 0.05  # Hz
 BIN = 0.2  # Hz
 CANDIDATES = 60  # thresholds on a grid
+LEAST_RAMP = 0.95  # share of the curve that a ramp explains: 0.97 where G is right, 0.04 to 0.75 where it is wrong
+LEAST_BEYOND = 0.1  # share of the velocities that have to exceed the threshold
+LEAST_DYNAMICS = 0.9  # share that one linear system explains of the path, and a low-pass of that system
 
 
 @dataclass(frozen=True)
@@ -120,18 +123,46 @@ class ReflexPath:
     rank_one: float = 1.0
     low_pass: float = 1.0
 
+    @cached_property
+    def _rectifier(self) -> tuple[float, float, float]:
+        return self.nonlinearity.fit_rectifier()
+
+    @property
+    def fault(self) -> str | None:
+        """Why the path is no ramp with a low-pass behind it, so that G, ωn and ζ mean nothing; None if it is one."""
+        _, threshold, ramp = self._rectifier
+        if ramp < LEAST_RAMP:
+            return f"a ramp explains {ramp:.2f} of the curve of torque over velocity ({LEAST_RAMP:g} are needed)"
+        if self.nonlinearity.basis.kind != "rectifier":
+            beyond = float(np.mean(self.nonlinearity.basis.quantiles > threshold))
+            if beyond < LEAST_BEYOND:
+                return f"the ramp begins at {threshold:.2g} rad/s, which only {100 * beyond:.0f} % of the record exceed"
+        if self.rank_one < LEAST_DYNAMICS:
+            return (
+                f"one linear system explains {self.rank_one:.2f} of the reflex torque ({LEAST_DYNAMICS:g} are needed)"
+            )
+        if self.low_pass < LEAST_DYNAMICS:
+            return f"a low-pass explains {self.low_pass:.2f} of the reflex dynamics ({LEAST_DYNAMICS:g} are needed)"
+        return None
+
     @property
     def parameters(self) -> dict[str, float]:
         """G [N·m·s/rad], threshold [rad/s] of a basis that can have one, ωn [rad/s], ζ, and the pole p [rad/s]."""
-        gain, threshold, _ = self.nonlinearity.fit_rectifier()
+        gain, threshold, _ = self._rectifier
         rectifier = {"G": gain} if self.nonlinearity.basis.kind == "rectifier" else {"G": gain, "threshold": threshold}
         return {**rectifier, **{name: float(value) for name, value in self.dynamics.values.items()}}
 
     @property
+    def valid_parameters(self) -> dict[str, float]:
+        """The parameters where the separation holds; none elsewhere."""
+        return {} if self.fault else self.parameters
+
+    @property
     def diagnostics(self) -> dict[str, Any]:
-        """Curve of the nonlinearity, and how well the separation describes the model."""
-        shares = {"rank_one": self.rank_one, "low_pass": self.low_pass}
-        return {"nonlinearity": self.nonlinearity.curve(), "separation": shares}
+        """Curve of the nonlinearity, how well the separation describes the model, and what is therefore missing."""
+        shares = {"ramp": self._rectifier[2], "rank_one": self.rank_one, "low_pass": self.low_pass}
+        missing = {"missing": [f"G, ωn and ζ: {self.fault}."]} if self.fault else {}
+        return {"nonlinearity": self.nonlinearity.curve(), "separation": shares, **missing}
 
 
 class DriveSpectra:

@@ -153,7 +153,7 @@ def identify_file(
         torque=xr.open_dataset(output, engine="h5netcdf", decode_times=False, create_default_indexes=False),
         matrices=matrices,
         stiffness=direct_stiffness(model.matrices),
-        reflex={"delay": chosen.delay, **path.parameters},
+        reflex={"delay": chosen.delay, **path.valid_parameters},
         diagnostics={"singular_values": model.singular_values, **model.diagnostics, **path.diagnostics, "vaf": vaf},
         predictor=StateSpaceModel(inputs, matrices, model.initial_state),
     )

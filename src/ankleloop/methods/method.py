@@ -165,7 +165,7 @@ class Method:
         if not isinstance(trial, (list, tuple)):
             prepared = prepare(cast(Trial, trial))
             warnings = check_data([prepared], data_use(chosen, self.reference(chosen)))
-            return add_warnings(self.identify(prepared, chosen), warnings)
+            return self._annotate(self.identify(prepared, chosen), chosen, warnings)
         if self.merge is None:
             raise DataError(f"{self.name} identifies one trial at a time.")
         if not trial:
@@ -173,7 +173,28 @@ class Method:
         trials = [prepare(part) for part in trial]
         refuse_repeated_trials(trials)
         warnings = check_data(trials, data_use(chosen, self.reference(chosen)))
-        return [add_warnings(estimate, warnings) for estimate in self.merge(trials, chosen)]
+        return [self._annotate(estimate, chosen, warnings) for estimate in self.merge(trials, chosen)]
+
+    def _annotate(self, estimate: Estimate, options: Any, data_warnings: list[str]) -> Estimate:
+        """The estimate with what it takes for granted, and with warnings."""
+        assumptions = [*estimate.diagnostics.get("assumptions", ()), *self._list_assumptions(options)]
+        diagnostics = {**estimate.diagnostics, "assumptions": assumptions}
+        return add_warnings(replace(estimate, diagnostics=diagnostics), data_warnings)
+
+    def _list_assumptions(self, options: Any) -> list[str]:
+        """What the options take for granted; nothing in the record has to speak against it."""
+        reference, assumptions = self.reference(options), []
+        if reference is None:
+            assumptions.append(
+                "the loop is open: no reference is used, so torque that is fed back biases K, B, I and G."
+            )
+        elif reference == "position":
+            assumptions.append("the loop is open: the position is its own reference.")
+        elif getattr(options, "input_matrices", None) == "least-squares":
+            assumptions.append("little torque is fed back: K, B and I are fitted by least squares.")
+        if getattr(options, "delay", None) is not None:
+            assumptions.append(f"the reflex delay is {1000 * options.delay:g} ms.")
+        return assumptions
 
 
 def data_use(options: Any, reference: str | None) -> DataUse:
@@ -227,11 +248,14 @@ def add_warnings(estimate: Estimate, data_warnings: list[str]) -> Estimate:
 
 
 def _parameter_warnings(estimate: Estimate) -> list[str]:
-    """Parameters that are no numbers, or that no joint has: below zero, with all of their interval."""
-    missing = [name for name, value in {**estimate.stiffness, **estimate.reflex}.items() if not isfinite(value)]
+    """Parameters that are no numbers, or that no joint has, with all of their interval."""
+    values = {**estimate.stiffness, **estimate.reflex}
+    missing = [name for name, value in values.items() if not isfinite(value)]
     warnings = [f"{', '.join(missing)} could not be computed: do not use this estimate."] if missing else []
-    return warnings + [
-        f"{name} = {value:.3g} {QUANTITIES[name].unit} is negative, which no joint has."
-        for name, value in estimate.stiffness.items()
-        if max(value, estimate.intervals.get(name, (value, value))[1]) < 0
-    ]
+    for name, value in values.items():
+        quantity, (low, high) = QUANTITIES[name], estimate.intervals.get(name, (value, value))
+        least, most = quantity.plausible
+        if high < least or low > most:
+            fault = "negative" if value < 0 else f"outside of {least:g} … {most:g}"
+            warnings.append(f"{name} = {value:.3g} {quantity.unit} is {fault}, which no joint has.")
+    return warnings

@@ -221,7 +221,7 @@ def merge_moesp(trials: Sequence[PreparedTrial], options: MoespOptions, *, membe
                 torque=torque,
                 matrices=matrices,
                 stiffness=part.fit_stiffness(torque["intrinsic"].values) if options.free_b else direct,
-                reflex={"delay": options.delay, **path.parameters},
+                reflex={"delay": options.delay, **path.valid_parameters},
                 diagnostics=diagnostics | path.diagnostics,
                 predictor=StateSpaceModel(ModelInputs.of(part), matrices, state),
             )

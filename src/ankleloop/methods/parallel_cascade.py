@@ -193,7 +193,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
         torque=torque,
         matrices=None,
         stiffness=regressors.fit_stiffness(torque["intrinsic"].values, rows),
-        reflex={"delay": options.delay, **path.parameters},
+        reflex={"delay": options.delay, **path.valid_parameters},
         diagnostics={
             "passes": len(history),
             "converged": converged,

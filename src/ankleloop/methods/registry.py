@@ -11,6 +11,7 @@ from typing import Any, cast
 
 from ankleloop.arguments import suggest_name
 from ankleloop.errors import DataError
+from ankleloop.joint.prepared import prepare
 from ankleloop.methods.method import Method, Trial
 from ankleloop.methods.selection import check_selection, select_options
 
@@ -24,6 +25,7 @@ FAMILIES = (
     "ankleloop.methods.riv",
     "ankleloop.methods.riv_tv",
 )
+DEFAULT = "riv"
 # Options that a selection needs to score what was not fitted.
 SHARED = ("reference", "delay", "identification_rate", "cycle_onsets")
 
@@ -72,7 +74,7 @@ def method_options(method: str) -> dict[str, Any]:
 
 def identify(
     trial: Trial | Sequence[Trial],
-    method: str = "pr-moesp",
+    method: str | None = None,
     *,
     select: Mapping[str, Sequence[Any]] | None = None,
     criterion: str | None = None,
@@ -85,8 +87,9 @@ def identify(
     trial : xarray.Dataset, or list of those
         A trial from `new_trial`, `read_trial` or `simulate`. The MOESP family merges several short ones into one
         identification. A trial that several methods take can be prepared once by `ankleloop.joint.prepared.prepare`.
-    method : str
-        One of `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
+    method : str, optional
+        By default "riv", which torque that is fed back does not bias, where the trial has a `reference`. One of
+        `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
         `ankleloop.methods.moesp.identify_moesp`), "parallel-cascade" (see
         `ankleloop.methods.parallel_cascade.identify_parallel_cascade`), "real-time" (see
         `ankleloop.methods.real_time.identify_real_time`), "riv" (see `ankleloop.methods.riv.identify_riv`) or "riv-tv"
@@ -113,9 +116,9 @@ def identify(
     TypeError
         For an option that the method does not have, or one that is both an option and to be selected.
     DataError
-        For a trial that the method cannot use, or that says nothing, such as one whose reference explains nothing of
-        the position; and for a list that has a record twice. Faults that leave an estimate are in
-        ``diagnostics["warnings"]`` (`ankleloop.joint.data_checks.check_data`).
+        Without a method, for a trial without a reference; for a trial that the method cannot use, or that says nothing,
+        such as one whose reference explains nothing of the position; and for a list that has a record twice. Faults
+        that leave an estimate are in ``diagnostics["warnings"]`` (`ankleloop.joint.data_checks.check_data`).
 
     Examples
     --------
@@ -124,6 +127,7 @@ def identify(
     >>> sorted(estimate.stiffness)
     ['B', 'I', 'K']
     """
+    method = _default_method(trial) if method is None else method
     entry = find_method(method)
     owner = f"method {method!r}"
     if select is None and criterion is None:
@@ -142,3 +146,19 @@ def identify(
     selection = select_options(cast(Trial, trial), partial(entry, **options), candidates, criterion=criterion, **shared)
     estimate = entry(trial, **options, **selection.chosen)
     return replace(estimate, diagnostics={**estimate.diagnostics, "selection": selection.diagnostics})
+
+
+def _default_method(trial: Trial | Sequence[Trial]) -> str:
+    """`riv` where there is a reference; without one no method is valid whatever the loop, so the user has to choose."""
+    parts = list(trial) if isinstance(trial, (list, tuple)) else [trial]
+    merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
+    if len(parts) != 1:
+        raise DataError(f"name the method for trials that are merged: one of {merging}.")
+    if "reference" not in prepare(parts[0]).trial:
+        raise DataError(
+            "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
+            "reference, or, if nothing was compliant while it was recorded (open loop), name a method: 'riv' or "
+            "'pr-moesp' with reference='position', 'pi-moesp', 'po-moesp', 'eiv-moesp', 'moesp', 'parallel-cascade' or "
+            "'real-time'."
+        )
+    return DEFAULT

@@ -110,7 +110,8 @@ def _label_abscissa(curves: xr.Dataset) -> str:
 def _draw_estimate(axis: Axes, estimate: Estimate, name: str, label: str, style: MethodStyle) -> None:
     """A trajectory with its band; the constant of an estimate that has none."""
     if estimate.trajectories is None or name not in estimate.trajectories:
-        axis.axhline({**estimate.stiffness, **estimate.reflex}[name], **style.line, label=label)
+        value = {**estimate.stiffness, **estimate.reflex}.get(name, np.nan)
+        axis.axhline(value, **style.line, label=label)
         return
     curves = estimate.trajectories
     place = curves[next(iter(curves.sizes))].values

@@ -225,7 +225,7 @@ def test_in_band_snr_needs_the_truths(trial, perfect, name):
 
 
 def test_parameters_of_an_estimate(trial):
-    estimate = identify(trial, basis="rectifier")
+    estimate = identify(trial, "pr-moesp", basis="rectifier")
     row = parameter_row(trial, estimate)
     for name, value in {**estimate.stiffness, **estimate.reflex}.items():
         assert row[name] == value
@@ -265,7 +265,7 @@ def test_a_single_trial_has_no_spread():
 
 def test_truths_can_be_ignored():
     trial = simulate(seed=1, duration=15.0)
-    estimate = identify(trial)
+    estimate = identify(trial, "pr-moesp")
     recording = trial.drop_vars([name for name in trial.data_vars if name.startswith("torque_")])
     table = evaluate(trial, estimate, against="measured")
     pd.testing.assert_frame_equal(table, evaluate(recording, estimate))
@@ -276,7 +276,7 @@ def test_truths_can_be_ignored():
 
 def test_the_largest_pole_is_reported():
     trial = simulate(seed=1, duration=15.0)
-    estimate = identify(trial)
+    estimate = identify(trial, "pr-moesp")
     assert parameter_row(trial, estimate)["spectral_radius"] == pytest.approx(np.abs(estimate.model.poles()).max())
 
 

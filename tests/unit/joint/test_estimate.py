@@ -28,12 +28,15 @@ def test_torques_have_units_and_names():
 def test_repr_has_the_stiffness_and_the_warnings():
     first, *rest = repr(make_estimate(diagnostics={"warnings": ["unstable", "short"]})).splitlines()
     assert first == "<Estimate by pr-moesp: K = 150.1 N·m/rad, B = 0.8 N·m·s/rad, I = 0.3 kg·m²>"
-    assert rest == ["  warning: unstable", "  warning: short"]
+    assert rest == ["  reflex: delay = 0.04 s", "  warning: unstable", "  warning: short"]
 
 
 def test_repr_has_the_intervals_of_a_method_that_gives_them():
     text = repr(make_estimate(intervals={"K": (140.0, 160.25), "G": (12.0, 14.0)}))
-    assert text == "<Estimate by pr-moesp: K = 150.1 (140 … 160.2) N·m/rad, B = 0.8 N·m·s/rad, I = 0.3 kg·m²>"
+    assert (
+        text.splitlines()[0]
+        == "<Estimate by pr-moesp: K = 150.1 (140 … 160.2) N·m/rad, B = 0.8 N·m·s/rad, I = 0.3 kg·m²>"
+    )
 
 
 def test_the_model_is_a_state_space_of_control():

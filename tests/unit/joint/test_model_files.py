@@ -126,7 +126,7 @@ def test_long_records(trial, other, container, tmp_path):
 
 
 def test_values_that_are_not_finite_survive(trial, tmp_path):
-    estimate = identify(trial)
+    estimate = identify(trial, "pr-moesp")
     estimate.intervals["K"] = (-np.inf, np.nan)
     estimate.torque["reflex"][:4] = [-0.0, 5e-324, np.nan, np.inf]
     for container in CONTAINERS:
@@ -218,7 +218,7 @@ def rewrite(path, change):
     ],
 )
 def test_damaged_files_are_refused_with_what_is_missing(trial, tmp_path, change, message):
-    save_estimate(identify(trial), tmp_path / "e.nc")
+    save_estimate(identify(trial, "pr-moesp"), tmp_path / "e.nc")
     rewrite(tmp_path / "e.nc", change)
     with pytest.raises(DataError, match=message):
         load_estimate(tmp_path / "e.nc")
@@ -229,7 +229,7 @@ def test_foreign_and_truncated_files_are_refused(trial, tmp_path, container):
     path = tmp_path / f"e{container}"
     with pytest.raises(DataError, match=f"e{container}: there is no such file"):
         load_estimate(path)
-    save_estimate(identify(trial), path)
+    save_estimate(identify(trial, "pr-moesp"), path)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(DataError, match=f"e{container}: not a readable {container} file"):
         load_estimate(path)
@@ -252,7 +252,7 @@ def test_foreign_and_truncated_files_are_refused(trial, tmp_path, container):
 
 def test_a_matlab_file_without_a_field_or_of_a_newer_version_is_refused(trial, tmp_path):
     path = tmp_path / "e.mat"
-    save_estimate(identify(trial), path)
+    save_estimate(identify(trial, "pr-moesp"), path)
     struct = scipy.io.loadmat(path, simplify_cells=True)["estimate"]
     for change, message in (
         ({"format_version": VERSION + 1.0}, "e.mat: version 2 of the format"),
@@ -281,7 +281,7 @@ def test_a_matlab_file_that_matlab_has_written_again_is_read(trial, other, tmp_p
 @pytest.mark.parametrize("stage", ["writing", "renaming"])
 def test_a_failed_save_leaves_the_file_as_it_was(trial, tmp_path, monkeypatch, container, stage):
     path = tmp_path / f"e{container}"
-    save_estimate(identify(trial), path)
+    save_estimate(identify(trial, "pr-moesp"), path)
     before = path.read_bytes()
 
     def fail(*_, **__):
@@ -301,7 +301,7 @@ def test_a_failed_save_leaves_the_file_as_it_was(trial, tmp_path, monkeypatch, c
 
 
 def test_other_suffixes_folders_and_values_are_refused(trial, tmp_path):
-    estimate = identify(trial)
+    estimate = identify(trial, "pr-moesp")
     for call in (lambda path: save_estimate(estimate, path), load_estimate):
         with pytest.raises(DataError, match=r"e.pkl: the file ends in .pkl: take .nc or .mat"):
             call(tmp_path / "e.pkl")

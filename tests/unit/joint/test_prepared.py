@@ -85,7 +85,7 @@ def test_options_do_not_mix(trials):
         {"input_matrices": "instruments", "basis": "rectifier", "delay": 0.05},
         {},
     ):
-        assert_same_estimate(identify(shared, **options), identify(trials[0], **options))
+        assert_same_estimate(identify(shared, "pr-moesp", **options), identify(trials[0], "pr-moesp", **options))
     lags = ({}, {"reflex_lags": 0.3}, {"intrinsic_lags": 0.02}, {"rank_tolerance": 1e-2}, {"rank": "mdl"}, {})
     for options in lags:
         cascade = {"max_passes": 2, **options}
@@ -153,10 +153,10 @@ def test_an_invalid_trial_is_refused(trials):
 def test_a_plain_trial_may_change_between_two_identifications():
     trial = simulate(seed=1, duration=8.0)
     before = prepare(trial).regressors(**OPTIONS).torque
-    stiffness = identify(trial, basis="rectifier").stiffness["K"]
+    stiffness = identify(trial, "pr-moesp", basis="rectifier").stiffness["K"]
     trial["torque"] = 2.0 * trial["torque"]
     np.testing.assert_allclose(prepare(trial).regressors(**OPTIONS).torque, 2.0 * before)
-    assert identify(trial, basis="rectifier").stiffness["K"] == pytest.approx(2.0 * stiffness, rel=1e-9)
+    assert identify(trial, "pr-moesp", basis="rectifier").stiffness["K"] == pytest.approx(2.0 * stiffness, rel=1e-9)
 
 
 def test_two_threads_give_the_results_of_one(trials):
@@ -184,7 +184,7 @@ def test_trials_prepared_together_give_what_each_gives_by_itself(trials, several
     for trial, shared in zip(trials, several, strict=True):
         assert shared.trial is trial
         for options in ({}, {"identification_rate": 50.0, "delay": 0.03}, {"delay": 0.1}):
-            alone, together = identify(trial, **options), identify(shared, **options)
+            alone, together = identify(trial, "pr-moesp", **options), identify(shared, "pr-moesp", **options)
             assert_same_estimate(together, alone)
             assert evaluate(shared, together).equals(evaluate(trial, alone))
 
@@ -220,7 +220,7 @@ def test_merged_trials_share_a_basis(trials):
         regressors = trial.regressors(delay=0.04, basis=basis, identification_rate=100.0)
         assert regressors.basis is basis
         assert regressors.inputs.shape[1] == 3 + 4
-    for alone, together in zip(identify(trials), identify(prepared), strict=True):
+    for alone, together in zip(identify(trials, "pr-moesp"), identify(prepared, "pr-moesp"), strict=True):
         assert_same_estimate(together, alone)
 
 

@@ -125,7 +125,7 @@ def estimates(draw, fitted):
 
 @pytest.fixture(scope="module")
 def fitted():
-    return identify(simulate(seed=1, duration=10.0))
+    return identify(simulate(seed=1, duration=10.0), "pr-moesp")
 
 
 def same(first, second):

@@ -62,14 +62,14 @@ def test_splines_recover_the_torques_without_noise(clean, gain):
 
 def test_a_polynomial_is_not_a_rectifier(clean):
     """With degree 5 about half a percent of the net torque stays unexplained, most of it in the reflex."""
-    result = evaluate_vaf(clean[13.0], identify(clean[13.0], basis="chebyshev"))
+    result = evaluate_vaf(clean[13.0], identify(clean[13.0], "pr-moesp", basis="chebyshev"))
     assert 99.0 < result["net", "true"] < 99.9
     assert 97.0 < result["reflex", "true"] < 99.5
 
 
 def test_the_third_order_form_of_the_reflex():
     trial = simulate(seed=1, voluntary=0.0, snr_db=None, pole=20.0)
-    second, third = (identify(trial, basis="rectifier", order=order) for order in (2, 3))
+    second, third = (identify(trial, "pr-moesp", basis="rectifier", order=order) for order in (2, 3))
     expected = np.poly([np.exp(-0.4), np.exp(-0.4), np.exp(-0.2)])
     np.testing.assert_allclose(np.poly(third.model.poles()), expected, atol=0.01)
     assert evaluate_vaf(trial, third).min() >= 99.99
@@ -79,19 +79,21 @@ def test_the_third_order_form_of_the_reflex():
 
 
 def test_the_order_is_two_without_noise(clean):
-    assert identify(clean[13.0], basis="rectifier", order=None).diagnostics["order"] == 2
+    assert identify(clean[13.0], "pr-moesp", basis="rectifier", order=None).diagnostics["order"] == 2
 
 
 def test_the_true_delay_explains_most(clean):
     net = {}
     for delay in (0.03, 0.04, 0.05):
-        net[delay] = evaluate_vaf(clean[13.0], identify(clean[13.0], basis="rectifier", delay=delay))["net", "true"]
+        net[delay] = evaluate_vaf(clean[13.0], identify(clean[13.0], "pr-moesp", basis="rectifier", delay=delay))[
+            "net", "true"
+        ]
     assert max(net, key=net.get) == 0.04
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0])
 def test_other_identification_rates(clean, rate):
-    estimate = identify(clean[13.0], basis="rectifier", identification_rate=rate)
+    estimate = identify(clean[13.0], "pr-moesp", basis="rectifier", identification_rate=rate)
     assert estimate.model.dt == 1 / rate
     assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.02)
     assert evaluate_vaf(clean[13.0], estimate)["net", "true"] > 99.9
@@ -148,7 +150,7 @@ def test_only_the_reflex_has_a_state_unless_b_is_free(noisy, method):
 @pytest.mark.parametrize("basis", ["rectifier", "spline"])
 def test_free_b_still_separates_the_torques(clean, basis):
     """Without noise the joint is a special case of the model with free B, and so are its two torques."""
-    estimate = identify(clean[13.0], basis=basis, degree=8, free_b=True)
+    estimate = identify(clean[13.0], "pr-moesp", basis=basis, degree=8, free_b=True)
     result = evaluate_vaf(clean[13.0], estimate)
     assert result["net", "true"] >= 99.9
     assert result["intrinsic", "true"] >= 99.0
@@ -158,7 +160,7 @@ def test_free_b_still_separates_the_torques(clean, basis):
 
 def test_free_b_explains_no_less(noisy):
     """The model without free_b is a special case of the one with it."""
-    fixed, free = (identify(noisy, basis="rectifier", free_b=free_b) for free_b in (False, True))
+    fixed, free = (identify(noisy, "pr-moesp", basis="rectifier", free_b=free_b) for free_b in (False, True))
     torque = build_regressors(noisy, "rectifier").torque
     assert vaf(torque, free.torque["net"].values) > vaf(torque, fixed.torque["net"].values)
 
@@ -180,13 +182,13 @@ def test_members_differ_in_their_instruments(noisy, method, instruments, project
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_correlation_form_has_enough_instruments_by_default(noisy, order):
-    diagnostics = identify(noisy, basis="rectifier", projection="correlation", order=order).diagnostics
+    diagnostics = identify(noisy, "pr-moesp", basis="rectifier", projection="correlation", order=order).diagnostics
     assert diagnostics["instrument_rows"] >= 4 * 15 + order
 
 
 def test_the_linear_term_of_a_polynomial_repeats_the_velocity(clean):
     """T₁ is the velocity 4 samples late: 11 of its 15 Hankel rows are rows of the velocity, up to filter errors."""
-    diagnostics = identify(clean[13.0], basis="chebyshev", degree=1, order=1).diagnostics
+    diagnostics = identify(clean[13.0], "pr-moesp", basis="chebyshev", degree=1, order=1).diagnostics
     assert diagnostics["rank"] <= 4 * 15 - 11
     assert diagnostics["condition"] < 1e5
 
@@ -212,20 +214,20 @@ def test_a_missing_reference_is_refused(noisy):
         with pytest.raises(DataError, match=message):
             identify(bare, method, **options)
     with pytest.raises(DataError, match=r"has no variable 'command' to serve as reference; it has .*reference='positi"):
-        identify(noisy, reference="command")
+        identify(noisy, "pr-moesp", reference="command")
 
 
 @pytest.mark.parametrize("options", [{}, {"input_matrices": "instruments"}])
 def test_the_position_serves_as_reference_of_an_open_loop_record(options):
     trial = simulate(seed=1, duration=20.0, closed_loop=False, voluntary=0.0, snr_db=None).drop_vars("reference")
-    estimate = identify(trial, basis="rectifier", reference="position", **options)
+    estimate = identify(trial, "pr-moesp", basis="rectifier", reference="position", **options)
     assert estimate.diagnostics["reference"] == "position"
     assert_joint(estimate, 13.0)
     assert evaluate_vaf(trial, estimate).min() >= 99.99
 
 
 def test_the_reference_is_in_the_diagnostics(noisy):
-    assert identify(noisy, basis="rectifier").diagnostics["reference"] == "reference"
+    assert identify(noisy, "pr-moesp", basis="rectifier").diagnostics["reference"] == "reference"
     assert "reference" not in identify(noisy, "pi-moesp", basis="rectifier").diagnostics
 
 
@@ -248,7 +250,7 @@ def test_the_reference_is_in_the_diagnostics(noisy):
 )
 def test_invalid_options_of_the_family_are_refused(noisy, options, message):
     with pytest.raises(ValueError, match=message):
-        identify(noisy, **options)
+        identify(noisy, "pr-moesp", **options)
 
 
 # --- merged trials

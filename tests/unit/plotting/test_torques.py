@@ -11,7 +11,7 @@ from ankleloop.plotting.torques import torque_figure
 def identified():
     trial = ankleloop.simulate(seed=1, duration=12.0)
     return trial, {
-        "PR-MOESP": ankleloop.identify(trial),
+        "PR-MOESP": ankleloop.identify(trial, "pr-moesp"),
         "one pass": ankleloop.identify(trial, "parallel-cascade", max_passes=1),
     }
 

@@ -52,7 +52,7 @@ def trial():
 
 @pytest.fixture(scope="module")
 def estimate(trial):
-    return identify(trial)
+    return identify(trial, "pr-moesp")
 
 
 GROUPS = {"": xr.Dataset(attrs={"a": 1.0}), "x": xr.Dataset({"k": ("n", np.arange(3.0))})}
@@ -237,7 +237,7 @@ import test_files
 from ankleloop import DataError, identify, simulate
 
 trial = simulate(seed=1, duration=20.0)
-estimate = identify(trial)
+estimate = identify(trial, "pr-moesp")
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 for limit, writer, exists in product((4, 20_000), test_files.WRITERS, (False, True)):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))

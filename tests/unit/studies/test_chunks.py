@@ -117,7 +117,9 @@ def test_the_library_gives_the_same_without_the_workflow(results):
     seed = np.random.SeedSequence(trial_entropy(3, "small", point, 1))
     trial = simulate(seed=seed, duration=12.0, reflex_gain=20.0, voluntary=0.3)
     scores = results["all points"][2].query(f"point == '{point}' and trial == 1 and method == 'pr'")
-    np.testing.assert_allclose(evaluate(trial, identify(trial, basis="rectifier"))["vaf"], scores["vaf"], atol=1e-5)
+    np.testing.assert_allclose(
+        evaluate(trial, identify(trial, "pr-moesp", basis="rectifier"))["vaf"], scores["vaf"], atol=1e-5
+    )
 
 
 # --- failures: rows with their reasons, and all other results
