@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := all
-.PHONY: all help setup test test-long test-cluster audit fuzz beyond coverage benchmark expected docs docs-links docs-numbers lint format pre-commit package rulegraph lock unlock clean
+.PHONY: all help setup test nightly beyond benchmark expected docs lint format package lock unlock clean
 
 CORES ?= 2
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
@@ -36,42 +36,21 @@ setup: $(READY) ## Set up the environment in .venv, from environment.lock.
 test: setup ## Set up what is missing, then run the tests.
 	OMP_NUM_THREADS=1 python -m pytest -n $(CORES) --dist loadgroup $(ARGS)
 
-# Kills, full and read-only disks, jobs without memory, damaged files, set-ups that are interrupted, the package.
-test-long: setup ## Half an hour: kills, full disks, damaged files, the package in an empty environment.
-	python -m pytest tests/long $(ARGS)
-
-# A study through profiles/slurm, a node that fails, results in a storage; the same as those of one machine.
-test-cluster: setup ## Ten minutes: a study on a Slurm of one node, which the test installs (as root, Debian or Ubuntu).
-	python -m pytest tests/cluster $(ARGS)
-
-# ARGS="--minutes 1 --readers csv hdf5" for less.
-fuzz: setup ## Seventy minutes: damaged files have to be read or refused, ten minutes for each reader.
-	python tests/fuzz/fuzz.py --minutes 10 --processes 2 --json results/reliability/fuzz.json $(ARGS)
+# Faults and all that takes long: kills, full disks, fuzzing, a Slurm of one node, memory, processors, the package.
+nightly: setup ## An hour: killed runs, full disks, damaged files, Slurm, memory, coverage of intervals.
+	OMP_NUM_THREADS=1 python -m pytest tests/nightly -v --durations=10 $(ARGS)
 
 beyond: setup ## Reproduce the paper, and run the studies that go further.
 	snakemake --cores $(CORES) --quiet reason --configfile config/beyond.yaml || { $(LOCK_HINT); exit 1; }
 	@echo "Open results/index.html"
 
-coverage: setup ## Eight minutes: how often the intervals of riv hold the truth, 1,000 trials of eight settings.
-	python benchmarks/coverage.py --cores $(CORES) $(ARGS)
-
 # The peers that are measured against go into a folder of their own, behind the environment.
 PEERS := $(VENV)/peers
-benchmark: setup $(PEERS) ## Ten minutes: time, memory and accuracy beside other programs.
-	python benchmarks/peers.py $(ARGS)
+benchmark: setup $(PEERS) ## Forty minutes: write the tables of docs/measured; ARGS="speed" for one of them.
+	python benchmarks/measured.py $(ARGS)
 
 $(PEERS): benchmarks/requirements.txt $(READY)
 	python -m pip install --quiet --disable-pip-version-check --upgrade --no-deps --target $@ -r $<
-	@touch $@
-
-# The tools have an environment of their own.
-AUDIT := $(VENV)/audit
-audit: setup $(AUDIT)/.ready ## Two minutes: licences, bill of materials and known vulnerabilities of the packages.
-	python audit/audit.py --tools $(AUDIT)/bin
-
-$(AUDIT)/.ready: audit/requirements.txt $(PACKAGES)
-	python -m venv --clear $(AUDIT)
-	$(AUDIT)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $<
 	@touch $@
 
 # Results changed on purpose; look at the difference in git.
@@ -85,6 +64,7 @@ lint: setup ## Check style, types, layers of the library and the workflow.
 	ruff format --check .
 	mypy
 	lint-imports
+	nbstripout --verify --keep-id notebooks/*.ipynb
 	snakefmt --check Snakefile workflow
 	snakemake --lint
 
@@ -96,20 +76,6 @@ format: setup ## Format Python, notebooks and Snakefiles.
 docs: setup ## Build the documentation as a site, in build/docs/html.
 	python -m sphinx -W -n --keep-going -q -b html docs build/docs/html
 	@echo "Open build/docs/html/index.html"
-
-docs-links: setup ## Check the external links of the documentation; needs a network.
-	python -m sphinx -q -b linkcheck docs build/docs/links
-
-# make docs-numbers ARGS=--list names them.
-docs-numbers: setup $(PEERS) ## Write the measured numbers of the documentation whose source has changed: an hour for all.
-	python docs/numbers/renew.py $(ARGS)
-
-rulegraph: setup ## Draw the rules in docs/architecture.md.
-	python docs/rulegraph.py
-
-# Commits are checked before they are made; the hooks are programs of the environment, so no network is needed.
-pre-commit: setup ## Install the hooks of .pre-commit-config.yaml into this working copy.
-	pre-commit install
 
 package: setup ## Build the wheel and the source distribution, in dist.
 	@mkdir -p dist

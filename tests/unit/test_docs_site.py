@@ -1,6 +1,6 @@
 """The documentation builds as a site without a warning, has every public name, and needs no network to be read.
 
-Pages that compute are not executed here: test_docs_code.py runs their code, tests/long/test_docs_site.py builds all.
+Pages that compute are not executed here: test_docs_code.py runs their code, tests/nightly/test_docs_site.py builds all.
 """
 
 import re

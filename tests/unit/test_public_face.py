@@ -4,7 +4,6 @@ import inspect
 import pkgutil
 import subprocess
 import sys
-from operator import attrgetter
 
 import pytest
 
@@ -47,51 +46,6 @@ def test_every_public_name_exists():
     assert callable(ankleloop.subspace.moesp)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         ankleloop.nothing  # noqa: B018
-
-
-@pytest.mark.parametrize(
-    ("name", "positional", "keyword_only"),
-    [
-        ("identify", "trial method", "select criterion"),
-        ("identify_file", "record output method", "chunk overwrite progress"),
-        ("evaluate", "trial estimate", "trim against intervals"),
-        ("vaf", "measured estimated", ""),
-        ("new_trial", "position torque sampling_rate reference", ""),
-        (
-            "read_trial",
-            "path",
-            "position torque reference sampling_rate position_unit position_sign torque_sign variables",
-        ),
-        ("load_estimate", "path", ""),
-        ("load_trial", "path", ""),
-        ("save_estimate", "estimate path", "overwrite"),
-        ("save_trial", "trial path", "overwrite"),
-        ("segment", "trial start stop", ""),
-        ("check_trial", "trial", "reference delay order block_rows identification_rate"),
-        ("cramer_rao", "", "seed identification_rate fed_back known_delay"),
-        ("trajectory_bound", "", "seed knots identification_rate known_delay"),
-        ("block_bootstrap", "trial method", "repetitions block seed progress"),
-        ("method_options", "method", ""),
-        (
-            "LongRecord",
-            "path sampling_rate position torque reference position_unit position_sign torque_sign variables",
-            "",
-        ),
-        ("Estimate", "method torque matrices stiffness reflex intervals diagnostics predictor trajectories", ""),
-        (
-            "subspace.moesp",
-            "u y block_rows order instruments projection reference dt",
-            "instrument_rows instrument_leads input_matrices dynamic predicted_inputs compression rank_tolerance "
-            "regression_tolerance names scaling offsets",
-        ),
-    ],
-)
-def test_arguments_of_the_public_functions(name, positional, keyword_only):
-    parameters = inspect.signature(attrgetter(name)(ankleloop)).parameters.values()
-    kinds = {kind: [p.name for p in parameters if p.kind is kind] for kind in inspect._ParameterKind}
-    assert kinds[inspect.Parameter.POSITIONAL_ONLY] == []
-    assert kinds[inspect.Parameter.POSITIONAL_OR_KEYWORD] == positional.split()
-    assert sorted(kinds[inspect.Parameter.KEYWORD_ONLY]) == sorted(keyword_only.split())
 
 
 def test_settings_are_the_arguments_of_simulate():

@@ -1,6 +1,5 @@
 """What SECURITY.md says of configurations, recordings and pages."""
 
-import ast
 import json
 import pickle
 import subprocess
@@ -22,31 +21,6 @@ from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.config_files import check_config_file
 
 ROOT = Path(__file__).parents[2]
-SOURCES = sorted((ROOT / "src").rglob("*.py")) + sorted((ROOT / "workflow" / "scripts").glob("*.py"))
-# Rows that wait in a temporary file of the same process, and answers of a child of the same process.
-PICKLES = {"joint/estimate_files.py", "studies/table_files.py", "studies/worker.py"}
-RUNS_CODE = {"eval", "exec", "compile", "__import__"}
-UNSAFE = ("yaml.load(", "yaml.unsafe_load(", "allow_pickle=True", "shell=True", "os.system(")
-READS_OBJECTS = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
-
-
-def calls_of(path):
-    """Names of the plain functions that a file calls, and of the modules that it imports."""
-    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    calls = {node.func.id for node in nodes if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
-    modules = {alias.name.split(".")[0] for node in nodes if isinstance(node, ast.Import) for alias in node.names}
-    modules |= {node.module.split(".")[0] for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
-    return calls, modules
-
-
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_no_file_turns_data_into_code(path):
-    calls, modules = calls_of(path)
-    assert not calls & RUNS_CODE
-    if not any(path.as_posix().endswith(name) for name in PICKLES):
-        assert not modules & READS_OBJECTS
-    text = path.read_text(encoding="utf-8")
-    assert not [words for words in UNSAFE if words in text]
 
 
 class Bomb:
@@ -148,9 +122,3 @@ def test_no_page_can_run_a_foreign_script_or_fetch_anything():
     assert directives["img-src"] == "data:"
     assert directives["script-src"] == "'none'"  # other pages allow scripts of the library by their hashes
     assert head.index("Content-Security-Policy") < head.index("<title>")  # what stands before it is not covered
-
-
-def test_security_page_names_the_facts():
-    text = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
-    for name in ("__use_yte__", "make audit", "results/audit", "Content-Security-Policy"):
-        assert name in text

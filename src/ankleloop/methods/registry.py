@@ -150,11 +150,10 @@ def identify(
 
 def _default_method(trial: Trial | Sequence[Trial]) -> str:
     """`riv` where there is a reference; without one no method is valid whatever the loop, so the user has to choose."""
-    parts = list(trial) if isinstance(trial, (list, tuple)) else [trial]
-    merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
-    if len(parts) != 1:
+    if isinstance(trial, (list, tuple)):
+        merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
         raise DataError(f"name the method for trials that are merged: one of {merging}.")
-    if "reference" not in prepare(parts[0]).trial:
+    if "reference" not in prepare(cast(Trial, trial)).trial:
         raise DataError(
             "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
             "reference, or, if nothing was compliant while it was recorded (open loop), name a method: 'riv' or "

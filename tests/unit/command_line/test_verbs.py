@@ -293,7 +293,7 @@ def test_study_refuses(run, recording, tmp_path, arguments, words):
 
 
 def test_demo(run, tmp_path, monkeypatch):
-    """All but the methods, each of which tests/long/test_package.py fits in an environment of its own."""
+    """All but the methods, each of which tests/nightly/test_package.py fits in an environment of its own."""
     opened, identified = [], []
 
     def identify(path, reading, folder, **options):

@@ -27,7 +27,7 @@ def make(folder, log, *targets):
     )
 
 
-def test_a_set_up_that_was_killed_is_finished_by_the_next(tmp_path, record):
+def test_a_set_up_that_was_killed_is_finished_by_the_next(tmp_path):
     folder = tmp_path / "repository"
     folder.mkdir()
     for name in FILES:
@@ -55,4 +55,3 @@ def test_a_set_up_that_was_killed_is_finished_by_the_next(tmp_path, record):
     code = "import ankleloop; print(ankleloop.__file__, ankleloop.identify(ankleloop.simulate(seed=1, duration=12.0)))"
     answer = subprocess.run([python, "-c", code], capture_output=True, text=True, cwd=tmp_path)
     assert answer.stdout.startswith(str(folder)), answer.stderr
-    record({"kills": KILLS, "during_the_set_up": during})

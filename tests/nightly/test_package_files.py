@@ -1,4 +1,4 @@
-"""The wheel and the source distribution: what is in them. tests/long/test_package.py works with the wheel alone."""
+"""The wheel and the source distribution: what is in them. test_package.py works with the wheel alone."""
 
 import re
 import subprocess

@@ -21,9 +21,9 @@ def storage(tmp_path):
     return ["--default-storage-provider", "fs", "--default-storage-prefix", str(folder)], folder
 
 
-def test_results_in_a_storage_are_those_of_one_folder(start, storage, local, tmp_path):
+def test_results_in_a_storage_are_those_of_one_folder(start, storage, undisturbed, tmp_path):
     arguments, folder = storage
     run = start(tmp_path / "work", *arguments)
     assert run.wait() == 0, run.text
-    assert not list_differences(local, read_results(folder))
+    assert not list_differences(undisturbed[0], read_results(folder))
     assert not list((tmp_path / "work").glob("results/**/*.nc"))

@@ -88,7 +88,7 @@ def _make_netcdf_4(folder):
 
 
 def _make_config(folder):
-    root = Path(__file__).parents[2] / "config"
+    root = Path(__file__).parents[3] / "config"
     yield from (root / "config.yaml", root / "recordings.example.yaml", root / "ci.yaml")
 
 

@@ -99,7 +99,7 @@ def run(program, *arguments, **environment):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
 @pytest.mark.parametrize("length", JOBS)
-def test_memory_does_not_grow_with_the_trials_of_a_chunk(tmp_path, record, length):
+def test_memory_does_not_grow_with_the_trials_of_a_chunk(tmp_path, length):
     duration, filled, count = JOBS[length]
     megabytes = {}
     for name, job in (("simulate", SIMULATE), ("identify", IDENTIFY), ("sweep", SWEEP)):
@@ -110,11 +110,10 @@ def test_memory_does_not_grow_with_the_trials_of_a_chunk(tmp_path, record, lengt
         megabytes[name] = [round(peak / 1e6) for peak in (few, many, end)]
         assert many - few < GROWTH * (count - filled), (name, megabytes)
         assert end < MOST, (name, megabytes)
-    record({"trials": count} | {f"MB_of_{name}": peaks[-1] for name, peaks in megabytes.items()})
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
-def test_memory_does_not_grow_with_the_length_of_a_record(tmp_path, record):
+def test_memory_does_not_grow_with_the_length_of_a_record(tmp_path):
     """Trials end to end, at 100 Hz."""
     trial = simulate(
         seed=1, duration=1000.0, recording_rate=100.0, integration_rate=1000.0, antialias_cutoff=40.0, noise_rate=100.0
@@ -129,15 +128,13 @@ def test_memory_does_not_grow_with_the_length_of_a_record(tmp_path, record):
                 for start in range(0, samples, trial.sizes["time"]):
                     variable[start : start + trial.sizes["time"]] = trial[name].values
         peaks.append(run(LARGEST_MEMORY + RECORD, str(path), str(tmp_path / f"{samples}.nc")))
-    record({"samples": SAMPLES[1], "MB": round(peaks[1] / 1e6)})
     assert peaks[1] - peaks[0] < CHANNEL, peaks
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
-def test_memory_does_not_grow_with_the_table_of_a_study(tmp_path, record):
+def test_memory_does_not_grow_with_the_table_of_a_study(tmp_path):
     trials, chunks = 500, (20, 200)
     sweep = PROGRAM.replace("{job}", SWEEP).replace("{message}", "")
     run(LARGEST_MEMORY + sweep, str(tmp_path), "4.0", "0", str(trials))
     few, many = (run(LARGEST_MEMORY + TABLE, str(tmp_path), str(count)) for count in chunks)
-    record({"rows": 2 * trials * chunks[1], "MB": round(many / 1e6)})
     assert many - few < 50 * 2 * trials * (chunks[1] - chunks[0]), (few, many)  # a row has 30 numbers of 8 bytes

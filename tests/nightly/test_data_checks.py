@@ -46,63 +46,42 @@ def is_seen(trial):
         return True
 
 
-def test_position_and_reference_exchanged(record):
-    """In each study all are seen; behind an actuator that is faster than the samples show there is nothing to see."""
-    seen = {}
-    for study in STUDIES:
-        seen[study] = [is_seen(exchange(simulate(seed=SEEDS[0], **settings))) for settings in STUDIES[study]]
-    fast = [
-        is_seen(exchange(simulate(seed=seed, duration=20.0, actuator_frequency=1000.0)))
-        for seed in range(len(SEEDS) * 5)
-    ]
-    trials = list(itertools.chain(*seen.values()))
-    record(trials=len(trials), seen=sum(trials), trials_with_an_actuator_of_1_kHz=len(fast), seen_of_these=sum(fast))
-    assert all(trials)
+def test_position_and_reference_exchanged():
+    """All are seen, but behind an actuator that is faster than the samples show, where there is nothing to see."""
+    for study, settings in ((name, point) for name, parts in STUDIES.items() for point in parts):
+        assert is_seen(exchange(simulate(seed=SEEDS[0], **settings))), (study, settings)
 
 
 def exchange(trial):
     return new_trial(trial["reference"], trial["torque"], 1000.0, reference=trial["position"])
 
 
-def test_a_filter_of_the_torque_as_reference(record):
-    """A low-pass of the torque is seen down to about 5 Hz."""
-    counts = {}
-    for factor in (5, 20, 50, 200):  # of the decimation whose low-pass is taken
-        seen = []
-        for study in STUDIES:
-            trial = simulate(seed=SEEDS[0], **STUDIES[study][0])
-            samples = 0.01 * lowpass(trial["torque"].values, factor)
-            seen.append(is_seen(trial.assign(reference=trial["reference"].copy(data=samples))))
-        counts[f"seen_of_{len(seen)}_to_{380 / factor:g}_Hz"] = sum(seen)
-        assert factor > 50 or all(seen)
-    record(**counts)
+@pytest.mark.parametrize("factor", [5, 20, 50])  # of the decimation whose low-pass is taken
+def test_a_filter_of_the_torque_as_reference(factor):
+    """A low-pass of the torque is seen down to about 8 Hz."""
+    for study, points in STUDIES.items():
+        trial = simulate(seed=SEEDS[0], **points[0])
+        samples = 0.01 * lowpass(trial["torque"].values, factor)
+        assert is_seen(trial.assign(reference=trial["reference"].copy(data=samples))), study
 
 
-def test_a_spike_that_is_not_seen_changes_nothing(record):
+def test_a_spike_that_is_not_seen_changes_nothing():
     """A spike of one sample in the torque, against the standard deviation of each parameter over trials."""
-    parameters, counts = [], {}
-    heights = (3.0, 5.0, 8.0, 15.0)
-    changes = {height: [] for height in heights}
+    parameters, changes, seen_high = [], [], 0
     for seed in range(20):
         trial = simulate(seed=seed, duration=20.0)
         parameters.append(parameters_of(trial))
         sample = np.random.default_rng(seed).integers(2000, 18_000)
-        for height in heights:
+        for height in (3.0, 5.0, 8.0, 15.0):
             torque = trial["torque"].values.copy()
             torque[sample] += height * torque.std()
             spoilt = trial.assign(torque=trial["torque"].copy(data=torque))
-            seen = check_spikes(prepare(spoilt), "torque").verdict != "ok"
-            counts[height] = counts.get(height, 0) + seen
-            if not seen:
-                changes[height].append(np.abs(parameters_of(spoilt) - parameters[-1]))
-    deviations = np.std(parameters, axis=0)
-    largest = {height: float(np.max(rows / deviations)) for height, rows in changes.items() if rows}
-    record(
-        **{f"seen_of_20_at_{height:g}_sd": count for height, count in counts.items()},
-        largest_change_by_an_unseen_spike_sd=max(largest.values()),
-    )
-    assert counts[15.0] == 20
-    assert max(largest.values()) < 0.25
+            if check_spikes(prepare(spoilt), "torque").verdict == "ok":
+                changes.append(np.abs(parameters_of(spoilt) - parameters[-1]))
+            else:
+                seen_high += height == 15.0
+    assert seen_high == 20
+    assert np.max(changes / np.std(parameters, axis=0)) < 0.25
 
 
 def parameters_of(trial):

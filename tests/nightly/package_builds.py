@@ -7,11 +7,9 @@ import tarfile
 from importlib.metadata import distribution
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "audit"))
+from packaging.requirements import Requirement
 
-from licences import dependencies  # noqa: E402
-
+ROOT = Path(__file__).parents[2]
 BUILD = "import sys; from flit_core import buildapi; print(getattr(buildapi, sys.argv[1])(sys.argv[2]))"
 
 
@@ -29,12 +27,23 @@ def unpack(sdist, folder):
     return folder / sdist.name.removesuffix(".tar.gz")
 
 
+def list_requirements(name):
+    """Distributions that one requires without its extras, and those that these require; itself is not among them."""
+    names, pending = set(), [name]
+    while pending:
+        texts = distribution(pending.pop()).requires or ()
+        required = [item for item in map(Requirement, texts) if not item.marker or item.marker.evaluate({"extra": ""})]
+        pending += [item.name for item in required if item.name not in names]
+        names |= {item.name for item in required}
+    return names
+
+
 def make_environment(folder, wheel):
     """An environment with a wheel and the distributions that it requires, those of this environment, and no others."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
     python = folder / "bin" / "python"
     packages = Path(run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))").strip())
-    for name in dependencies("ankleloop"):
+    for name in list_requirements("ankleloop"):
         installed = distribution(name)
         for part in {file.parts[0] for file in installed.files or () if file.parts[0] not in ("..", "__pycache__")}:
             target = packages / part

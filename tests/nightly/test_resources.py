@@ -12,9 +12,7 @@ import pytest
 from workflow_runs import CHUNKS, list_differences, mount, read_results
 
 
-def test_a_full_disk_is_named_and_with_more_space_the_run_ends_as_undisturbed(
-    start, finish, undisturbed, tmp_path, record
-):
+def test_a_full_disk_is_named_and_with_more_space_the_run_ends_as_undisturbed(start, finish, undisturbed, tmp_path):
     expected, _ = undisturbed
     folder = tmp_path / "small"
     folder.mkdir()
@@ -28,7 +26,6 @@ def test_a_full_disk_is_named_and_with_more_space_the_run_ends_as_undisturbed(
             assert messages[share], run.text
             subprocess.run(["mount", "-o", f"remount,size={8 * size}", str(folder)], check=True)
             assert not list_differences(expected, finish(folder))
-    record({"disks": len(messages)})
 
 
 def test_a_read_only_folder_is_named(start, finish, undisturbed, tmp_path):
