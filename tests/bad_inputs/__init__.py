@@ -1,7 +1,7 @@
 """The table of bad inputs, by subject: what the library must do with each of them.
 
-A module holds the rows of one subject in `ROWS`, and its heading in `TITLE`. tests/unit/test_bad_inputs.py runs
-all rows; docs/reliability.md shows them.
+There is a row for each class of fault, and each container or call where a laboratory or the author of a configuration
+meets it. A module holds the rows of one subject in `ROWS`; tests/unit/test_bad_inputs.py runs them.
 """
 
 from importlib import import_module
@@ -30,7 +30,6 @@ SUBJECTS = (
 )
 
 
-def read_table() -> dict[str, tuple[str, list[BadInput]]]:
-    """Heading and rows of every subject, by the name of its module."""
-    modules = {name: import_module(f"bad_inputs.{name}") for name in SUBJECTS}
-    return {name: (module.TITLE, list(module.ROWS)) for name, module in modules.items()}
+def read_table() -> dict[str, list[BadInput]]:
+    """Rows of every subject, by the name of its module."""
+    return {name: list(import_module(f"bad_inputs.{name}").ROWS) for name in SUBJECTS}

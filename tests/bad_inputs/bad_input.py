@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +36,6 @@ class BadInput:
         Exit status, where the call runs a command.
     right : callable or None
         Fails where the result is wrong, for inputs that the library understands after all.
-    shown : str or None
-        Call as the documentation shows it; None for the name of the function.
     """
 
     wrong: str
@@ -48,26 +45,6 @@ class BadInput:
     error: type[BaseException] | None = field(default=DataError, kw_only=True)
     status: int | None = field(default=None, kw_only=True)
     right: Callable[[Any], None] | None = field(default=None, kw_only=True)
-    shown: str | None = field(default=None, kw_only=True)
-
-    @property
-    def function(self) -> str:
-        """Call as the documentation shows it."""
-        if self.shown is not None:
-            return self.shown
-        if isinstance(self.call, partial):
-            arguments = [f"{name}={value!r}" for name, value in self.call.keywords.items()]
-            return f"{self.call.func.__name__}({', '.join(arguments)})"
-        return self.call.__name__
-
-    @property
-    def outcome(self) -> str:
-        """What the library does with the input."""
-        if self.status is not None:
-            return f"exit status {self.status}"
-        if self.right is not None:
-            return "right result"
-        return "warning" if self.error is None else self.error.__name__
 
     def check(self, folder: Path) -> None:
         """Make the input in a folder, call the library, and compare what it does with what it must do."""

@@ -4,7 +4,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import pytest
 import yaml
 
 from ankleloop.studies.checking import ConfigError
@@ -24,14 +23,7 @@ def read_config(path: Path) -> dict[str, Study]:
     return read_run(yaml.safe_load(path.read_text(encoding="utf-8")), [path])[1]
 
 
-def read_config_with_an_empty_variable(path: Path) -> None:
-    """Read a configuration where EMPTY_VARIABLE is set to nothing."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("EMPTY_VARIABLE", "")
-        read_config(path)
-
-
-row = partial(rows_of(read_config), error=ConfigError, shown="snakemake")
+row = partial(rows_of(read_config), error=ConfigError)
 
 
 def config(**keys: Any):

@@ -2,19 +2,16 @@
 
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import xarray as xr
 
-from ankleloop import METHODS, LongRecord, check_trial, identify, identify_file, new_trial, save_trial
+from ankleloop import check_trial, identify, new_trial
 from ankleloop.errors import DataError
 from ankleloop.signals.decimation import lowpass
 from bad_inputs.bad_input import BadInput, rows_of
 from bad_inputs.inputs import simulated_trial
 
-TITLE = "Records that cannot carry a conclusion"
 DURATION = 30.0  # s
 
 
@@ -31,8 +28,8 @@ def reasons_of(trial: xr.Dataset) -> list[str]:
     return check_trial(trial).reasons
 
 
-identified = partial(rows_of(warnings_or_refusal), error=None, shown="identify")
-checked = partial(rows_of(reasons_of), error=None, shown="check_trial")
+identified = partial(rows_of(warnings_or_refusal), error=None)
+checked = partial(rows_of(reasons_of), error=None)
 
 
 def record(change: Callable[[dict[str, np.ndarray]], object], **settings):
@@ -97,14 +94,6 @@ def _shuffle(name: str):
     return change
 
 
-def _scale(name: str, factor: float):
-    return lambda channels: channels.update({name: factor * channels[name]})
-
-
-def _shift(name: str, samples: int):
-    return lambda channels: channels.update({name: np.roll(channels[name], samples)})
-
-
 def _filter_torque(channels) -> None:
     """The reference is the torque through the low-pass of an amplifier, in other units."""
     channels["reference"] = 0.005 * lowpass(channels["torque"], 50)
@@ -118,84 +107,35 @@ def _sine(frequency: float):
     return lambda time, rng: 0.02 * np.sin(2 * np.pi * frequency * time)
 
 
-def _noise(size: float):
-    return lambda time, rng: size * rng.standard_normal(time.size)
-
-
-def _faults() -> dict[str, tuple]:
-    """Faults with what makes the record, what an identification must say, and what a check must say."""
-    return {
-        "torque of the wrong sign": (record(_turn("torque")), ("sign",), ("sign", "torque_sign: -1")),
-        "position of the wrong sign": (record(_turn("position")), ("sign",), ("sign",)),
-        "clipped torque": (record(_clip("torque", 0.3)), ("range of the torque",), ("range of the torque",)),
-        "clipped position": (record(_clip("position", 0.5)), ("range of the position",), ("range of the position",)),
-        "a torque that is dead in the second half": (
-            record(_stop("torque", 0.5)),
-            ("keep one value", "segment"),
-            ("torque",),
+def _rows_of_faults() -> list[BadInput]:
+    return [
+        identified("torque of the wrong sign", record(_turn("torque")), "sign"),
+        identified("position of the wrong sign", record(_turn("position")), "sign"),
+        identified("clipped torque", record(_clip("torque", 0.3)), "range of the torque"),
+        identified(
+            "a torque that is dead in the second half", record(_stop("torque", 0.5)), "keep one value", "segment"
         ),
-        "a position that is dead in the second half": (
-            record(_stop("position", 0.5)),
-            ("reference explains 0.0 % of the position",),
-            ("position",),
-        ),
-        "a spike in the torque": (record(_spike("torque", 50.0)), ("torque", "15000"), ("torque",)),
-        "the torque of another trial": (record(_shuffle("torque")), ("torque",), ("coheren",)),
-        "the reference of another trial": (record(_shuffle("reference")), ("reference",), ("reference",)),
-        "position and reference exchanged": (
+        identified("a spike in the torque", record(_spike("torque", 50.0)), "torque", "15000"),
+        identified("the torque of another trial", record(_shuffle("torque")), "torque"),
+        identified("the reference of another trial", record(_shuffle("reference")), "reference"),
+        identified(
+            "position and reference exchanged",
             record(_swap("position", "reference")),
-            ("the position is ahead of reference", "exchanged"),
-            ("the position is ahead of reference", "exchanged"),
+            "the position is ahead of reference",
+            "exchanged",
         ),
-        "a filter of the torque as reference": (
+        identified(
+            "a filter of the torque as reference",
             record(_filter_torque),
-            ("reference is a filter of the torque", "command of the servo"),
-            ("reference is a filter of the torque",),
+            "reference is a filter of the torque",
+            "command of the servo",
         ),
-        "a torque that is a second late": (record(_shift("torque", 1000)), ("torque",), ("torque",)),
-        "a torque that drifts": (record(_drift), ("torque",), ("drift",)),
-        "a sine in place of a perturbation": (signals(_sine(2.0), _sine(2.5)), (), ("excit",)),
-        "white noise on both channels": (signals(_noise(0.01), _noise(1.0)), (), ("coheren",)),
-        "noise far above the torque": (record(lambda channels: None, snr_db=-30.0), (), ("reference",)),
-    }
-
-
-def stream(make):
-    """The record in a file, for an identification piece by piece."""
-
-    def save(folder: Path) -> Path:
-        save_trial(make(folder), folder / "record.nc")
-        return folder / "record.nc"
-
-    return save
-
-
-def warnings_of_record(path: Path) -> list[str]:
-    """Warnings of an estimate of a long record."""
-    with TemporaryDirectory() as folder:
-        return list(identify_file(LongRecord(path), Path(folder, "torques.nc")).diagnostics["warnings"])
-
-
-def _rows_of_other_calls() -> list[BadInput]:
-    """The same faults in long records, in merged trials, and by the other methods."""
-    streamed = partial(rows_of(warnings_of_record), error=None, shown="identify_file")
-    turned, other = record(_turn("torque")), record(_shuffle("torque"))
-    rows = [
-        streamed("long record: torque of the wrong sign", stream(turned), "K = ", "is negative", "sign"),
-        streamed("long record: the torque of another trial", stream(other), "explain", "of the torque"),
-        streamed(
-            "long record: a torque that is dead in the second half", stream(record(_stop("torque", 0.5))), "torque"
-        ),
-        streamed("long record: a spike in the torque", stream(record(_spike("torque", 50.0))), "15000"),
+        checked("a torque that drifts, checked", record(_drift), "drift"),
+        checked("a sine in place of a perturbation, checked", signals(_sine(2.0), _sine(2.5)), "excit"),
         identified(
             "merged: the second trial has the wrong sign", _good_and_turned, "trial 2 of 2", "sign", call=_merged
         ),
     ]
-    for method in METHODS:
-        call = partial(warnings_or_refusal, method=method)
-        rows.append(identified(f"{method}: torque of the wrong sign", turned, "sign", call=call))
-        rows.append(identified(f"{method}: the torque of another trial", other, "explain", "torque", call=call))
-    return rows
 
 
 def _good_and_turned(folder) -> list[xr.Dataset]:
@@ -206,39 +146,12 @@ def _merged(trials) -> list[str]:
     return identify(trials, "pr-moesp")[0].diagnostics["warnings"]
 
 
-def _repeated(*numbers: int, copied: bool = False):
-    """A list of trials in which one may stand twice, as an object or as samples."""
-
-    def make(folder) -> list[xr.Dataset]:
-        trials = [simulated_trial(duration=DURATION, seed=number) for number in numbers]
-        return [trial.copy(deep=True) for trial in trials] if copied else trials
-
-    return make
-
-
-def _rows_of_repeated_trials() -> list[BadInput]:
-    merged = partial(rows_of(identify), shown="identify")
-    words = "trials 1 and 3 of 3 are the same record", "count twice"
-    return [
-        merged("merged: a trial twice", _repeated(1, 2, 1), *words),
-        merged("merged: a copy of a trial", _repeated(1, 2, 1, copied=True), *words),
-        merged(
-            "merged by eiv-moesp: a trial twice", _repeated(1, 2, 1), *words, call=partial(identify, method="eiv-moesp")
-        ),
-        merged("merged, checked: a trial twice", _repeated(1, 2, 1), *words, call=check_trial, shown="check_trial"),
-    ]
-
-
 ROWS: list[BadInput] = [
     BadInput(
         "position and torque swapped",
         lambda folder: None,
         lambda _: record(_swap("position", "torque"))(None),
         ("position moves at",),
-        shown="new_trial",
     ),
+    *_rows_of_faults(),
 ]
-for _wrong, (_make, _identified, _checked) in _faults().items():
-    ROWS += [identified(_wrong, _make, *_identified), checked(f"{_wrong}, checked", _make, *_checked)]
-ROWS += _rows_of_other_calls()
-ROWS += _rows_of_repeated_trials()

@@ -21,7 +21,6 @@ RATE = 500.0
 TIME = np.arange(300) / RATE
 POSITION = 0.02 * np.sin(2 * np.pi * 3 * TIME)
 TORQUE = 3.0 * np.cos(2 * np.pi * 3 * TIME)
-REFERENCE = 0.02 * np.sign(POSITION + 1e-9)
 SIGNALS = {"time": TIME, "position": POSITION, "torque": TORQUE}
 
 Make = Callable[[Path], Any]
@@ -57,21 +56,6 @@ def fitted_estimate(method: str = "pr-moesp") -> Estimate:
 
 
 # --- makers of files: each returns a function of the folder, which returns the path
-
-
-def nothing(folder: Path) -> Path:
-    """The empty folder."""
-    return folder
-
-
-def folder_named(name: str) -> Make:
-    """A folder where a file is expected."""
-
-    def make(folder: Path) -> Path:
-        (folder / name).mkdir()
-        return folder / name
-
-    return make
 
 
 def missing(name: str) -> Make:
@@ -176,8 +160,3 @@ def spoiled(make: Make, change: Callable[[bytes], bytes]) -> Make:
 def cut_off(make: Make, share: float = 0.5) -> Make:
     """A file whose end is missing."""
     return spoiled(make, lambda content: content[: int(share * len(content))])
-
-
-def renamed(make: Make, name: str) -> Make:
-    """A file under another name."""
-    return lambda folder: make(folder).rename(folder / name)

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-from coverage import compute_coverage, estimate_points, read_points, read_truths
+from interval_coverage import compute_coverage, estimate_points, read_points, read_truths
 
 TRIALS = 200
 POINTS = read_points()
