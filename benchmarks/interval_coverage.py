@@ -1,6 +1,7 @@
 """Coverage of the 95 % intervals of `riv`: the share of trials in which an interval holds what it is for.
 
-Run by `make coverage`. Two tables. Where the model is complete, an interval is for the truth: the settings of the study
+Two tables, of which `benchmarks/measured.py` makes a page. Where the model is complete, an interval is for the truth: the
+settings of the study
 `efficiency` in config/config.yaml. Where the model is incomplete, it is for what the same fit gives on an infinitely
 long record: a third-order reflex fitted by second order, a reflex with a threshold fitted by a rectifier, a stiffness
 that drifts within the record. A record a hundred times as long stands for the infinitely long one; it takes two

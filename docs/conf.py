@@ -23,12 +23,11 @@ extensions = [
     "numpydoc",
     "sphinx_copybutton",
     "sphinx_design",
-    "flowchart",
     "library_tables",
     "mathml",
     "outside_pages",
 ]
-exclude_patterns = ["numbers", "extensions", "templates", "**/README.md"]
+exclude_patterns = ["extensions", "templates", "**/README.md"]
 templates_path = ["templates"]
 
 # Pages whose text stands elsewhere in the project.
@@ -44,7 +43,6 @@ nitpicky = True
 default_role = "library-name"
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
-myst_fence_as_directive = ["mermaid"]
 myst_heading_anchors = 4
 nb_execution_mode = "auto"
 nb_execution_raise_on_error = True

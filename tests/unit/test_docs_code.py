@@ -46,8 +46,8 @@ NOT_TRIED = {
 # What a page takes for granted: files of the reader (the fixture `folder`), and names of an earlier page.
 SIMULATED = "trial = another_trial = ankleloop.simulate(seed=1, duration=20.0)\n"
 BEFORE = {
-    "docs/estimates.md": f"import ankleloop\n{SIMULATED}estimate = ankleloop.identify(trial, 'pr-moesp')\n",
-    "docs/recordings.md": f"import ankleloop\n{SIMULATED}",
+    "docs/reference/estimates.md": f"import ankleloop\n{SIMULATED}estimate = ankleloop.identify(trial, 'pr-moesp')\n",
+    "docs/how-to/recordings.md": f"import ankleloop\n{SIMULATED}",
     "docs/reliability.md": "from bad_inputs.csv_files import row, csv_file\nfrom bad_inputs.inputs import TIME\n"
     "gap = TIME + 1.0 * (TIME > TIME[100])\n",
 }
@@ -176,7 +176,7 @@ def check_part(part):
 @of_language("yaml", without="docs/tutorials/add-a-method.md")  # test_docs_tutorial.py adds its method, and runs it
 def test_yaml_is_what_the_models_of_the_configuration_take(block, folder, monkeypatch):
     keys = set(yaml.safe_load(top_level_parts(block.code)[0]))
-    if block.page == "docs/clusters.md":
+    if block.page == "docs/how-to/clusters.md":
         profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8"))
         assert set(yaml.safe_load(block.code)) <= set(profile)
     elif block.output is not None:

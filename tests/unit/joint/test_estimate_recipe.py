@@ -1,4 +1,4 @@
-"""The recipe of docs/estimates.md in plain numpy: torques of a position record from the file alone."""
+"""The recipe of docs/reference/estimates.md in plain numpy: torques of a position record from the file alone."""
 
 import h5netcdf
 import numpy as np

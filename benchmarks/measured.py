@@ -1,0 +1,202 @@
+"""Write the measured numbers of the documentation, docs/measured/*.md, each with its commit and date.
+
+Run by `make benchmark`; the arguments are names of pages (all by default).
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from statistics import median
+
+os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+
+import dag
+import interval_coverage
+import numpy as np
+import pandas as pd
+import scaling
+import time_varying
+from scipy import signal
+
+from ankleloop import METHODS, cramer_rao, identify, simulate
+from ankleloop.subspace import moesp
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "docs" / "measured"
+TRIALS = 300  # of each setting, for the intervals and errors of riv
+CASES = ("light, 30 %, 40 cycles", "light, 100 %, 100 cycles", "moderate, 30 %, 40 cycles")
+
+
+def format_table(rows):
+    """Rows, dictionaries with the same keys, as Markdown."""
+    lines = [list(rows[0]), ["---"] * len(rows[0]), *(row.values() for row in rows)]
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
+
+
+def measure_speed():
+    """Processor time of identifications and of a simulation, and the comparison with other programs."""
+    subprocess.run([sys.executable, ROOT / "benchmarks" / "peers.py"], check=True)
+    rows = []
+    for name in METHODS:
+        times = []
+        for seed in range(12):
+            trial = simulate(seed=seed)
+            start = time.process_time()
+            identify(trial, name)
+            times.append(time.process_time() - start)
+        rows.append({"method": f"`{name}`", "trial of 50 s at 1 kHz [ms]": f"{1e3 * median(times[2:]):.0f}"})
+    start = time.process_time()
+    for seed in range(10):
+        simulate(seed=seed)
+    rows.append({"method": "`simulate`", "": f"{100 * (time.process_time() - start):.0f}"})
+    peers = (ROOT / "results" / "benchmarks" / "peers.md").read_text(encoding="utf-8")
+    return {
+        "One identification": "Median time of the processor on one thread, checks of the data included, without those "
+        f"of the first call.\n\n{format_table(rows)}",
+        "Other programs": "All steps (A, B, C, D and initial state) in the same rounds, on one thread; the column "
+        f"*over ankleloop* has the median of the ratios of the same round.\n\n{peers}",
+    }
+
+
+def measure_scaling():
+    """Dry runs of large studies, one and two cores, and long records."""
+    runs = [
+        {
+            "trials": f"{run['trials']:,}",
+            "cores": run["cores"],
+            "jobs": run["jobs"],
+            "seconds": f"{run['seconds']:.0f}",
+            "trials per second and core": f"{run['trials'] / run['seconds'] / run['cores']:.1f}",
+        }
+        for run in scaling.scale_cores(1000)
+    ]
+    records = []
+    for samples in (360_000, 3_600_000):
+        command = [sys.executable, ROOT / "benchmarks" / "long_record.py", "--samples", str(samples)]
+        output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        result = json.loads(output.splitlines()[-1])
+        row = {"hours": f"{result['hours']:.0f}", "samples": f"{samples:,}", "seconds": f"{result['seconds']:.1f}"}
+        records.append(row | {"peak memory [MiB]": f"{result['mib']:.0f}"})
+    return {
+        "The list of jobs": f"Dry runs, time of the processor.\n\n{dag.format_table(list(dag.measure_all([1000])))}",
+        "Cores": "A sweep over two settings and an option, by two methods, with the start of Snakemake and of all "
+        f"jobs.\n\n{format_table(runs)}",
+        "Long records": f"PR-MOESP on a record at 100 Hz, streamed from its file.\n\n{format_table(records)}",
+    }
+
+
+def measure_forms():
+    """Root mean square error of the poles by each form of the projection, in a linear loop."""
+    pole = np.roots([1.0, -1.5, 0.7]).max()
+    forms = {"ordinary": ("ordinary", 0), "correlation": ("correlation", 0), "correlation, leads": ("correlation", 6)}
+    errors = {name: [] for name in forms}
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        r = np.repeat(rng.choice([-1.0, 1.0], 4000), 10)
+        noise = signal.lfilter([1.0, 0.9], [1.0, -0.95], 0.5 * rng.standard_normal(r.size))
+        numerator, denominator = np.array([0.0, 1.0, 0.5]), np.array([1.0, -1.5, 0.7])
+        closed = denominator + 0.25 * numerator
+        y = signal.lfilter(numerator, closed, r) + signal.lfilter(denominator, closed, noise)
+        for name, (form, leads) in forms.items():
+            rows = {"instrument_rows": 24 - leads, "instrument_leads": leads}
+            model = moesp(r - 0.25 * y, y, 6, 2, "past-reference", form, r, **rows).model
+            errors[name].append(abs(max(model.poles(), key=lambda value: value.imag) - pole))
+    return [
+        {"form": name, "error of the poles": f"{np.sqrt(np.mean(np.square(values))):.3f}"}
+        for name, values in errors.items()
+    ]
+
+
+def measure_accuracy():
+    """Errors of riv and riv-tv beside the bound, and of the forms of the projection."""
+    points = interval_coverage.read_points()
+    truths, rows = interval_coverage.read_truths(points), []
+    estimates = interval_coverage.estimate_points(points, TRIALS, os.cpu_count())
+    for name, settings in points.items():
+        part, bound = estimates[estimates["point"] == name], cramer_rao(seed=1, **settings)
+        row = {"setting": name}
+        for key, truth in truths[name].items():
+            error = part[key] - truth
+            ratio = np.sqrt(np.mean(error**2)) / bound[key]
+            row[key] = f"{100 * error.mean() / truth:+.1f} ± {100 * error.std() / truth:.1f} ({ratio:.2f})"
+        rows.append(row)
+    changing = []
+    for case in CASES:
+        table = pd.DataFrame(
+            [row for seed in range(20) for row in time_varying.run_trial(time_varying.CASES[case], seed, METHODS_TV)]
+        )
+        for method, part in table.groupby("method", sort=False):
+            errors = " / ".join(f"{part[f'{key}_nrmse'].mean():.1f}" for key in "KBG")
+            covered = " / ".join(f"{part[f'{key}_covered'].mean():.0f}" for key in "KBG")
+            changing.append({"case": case, "method": method, "error K/B/G [%]": errors, "held by bands [%]": covered})
+    return {
+        "Constant joints": f"`riv`, {TRIALS} trials of 50 s at 10 dB in each setting of the study `efficiency`: mean "
+        "error ± standard deviation [%], and in brackets the root mean square error over the Cramér-Rao bound.\n\n"
+        + format_table(rows),
+        "Joints that change in time": "20 trials each; root mean square error over the trajectory, over the mean of "
+        f"the truth, and the share of places at which the 95 % band holds it.\n\n{format_table(changing)}",
+        "Forms of the projection": "One input, poles 0.75 ± 0.37j, coloured noise, 40,000 samples, 10 records; past "
+        f"reference, with leads past and future.\n\n{format_table(measure_forms())}",
+    }
+
+
+METHODS_TV = ("riv-tv", "least squares", "short segments")
+
+
+def measure_coverage():
+    """How often the intervals of riv hold what they are for."""
+    points, incomplete = interval_coverage.read_points(), interval_coverage.INCOMPLETE
+    sections = {}
+    for title, settings, truths in (
+        ("Complete models", points, interval_coverage.read_truths(points)),
+        ("Incomplete models", incomplete, interval_coverage.estimate_truths(incomplete)),
+    ):
+        estimates = interval_coverage.estimate_points(settings, TRIALS, os.cpu_count())
+        wide = interval_coverage.compute_coverage(estimates, truths)[1]
+        sections[title] = format_table(wide.to_dict("records"))
+    note = f"{TRIALS} trials of 50 s in each setting; the last column is the share of robust intervals. All in %."
+    target = {
+        "Complete models": "the truth",
+        "Incomplete models": "what the same fit gives on a record 100 times as long",
+    }
+    return {
+        title: f"Share of the 95 % intervals of `riv` that hold {target[title]}. {note}\n\n{table}"
+        for title, table in sections.items()
+    }
+
+
+PAGES = {
+    "speed": ("Measured: speed", measure_speed),
+    "scaling": ("Measured: scaling", measure_scaling),
+    "accuracy": ("Measured: accuracy", measure_accuracy),
+    "coverage": ("Measured: coverage of intervals", measure_coverage),
+}
+
+
+def write_page(name):
+    """Measure the numbers of a page and write it."""
+    title, measure = PAGES[name]
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout
+    stamp = f"Written by `make benchmark` on {datetime.now(UTC):%Y-%m-%d}, commit {commit.strip()}."
+    sections = [f"## {heading}\n\n{text.strip()}" for heading, text in measure().items()]
+    FOLDER.mkdir(exist_ok=True)
+    text = "\n\n".join([f"# {title}", f"{stamp} Times depend on the machine.", *sections])
+    (FOLDER / f"{name}.md").write_text(f"{text}\n", encoding="utf-8")
+
+
+def main():
+    """Write the pages that are named, or all."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("pages", nargs="*", help=f"of {', '.join(PAGES)}; all by default")
+    for name in parser.parse_args().pages or PAGES:
+        print(f"{name} …", flush=True)
+        write_page(name)
+
+
+if __name__ == "__main__":
+    main()
