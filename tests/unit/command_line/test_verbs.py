@@ -201,16 +201,6 @@ def test_cycles_that_cannot_be_used_are_said_on_the_terminal(run, tmp_path):
     assert "on the command line this is --variables" in " ".join(result.err.split())
 
 
-def test_usual_methods_are_those_of_the_example():
-    example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
-    named = {method["method"]: method for method in example["studies"]["recordings"]["methods"].values()}
-    for key, method in usual_methods(reference=False).items():
-        for name in ("options", "select"):
-            assert method.get(name, {}) == named[key].get(name, {}), key
-    assert tuple(usual_methods(reference=True)) == tuple(usual_methods(reference=False)) == METHODS[:-1]
-    assert tuple(usual_methods(reference=True, changing=True)) == METHODS
-
-
 @pytest.mark.parametrize("file", FILES)
 def test_real_recordings(run, recordings, file):
     """Their names say all but the sign of the torque, which the check asks for."""

@@ -59,13 +59,6 @@ def test_units(name, unit):
     assert new_trial(POSITION, TORQUE, RATE, REFERENCE, **extras)[name].attrs["units"] == unit
 
 
-def test_long_names_of_true_torques_differ():
-    trial = new_trial(POSITION, TORQUE, RATE, **dict.fromkeys(TRUE_TORQUES, TORQUE))
-    names = [trial[name].attrs["long_name"] for name in TRUE_TORQUES]
-    assert len(set(names)) == len(TRUE_TORQUES)
-    assert all("true" in name for name in names)
-
-
 @pytest.mark.parametrize(
     "shape",
     [lambda x: x[:, None], lambda x: x[None, :], list, pd.Series, xr.DataArray, np.float32],
@@ -223,17 +216,6 @@ def test_file_is_reproducible(trial, tmp_path):
     assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
 
-def test_saving_replaces_a_file_only_where_it_is_told_to(trial, tmp_path):
-    path = tmp_path / "trial.nc"
-    path.write_text("old")
-    with pytest.raises(DataError, match=r"trial.nc: the file exists already: .* or replace it by overwrite=True"):
-        save_trial(trial, path)
-    assert path.read_text() == "old"
-    save_trial(trial, path, overwrite=True)
-    assert os.listdir(tmp_path) == ["trial.nc"]
-    assert load_trial(path).identical(trial)
-
-
 def test_failed_save_preserves_the_old_file(trial, tmp_path, monkeypatch):
     path = tmp_path / "trial.nc"
     save_trial(trial, path)
@@ -254,16 +236,6 @@ def test_invalid_trial_is_not_saved(trial, tmp_path):
     with pytest.raises(DataError, match=r"^trial.nc: torque is not finite at sample 5"):
         save_trial(trial, tmp_path / "trial.nc")
     assert os.listdir(tmp_path) == []
-
-
-def test_saving_into_a_missing_folder(trial, tmp_path):
-    with pytest.raises(DataError, match=r"there is no folder .*: make it first"):
-        save_trial(trial, tmp_path / "none" / "trial.nc")
-
-
-def test_loading_a_missing_file(tmp_path):
-    with pytest.raises(DataError, match=r"none.nc: there is no such file: check the path"):
-        load_trial(tmp_path / "none.nc")
 
 
 @pytest.mark.parametrize("content", [b"", b"not a netcdf file", b"\x89HDF\r\n\x1a\n" + bytes(100)])

@@ -9,9 +9,9 @@ from ankleloop.replication.comparisons import compare_sizes, format_mean
 from ankleloop.replication.conclusions import CONCLUSIONS, draw_conclusions
 from ankleloop.replication.costs import describe_costs
 from ankleloop.replication.judgement import CONTRADICTION, NOT_REPRODUCED, OPEN, REPRODUCED
-from ankleloop.replication.ledger import CONDITIONAL, VERDICTS
+from ankleloop.replication.ledger import CONDITIONAL
 from ankleloop.replication.omissions import COMPLETE
-from ankleloop.replication.verdicts import PHRASES, count_verdicts, describe_claim, describe_claims
+from ankleloop.replication.verdicts import count_verdicts, describe_claim, describe_claims
 from ankleloop.simulation.settings import SimulationSettings
 
 LABELS = {
@@ -65,10 +65,6 @@ def stiffness_table(errors, sd=1.0, n=10, **columns):
     return pd.DataFrame(rows)
 
 
-def test_every_verdict_of_the_ledger_has_a_phrase():
-    assert set(VERDICTS) == set(PHRASES)
-
-
 def test_every_conclusion_is_left_out_without_evidence():
     assert draw_conclusions(EMPTY, NO_TABLES) == []
     claims = [claim for claims in CLAIMS.values() for claim in claims]
@@ -86,10 +82,6 @@ def test_conclusions_from_claims_turn_with_the_verdict(name):
         assert "not reproduced" not in texts[verdict].lower()
     assert "load assumed" in texts[CONDITIONAL] or "stated condition" in texts[CONDITIONAL]
     assert "load assumed" not in texts[REPRODUCED]
-
-
-def test_an_unknown_verdict_is_quoted():
-    assert "“partly”" in conclude("cause", ledger=ledger_with(["figure4-cause"], "partly"))
 
 
 def test_numbers_of_table1_are_counted_by_verdict():

@@ -1,4 +1,3 @@
-import ast
 import json
 from pathlib import Path
 
@@ -187,9 +186,3 @@ def test_notebook_runs_on_the_table_alone(tmp_path, count):
     lines = (tmp_path / "s.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 1 + 2**count * 3  # points, methods and their difference
     assert "net VAF, true [%]" in (tmp_path / "s.md").read_text(encoding="utf-8")
-
-
-def test_notebook_declares_what_the_workflow_passes():
-    first = next(c for c in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"] if c["metadata"].get("tags"))
-    names = {node.targets[0].id for node in ast.parse("".join(first["source"])).body if isinstance(node, ast.Assign)}
-    assert {"table_file", "settings", "sweep", "points", "varied", "labels", "table_stem", "figure_stem"} <= names

@@ -2,7 +2,6 @@
 
 import pytest
 
-from ankleloop.methods.omitted_steps import OMITTED_STEPS
 from ankleloop.studies.checking import ConfigError, check
 from ankleloop.studies.config import Config
 from ankleloop.studies.study import read_studies
@@ -128,16 +127,3 @@ def test_whole_numbers_serve_as_numbers_and_nothing_else_does(change):
     for value in ("50", True, [50.0]):
         with pytest.raises(ConfigError, match=r"duration \[s\]: must be a finite number"):
             check(Config, change("studies", "table1", "simulation", value={"duration": value}), "config")
-
-
-def test_names_of_the_study_on_steps_are_those_of_the_steps_left_out(config):
-    """The notebook takes method and step from the names."""
-    methods = read_studies(config)[1]["obstacles"].methods
-    for name, method in methods.items():
-        complete, _, step = name.partition("-without-")
-        assert method.options.omitted_step == (step or None), name
-        same = method.options.model_dump() | {"omitted_step": None}
-        assert (method.method, same) == (methods[complete].method, methods[complete].options.model_dump())
-    steps = [name.partition("-without-")[2] for name in methods]
-    assert len(methods) == 4 * 6
-    assert sorted(steps) == sorted([*OMITTED_STEPS, ""] * 4)

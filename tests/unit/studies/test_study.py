@@ -87,19 +87,6 @@ def test_equal_points_are_refused(table1, points, name):
         table1(points=points)
 
 
-def test_points_with_the_same_settings_under_two_names_are_refused(table1):
-    with pytest.raises(ConfigError, match=r"the points only and load_inertia=1\.1 have the same settings"):
-        table1(points=[{}, {"load_inertia": 1.1}])
-
-
-@pytest.mark.parametrize(
-    ("value", "message"), [(True, "finite number"), ("13", "finite number"), (-1, "must be .* 0 ")]
-)
-def test_values_of_points_are_checked_as_they_are_given(table1, value, message):
-    with pytest.raises(ConfigError, match=rf"points → reflex_gain={value}.* → reflex_gain .*{message}"):
-        table1(points={"reflex_gain": [value]})
-
-
 GAINS = {"reflex_gain": [1.0, 2.0, 3.0, 4.0, 5.0]}
 
 
