@@ -47,14 +47,6 @@ def perceive(colour, matrix):
     return np.array([116 * fy - 16, 500 * (fx - fy), 200 * (fy - fz)])
 
 
-def test_every_method_of_the_registry_has_a_colour_and_a_symbol_of_its_own():
-    assert set(METHOD_STYLES) == set(METHODS)
-    styles = method_styles({name: name for name in METHODS}).values()
-    assert len({style.colour for style in styles}) == len(METHODS)
-    assert len({style.marker for style in styles}) == len(METHODS)
-    assert all(style.filled and not style.dashes for style in styles)
-
-
 @pytest.mark.parametrize("vision", VISION)
 def test_colours_can_be_told_apart_by_readers_without_red_or_green_receptors(vision):
     for first, second in combinations(METHOD_STYLES.values(), 2):

@@ -102,13 +102,6 @@ def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
         assert (at_ten.min(), at_ten.max()) == (96 - half, 96 + half)
 
 
-def test_true_value_is_a_line_of_its_panel_alone():
-    figure = draw(lines_figure(effects(GAIN), GAIN, [VAF, STIFFNESS]))
-    labels = [[line.get_label() for line in axis.get_lines()] for axis in panels_of(figure)]
-    assert "true value" not in labels[0]
-    assert "true value" in labels[1]
-
-
 def test_texts_have_no_line_between_them():
     axis = panels_of(draw(lines_figure(effects(BASIS), BASIS, [VAF])))[0]
     assert {line.get_linestyle() for line in axis.get_lines()} == {"None"}
@@ -159,13 +152,6 @@ def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
     assert below == [""] * 5 + [GAIN.label] * 3  # below the last panel of each column
     assert beside == [NOISE.label, "", ""] * 2 + [NOISE.label, ""]
     assert {axis.get_yscale() for axis in panels} == {"log"}
-
-
-def test_cells_of_a_map_are_the_means():
-    table = cells().sample(frac=1.0, random_state=2)
-    axis = panels_of(draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF])))[1]
-    values = axis.collections[0].get_array()
-    np.testing.assert_array_equal(values, 90.0 + np.arange(12).reshape(3, 4))
 
 
 def test_tables_of_sweeps_have_what_is_drawn():
@@ -327,17 +313,3 @@ def test_words_and_units_of_values():
     assert loop.texts == ["closed loop", "open loop"]
     noise = SweepAxis.of("snr_db", "SNR [dB]", [10.0, None])
     assert [noise.describe(value) for value in (10.0, np.nan)] == ["SNR 10 dB", "SNR none"]
-
-
-def test_legend_is_inside_the_figure():
-    labels = "Refined instrumental variables", "PR-MOESP, least squares"
-    series = [replace(item, label=label) for item, label in zip(SERIES, labels, strict=True)]
-    difference = replace(DIFFERENCE, label=" − ".join(labels))
-    panels = [replace(VAF, series=series), replace(VAF_DIFFERENCE, series=[difference])]
-    table = effects(GAIN).assign(warnings=1)
-    figure = draw(lines_figure(table, GAIN, panels))
-    for legend in figure.legends:
-        box, frame = legend.get_window_extent(), figure.bbox
-        assert frame.x0 <= box.x0
-        assert box.x1 <= frame.x1
-        assert frame.y0 <= box.y0

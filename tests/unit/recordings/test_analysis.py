@@ -3,12 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from ankleloop import DataError, evaluate, identify, segment, simulate
 from ankleloop.methods import registry
-from ankleloop.plotting.recordings import group_figure, model_figure, residual_figure, spectra_figure
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.recommendation import recommend
 
@@ -187,40 +185,6 @@ def test_a_refused_recording_has_only_its_reason():
     assert analysis.estimates == {}
     assert analysis.table["verdict"].tolist() == ["refused"]
     assert "Set torque_sign: -1" in analysis.table["reasons"].iloc[0]
-
-
-def test_figures_of_a_recording(analyses):
-    for _, analysis in analyses.values():
-        for figure in (
-            spectra_figure(analysis.check.spectra),
-            model_figure(analysis.estimates),
-            residual_figure(analysis.residuals),
-        ):
-            for axis in figure.axes:
-                assert "[" in axis.get_xlabel()
-                assert "[" in axis.get_ylabel()
-                assert axis.get_lines()
-            legend = [text.get_text() for text in figure.legends[0].get_texts()]
-            assert len(legend) == len(set(legend)) > 0
-
-
-def test_the_group_has_a_point_for_each_recording(analyses):
-    table = analyses["open"][1].table
-    group = []
-    for subject in ("S1", "S2"):
-        for condition in ("rest", "active"):
-            for trial in range(3):
-                shifted = table.assign(subject=subject, condition=condition, trial=trial)
-                shifted["K"] += trial + 10 * (condition == "active")
-                group.append(shifted)
-
-    figure = group_figure(pd.concat(group), ["K", "vaf_unseen"])
-    first = figure.axes[0]
-    points, line = first.get_lines()[:2]
-    assert len(points.get_xdata()) == 6
-    np.testing.assert_allclose(np.diff(line.get_ydata()), [10.0])
-    assert [label.get_text() for label in figure.axes[-1].get_xticklabels()] == ["rest", "active"]
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["S1", "S2"]
 
 
 def test_a_half_that_is_too_short_does_not_stop_the_fit_of_the_whole():

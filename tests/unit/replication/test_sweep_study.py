@@ -95,12 +95,6 @@ def test_axes_choose_the_picture(read):
     assert caption.startswith("Means over the trials of each point.")
 
 
-def test_means_over_other_parameters_are_said(read):
-    table = make_trials(grid(reflex_gain=[5.0, 10.0], voluntary=[0.0, 0.5], snr_db=[1.0, 2.0, 3.0, 4.0, 5.0]), trials=1)
-    sweep = read(table, ["reflex_gain", "voluntary", "snr_db"], axes=["reflex_gain", "voluntary"], quantities=["K"])
-    assert "and over signal-to-noise ratio" in draw_sweep(sweep)[1]
-
-
 def test_marks_are_described_where_there_are_any(sweep, read):
     assert "Rings: at least 5 % of the trials of a mean failed" in draw_sweep(sweep)[1]
     clean = read(make_trials(POINTS), ["reflex_gain", "voluntary"])

@@ -3,14 +3,12 @@
 import csv
 import re
 
-import numpy as np
 import pandas as pd
 import pytest
 from pyarrow import parquet
 
 from ankleloop import DataError
 from ankleloop.methods.registry import METHODS
-from ankleloop.replication.results import KEYS, join_scores, read_results
 from ankleloop.replication.trial_columns import column_kind
 from ankleloop.replication.trial_tables import read_trial_table, trial_table_columns, write_trial_table
 from ankleloop.simulation.settings import SimulationSettings
@@ -85,15 +83,6 @@ def test_numbers_are_those_of_the_chunks(folder, table):
                         assert str(row[name]) == text, name
                     compared += 1
     assert compared > 1000
-
-
-def test_scores_stand_beside_the_parameters_of_their_estimate(folder, table):
-    expected = join_scores(read_results(files_of(folder, "parameters")), read_results(files_of(folder, "scores")))
-    for name in (column for column in expected if column.startswith("vaf_")):
-        rows = read_trial_table(table, [*KEYS, name])
-        joined = expected[[*KEYS, name]].merge(rows.astype({"point": str, "method": str}), on=KEYS)
-        assert len(joined) == len(expected)
-        np.testing.assert_allclose(joined[f"{name}_x"], joined[f"{name}_y"], rtol=1e-14)
 
 
 def test_types_units_and_order_of_columns(table):
