@@ -93,15 +93,6 @@ def test_numbers_of_table1_are_counted_by_verdict():
     assert "Cannot be judged: statement of table1/m/3" in text
 
 
-def test_claims_without_results_are_listed_beside_those_with_results():
-    claims = ["figure4-pr", "figure4-cascade-falls"]
-    ledger = ledger_with(claims, [NOT_REPRODUCED, OPEN], ours=[91.0, np.nan])
-    text = conclude("figure4", ledger=ledger)
-    assert "Not reproduced: “statement of figure4-pr”. Cannot be judged: “statement of figure4-cascade-falls”." in text
-    ledger = ledger_with(["table1/m/0", "table1/m/1"], [REPRODUCED, OPEN], ours=[91.0, np.nan])
-    assert conclude("table1", ledger=ledger).endswith("Cannot be judged: statement of table1/m/1.")
-
-
 def figure4_table(one_pass, converged):
     rows = [
         {"reflex_gain": gain, "method": method, "torque": torque, "mean": value, "margin": 0.1}
@@ -336,10 +327,3 @@ def test_costs_are_in_order_and_only_losses():
     assert "the error of K grows by 8.0 ± 2.0 % to -9.0 % (PR, with noise)" in by_step["derivatives"]
     for step in ("scaling", "means", "filter"):
         assert by_step[step].endswith("costs nothing that this study can show.")
-
-
-def test_costs_turn_with_their_intervals():
-    table = pd.DataFrame([omission_row(COMPLETE), omission_row("rank", vaf=-3.0)])
-    assert "3.00 ± 0.50 points of reflex VAF" in describe_costs(table, {"K": 150.0})[0]
-    wide = table.assign(vaf_reflex_true_cost_margin=4.0)
-    assert describe_costs(wide, {"K": 150.0})[0].endswith("costs nothing that this study can show.")
