@@ -9,7 +9,7 @@ import warnings
 import pytest
 
 import ankleloop
-from ankleloop.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE, main
+from ankleloop.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE
 from ankleloop.command_line.terminal import name_options
 
 PROCESSOR_TIME = """
@@ -151,15 +151,3 @@ def test_a_pipe_that_nobody_reads_is_no_mistake():
     process = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True)
     os.close(writing)
     assert process.stderr == ""
-
-
-def test_completion_of_the_shell(monkeypatch, capsys):
-    for name, value in {
-        "COMP_WORDS": "ankleloop ch",
-        "COMP_CWORD": "1",
-        "_ANKLELOOP_COMPLETE": "bash_complete",
-    }.items():
-        monkeypatch.setenv(name, value)
-    with pytest.raises(SystemExit):
-        main([])
-    assert capsys.readouterr().out == "plain,check\n"

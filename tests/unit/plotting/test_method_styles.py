@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 import yaml
 
-from ankleloop.methods.registry import METHODS
 from ankleloop.plotting.method_styles import (
     METHOD_STYLES,
     VARIANTS,
@@ -68,15 +67,6 @@ def test_variants_keep_colour_family_and_symbol_and_differ_otherwise():
     assert {style.marker for style in styles} == {METHOD_STYLES["riv"].marker}
     assert len({(style.colour, style.filled, style.dashes) for style in styles}) == len(VARIANTS)
     assert len({style.dashes for style in styles}) == len(VARIANTS)  # in grey print
-
-
-def test_a_method_looks_alike_in_all_studies_of_the_configuration(article_studies):
-    seen = {}
-    for study in article_studies.values():
-        for name, style in method_styles(study.algorithms).items():
-            if name in METHODS or name in ("parallel-cascade-one-pass", "pr-moesp-instruments"):
-                assert seen.setdefault(name, style) == style
-    assert {"pr-moesp", "parallel-cascade", "parallel-cascade-one-pass", "riv"} <= set(seen)
 
 
 def test_no_two_methods_of_a_study_look_alike(article_studies):

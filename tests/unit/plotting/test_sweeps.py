@@ -11,7 +11,7 @@ from ankleloop.plotting.method_styles import METHOD_STYLES
 from ankleloop.plotting.style import FAULT_RING, STYLE
 from ankleloop.plotting.sweep_axes import SweepAxis
 from ankleloop.plotting.sweep_maps import NO_POINT, NO_VALUE, maps_figure
-from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, effects_figure, lines_figure, mark_rows, value_limits
+from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, lines_figure, mark_rows, value_limits
 
 SERIES = [
     SweepSeries("riv", "RIV", METHOD_STYLES["riv"]),
@@ -83,14 +83,6 @@ def test_lines_have_a_panel_for_each_quantity_and_each_difference():
     assert panels_of(figure)[-1].get_xlabel().replace("\n", " ") == "reflex gain [N·m·s/rad]"
 
 
-def test_methods_have_their_own_styles():
-    figure = draw(lines_figure(effects(GAIN), GAIN, [VAF]))
-    lines = {line.get_label(): line for line in panels_of(figure)[0].get_lines()}
-    for item in SERIES:
-        line = lines[item.label]
-        assert (line.get_color(), line.get_marker()) == (item.style.colour, item.style.marker)
-
-
 def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
     for band, half in (("mean", 1.0), ("trials", 3.0)):
         figure = draw(lines_figure(effects(GAIN), GAIN, [VAF], band=band))
@@ -107,16 +99,6 @@ def test_texts_have_no_line_between_them():
     assert {line.get_linestyle() for line in axis.get_lines()} == {"None"}
     assert [text.get_text() for text in axis.get_xticklabels()] == ["chebyshev", "rectifier"]
     assert axis.get_xlabel() == "basis"
-
-
-def test_effects_have_a_column_for_each_parameter_and_a_row_for_each_quantity():
-    table = pd.concat([effects(axis) for axis in (GAIN, NOISE, BASIS)])
-    figure = draw(effects_figure(table, (GAIN, NOISE, BASIS), PANELS))
-    panels = panels_of(figure)
-    assert len(panels) == 3 * 5
-    assert [axis.get_xlabel() for axis in panels[-3:]] == [GAIN.label, NOISE.label, "basis"]
-    assert panels[1].get_xscale() == "log"
-    assert all(axis.get_lines() for axis in panels)
 
 
 def test_marks_stand_where_trials_failed_or_warned():

@@ -1,14 +1,21 @@
 """Analysis of a recording: valid methods only, scored on data that were not fitted."""
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from ankleloop import DataError, evaluate, identify, segment, simulate
 from ankleloop.methods import registry
 from ankleloop.recordings.analysis import analyse
+from ankleloop.recordings.files import analyse_files
 from ankleloop.recordings.recommendation import recommend
+from ankleloop.studies.study import read_studies
+
+ROOT = Path(__file__).parents[3]
 
 METHODS = {
     "riv": {"method": "riv"},
@@ -196,3 +203,27 @@ def test_a_half_that_is_too_short_does_not_stop_the_fit_of_the_whole():
     assert analysis.unseen == {}
     if row["trusted"]:
         assert recommend(analysis).label == "riv"
+
+
+@pytest.mark.skipif(
+    "ANKLELOOP_RECORDINGS" not in os.environ,
+    reason="set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this",
+)
+@pytest.mark.parametrize(("recording", "net"), [("z_df", 93.4), ("z_pf", 87.7), ("z_df3", 93.4)])
+def test_real_recordings(recording, net):
+    """Those of the example. Their torque has the other sign; then only the missing reference gives warnings."""
+    example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
+    study = read_studies(example)[1]["recordings"]
+    mapping = study.mappings(0)[recording]
+    (part,) = mapping["parts"]
+    turned = analyse_files(mapping["paths"], [part | {"torque_sign": 1}], {})[1]
+    assert [finding.name for finding in turned.check.findings if finding.verdict == "refused"] == ["sign of the torque"]
+    (trial,), analysis = analyse_files(mapping["paths"], [part], study.analysed_methods)
+    assert (trial.sizes["time"], trial.attrs["sampling_rate"]) == (60_000, 1000.0)
+    assert analysis.check.loop == "undecided"
+    assert {f.name for f in analysis.check.findings if f.verdict != "ok"} == {"reference", "loop", "methods"}
+    table = analysis.table.set_index("method")
+    assert (table[["K", "B", "I"]] > 0).all(axis=None)
+    assert (table.loc[["pi-moesp", "parallel-cascade"], "vaf_net"] > net - 1).all()
+    unseen = table["vaf_unseen"]
+    assert unseen.drop("parallel-cascade").max() > unseen["parallel-cascade"] - 0.5

@@ -1,14 +1,12 @@
 """Checks of a recording: every refusal and warning has the reason that it names."""
 
-import os
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import signal as sps
 
-from ankleloop import DataError, identify, new_trial, read_trial, segment, simulate
+from ankleloop import DataError, identify, new_trial, segment, simulate
 from ankleloop.joint.prepared import prepare
 from ankleloop.recordings.checks import check_trial
 from ankleloop.records.drift import remove_drift
@@ -81,31 +79,6 @@ def test_without_a_reference_the_loop_cannot_be_decided(closed):
     swapped = check_trial(closed.assign(reference=closed["reference"].copy(data=other)))
     assert "too weak an instrument" in find(swapped, "reference").text
     assert swapped.loop == "undecided"
-
-
-@pytest.mark.skipif(
-    "ANKLELOOP_RECORDINGS" not in os.environ,
-    reason="set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this",
-)
-@pytest.mark.parametrize(
-    ("file", "mapping"),
-    [
-        ("ankle_df.csv.gz", {"position": "position_rad", "torque": "torque_nm", "sampling_rate": 1000.0}),
-        ("ankle_pf.mat", {}),
-        ("ankle_df3.h5", {}),
-    ],
-)
-def test_real_recordings(file, mapping):
-    """Their torque has the other sign; once it is inverted, only the missing reference gives warnings."""
-    path = Path(os.environ["ANKLELOOP_RECORDINGS"]) / file
-    assert find(check_trial(read_trial(path, **mapping)), "sign of the torque").verdict == "refused"
-    check = check_trial(read_trial(path, torque_sign=-1, **mapping))
-    assert check.verdict == "warning"
-    assert check.loop == "undecided"
-    assert {f.name for f in check.findings if f.verdict != "ok"} == {"reference", "loop", "methods"}
-    assert set(check.methods) == {
-        *("riv", "riv-tv", "pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp", "moesp", "parallel-cascade")
-    }
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.003, "warning"), (0.05, "refused")])

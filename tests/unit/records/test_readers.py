@@ -411,11 +411,6 @@ def test_missing_variable_lists_the_variables(tmp_path):
         read_trial(write_csv(tmp_path / "a.csv"), position="angle")
 
 
-def test_missing_file(tmp_path):
-    with pytest.raises(DataError, match=r"none.csv: there is no such file: check the path"):
-        read_trial(tmp_path / "none.csv")
-
-
 @pytest.mark.parametrize("name", ["a.txt", "a.xlsx", "a", "a.gz"])
 def test_unknown_suffix(tmp_path, name):
     (tmp_path / name).write_text("position,torque\n")
