@@ -4,9 +4,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from workflow_runs import STUDY, Run
+
+import ankleloop
 
 ROOT = Path(__file__).parents[1]
 collect_ignore_glob = ["*/conftest.py"]  # they have no examples, and share a name
@@ -106,7 +110,49 @@ def start(repository, study_file, tmp_path):
 
 
 @pytest.fixture(scope="session")
-def reproduction(repository, snakemake):
-    """The whole paper, reduced by config/ci.yaml."""
-    snakemake(repository, "--configfile", "config/ci.yaml")
+def laboratory(tmp_path_factory):
+    """A folder of recordings: a good one, in degrees and with the torque turned round, and one with a gap."""
+    folder = tmp_path_factory.mktemp("recordings")
+    trial = ankleloop.simulate(seed=1, duration=20.0, reflex_gain=5.0, closed_loop=False)
+    columns = {"t": trial["time"], "angle_deg": np.degrees(trial["position"]), "tq": -trial["torque"]}
+    table = pd.DataFrame({name: values.values for name, values in columns.items()})
+    table.to_csv(folder / "good.csv.gz", index=False)
+    table.loc[777, "tq"] = np.nan
+    table.to_csv(folder / "bad.csv", index=False)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def reduced(repository, snakemake, laboratory):
+    """Run the whole paper, reduced by config/ci.yaml, with a study of recordings; an overlay changes its settings."""
+    ci = yaml.safe_load((repository / "config/ci.yaml").read_text(encoding="utf-8"))
+    example = yaml.safe_load((repository / "config/recordings.example.yaml").read_text(encoding="utf-8"))
+    study = example["studies"]["recordings"]
+    recording = {"subject": "Ann", "condition": "rest", "position": "angle_deg", "torque": "tq", "position_unit": "deg"}
+    names = {"A1": "good.csv.gz", "A2": "bad.csv", "A3": "nowhere.csv"}
+    study["files"] = {name: recording | {"file": file} for name, file in names.items()}
+    config = ci | {"run": [*ci["run"], "recordings"]}
+    config["studies"]["recordings"] = study
+    (repository / "config/reduced.yaml").write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
+
+    def run(*arguments, overlay=None, **options):
+        (repository / "config/overlay.yaml").write_text(yaml.safe_dump(overlay or {}), encoding="utf-8")
+        files = ("config/reduced.yaml", *(["config/overlay.yaml"] if overlay else []))
+        variables = {"ANKLELOOP_RECORDINGS": str(laboratory)}
+        return snakemake(repository, *arguments, "--configfile", *files, **options, **variables)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def reproduction(repository, reduced):
+    """The folder of the one run that all tests of the whole workflow look at; none of them changes its results."""
+    (repository / "run.log").write_text(reduced(), encoding="utf-8")
     return repository
+
+
+@pytest.fixture
+def coarse_pictures(monkeypatch):
+    """Pictures of few pixels, which take less time."""
+    for module in ("pages.figures", "plotting.style"):
+        monkeypatch.setattr(f"ankleloop.{module}.DOTS_PER_INCH", 40)

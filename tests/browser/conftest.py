@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-SCREENSHOTS = Path(__file__).parents[2] / "results" / "screenshots"  # of the last run, for looking at
 WIDTHS = {"desktop": 1280, "phone": 390}
 
 
@@ -67,15 +66,3 @@ def visit(new_visit):
     """Open a page as wide as a desktop."""
     with ExitStack() as stack:
         yield lambda path: stack.enter_context(new_visit()).open(path)
-
-
-@pytest.fixture(scope="session")
-def keep_screenshot():
-    """Keep a picture of a page under results/screenshots."""
-    shutil.rmtree(SCREENSHOTS, ignore_errors=True)
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-
-    def keep(page, name):
-        page.screenshot(path=SCREENSHOTS / f"{name}.jpg", full_page=True, type="jpeg", quality=60)
-
-    return keep

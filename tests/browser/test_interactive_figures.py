@@ -5,12 +5,8 @@ import pytest
 
 import ankleloop
 from ankleloop.pages.interactive import MOST_VALUES, render_interactive_torques
-from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
 from ankleloop.pages.rendering import render_page
-from ankleloop.plotting.envelopes import envelope
 from ankleloop.plotting.torque_series import torque_series
-from ankleloop.recordings.analysis import analyse
-from ankleloop.recordings.recommendation import recommend
 
 MOST_BYTES = 8e6
 MOST_MILLISECONDS = 100.0
@@ -30,11 +26,6 @@ SHOWN = """([number, torque]) => {
   const { left, right, low, high } = area.data_source.data;
   return { line: line.visible, area: area.visible, x: [...x], y: [...y], left: [...left], right: [...right],
     low: [...low], high: [...high], pixels: trace.plot.inner_width };
-}"""
-ENVELOPE = """([values, width]) => {
-  const samples = Float32Array.from(values);
-  const { low, high } = ankleloop.envelope(samples, samples, width, 0, samples.length - 1);
-  return [[...low], [...high]];
 }"""
 WINDOW = "() => { const { start, end } = ankleloop.figures[0].range; return [start, end]; }"
 
@@ -122,12 +113,6 @@ def test_a_wide_window_loses_no_peak(page, trial, estimates, window):
     assert low.min() >= samples.min() - 2 * margin - 1e-6
 
 
-@pytest.mark.parametrize("width", [1, 3, 7])
-def test_bins_in_the_browser_are_those_of_the_library(page, width):
-    values = np.random.default_rng(1).normal(size=100).astype(np.float32)
-    np.testing.assert_array_equal(page.evaluate(ENVELOPE, [values.tolist(), width]), envelope(values, width))
-
-
 def test_panels_move_together_and_buttons_show_the_whole_record(page):
     page.click("button >> text=whole record")
     start, end = page.evaluate(WINDOW)
@@ -195,14 +180,8 @@ def test_a_window_is_drawn_in_time(page, every_series):
     assert min(page.evaluate(DRAW, window) for window in windows) < MOST_MILLISECONDS
 
 
-def test_pages_are_small(trial, path, tmp_path):
+def test_pages_are_small(path):
     assert path.stat().st_size < MOST_BYTES
-    analysis = analyse(trial, {name: {"method": name} for name in METHODS})
-    figures = embed_recording_figures(trial, analysis)
-    mapping = {"subject": "S1", "condition": "rest", "trial": 1, "parts": [{"file": "a.csv"}]}
-    page = render_recording_page("A1", mapping, analysis, recommend(analysis), figures)
-    assert 'figure class="interactive"' in page
-    assert len(page.encode()) < MOST_BYTES
 
 
 def test_a_record_of_an_hour_is_shown_by_its_peaks(visit, estimates, tmp_path, monkeypatch):

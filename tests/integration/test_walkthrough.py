@@ -14,7 +14,7 @@ def printed_text(notebook):
     return "".join(output.get("text", "") for output in outputs if output.output_type == "stream")
 
 
-@pytest.mark.parametrize("container", [".csv.gz", ".mat", ".h5", ".nc"])
+@pytest.mark.parametrize("container", [".csv.gz", ".nc"])
 def test_first_recording(tmp_path, container):
     folder = tmp_path / "walkthrough"
     parameters = {"container": container, "folder": str(folder)}

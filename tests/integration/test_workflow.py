@@ -1,40 +1,32 @@
 """The whole DAG, in a copy of the repository, as a user runs it."""
 
-import os
 import re
 from collections import Counter
 
-import numpy as np
 import pandas as pd
 import pytest
 import yaml
 
-import ankleloop
 from ankleloop.replication.results import read_results
 from ankleloop.replication.trial_counts import COUNTS, count_outcomes, count_trials
-from ankleloop.replication.trial_tables import read_trial_table
-from ankleloop.studies.seeds import trial_entropy
 
 pytestmark = pytest.mark.workflow
 
 
-CI = ("--configfile", "config/ci.yaml")
-
-
 @pytest.fixture(scope="module")
-def plan(snakemake):
-    """Number of jobs that a dry run plans, by rule and study."""
+def plan(reproduction, reduced):
+    """Number of jobs that a dry run with changed settings of studies plans, by rule, study and chunk."""
 
-    def plan(folder, *arguments):
-        text = snakemake(folder, "--dry-run", *arguments)
+    def plan(**studies):
+        text = reduced("--dry-run", overlay={"studies": studies})
         blocks = re.split(r"^(?:local)?rule (\w+):$", text.split("Job stats:")[-2], flags=re.MULTILINE)
         jobs = []
         for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
-            study = re.search(r"wildcards:.*\bstudy=([\w-]+)", block)
-            jobs.append(f"{rule} {study[1]}" if study else rule)
-        return Counter(job for job in jobs if job != "everything")
+            keys = re.findall(r"\b(?:study|chunk)=([\w-]+)", re.search(r"wildcards:.*|$", block)[0])
+            jobs.append(" ".join([rule, *keys]))
+        return dict(Counter(job for job in jobs if job != "everything"))
 
-    return lambda folder, *arguments: dict(plan(folder, *arguments))
+    return plan
 
 
 # Summaries of all studies, which follow any change in one of them; the economy is measured on Table 1.
@@ -85,8 +77,8 @@ def test_table_and_figure_of_the_paper(reproduction):
 
 def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
     for path in (reproduction / "results/tables").glob("*.csv"):
-        # The economy is that of runs that cannot fail; tables of trials have no means.
-        if path.stem == "economy" or path.stem.endswith("-trials"):
+        # The economy is that of runs that cannot fail; tables of trials and of recordings have no means.
+        if path.stem in ("economy", "recordings") or path.stem.endswith("-trials"):
             continue
         table = pd.read_csv(path)
         details = read_results((reproduction / "results/parameters" / path.stem).glob("*.csv"))
@@ -100,89 +92,35 @@ def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
         assert all(name in page for name in COUNTS), path.name
 
 
-def test_the_table_of_all_trials_has_every_parameter_and_score(reproduction):
-    for path in (reproduction / "results/tables").glob("*-trials.parquet"):
-        study = path.stem.removesuffix("-trials")
-        key = ["point", "method", "trial"]
-        table = read_trial_table(path).astype({"point": str, "method": str}).set_index(key).sort_index()
-        parameters = read_results((reproduction / "results/parameters" / study).glob("*.csv")).set_index(key)
-        assert table.index.is_unique
-        assert list(table.index) == sorted(parameters.index)
-        scores = read_results((reproduction / "results/scores" / study).glob("*.csv"))
-        for (torque, against), rows in scores.groupby(["torque", "against"]):
-            values = table[f"vaf_{torque}_{against}"].dropna()
-            assert values.equals(rows.set_index(key)["vaf"].sort_index().rename(values.name))
-
-
 def test_scores_are_means_of_trials(reproduction):
     table = pd.read_csv(reproduction / "results/tables/table1.csv").query("gain == 13")
     table = table.set_index(["method", "torque", "against"])
     scores = pd.read_csv(reproduction / "results/scores/table1/0.csv")
-    assert list(scores.columns) == [
-        "study",
-        "point",
-        "reflex_gain",
-        "method",
-        "trial",
-        "torque",
-        "against",
-        "vaf",
-        "low",
-        "high",
-    ]
     for key, rows in scores.groupby(["method", "torque", "against"]):
         row = table.loc[key]
         assert row["mean"] == pytest.approx(rows["vaf"].mean(), abs=1e-9)
         assert row["sd"] == pytest.approx(rows["vaf"].std(), abs=1e-9)
 
 
-def test_a_trial_of_the_workflow_can_be_simulated_alone(reproduction):
-    """The seed is keyed by study, point and trial, so the library gives the same scores without the workflow."""
-    seed = np.random.SeedSequence(trial_entropy(2008, "table1", "reflex_gain=13.0", 1))
-    trial = ankleloop.simulate(seed=seed, reflex_gain=13.0, duration=20.0)
-    scores = pd.read_csv(reproduction / "results/scores/table1/0.csv")
-    scores = scores.query("point == 'reflex_gain=13.0' and trial == 1 and method == 'pr-moesp'")
-    np.testing.assert_allclose(
-        ankleloop.evaluate(trial, ankleloop.identify(trial, "pr-moesp"))["vaf"], scores["vaf"], atol=1e-6
-    )
-
-
-def test_nothing_is_left_to_do_and_nothing_half_written(reproduction, plan, snakemake):
-    assert "Nothing to be done" in snakemake(reproduction, "--dry-run", *CI)
+def test_nothing_is_left_to_do_and_nothing_half_written(reproduction, reduced):
+    assert "Nothing to be done" in reduced("--dry-run")
     assert not list((reproduction / "results").rglob("*.part"))
     hidden = [path.name for path in (reproduction / "results").rglob(".*")]
     assert set(hidden) <= {".snakemake_timestamp"}
 
 
-def overlay(folder, study="table1", **settings):
-    """The reduced configuration with settings of a study changed."""
-    path = folder / "config" / "overlay.yaml"
-    config = yaml.safe_load((folder / "config/ci.yaml").read_text(encoding="utf-8"))
-    config["studies"][study] |= settings
-    path.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
-    return "--configfile", "config/overlay.yaml"
+def test_settings_rerun_exactly_what_depends_on_them(plan):
+    """An option of Table 1 identifies again, and simulates nothing; the voluntary torque of Table 2 does both."""
+    option = {"methods": {"pr-moesp": {"options": {"block_rows": 20}}}}
+    jobs = plan(table1=option, table2={"simulation": {"voluntary": 0.4}})
+    chunks = {"identify table1 0": 1, "identify table1 1": 1, "simulate table2 0": 1, "identify table2 0": 1}
+    assert jobs == chunks | report_jobs("table1", 2) | report_jobs("table2", 1) | ECONOMY | SUMMARIES
 
 
-def test_a_changed_option_identifies_again_and_does_not_simulate_again(reproduction, plan):
-    methods = {"pr-moesp": {"options": {"block_rows": 20}}}
-    jobs = plan(reproduction, *overlay(reproduction, methods=methods))
-    assert jobs == {"identify table1": 2} | report_jobs("table1", 2) | ECONOMY | SUMMARIES
-
-
-def test_a_new_point_at_the_end_leaves_the_others_alone(reproduction, plan):
-    jobs = plan(reproduction, *overlay(reproduction, points={"reflex_gain": [13.0, 2.0, 5.0]}))
-    assert jobs == {"simulate table1": 1, "identify table1": 1} | report_jobs("table1", 2) | ECONOMY | SUMMARIES
-
-
-def test_a_changed_value_reruns_its_chunk_alone(reproduction, plan):
-    jobs = plan(reproduction, *overlay(reproduction, points={"reflex_gain": [13.0, 5.0]}))
-    assert jobs == {"simulate table1": 1, "identify table1": 1} | report_jobs("table1", 2) | ECONOMY | SUMMARIES
-
-
-def test_one_setting_reruns_exactly_what_depends_on_it(reproduction, plan):
-    """The voluntary torque of Table 2: its trials, estimates, scores and page; the ledger; the article."""
-    jobs = plan(reproduction, *overlay(reproduction, "table2", simulation={"duration": 20.0, "voluntary": 0.4}))
-    assert jobs == {"simulate table2": 1, "identify table2": 1} | report_jobs("table2", 1) | SUMMARIES
+def test_a_changed_and_a_new_point_leave_the_others_alone(plan):
+    jobs = plan(table1={"points": {"reflex_gain": [13.0, 5.0, 7.0]}})
+    chunks = {f"{rule} table1 {chunk}": 1 for rule in ("simulate", "identify") for chunk in (1, 2)}
+    assert jobs == chunks | report_jobs("table1", 2) | ECONOMY | SUMMARIES
 
 
 @pytest.fixture
@@ -200,24 +138,19 @@ def touch(reproduction):
         path.write_text(text, encoding="utf-8")
 
 
-def test_a_changed_library_reruns_what_uses_it(reproduction, plan, touch):
+def test_a_changed_method_identifies_again_and_simulates_nothing(reproduction, plan, touch):
     touch("methods/moesp.py")
-    jobs = plan(reproduction, *CI)
+    jobs = plan()
     studies = yaml.safe_load((reproduction / "config/ci.yaml").read_text(encoding="utf-8"))["studies"]
-    assert {job for job in jobs if job.startswith("identify")} == {f"identify {name}" for name in studies}
-    assert not [job for job in jobs if job.startswith("simulate")]
-    assert "diagrams" not in jobs
+    assert {job.split()[1] for job in jobs if job.startswith("identify")} == set(studies)
+    assert {"simulate", "diagrams"}.isdisjoint(job.split()[0] for job in jobs)
 
 
-def test_a_changed_diagram_reruns_what_draws_it(reproduction, plan, touch):
+def test_changed_diagrams_and_pages_are_drawn_again(plan, touch):
     touch("plotting/diagrams.py")
-    assert plan(reproduction, *CI) == {"diagrams": 1, "article": 1, "crate": 1, "index": 1}
-
-
-def test_a_changed_template_reruns_the_pages(reproduction, plan, touch):
     touch("pages/templates/base.html.j2")
-    jobs = plan(reproduction, *CI)
-    assert {job.split()[0] for job in jobs} == {"report", "figure", "article", "crate", "index"}
+    rules = {"diagrams", "report", "figure", "article", "crate", "index", "recordings", "publish"}
+    assert {job.split()[0] for job in plan()} == rules
 
 
 def test_the_whole_paper_is_there(reproduction):
@@ -244,52 +177,24 @@ def test_the_whole_paper_is_there(reproduction):
     assert "stand-in" in page(reproduction / "results/reports/table2.html")
 
 
-def test_a_wrong_key_stops_before_any_job(reproduction, snakemake):
-    text = snakemake(reproduction, *overlay(reproduction, trails=3), check=False)
+def test_a_wrong_key_stops_before_any_job(reduced):
+    text = reduced(overlay={"studies": {"table1": {"trails": 3}}}, check=False)
     assert "config → studies → table1: unknown key 'trails' (did you mean 'trials'?); known here: " in text
     assert "rule simulate" not in text
 
 
-def test_an_unstable_point_is_named_and_leaves_nothing(reproduction, snakemake):
+def test_an_unstable_point_is_named_and_leaves_nothing(reproduction, reduced):
     settings = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0, "duration": 20.0}
-    points = {"reflex_gain": [13.0, 2.0, 29.0]}
-    arguments = overlay(reproduction, simulation=settings, points=points, failures="stop")
-    text = snakemake(reproduction, "results/trials/table1/2.nc", *arguments, check=False)
+    study = {"simulation": settings, "points": {"reflex_gain": [13.0, 2.0, 29.0]}, "failures": "stop"}
+    text = reduced("results/trials/table1/2.nc", overlay={"studies": {"table1": study}}, check=False)
     assert "the closed loop is unstable" in text
     assert "load_inertia=0.1" in text
     assert not (reproduction / "results/trials/table1/2.nc").exists()
 
 
-@pytest.fixture(scope="module")
-def laboratory(tmp_path_factory):
-    """A folder of recordings: one good file, in degrees and with the torque the other way round, and a broken one."""
-    folder = tmp_path_factory.mktemp("recordings")
-    trial = ankleloop.simulate(seed=1, duration=20.0, reflex_gain=5.0, closed_loop=False)
-    columns = {"t": trial["time"], "angle_deg": np.degrees(trial["position"]), "tq": -trial["torque"]}
-    table = pd.DataFrame({name: values.values for name, values in columns.items()})
-    table.to_csv(folder / "good.csv.gz", index=False)
-    table.loc[777, "tq"] = np.nan
-    table.to_csv(folder / "bad.csv", index=False)
-    return folder
-
-
-def recordings(folder, files):
-    """The example with other files, listed by a table."""
-    rows = ["name,file,subject,condition,position,torque,position_unit,torque_sign"]
-    rows += [f"{name},{file},Ann,{condition},angle_deg,tq,deg,-1" for name, (file, condition) in files.items()]
-    (folder / "config/laboratory.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-    example = yaml.safe_load((folder / "config/recordings.example.yaml").read_text(encoding="utf-8"))
-    example["studies"]["recordings"].pop("files")
-    example["studies"]["recordings"]["table"] = "config/laboratory.csv"
-    (folder / "config/laboratory.yaml").write_text(yaml.safe_dump(example, sort_keys=False), encoding="utf-8")
-    return "--configfile", "config/laboratory.yaml"
-
-
-def test_recordings_of_a_laboratory(repository, laboratory, snakemake):
+def test_recordings_of_a_laboratory(reproduction):
     """A good one, one with a gap and one that is not there: the last two are refused, the first one finishes."""
-    files = {"A1": ("good.csv.gz", "rest"), "A2": ("bad.csv", "rest"), "A3": ("nowhere.csv", "active")}
-    text = snakemake(repository, *recordings(repository, files), ANKLELOOP_RECORDINGS=str(laboratory))
-    table = pd.read_csv(repository / "results/tables/recordings.csv")
+    table = pd.read_csv(reproduction / "results/tables/recordings.csv")
     good = table[table["recording"] == "A1"].set_index("method")
     assert list(good.index) == ["riv", "pi-moesp", "pr-moesp-position", "parallel-cascade"]
     assert (good["K"] / 150.0 - 1).abs().max() < 0.2
@@ -301,40 +206,16 @@ def test_recordings_of_a_laboratory(repository, laboratory, snakemake):
     refused = table[table["verdict"] == "refused"].set_index("recording")["reasons"]
     assert "777" in refused["A2"]  # the sample
     assert "there is no file nowhere.csv" in refused["A3"]
-    assert "A2 refused" in text
-    summary = page(repository / "results/reports/recordings.html")
+    assert "A2 refused" in (reproduction / "run.log").read_text(encoding="utf-8")
+    summary = page(reproduction / "results/reports/recordings.html")
     assert "position as reference" in summary
     assert "nowhere.csv" in summary
-    assert "cannot be told without a usable reference" in page(repository / "results/reports/recordings/A1.html")
-    assert "nowhere.csv" in (repository / "results/reports/recordings/A3.html").read_text(encoding="utf-8")
-    assert (repository / "results/figures/recordings-group.png").stat().st_size > 10_000
-    folder = repository / "results/estimates/recordings/A1"
+    assert "cannot be told without a usable reference" in page(reproduction / "results/reports/recordings/A1.html")
+    assert "nowhere.csv" in (reproduction / "results/reports/recordings/A3.html").read_text(encoding="utf-8")
+    assert (reproduction / "results/figures/recordings-group.png").stat().st_size > 10_000
+    folder = reproduction / "results/estimates/recordings/A1"
     numbers = sorted(path.stem.removeprefix("figure-") for path in folder.glob("figure-*.csv"))
     assert numbers == ["models", "residuals", "spectra", "torques"]
     exported = sorted(path.name for path in folder.glob("[a-z]*") if not path.name.startswith("figure-"))
     assert exported[:3] == ["parallel-cascade.csv", "parallel-cascade.mat", "parallel-cascade.nc"]
     assert len(exported) == 12
-
-
-def test_recordings_need_their_folder(repository, laboratory, snakemake):
-    unset = snakemake(repository, *recordings(repository, {"A1": ("good.csv.gz", "rest")}), check=False)
-    assert "ANKLELOOP_RECORDINGS" in unset
-    assert "not set" in unset
-
-
-@pytest.mark.skipif(
-    "ANKLELOOP_RECORDINGS" not in os.environ,
-    reason="set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this",
-)
-def test_real_recordings(repository, snakemake):
-    folder = os.environ["ANKLELOOP_RECORDINGS"]
-    snakemake(repository, "--configfile", "config/recordings.example.yaml", ANKLELOOP_RECORDINGS=folder)
-    table = pd.read_csv(repository / "results/tables/recordings.csv").set_index(["recording", "method"])
-    assert (table[["K", "B", "I"]] > 0).all(axis=None)
-    for recording, net in (("z_df", 93.4), ("z_pf", 87.7), ("z_df3", 93.4)):
-        assert table.loc[(recording, "pi-moesp"), "vaf_net"] > net - 1
-        assert table.loc[(recording, "parallel-cascade"), "vaf_net"] > net - 1
-        unseen = table.loc[recording]["vaf_unseen"]
-        assert unseen.drop("parallel-cascade").max() > unseen["parallel-cascade"] - 0.5
-        assert set(table.loc[recording]["loop"]) == {"undecided"}
-    page(repository / "results/reports/recordings.html")

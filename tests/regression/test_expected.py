@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
-from expectations import KEY, LEAST, SHARE, list_differences, summarise_results
+from expectations import LEAST, SHARE, list_differences, summarise_results
 
 EXPECTED = Path(__file__).parent / "expected"
 CI = Path(__file__).parents[2] / "config" / "ci.yaml"
@@ -26,19 +26,6 @@ def test_results_are_those_expected(reproduction, study, request):
         f"(or {LEAST:g} of themselves):\n\n{changed.to_string(index=False, float_format='%.5g')}\n\n"
         "If that is on purpose, run: make expected, and say in the commit why."
     )
-
-
-def table(**means):
-    rows = [("p", "m", name, mean, 0.4, 4, 0.05) for name, mean in means.items()]
-    return pd.DataFrame(rows, columns=[*KEY, "mean", "sd", "n", "tolerance"])
-
-
-def test_changed_missing_and_new_results_are_listed():
-    expected, results = table(K=150.0, B=0.8, I=0.015), table(K=150.04, B=0.9, G=5.0)
-    changed = list_differences(expected, results).set_index("quantity")
-    assert set(changed.index) == {"B", "I", "G"}
-    assert changed.loc["B", "difference"] == pytest.approx(0.1)
-    assert list_differences(expected, expected).empty
 
 
 def test_every_study_has_expected_results_and_every_tolerance_comes_from_a_spread():

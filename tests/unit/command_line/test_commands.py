@@ -9,7 +9,7 @@ import warnings
 import pytest
 
 import ankleloop
-from ankleloop.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE, VERBS, commands, main
+from ankleloop.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE
 from ankleloop.command_line.terminal import name_options
 
 PROCESSOR_TIME = """
@@ -34,17 +34,6 @@ def test_both_entries_are_the_command(program):
     path = f"{os.path.dirname(sys.executable)}{os.pathsep}{os.environ['PATH']}"
     process = subprocess.run([*program, "--version"], capture_output=True, text=True, env={**os.environ, "PATH": path})
     assert (process.returncode, process.stdout) == (0, f"ankleloop {ankleloop.__version__}\n")
-
-
-def test_help_of_each_verb_has_examples_and_the_exit_status(run):
-    text = run("--help").out
-    for verb, summary in VERBS.items():
-        assert f"{verb}  " in text
-        assert summary in text
-        help_text = run(verb, "--help").out
-        assert f"Examples:\n    ankleloop {verb}" in help_text
-        assert "Exit status:" in help_text
-        assert commands.get_command(None, verb).callback.__doc__.strip().split("\n")[0][:40] in help_text
 
 
 @pytest.mark.parametrize(
@@ -162,15 +151,3 @@ def test_a_pipe_that_nobody_reads_is_no_mistake():
     process = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True)
     os.close(writing)
     assert process.stderr == ""
-
-
-def test_completion_of_the_shell(monkeypatch, capsys):
-    for name, value in {
-        "COMP_WORDS": "ankleloop ch",
-        "COMP_CWORD": "1",
-        "_ANKLELOOP_COMPLETE": "bash_complete",
-    }.items():
-        monkeypatch.setenv(name, value)
-    with pytest.raises(SystemExit):
-        main([])
-    assert capsys.readouterr().out == "plain,check\n"

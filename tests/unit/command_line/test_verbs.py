@@ -1,7 +1,6 @@
 """`check`, `identify`, `study` and `demo` with real files."""
 
 import logging
-import os
 import re
 import runpy
 from pathlib import Path
@@ -23,18 +22,10 @@ from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import read_studies
 from ankleloop.studies.worker import Worker
 
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
 ROOT = Path(__file__).parents[3]
 SCRIPTS = ROOT / "workflow" / "scripts"
-FILES = ("ankle_pf.mat", "ankle_df.csv.gz", "ankle_df3.h5")  # real ones
-
-
-@pytest.fixture(scope="session")
-def recordings():
-    """Folder of real recordings."""
-    folder = os.environ.get("ANKLELOOP_RECORDINGS")
-    if not folder:
-        pytest.skip("there are no real recordings: ANKLELOOP_RECORDINGS is not set")
-    return Path(folder)
 
 
 def turned(trial, path):
@@ -199,28 +190,6 @@ def test_cycles_that_cannot_be_used_are_said_on_the_terminal(run, tmp_path):
     text = " ".join(result.out.split())
     assert "warning cycles: the trial has no variable 'gait' for cycle_onsets" in text
     assert "on the command line this is --variables" in " ".join(result.err.split())
-
-
-def test_usual_methods_are_those_of_the_example():
-    example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
-    named = {method["method"]: method for method in example["studies"]["recordings"]["methods"].values()}
-    for key, method in usual_methods(reference=False).items():
-        for name in ("options", "select"):
-            assert method.get(name, {}) == named[key].get(name, {}), key
-    assert tuple(usual_methods(reference=True)) == tuple(usual_methods(reference=False)) == METHODS[:-1]
-    assert tuple(usual_methods(reference=True, changing=True)) == METHODS
-
-
-@pytest.mark.parametrize("file", FILES)
-def test_real_recordings(run, recordings, file):
-    """Their names say all but the sign of the torque, which the check asks for."""
-    refused = run("check", recordings / file)
-    assert refused.status == 1
-    assert refused.err == "next: on the command line this is --torque-sign.\n"
-    result = run("check", recordings / file, "--torque-sign", "-1")
-    assert result.status == 0
-    assert "in N·m, turned round" in result.out
-    assert "1000 Hz, 60 s" in result.out
 
 
 # --- study

@@ -1,6 +1,3 @@
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -157,11 +154,3 @@ def test_a_trial_is_simulated_again_only_when_its_settings_change(experiment, mo
     first = run(experiment, voluntary=0.3, methods=("eiv-moesp", "riv"))
     assert not calls
     assert first.fits[0].method == "eiv-moesp"
-
-
-def test_the_library_does_not_need_widgets():
-    code = (
-        "import sys, ankleloop.exploration.picture, ankleloop.exploration.controls; print('ipywidgets' in sys.modules)"
-    )
-    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert process.stdout.strip() == "False"

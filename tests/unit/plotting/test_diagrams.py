@@ -1,23 +1,10 @@
 import pytest
 
 from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
-from ankleloop.plotting.style import save_figure
 
 
 def texts(figure):
     return [text for text in figure.axes[0].texts if text.get_text()]
-
-
-@pytest.mark.parametrize(
-    ("draw", "words"),
-    [
-        (parallel_cascade_diagram, ("intrinsic stiffness", "$K + Bs + Is^2$", "reflex stiffness", "$TQ$ [N·m]")),
-        (closed_loop_diagram, ("INP [rad]", "actuator", "H_{imp}", "voluntary", "TQ [N·m]", "impedance controller")),
-    ],
-)
-def test_blocks_and_signals_are_labelled(draw, words):
-    labels = " ".join(text.get_text() for text in texts(draw()))
-    assert all(word in labels for word in words)
 
 
 @pytest.mark.parametrize("draw", [parallel_cascade_diagram, closed_loop_diagram])
@@ -32,13 +19,3 @@ def test_texts_do_not_overlap_and_stay_inside_the_figure(draw):
         assert border.y0 <= box.y0
         assert box.y1 <= border.y1
         assert not any(box.overlaps(other) for other in boxes[number + 1 :])
-
-
-def test_equal_diagrams_give_equal_bytes(tmp_path):
-    for name in ("first", "second"):
-        save_figure(closed_loop_diagram(), tmp_path / name, suffixes=(".png", ".pdf", ".svg"))
-    for suffix in (".png", ".pdf", ".svg"):
-        first, second = ((tmp_path / f"{name}{suffix}").read_bytes() for name in ("first", "second"))
-        assert first == second
-        assert len(first) > 3_000
-    assert b"<image" not in (tmp_path / "first.svg").read_bytes()  # vectors only

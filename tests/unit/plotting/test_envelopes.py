@@ -29,14 +29,6 @@ def test_neighbours_touch_each_other(values, width):
     assert (np.maximum(low[:-1], low[1:]) <= np.minimum(high[:-1], high[1:])).all()
 
 
-def test_bins_of_bins_hold_the_samples_of_all():
-    values = np.random.default_rng(1).normal(size=1000)
-    low, high = envelope(values, 10)
-    coarse_low, coarse_high = envelope(low, 5)[0], envelope(high, 5)[1]
-    assert (coarse_low <= envelope(values, 50)[0]).all()
-    assert (coarse_high >= envelope(values, 50)[1]).all()
-
-
 def test_no_samples_have_no_bins():
     low, high = envelope(np.zeros(0), 5)
     assert low.size == high.size == 0

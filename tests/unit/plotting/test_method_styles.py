@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 import yaml
 
-from ankleloop.methods.registry import METHODS
 from ankleloop.plotting.method_styles import (
     METHOD_STYLES,
     VARIANTS,
@@ -47,14 +46,6 @@ def perceive(colour, matrix):
     return np.array([116 * fy - 16, 500 * (fx - fy), 200 * (fy - fz)])
 
 
-def test_every_method_of_the_registry_has_a_colour_and_a_symbol_of_its_own():
-    assert set(METHOD_STYLES) == set(METHODS)
-    styles = method_styles({name: name for name in METHODS}).values()
-    assert len({style.colour for style in styles}) == len(METHODS)
-    assert len({style.marker for style in styles}) == len(METHODS)
-    assert all(style.filled and not style.dashes for style in styles)
-
-
 @pytest.mark.parametrize("vision", VISION)
 def test_colours_can_be_told_apart_by_readers_without_red_or_green_receptors(vision):
     for first, second in combinations(METHOD_STYLES.values(), 2):
@@ -76,15 +67,6 @@ def test_variants_keep_colour_family_and_symbol_and_differ_otherwise():
     assert {style.marker for style in styles} == {METHOD_STYLES["riv"].marker}
     assert len({(style.colour, style.filled, style.dashes) for style in styles}) == len(VARIANTS)
     assert len({style.dashes for style in styles}) == len(VARIANTS)  # in grey print
-
-
-def test_a_method_looks_alike_in_all_studies_of_the_configuration(article_studies):
-    seen = {}
-    for study in article_studies.values():
-        for name, style in method_styles(study.algorithms).items():
-            if name in METHODS or name in ("parallel-cascade-one-pass", "pr-moesp-instruments"):
-                assert seen.setdefault(name, style) == style
-    assert {"pr-moesp", "parallel-cascade", "parallel-cascade-one-pass", "riv"} <= set(seen)
 
 
 def test_no_two_methods_of_a_study_look_alike(article_studies):

@@ -59,14 +59,6 @@ def test_panel_notes_the_lowest_mean_below_its_limit(results):
     assert not unlimited.axes[0].texts
 
 
-def test_curve_of_single_trials_has_no_band(results):
-    single = results.groupby(["panel", "series", "x"], as_index=False).first()
-    figure = curves_figure(single, {"K": Panel("K [N·m/rad]")}, xlabel="gain [1]")
-    first = figure.axes[0]
-    assert len(first.get_lines()) == 2
-    assert all(not collection.get_paths() for collection in first.collections)
-
-
 def test_a_band_ends_where_a_single_trial_is_left(results):
     """No interval is known there: the band must not shrink to a line, as if the mean were exact."""
     rows = results[(results["x"] != 4.0) | ~results.duplicated(["panel", "series", "x"])]
@@ -253,17 +245,6 @@ def test_a_broken_ordinate_shows_the_fall_and_the_values_near_the_top(results):
     near_the_top = rows[rows["series"] == "PR-MOESP"]
     unbroken = curves_figure(near_the_top, panels, xlabel="gain [1]", break_at=90.0)
     assert len(unbroken.axes) == 2
-
-
-def test_panels_of_the_same_quantity_share_its_axis(results):
-    panels = {"K": Panel("VAF [%]", "closed loop"), "B": Panel("VAF [%]", "open loop")}
-    first, second = curves_figure(results, panels, xlabel="gain [1]").axes
-    assert first.get_ylim() == second.get_ylim()
-    assert [axis.get_ylabel() for axis in (first, second)] == ["VAF [%]", ""]
-    panels["B"] = Panel("B [N·m·s/rad]")
-    rows = results.assign(value=results["value"] * np.where(results["panel"] == "B", 9, 1))
-    first, second = curves_figure(rows, panels, xlabel="x").axes
-    assert first.get_ylim() != second.get_ylim()
 
 
 def test_the_table_of_a_figure_has_what_its_lines_have(results):

@@ -1,5 +1,4 @@
 import struct
-from base64 import b64decode
 from itertools import pairwise
 
 import numpy as np
@@ -7,18 +6,14 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from ankleloop.pages.figures import embed_figure
 from ankleloop.plotting.legends import add_legend, split_rows
 from ankleloop.plotting.panels import Panel, panel_grid, share_ordinates
 from ankleloop.plotting.style import (
-    DOTS_PER_INCH,
-    ONE_COLUMN,
     REFERENCE_LINE,
     SCREEN_DOTS_PER_INCH,
     TWO_COLUMNS,
     DataFigure,
     inches,
-    render_png,
     save_figure,
 )
 
@@ -34,12 +29,6 @@ def test_grid_has_a_panel_for_each_and_hides_the_rest(count, rows):
     assert figure.get_size_inches().tolist() == [inches(TWO_COLUMNS), inches(50.0 * rows)]
     assert axes == [axis for axis in figure.axes if axis.get_visible()]
     assert len(axes) == count
-
-
-def test_widths_are_those_of_columns_in_print():
-    for width in (ONE_COLUMN, TWO_COLUMNS):
-        figure, _ = panel_grid(1, 1, 40.0, width=width)
-        assert figure.get_figwidth() * 25.4 == pytest.approx(width)
 
 
 def test_panels_of_one_quantity_share_it_and_label_it_once_in_a_row():
@@ -115,13 +104,3 @@ def test_notebooks_show_figures_without_a_command():
     figure.subplots().plot([0.0, 1.0])
     size = struct.unpack(">II", figure._repr_png_()[16:24])  # of the header
     assert size == (2 * SCREEN_DOTS_PER_INCH, SCREEN_DOTS_PER_INCH)
-
-
-def test_files_notebooks_and_pages_have_the_same_picture(tmp_path):
-    figure = DataFigure(figsize=(2.0, 1.0))
-    figure.subplots().plot([0.0, 1.0])
-    save_figure(figure, tmp_path / "line", suffixes=[".png"])
-    assert (tmp_path / "line.png").read_bytes() == render_png(figure, DOTS_PER_INCH)
-    assert figure._repr_png_() == render_png(figure, SCREEN_DOTS_PER_INCH)
-    _, content = embed_figure(figure).source.split(",")
-    assert b64decode(content) == render_png(figure, 220)

@@ -11,7 +11,7 @@ from ankleloop.plotting.method_styles import METHOD_STYLES
 from ankleloop.plotting.style import FAULT_RING, STYLE
 from ankleloop.plotting.sweep_axes import SweepAxis
 from ankleloop.plotting.sweep_maps import NO_POINT, NO_VALUE, maps_figure
-from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, effects_figure, lines_figure, mark_rows, value_limits
+from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, lines_figure, mark_rows, value_limits
 
 SERIES = [
     SweepSeries("riv", "RIV", METHOD_STYLES["riv"]),
@@ -83,14 +83,6 @@ def test_lines_have_a_panel_for_each_quantity_and_each_difference():
     assert panels_of(figure)[-1].get_xlabel().replace("\n", " ") == "reflex gain [N·m·s/rad]"
 
 
-def test_methods_have_their_own_styles():
-    figure = draw(lines_figure(effects(GAIN), GAIN, [VAF]))
-    lines = {line.get_label(): line for line in panels_of(figure)[0].get_lines()}
-    for item in SERIES:
-        line = lines[item.label]
-        assert (line.get_color(), line.get_marker()) == (item.style.colour, item.style.marker)
-
-
 def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
     for band, half in (("mean", 1.0), ("trials", 3.0)):
         figure = draw(lines_figure(effects(GAIN), GAIN, [VAF], band=band))
@@ -102,28 +94,11 @@ def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
         assert (at_ten.min(), at_ten.max()) == (96 - half, 96 + half)
 
 
-def test_true_value_is_a_line_of_its_panel_alone():
-    figure = draw(lines_figure(effects(GAIN), GAIN, [VAF, STIFFNESS]))
-    labels = [[line.get_label() for line in axis.get_lines()] for axis in panels_of(figure)]
-    assert "true value" not in labels[0]
-    assert "true value" in labels[1]
-
-
 def test_texts_have_no_line_between_them():
     axis = panels_of(draw(lines_figure(effects(BASIS), BASIS, [VAF])))[0]
     assert {line.get_linestyle() for line in axis.get_lines()} == {"None"}
     assert [text.get_text() for text in axis.get_xticklabels()] == ["chebyshev", "rectifier"]
     assert axis.get_xlabel() == "basis"
-
-
-def test_effects_have_a_column_for_each_parameter_and_a_row_for_each_quantity():
-    table = pd.concat([effects(axis) for axis in (GAIN, NOISE, BASIS)])
-    figure = draw(effects_figure(table, (GAIN, NOISE, BASIS), PANELS))
-    panels = panels_of(figure)
-    assert len(panels) == 3 * 5
-    assert [axis.get_xlabel() for axis in panels[-3:]] == [GAIN.label, NOISE.label, "basis"]
-    assert panels[1].get_xscale() == "log"
-    assert all(axis.get_lines() for axis in panels)
 
 
 def test_marks_stand_where_trials_failed_or_warned():
@@ -159,13 +134,6 @@ def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
     assert below == [""] * 5 + [GAIN.label] * 3  # below the last panel of each column
     assert beside == [NOISE.label, "", ""] * 2 + [NOISE.label, ""]
     assert {axis.get_yscale() for axis in panels} == {"log"}
-
-
-def test_cells_of_a_map_are_the_means():
-    table = cells().sample(frac=1.0, random_state=2)
-    axis = panels_of(draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF])))[1]
-    values = axis.collections[0].get_array()
-    np.testing.assert_array_equal(values, 90.0 + np.arange(12).reshape(3, 4))
 
 
 def test_tables_of_sweeps_have_what_is_drawn():
@@ -327,17 +295,3 @@ def test_words_and_units_of_values():
     assert loop.texts == ["closed loop", "open loop"]
     noise = SweepAxis.of("snr_db", "SNR [dB]", [10.0, None])
     assert [noise.describe(value) for value in (10.0, np.nan)] == ["SNR 10 dB", "SNR none"]
-
-
-def test_legend_is_inside_the_figure():
-    labels = "Refined instrumental variables", "PR-MOESP, least squares"
-    series = [replace(item, label=label) for item, label in zip(SERIES, labels, strict=True)]
-    difference = replace(DIFFERENCE, label=" − ".join(labels))
-    panels = [replace(VAF, series=series), replace(VAF_DIFFERENCE, series=[difference])]
-    table = effects(GAIN).assign(warnings=1)
-    figure = draw(lines_figure(table, GAIN, panels))
-    for legend in figure.legends:
-        box, frame = legend.get_window_extent(), figure.bbox
-        assert frame.x0 <= box.x0
-        assert box.x1 <= frame.x1
-        assert frame.y0 <= box.y0

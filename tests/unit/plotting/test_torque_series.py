@@ -6,8 +6,6 @@ import pytest
 import ankleloop
 from ankleloop.joint.estimate import TORQUES
 from ankleloop.joint.prepared import prepare
-from ankleloop.plotting.method_styles import method_styles
-from ankleloop.plotting.style import MEASURED_LINE, TRUE_LINE
 from ankleloop.plotting.torque_series import TorqueSeries, Trace, centre_torques, limit_values, torque_series
 
 METHODS = ("riv", "parallel-cascade")
@@ -67,15 +65,6 @@ def test_a_recording_has_no_true_torques_and_a_residual_of_the_net_torque_alone(
     series = series_of(recording, estimates)
     assert [item.kind for item in series.values()] == ["measured", *["estimate"] * 2, *["residual"] * 2]
     assert list(series["residual of riv"].traces) == ["net"]
-
-
-def test_colours_are_those_of_the_static_figures(trial, estimates):
-    series = series_of(trial, estimates)
-    styles = method_styles({name: name for name in METHODS})
-    assert series["measured"].colour == MEASURED_LINE["color"]
-    assert series["true (simulated)"].colour == TRUE_LINE["color"]
-    for name in METHODS:
-        assert series[name].colour == series[f"residual of {name}"].colour == styles[name].colour
 
 
 @pytest.mark.parametrize("most", [100, 999, 5000])

@@ -40,15 +40,6 @@ def test_estimates_of_a_recording_are_drawn_over_its_measured_torque(identified)
     assert figure.axes[0].get_xlim() == (end - 4.0, end)  # a window beyond the record is moved into it
 
 
-def test_equal_data_give_equal_bytes(identified, tmp_path):
-    for name in ("first", "second"):
-        save_figure(torque_figure(*identified), tmp_path / name)
-    for suffix in (".png", ".pdf", ".csv"):
-        first, second = ((tmp_path / f"{name}{suffix}").read_bytes() for name in ("first", "second"))
-        assert first == second
-        assert len(first) > 10_000
-
-
 def test_the_table_has_what_is_drawn(identified, tmp_path):
     trial, estimates = identified
     figure = torque_figure(trial, estimates, start=3.0, length=4.0)

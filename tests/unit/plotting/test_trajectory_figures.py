@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from matplotlib.patches import Rectangle
 
-from ankleloop.plotting.trajectories import BLANK, mean_trajectories_figure, trajectories_figure
+from ankleloop.plotting.trajectories import mean_trajectories_figure, trajectories_figure
 
 PLACES = np.linspace(0.0, 1.0, 101)
 
@@ -32,7 +32,6 @@ def grey_fields(axis):
 
 
 def test_what_is_not_identified_is_blank_and_grey():
-    assert BLANK == "#dddddd"
     figure = trajectories_figure({"riv-tv": make_estimate(blank=slice(20, 41))})
     upper, lower = figure.axes[0], figure.axes[3]
     for axis in (upper, lower):

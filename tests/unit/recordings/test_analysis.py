@@ -1,16 +1,21 @@
 """Analysis of a recording: valid methods only, scored on data that were not fitted."""
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
+import yaml
 
 from ankleloop import DataError, evaluate, identify, segment, simulate
 from ankleloop.methods import registry
-from ankleloop.plotting.recordings import group_figure, model_figure, residual_figure, spectra_figure
 from ankleloop.recordings.analysis import analyse
+from ankleloop.recordings.files import analyse_files
 from ankleloop.recordings.recommendation import recommend
+from ankleloop.studies.study import read_studies
+
+ROOT = Path(__file__).parents[3]
 
 METHODS = {
     "riv": {"method": "riv"},
@@ -189,40 +194,6 @@ def test_a_refused_recording_has_only_its_reason():
     assert "Set torque_sign: -1" in analysis.table["reasons"].iloc[0]
 
 
-def test_figures_of_a_recording(analyses):
-    for _, analysis in analyses.values():
-        for figure in (
-            spectra_figure(analysis.check.spectra),
-            model_figure(analysis.estimates),
-            residual_figure(analysis.residuals),
-        ):
-            for axis in figure.axes:
-                assert "[" in axis.get_xlabel()
-                assert "[" in axis.get_ylabel()
-                assert axis.get_lines()
-            legend = [text.get_text() for text in figure.legends[0].get_texts()]
-            assert len(legend) == len(set(legend)) > 0
-
-
-def test_the_group_has_a_point_for_each_recording(analyses):
-    table = analyses["open"][1].table
-    group = []
-    for subject in ("S1", "S2"):
-        for condition in ("rest", "active"):
-            for trial in range(3):
-                shifted = table.assign(subject=subject, condition=condition, trial=trial)
-                shifted["K"] += trial + 10 * (condition == "active")
-                group.append(shifted)
-
-    figure = group_figure(pd.concat(group), ["K", "vaf_unseen"])
-    first = figure.axes[0]
-    points, line = first.get_lines()[:2]
-    assert len(points.get_xdata()) == 6
-    np.testing.assert_allclose(np.diff(line.get_ydata()), [10.0])
-    assert [label.get_text() for label in figure.axes[-1].get_xticklabels()] == ["rest", "active"]
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["S1", "S2"]
-
-
 def test_a_half_that_is_too_short_does_not_stop_the_fit_of_the_whole():
     analysis = analyse(simulate(seed=5, duration=14.0), {"riv": METHODS["riv"]})
     row = analysis.table.loc[0]
@@ -232,3 +203,27 @@ def test_a_half_that_is_too_short_does_not_stop_the_fit_of_the_whole():
     assert analysis.unseen == {}
     if row["trusted"]:
         assert recommend(analysis).label == "riv"
+
+
+@pytest.mark.skipif(
+    "ANKLELOOP_RECORDINGS" not in os.environ,
+    reason="set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this",
+)
+@pytest.mark.parametrize(("recording", "net"), [("z_df", 93.4), ("z_pf", 87.7), ("z_df3", 93.4)])
+def test_real_recordings(recording, net):
+    """Those of the example. Their torque has the other sign; then only the missing reference gives warnings."""
+    example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
+    study = read_studies(example)[1]["recordings"]
+    mapping = study.mappings(0)[recording]
+    (part,) = mapping["parts"]
+    turned = analyse_files(mapping["paths"], [part | {"torque_sign": 1}], {})[1]
+    assert [finding.name for finding in turned.check.findings if finding.verdict == "refused"] == ["sign of the torque"]
+    (trial,), analysis = analyse_files(mapping["paths"], [part], study.analysed_methods)
+    assert (trial.sizes["time"], trial.attrs["sampling_rate"]) == (60_000, 1000.0)
+    assert analysis.check.loop == "undecided"
+    assert {f.name for f in analysis.check.findings if f.verdict != "ok"} == {"reference", "loop", "methods"}
+    table = analysis.table.set_index("method")
+    assert (table[["K", "B", "I"]] > 0).all(axis=None)
+    assert (table.loc[["pi-moesp", "parallel-cascade"], "vaf_net"] > net - 1).all()
+    unseen = table["vaf_unseen"]
+    assert unseen.drop("parallel-cascade").max() > unseen["parallel-cascade"] - 0.5

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy import signal as sps
 
-from ankleloop import DataError, evaluate, identify, segment, simulate, vaf
-from ankleloop.joint.prepared import prepare
-from ankleloop.recordings.comparison import UnseenTorque, compare_unseen, unseen_torque
+from ankleloop import DataError, vaf
+from ankleloop.recordings.comparison import UnseenTorque, compare_unseen
 
 
 def part(y, residual, start=0):
@@ -61,13 +60,3 @@ def test_too_little_is_refused():
         compare_unseen([part(y, e)], [part(y, 2 * e)])
     with pytest.raises(DataError, match="same samples"):
         compare_unseen([part(y, e)], [part(y, e), part(y, e)])
-
-
-def test_residual_of_a_prediction_is_that_of_the_score():
-    trial = simulate(seed=1, duration=30.0)
-    estimate = identify(segment(trial, 0.0, 15.0), "riv")
-    second = prepare(segment(trial, 15.0, 31.0))
-    prediction = estimate.predict(second)
-    unseen = unseen_torque(second, prediction)
-    expected = evaluate(second, prediction, against="measured").iloc[0]["vaf"]
-    assert vaf(unseen.measured, unseen.measured - unseen.residual) == pytest.approx(expected, abs=1e-9)

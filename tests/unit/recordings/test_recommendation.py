@@ -11,8 +11,6 @@ from ankleloop.recordings.recommendation import (
     Recommendation,
     format_with_interval,
     recommend,
-    select_trusted_methods,
-    select_valid_methods,
 )
 
 FED_BACK = "the loop is closed, and torque that is fed back does not bias it"
@@ -160,15 +158,6 @@ def test_an_incomplete_model_is_named():
     text = recommend(make_analysis("closed", [{**RIV, "residual_related": True}])).text
     assert "Its residual still depends on the movement" in text
     assert "depends" not in recommend(make_analysis("closed", [{**RIV, "residual_related": False}])).text
-
-
-def test_rows_of_an_analysis():
-    table = pd.DataFrame([*ROWS, warned({**RIV, "label": "RIV 2"})])
-    assert select_valid_methods(table)["label"].tolist() == ["PR", "RIV", "RIV 2"]
-    assert select_trusted_methods(table)["label"].tolist() == ["PR", "RIV"]
-    refused = pd.DataFrame([{"verdict": "refused"}])
-    assert select_valid_methods(refused).empty
-    assert select_trusted_methods(refused).empty
 
 
 @pytest.mark.parametrize(

@@ -168,12 +168,6 @@ def test_tables_of_recordings_have_onsets_and_schedules(tmp_path):
         read_recordings(path, {})
 
 
-def test_times_that_do_not_increase_are_refused_with_the_method():
-    trial = simulate(seed=1, duration=30.0, variation="cycle", **CHANGE)
-    result = analyse(trial, add_course(METHODS, {"cycle_onsets": [0.0, 3.0, 2.0]}))
-    assert "is not after onset" in result.table.set_index("label").loc["changing", "warnings"]
-
-
 @pytest.mark.parametrize(
     ("course", "verdict", "text"),
     [

@@ -130,31 +130,6 @@ def test_wherever_a_file_is_cut_off_no_number_changes_in_silence(tmp_path, cut):
 # --- paths
 
 
-def test_a_name_that_is_too_long(tmp_path):
-    with pytest.raises(DataError, match=r"the file cannot be opened \(File name too long\): check the path"):
-        read_trial(tmp_path / f"{'a' * 300}.csv")
-
-
-def test_a_name_with_byte_0():
-    with pytest.raises(DataError, match=r"the file cannot be opened .*null.*: check the path"):
-        read_trial("a\x00.csv")
-
-
-def test_links(tmp_path):
-    (tmp_path / "a.csv").symlink_to(tmp_path / "b.csv")
-    with pytest.raises(DataError, match=r"a.csv: this is a link that leads to no file: check the path"):
-        read_trial(tmp_path / "a.csv")
-    (tmp_path / "b.csv").symlink_to(tmp_path / "a.csv")
-    with pytest.raises(DataError, match=r"a.csv: .*: check the path"):
-        read_trial(tmp_path / "a.csv")
-
-
-def test_a_folder(tmp_path):
-    (tmp_path / "a.csv").mkdir()
-    with pytest.raises(DataError, match=r"a.csv: this is a folder, no file: check the path"):
-        read_trial(tmp_path / "a.csv")
-
-
 def test_a_file_without_permission(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(HEADER + ROWS)

@@ -136,9 +136,7 @@ def test_units_of_time_that_contradict_the_name():
         time_factor("time_ms", "s", source="a")
 
 
-@pytest.mark.parametrize(
-    ("name", "unit"), [("time_ms", None), ("time", "ms"), ("t_ms", None), ("time", "milliseconds")]
-)
+@pytest.mark.parametrize(("name", "unit"), [("time_ms", None), ("time", "milliseconds")])
 def test_times_in_ms(tmp_path, name, unit):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["position"], file["torque"], file[name] = P, TQ, np.arange(300) * 2.0

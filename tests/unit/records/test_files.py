@@ -13,7 +13,6 @@ from pathlib import Path
 import h5netcdf
 import numpy as np
 import pytest
-import scipy.io
 import xarray as xr
 
 from ankleloop import (
@@ -22,7 +21,6 @@ from ankleloop import (
     identify,
     identify_file,
     load_trial,
-    new_trial,
     save_estimate,
     save_trial,
     simulate,
@@ -409,15 +407,3 @@ def test_without_hard_links_a_file_is_renamed(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["x.txt"]
     with pytest.raises(DataError, match="the file exists already"):
         write_text(tmp_path / "x.txt")
-
-
-def test_a_trial_and_its_files_have_the_bits_of_a_plain_write(trial, tmp_path):
-    """The sink between HDF5 and the disk changes nothing."""
-    trial = new_trial(trial["position"].values, trial["torque"].values, 1000.0)
-    write_netcdf(trial, tmp_path / "sink.nc")
-    trial.to_netcdf(tmp_path / "plain.nc", engine="h5netcdf")
-    for name in ("sink.nc", "plain.nc"):
-        with xr.open_dataset(tmp_path / name, engine="h5netcdf") as data:
-            assert data.identical(trial)
-    scipy.io.savemat(tmp_path / "x.mat", {"a": 1.0})
-    assert abs((tmp_path / "sink.nc").stat().st_size - (tmp_path / "plain.nc").stat().st_size) < 10_000

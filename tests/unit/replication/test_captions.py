@@ -3,20 +3,12 @@ import pytest
 from ankleloop.replication.captions import (
     describe_settings,
     format_truths,
-    label_setting,
     most_compliant_point,
     shared_truths,
     single_setting,
     typical_point,
 )
 from ankleloop.simulation.settings import SimulationSettings
-
-
-def test_every_setting_has_a_name_and_its_unit():
-    for name in SimulationSettings.model_fields:
-        label, unit = label_setting(name)
-        assert "_" not in label
-        assert unit == SimulationSettings.unit(name)
 
 
 def test_description_of_the_settings():

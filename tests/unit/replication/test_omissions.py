@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from ankleloop.methods.omitted_steps import OMITTED_STEPS, describe_omission
+from ankleloop.methods.omitted_steps import describe_omission
 from ankleloop.replication.omissions import COMPLETE, STEP_LABELS, tabulate_omissions
 from ankleloop.simulation.settings import SimulationSettings
 
@@ -46,10 +46,6 @@ def results():
 def values_of(parameters, point, method):
     rows = parameters[(parameters["point"] == point) & (parameters["method"] == method)]
     return rows.set_index("trial")["K"].dropna()
-
-
-def test_every_step_has_a_label():
-    assert list(STEP_LABELS) == list(OMITTED_STEPS)
 
 
 def test_rows_are_conditions_methods_and_steps(results):

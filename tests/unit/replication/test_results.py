@@ -4,7 +4,6 @@ import pytest
 
 from ankleloop.quantities import QUANTITIES
 from ankleloop.replication.results import (
-    describe_condition,
     format_columns,
     format_pairs,
     join_scores,
@@ -67,20 +66,6 @@ def test_every_true_value_is_that_of_the_simulation():
     assert values == {"K": 150.0, "B": 0.8, "I": 0.015, "G": 13.0, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
     assert set(values) <= set(QUANTITIES)
     assert list(true_values(SimulationSettings.defaults(), ["B", "K"])) == ["B", "K"]
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "text"),
-    [
-        ("closed_loop", True, "closed loop"),
-        ("closed_loop", np.False_, "open loop"),
-        ("perturbation", "prbs", "PRBS"),
-        ("perturbation", "pulses", "decorrelating pulses"),
-        ("zeta", 1.0, "zeta 1.0"),  # 1 is not "closed loop" here
-    ],
-)
-def test_conditions_have_words(name, value, text):
-    assert describe_condition(name, value) == text
 
 
 def test_numbers_become_text():

@@ -1,4 +1,3 @@
-import ast
 import json
 from pathlib import Path
 
@@ -96,12 +95,6 @@ def test_axes_choose_the_picture(read):
     assert caption.startswith("Means over the trials of each point.")
 
 
-def test_means_over_other_parameters_are_said(read):
-    table = make_trials(grid(reflex_gain=[5.0, 10.0], voluntary=[0.0, 0.5], snr_db=[1.0, 2.0, 3.0, 4.0, 5.0]), trials=1)
-    sweep = read(table, ["reflex_gain", "voluntary", "snr_db"], axes=["reflex_gain", "voluntary"], quantities=["K"])
-    assert "and over signal-to-noise ratio" in draw_sweep(sweep)[1]
-
-
 def test_marks_are_described_where_there_are_any(sweep, read):
     assert "Rings: at least 5 % of the trials of a mean failed" in draw_sweep(sweep)[1]
     clean = read(make_trials(POINTS), ["reflex_gain", "voluntary"])
@@ -187,9 +180,3 @@ def test_notebook_runs_on_the_table_alone(tmp_path, count):
     lines = (tmp_path / "s.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 1 + 2**count * 3  # points, methods and their difference
     assert "net VAF, true [%]" in (tmp_path / "s.md").read_text(encoding="utf-8")
-
-
-def test_notebook_declares_what_the_workflow_passes():
-    first = next(c for c in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"] if c["metadata"].get("tags"))
-    names = {node.targets[0].id for node in ast.parse("".join(first["source"])).body if isinstance(node, ast.Assign)}
-    assert {"table_file", "settings", "sweep", "points", "varied", "labels", "table_stem", "figure_stem"} <= names

@@ -90,10 +90,3 @@ def test_errors_beside_the_bound_say_how_many_trials_failed(partly_failed):
     assert counts.values.tolist() == [[4, 4, 0, 1], [3, 4, 1, 1], [4, 4, 0, 1], [0, 4, 4, 0]]
     assert table["bias"].tolist()[:3] == [0.5, 0.0, 0.5]
     assert table[["mean", "sd", "rmse", "ratio", "covered"]].iloc[3].isna().all()
-
-
-def test_a_method_that_fails_in_every_trial_stays_in_the_table(partly_failed):
-    details = partly_failed[0].query("method == 'a' or point == 'q'")
-    places = [(point, method) for point in ("p", "q") for method in ("a", "b")]
-    table = compare_with_bound(details, {"p": {"K": 1.0}, "q": {"K": 1.0}}, {place: {"K": 1.0} for place in places})
-    assert table[["point", "method", "n", "failures"]].values.tolist()[-1] == ["q", "b", 0, 4]

@@ -11,17 +11,14 @@ from ankleloop import DataError, simulate
 from ankleloop.assessment.trajectory_scores import score_trajectories, true_trajectories
 from ankleloop.joint.estimate import Estimate, torque_dataset
 from ankleloop.joint.estimate_files import EstimateCollection, save_estimates
-from ankleloop.replication.sweep_quantities import SWEEP_QUANTITIES, desired_value
 from ankleloop.replication.time_varying import (
     average_study,
     average_trajectories,
     measure_trajectories,
     profile_trajectories,
-    published_rows,
     setting_titles,
     typical_points,
 )
-from ankleloop.replication.trial_columns import column_kind, describe_column
 from ankleloop.simulation.settings import SimulationSettings
 
 ROOT = Path(__file__).parents[3]
@@ -100,21 +97,3 @@ def test_settings_are_told_by_what_differs():
     assert setting_titles(points, ["voluntary", "load_inertia"])["b"].startswith("load 1.1/7.1/250, voluntary 30 %")
     assert typical_points(points) == ["a", "b"]
     assert len(typical_points({str(number): {} for number in range(18)})) == 4
-
-
-def test_published_numbers_stand_beside_their_study_alone():
-    published = pd.read_csv(ROOT / "data" / "published" / "time_varying.csv")
-    rows = published_rows(published, "open-loop-cycles")
-    assert list(rows["published"]) == ["99.9 %", "1.33 to 4.06 %"]
-    assert published_rows(published, "time-varying").empty
-
-
-def test_columns_of_trajectories_have_units_and_words():
-    assert describe_column("K_rise")["unit"] == "s"
-    assert describe_column("G_nrmse") == {
-        "unit": "%",
-        "description": "rms error of the trajectory of G over the mean of the truth",
-    }
-    assert column_kind("cycles") == "count"
-    assert [desired_value(name) for name in ("K_nrmse", "K_bias", "K_covered")] == ["low", "zero", None]
-    assert {"variation_p", "cycles", "B_covered"} <= SWEEP_QUANTITIES.keys()

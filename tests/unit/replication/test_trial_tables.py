@@ -3,14 +3,12 @@
 import csv
 import re
 
-import numpy as np
 import pandas as pd
 import pytest
 from pyarrow import parquet
 
 from ankleloop import DataError
 from ankleloop.methods.registry import METHODS
-from ankleloop.replication.results import KEYS, join_scores, read_results
 from ankleloop.replication.trial_columns import column_kind
 from ankleloop.replication.trial_tables import read_trial_table, trial_table_columns, write_trial_table
 from ankleloop.simulation.settings import SimulationSettings
@@ -87,15 +85,6 @@ def test_numbers_are_those_of_the_chunks(folder, table):
     assert compared > 1000
 
 
-def test_scores_stand_beside_the_parameters_of_their_estimate(folder, table):
-    expected = join_scores(read_results(files_of(folder, "parameters")), read_results(files_of(folder, "scores")))
-    for name in (column for column in expected if column.startswith("vaf_")):
-        rows = read_trial_table(table, [*KEYS, name])
-        joined = expected[[*KEYS, name]].merge(rows.astype({"point": str, "method": str}), on=KEYS)
-        assert len(joined) == len(expected)
-        np.testing.assert_allclose(joined[f"{name}_x"], joined[f"{name}_y"], rtol=1e-14)
-
-
 def test_types_units_and_order_of_columns(table):
     schema = parquet.read_schema(table)
     assert schema.names == trial_table_columns(table)
@@ -124,50 +113,6 @@ def test_text_file_has_the_same_cells(table):
     for name in rows:
         values = rows[name].astype(text[name].dtype) if rows[name].notna().all() else rows[name]
         assert all(a == b or (pd.isna(a) and pd.isna(b)) for a, b in zip(values, text[name], strict=True)), name
-
-
-def test_tables_do_not_depend_on_chunks(tmp_path):
-    """Trials of two conditions with two points each, 1, 3 and 4 of a condition and all of both in a chunk."""
-    settings = SimulationSettings(duration=6.0).model_dump()
-    methods = {"pr": {"method": "pr-moesp", "options": {}}, "cascade": {"method": "parallel-cascade", "options": {}}}
-    conditions = {f"gain={gain}": settings | {"reflex_gain": gain} for gain in (12.0, 8.0)}
-    points = {
-        name: {
-            f"{name},{rows}": {
-                "values": {"reflex_gain": float(name[5:]), "pr.block_rows": rows},
-                "options": {"pr": {"block_rows": rows}},
-            }
-            for rows in (10, 8)
-        }
-        for name in conditions
-    }
-    tables = []
-    for size in (1, 3, 4, None):
-        parts = [dict.fromkeys(conditions, (0, 4))]
-        if size:
-            starts = range(0, 4, size)
-            parts = [{name: (start, min(start + size, 4))} for name in conditions for start in starts]
-        files = []
-        for number, part in enumerate(parts):
-            files.append({kind: tmp_path / f"{kind}-{size}-{number}.csv" for kind in ("parameters", "scores")})
-            trials = {
-                name: {"settings": conditions[name], "first": first, "stop": stop}
-                for name, (first, stop) in part.items()
-            }
-            sweep_chunk(files[-1], "s", 1, trials, {name: points[name] for name in part}, methods)
-        path = tmp_path / f"{size}.parquet"
-        lists = [[file[kind] for file in files] for kind in ("parameters", "scores")]
-        write_trial_table(path, *lists, ["reflex_gain", "pr.block_rows"], text=path.with_suffix(".csv"))
-        tables.append((path.read_bytes(), path.with_suffix(".csv").read_bytes()))
-    assert all(table == tables[0] for table in tables)
-    rows = read_trial_table(path, ["reflex_gain", "trial", "pr.block_rows", "method"])
-    assert rows.values.tolist() == [
-        [gain, trial, block_rows, method]
-        for gain in (12.0, 8.0)
-        for trial in range(4)
-        for block_rows in (10, 8)
-        for method in methods
-    ]
 
 
 def test_groups_of_rows_change_nothing(folder, table, tmp_path, monkeypatch):

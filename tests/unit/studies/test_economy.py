@@ -50,15 +50,6 @@ def test_every_mean_has_an_interval(trials):
     assert np.isnan(single.loc["milliseconds_ratio", "low"])
 
 
-def test_runs_alternate():
-    order = []
-    runs = {name: lambda name=name: order.append(name) for name in economy.COMPARED}
-    assert set(economy._time_runs(runs)) == set(economy.COMPARED)
-    pairs = [set(order[k : k + 2]) for k in range(0, len(order), 2)]
-    assert all(pair == set(economy.COMPARED) for pair in pairs)
-    assert len(set(order[::2])) == 2  # neither is always the first
-
-
 def test_a_trial_that_a_method_cannot_identify_is_left_out(trials):
     short = trials[0].isel(time=slice(0, 600))
     table = measure_economy([short, *trials[:2]], {}).set_index("quantity")

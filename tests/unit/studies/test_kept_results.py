@@ -57,17 +57,6 @@ def test_notebooks_with_a_line_for_each_point_are_refused_for_many():
         read(notebook="figure4", points=points)
 
 
-def test_parameters_of_a_notebook_name_the_table_of_all_trials():
-    files = {"scores": ["results/scores/s/0.csv"]}
-    paths = {"published": "data", "table_stem": "t", "figure_stem": "f"}
-    study = read(notebook="figure4")
-    parameters = report_parameters(study, files, **paths, table_file="results/tables/s-trials.parquet")
-    assert parameters["table_file"] == "results/tables/s-trials.parquet"
-    assert list(parameters["points"]) == ["reflex_gain=8.0", "reflex_gain=12.0"]
-    assert not shows_sweep(study)
-    assert not {"settings", "sweep"} & set(parameters)
-
-
 def test_the_notebook_of_a_sweep_has_settings_and_pictures_and_no_points():
     study = read(notebook="sweep", keep="scores", points={"reflex_gain": [8.0, 12.0], "pr-moesp.block_rows": [12, 15]})
     parameters = report_parameters(study, {}, published="data", table_stem="t", figure_stem="f", table_file="t.parquet")

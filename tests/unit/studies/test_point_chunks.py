@@ -101,31 +101,6 @@ def test_an_edited_row_changes_its_chunk_alone(tmp_path, keep):
     assert "reflex_gain=20.0" in after[changed[0]][0]
 
 
-def test_an_edited_option_simulates_nothing_again(tmp_path):
-    rows = [f"{8 + 0.1 * (k // 2):.1f},{10 + k % 2}" for k in range(100)]
-
-    def read(rows):
-        (tmp_path / "sweep.csv").write_text("\n".join(["reflex_gain,block_rows", *rows]) + "\n")
-        return sweep(points={"table": str(tmp_path / "sweep.csv")})
-
-    before, after = read(rows), read([*rows[:77], rows[77].replace(",11", ",15"), *rows[78:]])
-    files = range(len(before.trial_chunks))
-    assert all(before.simulated_points(k, stored=True) == after.simulated_points(k, stored=True) for k in files)
-    changed = [k for k in range(len(before.chunks)) if before.identified_points(k) != after.identified_points(k)]
-    assert len(before.chunks) > 5
-    assert len(changed) == 1
-
-
-def test_a_changed_setting_reruns_the_chunks_that_hold_it():
-    points = {"reflex_gain": [5.0, 10.0, 20.0], "voluntary": [0.0, 0.1]}
-    before, after = (sweep(points=points | {"reflex_gain": gains}) for gains in ([5.0, 10.0, 20.0], [5.0, 11.0, 20.0]))
-    for name in ("chunks", "trial_chunks"):
-        changed = [old != new for old, new in zip(getattr(before, name), getattr(after, name), strict=True)]
-        held = [any("reflex_gain=10.0" in part.condition for part in chunk) for chunk in getattr(before, name)]
-        assert changed == held
-        assert any(held)
-
-
 @pytest.mark.parametrize("keep", ["everything", "scores"])
 def test_another_point_at_the_end_changes_the_last_chunk_alone(keep):
     gains = [0.5 * k for k in range(150)]

@@ -4,7 +4,6 @@ import logging
 import os
 import runpy
 import signal
-import struct
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,13 +11,14 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-import scipy.io
 
 from ankleloop import save_trial, simulate
 from ankleloop.recordings import files
 from ankleloop.replication.results import read_results
 from ankleloop.studies import recordings as job_of_recordings
 from ankleloop.studies.study import read_studies
+
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
 SCRIPTS = Path(__file__).parents[3] / "workflow" / "scripts"
 NAMES = ("good", "bad")  # of the recordings of a job
@@ -84,9 +84,9 @@ def fail_on_bad(function, error):
     return change
 
 
-@pytest.mark.parametrize("error", [np.linalg.LinAlgError("SVD did not converge"), FloatingPointError("overflow")])
 @pytest.mark.parametrize(("module", "name"), [(files, "analyse"), (job_of_recordings, "embed_recording_figures")])
-def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, module, name, error):
+def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, module, name):
+    error = np.linalg.LinAlgError("SVD did not converge")
     monkeypatch.setattr(module, name, fail_on_bad(getattr(module, name), error))
     table, folder = run_job()
     by_name = table.groupby("recording")["verdict"].first()
@@ -110,24 +110,6 @@ def test_a_killed_process_refuses_one_recording(run_job, monkeypatch, capsys):
     assert f"bad refused: {reason}" in capsys.readouterr().err
     assert {path.name for path in folder.iterdir()} == {*("good", "after"), *(f"{n}.html" for n in by_name.index)}
     assert by_name.loc[["good", "after"], "K"].notna().all()
-
-
-def test_a_file_that_crashes_its_reader_refuses_one_recording(run_job, folder):
-    """The byte of the type of the samples is wrong, which scipy takes as an index in memory."""
-    time = np.arange(12_000) / 1000.0
-    channels = {"position": 0.02 * np.sin(9.0 * time), "torque": np.cos(9.0 * time), "reference": np.sin(8.0 * time)}
-    scipy.io.savemat(folder / "crash.mat", channels)
-    content = bytearray((folder / "crash.mat").read_bytes())
-    content[content.index(struct.pack("<II", 9, 8 * time.size)) + 1] ^= 1 << 7
-    (folder / "crash.mat").write_bytes(content)
-    table, pages_folder = run_job("good", "crash.mat", "after")
-    by_name = table.groupby("recording")["verdict"].first()
-    assert by_name["crash.mat"] == "refused"
-    assert "refused" not in (by_name["good"], by_name["after"])
-    reason = table.set_index("recording").loc["crash.mat", "reasons"]
-    assert reason.startswith("crash.mat: cannot be read as .mat (")
-    assert "check that the file is whole" in (pages_folder / "crash.mat.html").read_text(encoding="utf-8")
-    assert {path.name for path in pages_folder.glob("*.html")} == {"good.html", "crash.mat.html", "after.html"}
 
 
 def test_mistakes_in_the_program_stop_the_job(run_job, monkeypatch):

@@ -106,8 +106,10 @@ def test_provenance_is_on_the_page(folder):
 
 
 def test_every_text_is_escaped(folder):
-    tables = read_tables(folder)
-    for page in (render_index(collect(folder)), render_tables(tables)):
+    claim = dict.fromkeys(("paper", "ours", "uncertainty", "tolerance"), 1.0) | {"unit": "% VAF", "section": "IV"}
+    claim |= dict.fromkeys(("difference", "difference_low", "difference_high"), 0.0) | {"verdict": "reproduced"}
+    ledger = pd.DataFrame([claim | dict.fromkeys(("id", "statement", "reason", "conditions"), HOSTILE)])
+    for page in (render_index(collect(folder)), render_tables(read_tables(folder)), render_ledger(ledger)):
         assert HOSTILE not in page
         assert "&lt;b&gt;&amp;co" in page
 
@@ -122,28 +124,6 @@ def test_long_tables_are_cut_and_say_so():
     page = render_tables({"long": pd.DataFrame({"n": [str(n) for n in range(1500)]})})
     assert "1500 rows; the first 1000 are below" in page
     assert page.count("<tr>") == 1001
-
-
-def ledger_row(number, verdict):
-    values = {"paper": 92.0, "ours": 91.0, "uncertainty": 0.5, "tolerance": 2.0, "difference": -1.0}
-    values |= {"difference_low": -1.5, "difference_high": -0.5, "section": "IV", "unit": "% VAF"}
-    return {
-        "id": f"claim{number}",
-        "statement": HOSTILE,
-        "verdict": verdict,
-        "reason": "why",
-        "conditions": "",
-        **values,
-    }
-
-
-def test_each_verdict_has_its_colour():
-    ledger = pd.DataFrame([ledger_row(number, verdict) for number, verdict in enumerate(VERDICTS)])
-    page = render_ledger(ledger)
-    for verdict in VERDICTS:
-        assert f'<span class="verdict" style="background: {VERDICT_COLOURS[verdict]}">{verdict}</span>' in page
-    assert HOSTILE not in page
-    assert "function sort(" in page  # its script
 
 
 def test_names_of_elements_are_unique(folder):

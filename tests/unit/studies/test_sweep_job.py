@@ -68,7 +68,8 @@ def test_tables_of_all_trials_do_not_depend_on_the_chunks(tmp_path, keep):
     def make_tables(most):
         methods = {"pr": METHODS["pr"]}
         settings = {"kind": "simulation", "notebook": None, "trials": 9, "seed": 1, "simulation": {"duration": 8.0}}
-        settings |= {"points": {"block_rows": [8, 10]}, "methods": methods, "keep": keep, "trials_per_chunk": most}
+        settings |= {"points": {"reflex_gain": [12.0, 8.0], "block_rows": [8, 10]}, "methods": methods}
+        settings |= {"keep": keep, "trials_per_chunk": most}
         study = read_studies({"studies": {"s": settings}})[1]["s"]
         chunks = range(len(study.chunks))
         folders = [files_in(tmp_path / f"{most}-{chunk}", "scores", "parameters") for chunk in chunks]
@@ -83,13 +84,14 @@ def test_tables_of_all_trials_do_not_depend_on_the_chunks(tmp_path, keep):
                 identify_chunk(trials, files, "s", *content, trials=study.identified_trials(chunk))
         table, text = tmp_path / f"{most}.parquet", tmp_path / f"{most}.csv"
         parts = ([files[name] for files in folders] for name in ("parameters", "scores"))
-        write_trial_table(table, *parts, study.varied, text=text, points=2, methods=["pr"], trials=9)
+        write_trial_table(table, *parts, study.varied, text=text, points=4, methods=["pr"], trials=9)
         return len(folders), table.read_bytes(), text.read_bytes()
 
     counts, *tables = zip(*map(make_tables, (1, 7, 100)), strict=True)
-    assert counts == (9, 2, 1)
+    assert counts == (18, 4, 2)
     assert all(len(set(files)) == 1 for files in tables)
-    assert len(pd.read_parquet(tmp_path / "100.parquet")) == 2 * 9
+    rows = pd.read_parquet(tmp_path / "100.parquet")[["reflex_gain", "trial", "block_rows"]]
+    assert rows.values.tolist() == [[gain, k, size] for gain in (12.0, 8.0) for k in range(9) for size in (8, 10)]
 
 
 @pytest.mark.parametrize("together", [1, 3, 100])

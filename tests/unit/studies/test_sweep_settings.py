@@ -1,11 +1,8 @@
 from pathlib import Path
 
 import pytest
-import yaml
 from pydantic import ValidationError
 
-from ankleloop.studies.study import read_studies
-from ankleloop.studies.study_checks import check_uses
 from ankleloop.studies.sweep_settings import SweepSettings, check_sweep
 
 ROOT = Path(__file__).parents[3]
@@ -53,16 +50,3 @@ def test_scores_against_the_measured_torque_have_no_truth():
     settings = SweepSettings(quantities=["K_error", "vaf_net_true"])
     with pytest.raises(ValueError, match="against: measured has no vaf_net_true; it has vaf_net_measured"):
         check_sweep(settings, VARIED, METHODS, "measured")
-
-
-def test_the_sweep_of_the_readme_is_three_lines_on_top_of_the_configuration():
-    text = (ROOT / "README.md").read_text(encoding="utf-8").partition("A sweep over two parameters")[2]
-    lines = [line for line in text.split("```")[1].splitlines()[1:] if line and line[0] != "#"]
-    assert len(lines) == 3
-    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
-    sweep = yaml.safe_load("\n".join(lines))["studies"]["table1"]
-    table1 = config["studies"]["table1"]
-    points = {**table1["points"], **sweep["points"]}  # as snakemake puts several files together
-    study = read_studies({"studies": {"table1": {**table1, **sweep, "points": points}}})[1]["table1"]
-    assert (list(study.varied), len(study.point_list)) == (["reflex_gain", "voluntary"], 10)
-    check_uses(study)
