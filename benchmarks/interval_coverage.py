@@ -1,12 +1,11 @@
 """Coverage of the 95 % intervals of `riv`: the share of trials in which an interval holds what it is for.
 
-Two tables, of which `benchmarks/measured.py` makes a page. Where the model is complete, an interval is for the truth: the
-settings of the study
-`efficiency` in config/config.yaml. Where the model is incomplete, it is for what the same fit gives on an infinitely
-long record: a third-order reflex fitted by second order, a reflex with a threshold fitted by a rectifier, a stiffness
-that drifts within the record. A record a hundred times as long stands for the infinitely long one; it takes two
-gigabytes of memory. No trial is written to disk. Writes results/tables/coverage.csv, coverage.md,
-coverage-incomplete.csv and coverage-incomplete.md.
+Two tables, of which `benchmarks/measured.py` makes a page. Where the model is complete, an interval is for the truth:
+the settings of the study `efficiency` in config/config.yaml. Where the model is incomplete, it is for what the same
+fit gives on an infinitely long record: a third-order reflex fitted by second order, a reflex with a threshold fitted
+by a rectifier, a stiffness that drifts within the record. A record a hundred times as long stands for the infinitely
+long one; it takes two gigabytes of memory. No trial is written to disk. Writes results/tables/coverage.csv,
+coverage.md, coverage-incomplete.csv and coverage-incomplete.md.
 """
 
 import argparse

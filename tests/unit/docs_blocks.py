@@ -1,7 +1,6 @@
 """Blocks of code of the documentation, with the output that stands behind them."""
 
 import re
-import shlex
 import textwrap
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,13 +53,6 @@ def read_blocks(page, text=None):
             blocks.append(Block(page, text.count("\n", 0, match.start()) + 1, language, code, tags[1] if tags else ""))
         end = match.end()
     return blocks
-
-
-def shell_commands(code):
-    """The commands of a block for the shell, each as a list of words; comments and empty lines are left out."""
-    lines = code.replace("\\\n", " ").splitlines()
-    parts = [part for line in lines for part in line.split("&&")]
-    return [words for part in parts if (words := shlex.split(part, comments=True))]
 
 
 def top_level_parts(code):

@@ -6,16 +6,11 @@ import pytest
 from ankleloop import arguments
 from ankleloop.arguments import (
     as_plain,
-    check_choice,
-    check_flag,
     check_integer,
     check_memory,
     check_number,
-    check_path,
-    check_text,
     describe_limits,
     show_value,
-    suggest_name,
 )
 
 
@@ -34,20 +29,6 @@ from ankleloop.arguments import (
 def test_limits_in_words(limits, words):
     assert describe_limits("s", **limits) == words
     assert describe_limits(**limits) == words.removesuffix(" s")
-
-
-@pytest.mark.parametrize(
-    ("value", "number"), [(2, 2.0), (2.5, 2.5), (np.float32(2.5), 2.5), (np.int16(-3), -3.0), (np.array(4), 4.0)]
-)
-def test_numbers_of_python_and_numpy_are_numbers(value, number):
-    assert check_number("owner", "length", value) == number
-    assert type(check_number("owner", "length", value)) is float
-
-
-@pytest.mark.parametrize("value", [3, 3.0, np.float64(3.0), np.int8(3), np.array(3)])
-def test_a_float_without_a_fraction_is_a_whole_number(value):
-    assert check_integer("owner", "count", value, ge=3, le=3) == 3
-    assert type(check_integer("owner", "count", value)) is int
 
 
 @pytest.mark.parametrize(
@@ -71,29 +52,6 @@ def test_limits_hold_at_their_ends(limits, inside, outside):
         assert check("owner", "count", inside, **limits) == inside
         with pytest.raises(ValueError, match=f"^owner: count must be {describe_limits(**limits)}, got {outside}\\.$"):
             check("owner", "count", outside, **limits)
-
-
-def test_flags_texts_choices_and_paths(tmp_path):
-    assert check_flag("owner", "flag", np.bool_(False)) is False
-    assert check_text("owner", "name", "position") == "position"
-    assert check_choice("owner", "sign", 1, (1, -1)) == 1
-    assert check_choice("owner", "kind", None, ("measured", None)) is None
-    assert check_path("owner", "path", str(tmp_path)) == check_path("owner", "path", tmp_path) == tmp_path
-    for check, wrong in (
-        (lambda value: check_flag("owner", "argument", value), (1, 0, "no", None)),
-        (lambda value: check_text("owner", "argument", value), (1, None, b"text")),
-        (lambda value: check_choice("owner", "argument", value, (1, -1)), (True, 1.5, "1", [])),
-        (lambda value: check_path("owner", "argument", value), (1, None, True, [])),
-    ):
-        for value in wrong:
-            with pytest.raises((ValueError, TypeError), match=r"^owner: argument must be "):
-                check(value)
-
-
-def test_a_name_is_suggested_only_where_one_is_near():
-    assert suggest_name("block_row", ["block_rows", "order"]) == " (did you mean 'block_rows'?)"
-    assert suggest_name("colour", ["block_rows", "order"]) == ""
-    assert suggest_name(None, ["block_rows"]) == ""
 
 
 def test_a_long_value_is_cut():

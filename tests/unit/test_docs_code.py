@@ -1,13 +1,9 @@
 """Every block of code in the documentation is run, or checked by what would read it."""
 
 import contextlib
-import importlib.util
 import io
-import os
 import re
 import shutil
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 
@@ -15,33 +11,15 @@ import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 import yaml
-from docs_blocks import ROOT, Block, documentation_pages, read_blocks, shell_commands, top_level_parts
+from docs_blocks import ROOT, documentation_pages, read_blocks, top_level_parts
 
 import ankleloop
-from ankleloop.command_line.main import commands
 from ankleloop.studies.config import SimulationStudy
 from ankleloop.studies.run_config import read_run
 
 PAGES = documentation_pages()
 BLOCKS = [block for page in PAGES for block in read_blocks(page)]
-RUN = {"python", "yaml", "sh"}
-# Blocks in other languages, and what holds them to the truth.
-NOT_RUN = {
-    "matlab": "tests/unit/joint/test_estimate_recipe.py does the recipe in numpy",
-    "text": "output, or the graph of a page",
-    "mermaid": "tests/integration/test_usage.py compares it with the rules, and the site draws it",
-}
-DIRECTIVE = re.compile(r"\{[\w-]+\}")  # of the site, which a strict build checks
 ERROR = re.compile(r"\w+Error: ")
-# Commands that are not tried, with the reason.
-NOT_TRIED = {
-    ".": "activates the environment",
-    "cd": "changes the folder",
-    "export": "sets a variable of the shell",
-    "git": "needs a repository in a network",
-    "eval": "is of the user's shell",
-    "pip": "needs a network",
-}
 
 # What a page takes for granted: files of the reader (the fixture `folder`), and names of an earlier page.
 SIMULATED = "trial = another_trial = ankleloop.simulate(seed=1, duration=20.0)\n"
@@ -188,105 +166,3 @@ def test_yaml_is_what_the_models_of_the_configuration_take(block, folder, monkey
     else:
         for part in map(yaml.safe_load, top_level_parts(block.code)):
             check_part({"kind": "simulation", **part})
-
-
-@cache
-def help_of_snakemake():
-    process = subprocess.run(
-        [sys.executable, "-m", "snakemake", "--help"], capture_output=True, text=True, check=True, env=os.environ
-    )
-    return process.stdout
-
-
-def check_snakemake(words):
-    studies = set(yaml.safe_load(config_text())["studies"])
-    for before, word in zip(["", *words], words, strict=False):
-        if word.startswith("--"):
-            assert re.search(rf"{word}\b", help_of_snakemake()), word
-        elif before == "--configfile" and word.startswith("config/") and (ROOT / word).exists():
-            studies |= set(yaml.safe_load((ROOT / word).read_text(encoding="utf-8"))["studies"])
-        elif before == "--configfile":
-            assert re.fullmatch(r"(config/)?(mine|my-[\w-]+)\.yaml", word), f"{word}: no file of the project"
-        elif before == "--workflow-profile":
-            assert (ROOT / word / "config.yaml").is_file()
-        elif before == "--config":
-            names = re.fullmatch(r"run=\[([\w,-]+)\]", word)[1].split(",")
-            assert set(names) <= studies
-
-
-def check_make(words):
-    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    for target in words:
-        assert "=" in target or re.search(rf"^{target}:", makefile, re.MULTILINE), f"make has no target {target}"
-
-
-def check_ankleloop(words):
-    """Parse the words of a command as the program does, and stop before anything is done."""
-    verb, *rest = words
-    context = commands.make_context("ankleloop", [verb], resilient_parsing=True)
-    command = commands.get_command(context, verb)
-    assert command is not None, f"ankleloop has no verb {verb}"
-    command.make_context(verb, rest, parent=context)
-
-
-def check_python(words):
-    if words[0] == "-m":
-        assert importlib.util.find_spec(words[1]), words[1]
-    else:
-        assert (ROOT / words[0]).is_file()
-
-
-def check_program(name, words):
-    """A program of the environment, with files of the project."""
-    assert Path(sys.executable).with_name(name).exists(), f"the environment has no program {name}"
-    for word in words:
-        assert "/" not in word or word.startswith("-") or (ROOT / word).exists(), f"there is no {word}"
-
-
-CHECKS = {"snakemake": check_snakemake, "make": check_make, "ankleloop": check_ankleloop, "python": check_python}
-
-
-@of_language("sh")
-def test_shell_commands_exist_with_their_options(block, folder):
-    (folder / "recording.csv").touch()
-    for name, *words in shell_commands(block.code):
-        program = name.removeprefix(".venv/bin/")
-        if program in CHECKS:
-            CHECKS[program](words)
-        elif program not in NOT_TRIED:
-            check_program(program, words)
-
-
-def test_every_block_has_a_language_that_is_run_or_listed():
-    unknown = {
-        block.place: block.language
-        for block in BLOCKS
-        if block.language not in RUN | set(NOT_RUN) and not DIRECTIVE.match(block.language)
-    }
-    assert unknown == {}
-
-
-def test_blocks_are_read_with_their_output():
-    page = (
-        "# Title\n\n```python\nprint(1)\n```\n\n```text\n1\n```\n\n1. List\n\n   ```sh\n   make a && b c  # d\n   ```\n"
-    )
-    first, second = read_blocks("page.md", page)
-    assert (first.language, first.code, first.output, first.line) == ("python", "print(1)\n", "1\n", 3)
-    assert (second.code, second.output) == ("make a && b c  # d\n", None)
-    assert shell_commands(second.code) == [["make", "a"], ["b", "c"]]
-    assert top_level_parts("a: 1\n  b: 2\na: 3\n") == ["a: 1\n  b: 2\n", "a: 3\n"]
-
-
-@pytest.mark.parametrize(
-    ("code", "output", "problem"),
-    [
-        ("print(2)", "1", AssertionError),
-        ("raise ValueError('a')", "ValueError: b", AssertionError),
-        ("print(1)", "ValueError: b", pytest.fail.Exception),
-        ("raise ValueError('a')", None, ValueError),
-    ],
-)
-def test_a_block_that_does_not_do_what_the_page_shows_is_noticed(code, output, problem):
-    with pytest.raises(problem):
-        run_python(Block("page.md", 1, "python", code, "", output), {})
-    run_python(Block("page.md", 1, "python", "raise ValueError('a')", "", "ValueError: a"), {})

@@ -96,15 +96,6 @@ def test_damaged_files_are_compiled_anew_and_replaced(load, tmp_path):
             assert hits(total) == 1, path.suffix
 
 
-def test_files_of_an_older_source_are_not_used_and_removed(load, tmp_path):
-    values = np.arange(5.0)
-    load()(values)
-    (old,) = files(tmp_path, "*.nbc")
-    assert load(SOURCE.replace("return result", "return 2 * result"))(values) == 20.0
-    (new,) = files(tmp_path, "*.nbc")
-    assert new != old
-
-
 def test_without_space_the_function_still_runs(load, tmp_path, monkeypatch):
     total = load()
 
@@ -126,17 +117,3 @@ def test_where_no_folder_can_be_written_it_says_so_and_the_function_still_runs(l
         functions = [load(), load()]
     assert [str(record.message) for record in records] == [NO_FOLDER]
     assert [function(np.arange(5.0)) for function in functions] == [10.0, 10.0]
-
-
-def test_whether_machine_code_is_kept(tmp_path, monkeypatch):
-    from ankleloop.kernels import is_kept, kernel
-
-    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
-
-    def double(value):
-        return 2 * value
-
-    compiled = kernel()(double)
-    assert not is_kept(compiled)
-    compiled(2.0)
-    assert is_kept(compiled)

@@ -74,7 +74,7 @@ UNITS = {
 def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write an estimate and its model to a file, from which `load_estimate` reads the same estimate.
 
-    docs/reference/estimates.md describes the file field by field, and how to compute torques from it in another program.
+    docs/reference/estimates.md describes the file field by field, and how another program computes torques from it.
 
     Parameters
     ----------

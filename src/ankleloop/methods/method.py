@@ -255,7 +255,7 @@ def _parameter_warnings(estimate: Estimate) -> list[str]:
     for name, value in values.items():
         quantity, (low, high) = QUANTITIES[name], estimate.intervals.get(name, (value, value))
         least, most = quantity.plausible
-        if high < least or low > most:
+        if isfinite(value) and (high < least or low > most):
             fault = "negative" if value < 0 else f"outside of {least:g} … {most:g}"
             warnings.append(f"{name} = {value:.3g} {quantity.unit} is {fault}, which no joint has.")
     return warnings

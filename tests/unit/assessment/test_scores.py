@@ -119,15 +119,6 @@ def test_the_times_of_the_estimate_select_the_samples(trial, first):
     assert evaluate(trial, make_estimate(*parts, first=first - 10))["vaf"][1] < 99.9
 
 
-def test_a_cut_trial_keeps_its_time(trial, perfect):
-    """Estimates are on the time axis of the record, wherever it was cut."""
-    cut = trial.isel(time=slice(203, None))
-    np.testing.assert_allclose(evaluate(cut, perfect)["vaf"], evaluate(trial, perfect)["vaf"], atol=1e-9)
-    time = identify(cut, "moesp", basis="rectifier").torque["time"]
-    assert np.isin(np.round(time * RATE), np.round(cut["time"] * RATE)).all()
-    assert time[0] % 0.01 == pytest.approx(0.003, abs=1e-9)  # whole steps from the first sample of the cut
-
-
 @pytest.mark.parametrize(("trim", "samples"), [(1.0, 100), (0.0, 0), (0.255, 26), (5.005, 501)])
 def test_trimming(trial, perfect, trim, samples):
     """Errors at the ends do not count, the first one inside does."""

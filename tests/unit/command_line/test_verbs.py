@@ -54,14 +54,6 @@ def test_check(run, recording):
     assert "--position angle_deg --torque torque_nm --reference command_deg --position-unit deg" in result.err
 
 
-def test_check_refuses(run, trial, tmp_path):
-    result = run("check", turned(trial, tmp_path / "a.h5"))
-    assert result.status == 1
-    assert re.search(r"^ refused  sign of the torque: .* the torque has the other sign", result.out, re.MULTILINE)
-    assert result.err == "next: on the command line this is --torque-sign.\n"
-    assert run("check", tmp_path / "a.h5", "--torque-sign", "-1").status == 0
-
-
 def test_check_refuses_a_file_that_is_damaged(run, tmp_path):
     (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0" + bytes(300))
     result = run("check", tmp_path / "a.mat")
@@ -155,15 +147,6 @@ def test_progress_of_another_process(capfd):
     assert not log.handlers
 
 
-def test_a_folder_that_cannot_be_made(run, recording, tmp_path):
-    (tmp_path / "file").write_text("x")
-    before = contents(tmp_path)
-    result = run("identify", recording, "--output", tmp_path / "file" / "results")
-    assert result.status == 2
-    assert "cannot be made or written to" in " ".join(result.err.split())
-    assert contents(tmp_path) == before
-
-
 def test_a_joint_that_changes(run, tmp_path):
     """The phase of the cycle is a further variable of the file; riv-tv is fitted, and written into a study."""
     save_trial(simulate(seed=1, duration=40.0, variation="cycle", stiffness_variation=0.4), tmp_path / "a.nc")
@@ -240,22 +223,6 @@ def test_study_of_a_sweep(run, tmp_path, setting):
     study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["new"]
     assert study.varied == [setting]
     assert 2 <= len(study.points) <= 5
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ([], "name either the files of recordings, or settings by --sweep"),
-        (["{recording}", "--sweep", "reflex_gain"], "name either"),
-        (["--sweep", "reflex_gian"], "there is no setting 'reflex_gian'"),
-    ],
-)
-def test_study_refuses(run, recording, tmp_path, arguments, words):
-    result = run("study", tmp_path / "new.yaml", *(argument.format(recording=recording) for argument in arguments))
-    assert result.status == 2
-    assert words in " ".join(result.err.split())
-    assert not (tmp_path / "new.yaml").exists()
-    assert run("study", tmp_path / "new.txt", "--sweep", "delay").status == 2
 
 
 # --- demo

@@ -1,5 +1,4 @@
 import json
-import os
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ from value_comparison import assert_same_values
 from ankleloop import METHODS, DataError, identify, simulate
 from ankleloop.joint.estimate import TORQUES, Estimate, torque_dataset
 from ankleloop.joint.estimate_files import EstimateCollection, load_estimates, load_estimates_of, save_estimates
-from ankleloop.records import files
 
 
 def make_estimate(seed=0, samples=50, reflex=None, **fields):
@@ -39,21 +37,6 @@ def load(path):
     return load_estimates(path, "pr-moesp")
 
 
-def test_round_trip_of_several_trials(tmp_path):
-    estimates = [make_estimate(seed, diagnostics={"trial": seed}) for seed in range(3)]
-    save(estimates, tmp_path / "estimates.nc")
-    loaded = load(tmp_path / "estimates.nc")
-    assert len(loaded) == 3
-    for after, before in zip(loaded, estimates, strict=True):
-        assert after.method == "pr-moesp"
-        assert after.model is None
-        assert after.stiffness == before.stiffness
-        assert list(after.stiffness) == ["K", "B", "I"]
-        assert after.reflex == before.reflex
-        assert after.diagnostics == before.diagnostics
-        assert_same_torque(after, before)
-
-
 def test_estimates_whose_records_begin_at_different_samples(tmp_path):
     estimates = [make_estimate(seed, samples=60 - abs(shift)) for seed, shift in enumerate((0, 2, -1))]
     for estimate, first in zip(estimates, (0, 2, 0), strict=True):
@@ -70,15 +53,6 @@ def test_trials_with_an_estimated_delay(tmp_path):
     save(estimates, tmp_path / "0.nc")
     for loaded, saved in zip(load(tmp_path / "0.nc"), estimates, strict=True):
         assert_same_torque(loaded, saved)
-
-
-def test_special_values_keep_their_bits(tmp_path):
-    estimate = make_estimate()
-    special = [-0.0, 5e-324, 1.7976931348623157e308, np.nan, np.inf, -np.inf, 0.1 + 0.2]
-    estimate.torque["reflex"][: len(special)] = special
-    save([estimate], str(tmp_path / "estimates.nc"))
-    (loaded,) = load(str(tmp_path / "estimates.nc"))
-    assert_same_torque(loaded, estimate)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -103,13 +77,6 @@ def test_reflex_parameters_that_one_trial_lacks(tmp_path):
     for estimates in ([with_gain, without], [without, with_gain]):
         save(estimates, tmp_path / "estimates.nc", overwrite=True)
         assert [e.reflex for e in load(tmp_path / "estimates.nc")] == [e.reflex for e in estimates]
-
-
-def test_intervals_survive(tmp_path):
-    intervals = {"K": (140.0, 160.0), "G": (12.5, 13.5)}
-    save([make_estimate(intervals=intervals)], tmp_path / "estimates.nc")
-    (loaded,) = load(tmp_path / "estimates.nc")
-    assert {name: tuple(bounds) for name, bounds in loaded.intervals.items()} == intervals
 
 
 def test_the_file_is_plain_netcdf_with_units(tmp_path):
@@ -190,52 +157,3 @@ def test_the_same_estimates_give_the_same_file(tmp_path):
     for name in ("a.nc", "b.nc"):
         save([make_estimate(diagnostics={"order": 2})], tmp_path / name)
     assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
-
-
-def _fail(*_, **__):
-    raise OSError("disk full")
-
-
-def _half(_, group):
-    """What a full disk leaves: part of a group, and an error."""
-    group.attrs["method"] = "half"
-    raise OSError("disk full")
-
-
-@pytest.mark.parametrize("existing", [False, True], ids=["new", "replaced"])
-@pytest.mark.parametrize("stage", ["writing", "renaming"])
-def test_a_failed_save_leaves_nothing_half_written(tmp_path, monkeypatch, existing, stage):
-    path = tmp_path / "estimates.nc"
-    if existing:
-        save([make_estimate()], path)
-    before = path.read_bytes() if existing else None
-    with monkeypatch.context() as patch:
-        if stage == "writing":
-            patch.setattr(EstimateCollection, "write", _half)
-        else:
-            patch.setattr(files.os, "replace" if existing else "fsync", _fail)
-        with pytest.raises(DataError, match=r"estimates.nc: the file cannot be written \(disk full\)"):
-            save([make_estimate(1)], path, overwrite=True)
-    assert os.listdir(tmp_path) == (["estimates.nc"] if existing else [])
-    if existing:
-        assert path.read_bytes() == before
-
-
-def test_diagnostics_without_a_form_in_json(tmp_path):
-    with pytest.raises(TypeError, match="object cannot be kept in diagnostics"):
-        save([make_estimate(diagnostics={"thing": object()})], tmp_path / "estimates.nc")
-    assert os.listdir(tmp_path) == []
-
-
-def test_a_missing_folder(tmp_path):
-    with pytest.raises(DataError, match=r"there is no folder .*: make it first"):
-        save([make_estimate()], tmp_path / "none" / "estimates.nc")
-
-
-def test_saving_replaces_and_leaves_nothing_else(tmp_path):
-    (tmp_path / "estimates.nc").write_text("old")
-    with pytest.raises(DataError, match=r"estimates.nc: the file exists already"):
-        save([make_estimate()], tmp_path / "estimates.nc")
-    save([make_estimate()], tmp_path / "estimates.nc", overwrite=True)
-    assert os.listdir(tmp_path) == ["estimates.nc"]
-    assert len(load(tmp_path / "estimates.nc")) == 1

@@ -2,7 +2,6 @@
 
 import os
 
-import h5netcdf
 import numpy as np
 import pytest
 import scipy.io
@@ -22,7 +21,6 @@ from ankleloop import (
 )
 from ankleloop.joint.basis import BASES
 from ankleloop.joint.model_files import VERSION
-from ankleloop.records import files
 
 CASES = {method: (method, {}) for method in METHODS}
 CASES |= {f"{method} {basis}": (method, {"basis": basis}) for method in ("pr-moesp", "riv") for basis in BASES}
@@ -98,18 +96,6 @@ def test_everything_of_an_estimate_comes_back(estimate, container, other, tmp_pa
 
 
 @pytest.mark.parametrize("container", CONTAINERS)
-def test_merged_trials(trial, other, container, tmp_path):
-    second = simulate(seed=3, duration=15.0)
-    for number, estimate in enumerate(identify([trial, second], "pr-moesp", basis="spline")):
-        path = tmp_path / f"{number}{container}"
-        save_estimate(estimate, path)
-        loaded = load_estimate(path)
-        assert_same_estimate(loaded, estimate)
-        np.testing.assert_array_equal(loaded.predictor.initial_state, estimate.predictor.initial_state)
-        assert loaded.predict(other).torque.identical(estimate.predict(other).torque)
-
-
-@pytest.mark.parametrize("container", CONTAINERS)
 def test_long_records(trial, other, container, tmp_path):
     save_trial(trial, tmp_path / "trial.nc")
     estimate = identify_file(LongRecord(tmp_path / "trial.nc"), tmp_path / "torques.nc", chunk=500)
@@ -123,18 +109,6 @@ def test_long_records(trial, other, container, tmp_path):
     # From rest the model gives the same torques, but for the first moments and hence for the mean.
     difference = (loaded.predict(trial).torque["reflex"].values - estimate.torque["reflex"].values)[300:]
     np.testing.assert_allclose(difference, difference.mean(), atol=1e-6)
-
-
-def test_values_that_are_not_finite_survive(trial, tmp_path):
-    estimate = identify(trial, "pr-moesp")
-    estimate.intervals["K"] = (-np.inf, np.nan)
-    estimate.torque["reflex"][:4] = [-0.0, 5e-324, np.nan, np.inf]
-    for container in CONTAINERS:
-        save_estimate(estimate, tmp_path / f"e{container}")
-        loaded = load_estimate(tmp_path / f"e{container}")
-        assert loaded.torque["reflex"].values.tobytes() == estimate.torque["reflex"].values.tobytes()
-        assert loaded.intervals["K"][0] == -np.inf
-        assert np.isnan(loaded.intervals["K"][1])
 
 
 def test_products_along_common_dimensions_are_products_of_matrices(trial, tmp_path):
@@ -158,23 +132,6 @@ def test_products_along_common_dimensions_are_products_of_matrices(trial, tmp_pa
             np.testing.assert_allclose(torque, m.C @ (m.A @ x.values + m.B @ u.values) + m.D @ u.values, rtol=1e-12)
             assert float(model["D"].sel(input="position", output="torque")) == pytest.approx(estimate.stiffness["K"])
             assert model["input_delay"].values.tolist() == [0.0] * 3 + [0.04] * 5
-
-
-def test_the_file_says_what_it_is(trial, tmp_path):
-    estimate = identify(trial, "riv", delay=None)
-    save_estimate(estimate, tmp_path / "e.nc")
-    save_estimate(estimate, tmp_path / "e.mat")
-    with h5netcdf.File(tmp_path / "e.nc") as file:
-        assert dict(file.attrs)["format"] == "ankleloop estimate"
-        assert file.attrs["format_version"] == VERSION
-        assert file["stiffness/K"].attrs["units"] == "N·m/rad"
-        assert file["reflex/delay"][...] == estimate.reflex["delay"] == file["model/delay"][...]
-        np.testing.assert_array_equal(file["intervals/K"], estimate.intervals["K"])
-    struct = scipy.io.loadmat(tmp_path / "e.mat", simplify_cells=True)["estimate"]
-    assert (struct["format"], struct["format_version"]) == ("ankleloop estimate", VERSION)
-    assert list(struct["model"]["input"]) == [*estimate.matrices.names[0]]
-    assert struct["model"]["delay"] == estimate.reflex["delay"]
-    assert struct["torque"]["identification_rate"] == 100.0
 
 
 def rewrite(path, change):
@@ -250,23 +207,6 @@ def test_foreign_and_truncated_files_are_refused(trial, tmp_path, container):
         load_estimate(path)
 
 
-def test_a_matlab_file_without_a_field_or_of_a_newer_version_is_refused(trial, tmp_path):
-    path = tmp_path / "e.mat"
-    save_estimate(identify(trial, "pr-moesp"), path)
-    struct = scipy.io.loadmat(path, simplify_cells=True)["estimate"]
-    for change, message in (
-        ({"format_version": VERSION + 1.0}, "e.mat: version 2 of the format"),
-        (
-            {"model": {name: value for name, value in struct["model"].items() if name != "delay"}},
-            "e.mat, group model: there is no 'delay'",
-        ),
-        ({"torque": 3.0}, "e.mat: there is no group 'torque'"),
-    ):
-        scipy.io.savemat(path, {"estimate": struct | change}, long_field_names=True)
-        with pytest.raises(DataError, match=message):
-            load_estimate(path)
-
-
 def test_a_matlab_file_that_matlab_has_written_again_is_read(trial, other, tmp_path):
     """MATLAB keeps numbers as doubles, vectors as rows or columns, and texts as they are."""
     estimate = identify(trial, "riv", delay=None)
@@ -275,29 +215,6 @@ def test_a_matlab_file_that_matlab_has_written_again_is_read(trial, other, tmp_p
     scipy.io.savemat(tmp_path / "again.mat", {"estimate": struct}, long_field_names=True, oned_as="row")
     loaded = load_estimate(tmp_path / "again.mat")
     assert loaded.predict(other).torque.identical(estimate.predict(other).torque)
-
-
-@pytest.mark.parametrize("container", CONTAINERS)
-@pytest.mark.parametrize("stage", ["writing", "renaming"])
-def test_a_failed_save_leaves_the_file_as_it_was(trial, tmp_path, monkeypatch, container, stage):
-    path = tmp_path / f"e{container}"
-    save_estimate(identify(trial, "pr-moesp"), path)
-    before = path.read_bytes()
-
-    def fail(*_, **__):
-        raise OSError("disk full")
-
-    with monkeypatch.context() as patch:
-        if stage == "renaming":
-            patch.setattr(files.os, "replace", fail)
-        elif container == ".nc":
-            patch.setattr(xr.DataTree, "to_netcdf", fail)
-        else:
-            patch.setattr(scipy.io, "savemat", fail)
-        with pytest.raises(DataError, match=r"the file cannot be written \(disk full\)"):
-            save_estimate(identify(trial, "riv"), path, overwrite=True)
-    assert os.listdir(tmp_path) == [path.name]
-    assert path.read_bytes() == before
 
 
 def test_other_suffixes_folders_and_values_are_refused(trial, tmp_path):

@@ -9,12 +9,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from ankleloop import DataError, identify, load_estimate, load_trial, new_trial, save_estimate, save_trial, simulate
+from ankleloop import identify, load_estimate, load_trial, new_trial, save_estimate, save_trial, simulate
 from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.estimate_files import EstimateCollection, find_estimates, load_estimates, save_estimates
 from ankleloop.joint.torques import torque_dataset
 from ankleloop.records.group_files import read_groups, write_groups
-from ankleloop.records.trial_files import load_chunks, load_trials, save_trials
+from ankleloop.records.trial_files import load_trials, save_trials
 
 EXAMPLES = settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -179,51 +179,3 @@ def test_estimates_of_a_chunk(tmp_path, fitted, data):
 
 
 # --- Damaged files of the library
-
-
-def containers(fitted, folder):
-    """Files of the library, and how each is read."""
-    trial = simulate(seed=1, duration=2.0)
-    save_trial(trial, folder / "trial.nc")
-    save_trials([trial], folder / "trials.nc")
-    save_estimates({"m": EstimateCollection([fitted])}, folder / "estimates.nc")
-    for suffix in (".nc", ".mat"):
-        save_estimate(fitted, folder / f"estimate{suffix}")
-    return {
-        "trial.nc": load_trial,
-        "trials.nc": lambda path: list(load_chunks(path)),
-        "estimates.nc": lambda path: load_estimates(path, "m"),
-        "estimate.nc": load_estimate,
-        "estimate.mat": load_estimate,
-    }
-
-
-def test_truncated_files_are_refused_with_name_and_remedy(fitted, tmp_path):
-    for name, load in containers(fitted, tmp_path).items():
-        content = (tmp_path / name).read_bytes()
-        for share in (0.0, 0.001, 0.3, 0.9):
-            (tmp_path / name).write_bytes(content[: int(share * len(content))])
-            with pytest.raises(DataError, match=rf"{name}.*: (restore it from a copy|delete it)"):
-                load(tmp_path / name)
-
-
-def test_damaged_files_are_read_or_refused(fitted, tmp_path):
-    """Other texts instead of names and numbers: no error of a library or of Python comes through."""
-    rng = np.random.default_rng(0)
-    refused = 0
-    for name, load in containers(fitted, tmp_path).items():
-        content = (tmp_path / name).read_bytes()
-        for word in (b"torque", b"position", b"net", b"json", b"stiffness", b"time", b"kind", b"state-space", b"point"):
-            (tmp_path / name).write_bytes(content.replace(word, bytes(rng.integers(97, 123, len(word)).tolist())))
-            message = outcome(lambda: load(tmp_path / name))  # noqa: B023
-            refused += message is not None
-            assert message is None or name in message
-    assert refused > 5
-
-
-def outcome(load):
-    try:
-        load()
-    except DataError as error:
-        return str(error)
-    return None

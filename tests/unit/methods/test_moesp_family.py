@@ -231,28 +231,6 @@ def test_the_reference_is_in_the_diagnostics(noisy):
     assert "reference" not in identify(noisy, "pi-moesp", basis="rectifier").diagnostics
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"order": 15}, r"block_rows must be larger than the order \(15\), got 15"),
-        ({"order": 0}, r"^method '.*': order must be between 1 and 20, got 0\.$"),
-        (
-            {"projection": "oblique"},
-            r"^method '.*': projection must be one of 'ordinary' or 'correlation'; got 'oblique'\.$",
-        ),
-        (
-            {"input_matrices": "guess"},
-            r"^method '.*': input_matrices must be one of 'least-squares' or 'instruments'; got 'guess'\.$",
-        ),
-        ({"basis": "spline", "degree": 3}, "a cubic spline basis needs a degree of at least 4, got 3"),
-        ({"delay": None}, r"^method '.*': delay must be a finite number between 0 and 1 s, got None\.$"),
-    ],
-)
-def test_invalid_options_of_the_family_are_refused(noisy, options, message):
-    with pytest.raises(ValueError, match=message):
-        identify(noisy, "pr-moesp", **options)
-
-
 # --- merged trials
 
 

@@ -143,20 +143,6 @@ def test_rank_by_minimum_description_length(cascades):
     np.testing.assert_allclose(estimate.torque["reflex"], reflex, atol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"rank": "half"}, r"^method '.*': rank must be one of 'full' or 'mdl'; got 'half'\.$"),
-        ({"basis": "chebyshev"}, r"^method '.*': basis must be 'rectifier'; got 'chebyshev'\.$"),
-        ({"max_passes": 0}, r"^method '.*': max_passes must be between 1 and 10000, got 0\.$"),
-        ({"reflex_lags": 20.0}, r"^method '.*': reflex_lags must be between 0\.001 and 5 s, got 20\.0\.$"),
-    ],
-)
-def test_invalid_options_of_the_parallel_cascade(noisy, options, message):
-    with pytest.raises(ValueError, match=message):
-        identify(noisy, "parallel-cascade", **options)
-
-
 def test_responses_longer_than_the_record_are_refused(noisy):
     with pytest.raises(DataError, match=r"leaves \d+ samples for 510 unknowns: record longer, or shorten"):
         identify(noisy.isel(time=slice(0, 10_000)), "parallel-cascade", reflex_lags=5.0)

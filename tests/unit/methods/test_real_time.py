@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ankleloop
-from ankleloop import DataError, identify, new_trial, simulate
+from ankleloop import identify, new_trial, simulate
 from ankleloop.methods.real_time import _lag_input, _track
 from ankleloop.simulation.excitation import draw_pulses
 
@@ -100,19 +100,3 @@ def test_pulses_are_symmetric_and_half_of_the_intervals_have_none():
     assert np.mean(starts == 0) == pytest.approx(0.5, abs=0.05)
     assert abs(starts.mean()) < 0.002
     assert not x.reshape(-1, 200)[:, 20:].any()
-
-
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"memory": 0.0}, ValueError, r"^method '.*': memory must be between 0\.1 and 1e6 s, got 0\.0\.$"),
-        ({"reflex_lags": -1.0}, ValueError, r"^method '.*': reflex_lags must be between 0\.001 and 5 s, got -1\.0\.$"),
-        ({"settling": -1.0}, ValueError, r"^method '.*': settling must be between 0 and 1e6 s, got -1\.0\.$"),
-        ({"settling": 59.0}, DataError, "too short for a settling time of 59 s"),
-        ({"basis": "chebyshev"}, ValueError, r"^method '.*': basis must be 'rectifier'; got 'chebyshev'\.$"),
-    ],
-)
-def test_invalid_options_are_refused(options, error, message):
-    trial = simulate(seed=1, perturbation="pulses", **QUIET)
-    with pytest.raises(error, match=message):
-        identify(trial, "real-time", **options)

@@ -50,15 +50,6 @@ def test_curves_are_means_with_their_confidence_bands(results):
     assert (edges.min(), edges.max()) == (pytest.approx(low), pytest.approx(high))
 
 
-def test_panel_notes_the_lowest_mean_below_its_limit(results):
-    figure = curves_figure(results, {"K": Panel("K [N·m/rad]", limits=(-20.0, 104.0))}, xlabel="gain [1]")
-    assert figure.axes[0].get_ylim() == (-20.0, 104.0)
-    lowest = results.query("panel == 'K' and series == 'PI-MOESP' and x == 1")["value"].mean()
-    assert figure.axes[0].texts[0].get_text() == f"lowest mean: {lowest:.4g}"
-    unlimited = curves_figure(results, {"K": Panel("K [N·m/rad]", limits=(-900.0, 104.0))}, xlabel="gain [1]")
-    assert not unlimited.axes[0].texts
-
-
 def test_a_band_ends_where_a_single_trial_is_left(results):
     """No interval is known there: the band must not shrink to a line, as if the mean were exact."""
     rows = results[(results["x"] != 4.0) | ~results.duplicated(["panel", "series", "x"])]
@@ -97,20 +88,6 @@ def test_a_method_without_a_quantity_has_not_failed(results):
     rows = results.assign(outcome="warning", value=np.nan)
     figure = curves_figure(rows, {"K": Panel("K [N·m/rad]")}, xlabel="gain [1]")
     assert not {"every trial failed", "with failures or warnings"} & set(legend(figure))
-
-
-def test_rings_mark_ratios_and_estimates_with_failures_or_warnings():
-    table = pd.DataFrame({"panel": "p", "row": ["K", "B"], "series": "m", "ratio": [1.5, 90.0], "fault": [False, True]})
-    ((x, _),) = rings(ratio_figure(table, limit=1.5, largest=50.0).axes[0])
-    assert x == 50.0  # drawn at the edge
-    table = table.assign(value=[10.0, 20.0], margin=[1.0, np.nan])
-    ((x, _),) = rings(estimates_figure(table, {"p": Panel("VAF [%]", limits=(0.0, 100.0))}).axes[0])
-    assert x == 20.0
-    table = table.assign(value=[10.0, np.nan], failed=[False, True])
-    figure = estimates_figure(table, {"p": Panel("VAF [%]", limits=(0.0, 100.0))})
-    assert not rings(figure.axes[0])
-    (cross,) = [line for line in figure.axes[0].get_lines() if line.get_label() == "every trial failed"]
-    assert cross.get_ydata().tolist() == [1.0]
 
 
 def test_an_asterisk_marks_cells_with_failures_or_warnings():
@@ -153,13 +130,6 @@ def test_traces_have_units_and_true_values():
     assert {axis.get_xlabel() for axis in figure.axes} == {"time [s]"}
     assert figure.axes[0].get_lines()[1].get_ydata()[0] == 150.0
     assert legend(figure) == ["estimate", "true value"]
-
-
-def test_traces_set_the_limits_after_settling():
-    time = np.linspace(0, 5, 501)
-    trace = {"time": time, "K": 150.0 + 1e4 * np.exp(-10 * time)}
-    figure = traces_figure({"closed": trace}, {"K": ("K [N·m/rad]", 150.0)}, settling=4.0)
-    assert max(figure.axes[0].get_ylim()) < 200.0
 
 
 def test_singular_values_are_relative_to_the_first():
@@ -256,12 +226,3 @@ def test_the_table_of_a_figure_has_what_its_lines_have(results):
             np.testing.assert_array_equal(line.get_xydata(), rows[["gain [1]", "mean"]])
             edges = band.get_paths()[0].vertices
             assert {*rows["low"], *rows["high"]} <= set(edges[:, 1])
-
-
-def test_traces_and_singular_values_are_in_the_tables_of_their_figures():
-    time = np.linspace(0, 5, 20)
-    figure = traces_figure({"open": {"time": time, "K": time**2}}, {"K": ("K [N·m/rad]", 150.0)})
-    np.testing.assert_array_equal(figure.axes[0].get_lines()[0].get_xydata(), figure.data[["time [s]", "estimate"]])
-    figure = order_figure({"PR-MOESP": [np.array([4.0, 2.0, 1.0])]}, order=2)
-    columns = ["number [1]", "singular value over the first [1]"]
-    np.testing.assert_array_equal(figure.axes[0].get_lines()[0].get_xydata(), figure.data[columns])

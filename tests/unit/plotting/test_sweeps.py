@@ -26,7 +26,6 @@ FAILURES = SweepPanel("failures", "failed trials [%]", SERIES, "low", None, Fals
 PANELS = [VAF, VAF_DIFFERENCE, STIFFNESS, STIFFNESS_DIFFERENCE, FAILURES]
 GAIN = SweepAxis.of("reflex_gain", "reflex gain [N·m·s/rad]", [5.0, 10.0, 15.0, 20.0])
 NOISE = SweepAxis.of("voluntary", "voluntary torque [1]", [0.1, 1.0, 10.0])
-BASIS = SweepAxis.of("basis", "basis [1]", ["chebyshev", "rectifier"])
 METHODS = {"riv": 0.0, "moesp": -5.0, "riv − moesp": 5.0}
 
 
@@ -94,13 +93,6 @@ def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
         assert (at_ten.min(), at_ten.max()) == (96 - half, 96 + half)
 
 
-def test_texts_have_no_line_between_them():
-    axis = panels_of(draw(lines_figure(effects(BASIS), BASIS, [VAF])))[0]
-    assert {line.get_linestyle() for line in axis.get_lines()} == {"None"}
-    assert [text.get_text() for text in axis.get_xticklabels()] == ["chebyshev", "rectifier"]
-    assert axis.get_xlabel() == "basis"
-
-
 def test_marks_stand_where_trials_failed_or_warned():
     table = effects(GAIN)
     first = (table["place"] == 5.0) & (table["method"] == "riv")
@@ -157,31 +149,6 @@ def test_colours_of_differences_are_centred_at_zero():
     assert len(shared) == 1
 
 
-def test_colour_bars_do_not_overlap_where_a_quantity_has_several_rows():
-    series = [SweepSeries("riv", f"method {number}", METHOD_STYLES["riv"]) for number in range(5)]
-    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, [replace(VAF, series=series), VAF_DIFFERENCE]))
-    assert len(panels_of(figure)) == 6
-    first, second = sorted((bar.get_tightbbox() for bar in bars_of(figure)), key=lambda box: box.x0)
-    assert first.x1 <= second.x0
-    assert second.x1 <= figure.bbox.x1
-
-
-def test_colours_of_a_parameter_are_centred_at_its_true_value():
-    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, [STIFFNESS, STIFFNESS_DIFFERENCE]))
-    mesh = panels_of(figure)[0].collections[0]
-    assert (mesh.norm.vmin + mesh.norm.vmax) / 2 == 150.0
-    assert mesh.get_cmap().name == "PuOr"
-
-
-def test_long_labels_are_inside_their_panels():
-    long = SweepAxis.of("pr.block_rows", "block rows of PR-MOESP, least squares [samples]", NOISE.values)
-    figure = draw(maps_figure(cells(), (GAIN, long), EDGES, [VAF, STIFFNESS, FAILURES]))
-    boxes = [axis.yaxis.label.get_window_extent() for axis in panels_of(figure) if axis.get_ylabel()]
-    assert len(boxes) == 3
-    assert boxes[0].y1 <= figure.bbox.y1
-    assert all(upper.y0 > lower.y1 for upper, lower in itertools.pairwise(boxes))
-
-
 def test_cells_without_a_value_are_hatched_and_those_without_a_point_are_grey():
     table = cells()
     table = table[~((table["x"] == 20.0) & (table["y"] == 10.0))]
@@ -207,13 +174,6 @@ def test_small_cells_have_outlined_regions_and_no_rings():
     outline = np.concatenate([np.asarray(part) for part in panel.collections[-1].get_segments()])
     assert outline.min() > 0.4
     assert outline.max() == pytest.approx(axis.edges()[-1])
-
-
-def test_points_of_an_irregular_design_are_drawn_by_themselves():
-    table = cells().drop_duplicates(["x", "method", "quantity"])
-    figure = draw(maps_figure(table, (GAIN, NOISE), None, [VAF]))
-    points = panels_of(figure)[0].collections[0]
-    assert len(points.get_offsets()) == 4
 
 
 def test_slices_have_panels_of_their_own():
@@ -266,14 +226,6 @@ def test_scale_of_an_axis_follows_its_values(values, kind):
     assert SweepAxis.of("x", "x", values).kind == kind
 
 
-def test_cells_lie_around_their_values():
-    for axis in (GAIN, NOISE, BASIS):
-        edges, places = axis.edges(), axis.places(axis.values)
-        assert len(edges) == len(places) + 1
-        assert np.all((edges[:-1] < places) & (places < edges[1:]))
-    np.testing.assert_allclose(NOISE.edges(), [10**-1.5, 10**-0.5, 10**0.5, 10**1.5])
-
-
 def test_tick_labels_do_not_overlap():
     for count in (2, 9, 300):
         for scale in (np.linspace(0.0, 30.0, count), np.geomspace(0.01, 1000.0, count)):
@@ -288,10 +240,3 @@ def test_tick_labels_do_not_overlap():
             ]
             assert len(boxes) >= 2
             assert all(first.x1 < second.x0 for first, second in itertools.pairwise(boxes))
-
-
-def test_words_and_units_of_values():
-    loop = SweepAxis.of("closed_loop", "loop [1]", [True, False], {True: "closed loop", False: "open loop"})
-    assert loop.texts == ["closed loop", "open loop"]
-    noise = SweepAxis.of("snr_db", "SNR [dB]", [10.0, None])
-    assert [noise.describe(value) for value in (10.0, np.nan)] == ["SNR 10 dB", "SNR none"]

@@ -79,23 +79,6 @@ def test_open_loop_takes_what_explains_most_if_the_difference_is_certain(loop, r
     assert recommendation.text.startswith(start)
 
 
-def test_methods_that_cannot_be_told_apart_are_named():
-    """PR has the larger VAF, but not for certain: riv, which gives intervals; the cascade is worse for certain."""
-    unseen = {"PR": residual(9.9, 1), "RIV": residual(10.0, 2), "cascade": residual(20.0, 3)}
-    recommendation = recommend(make_analysis("open", [PR, CASCADE, RIV], unseen=unseen))
-    assert recommendation.label == "RIV"
-    assert "the one whose parameters have intervals" in recommendation.reason
-    assert (
-        "as good there, as far as the half can tell (95 % interval of their difference from it): PR ("
-        in recommendation.reason
-    )
-    assert "cascade" not in recommendation.text
-    unseen["cascade"] = residual(9.8, 3)
-    recommendation = recommend(make_analysis("open", [CASCADE, PR, warned(RIV)], unseen=unseen))
-    assert recommendation.label == "PR"
-    assert "comes first from few parameters to many" in recommendation.reason
-
-
 def test_a_wide_difference_is_not_called_equal():
     short = {"PR": residual(40.0, 1, 1200), "RIV": residual(42.0, 2, 1200)}
     recommendation = recommend(make_analysis("open", ROWS, unseen=short))

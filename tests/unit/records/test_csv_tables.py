@@ -2,7 +2,6 @@
 
 import os
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,32 +61,6 @@ def test_columns_of_one_name(tmp_path, header):
     assert message == "a.csv: 2 columns are called 'position' (columns 1, 2): give each a name of its own."
 
 
-def test_columns_of_one_name_that_nobody_wants(tmp_path):
-    assert columns(tmp_path, "note,position,note,torque,,\n1,2,3,4,,\n")["torque"].tolist() == [4]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (HEADER + ROWS + "0.5", "the last line (52) has 1 cell and the header 3: the file is cut off"),
-        (HEADER + ROWS + "0.5,12", "the last line (52) has 2 cells and the header 3: the file is cut off"),
-        (HEADER + ROWS + "0.5,12\n", "the last line (52) has 2 cells and the header 3: the file is cut off"),
-        (HEADER + ROWS + "1,2,x,y\n" + ROWS, "line 52 has 4 cells and the header 3: correct the line"),
-        (HEADER + ROWS + '"1,2,x\n3,4,x\n5,6,"x\n', "line 52 has 1 cell and the header 3: torque is missing there"),
-        (HEADER + '1,"2,x\n3,4,x\n5,6",x\n', "there are 3 lines with samples, but 1 rows: a quotation mark is open"),
-        ("\n \n", "the table has no header"),
-        ("a\x00b", "byte 0 in a table of text"),
-        ("position,torque\n".encode("utf-16"), "the text is UTF-16: save it as CSV in UTF-8"),
-        ("position,torque\n".encode("utf-16-be"), "byte 0 in a table of text"),
-        ("position,torque,°\n1,2,3\n4,5,µ\n".encode("cp1252"), "line 1 is not UTF-8 (byte 0xb0): save it as UTF-8"),
-        ("position,torque,note\n1,2,3\n4,5,µ\n".encode("cp1252"), "line 3 is not UTF-8 (byte 0xb5): save it as UTF-8"),
-        ("position,torque\n" + 2_000_000 * "1", "line 2 is longer than 1048576 bytes: no table"),
-    ],
-)  # fmt: skip
-def test_damaged_tables(tmp_path, text, message):
-    assert refused(tmp_path, text).startswith(f"a.csv: {message}")
-
-
 def test_a_number_that_is_cut_off_is_refused(tmp_path):
     text = "position,torque\n" + "".join(f"{0.01 * k:.3f},{k + 0.125:.4f}\n" for k in range(50))
     message = refused(tmp_path, text[:-3])
@@ -104,12 +77,6 @@ def test_a_whole_number_of_fixed_digits_needs_no_end_of_line(tmp_path):
 def test_a_number_that_may_be_cut_off_gives_a_warning(tmp_path):
     with pytest.warns(UserWarning, match=r"a.csv: the file ends within line 3, at the torque '34', without an end of"):
         assert columns(tmp_path, "position,torque\n1,2\n3,34")["torque"].tolist() == [2, 34]
-
-
-def test_a_last_cell_that_nobody_wants_gives_no_warning(tmp_path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        columns(tmp_path, "position,torque,note\n1,2,le\n3,34,lef")
 
 
 @pytest.mark.parametrize("cut", range(1, 40))
@@ -143,9 +110,3 @@ def test_a_file_without_permission(tmp_path):
     finally:
         if is_root:
             os.seteuid(0)
-
-
-def test_an_empty_file(tmp_path):
-    Path(tmp_path / "a.nc").touch()
-    with pytest.raises(DataError, match=r"^a.nc: cannot be read as .nc \(it is empty, 0 bytes\): check that the file"):
-        read_trial(tmp_path / "a.nc")

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import netcdf_file
 
-from ankleloop import DataError, LongRecord, new_trial, read_trial, save_trial
+from ankleloop import DataError, LongRecord, read_trial
 from ankleloop.records import long_record
 from ankleloop.records.sample_checks import check_blocks
 from ankleloop.records.validation import validate
@@ -133,22 +133,6 @@ def test_each_variant_is_read_or_refused_as_by_read_trial(tmp_path, monkeypatch,
     compare(tmp_path / "rec.h5", **options)
 
 
-def test_the_variants_are_what_they_say(tmp_path):
-    """Some are read with the numbers that they stand for, others are refused for their fault."""
-    results = {}
-    for variant in ("packed", "fill value", "degrees stated", "gap", "wrong rate", "complex torque", "boolean torque"):
-        contents, options = VARIANTS[variant]
-        write(tmp_path / f"{variant}.nc", **contents)
-        results[variant] = compare(tmp_path / f"{variant}.nc", **options)
-    np.testing.assert_allclose(results["packed"]["position"], P, atol=1e-6)
-    assert "torque is not finite at sample 700 (0.7 s), 1 sample in all" in results["fill value"]
-    assert "pass position_unit='deg'" in results["degrees stated"]
-    assert "time is irregular at sample 600 (1.1 s): it steps by 0.501 s where 0.001 s is usual" in results["gap"]
-    assert "stated as 500 Hz, but time runs at 1000 Hz" in results["wrong rate"]
-    for variant in ("complex torque", "boolean torque"):
-        assert "not real numbers" in results[variant]
-
-
 def test_files_of_xarray_and_classic_netcdf(tmp_path):
     data = xr.Dataset({"position": ("t", P), "torque": ("t", TQ), "reference": ("t", R)}, attrs={"fs": RATE})
     packing = {"position": {"dtype": "int16", "scale_factor": 1e-6, "_FillValue": -32768}}
@@ -180,19 +164,6 @@ def test_files_that_cannot_be_opened(tmp_path):
     assert not isinstance(compare(tmp_path / "whole.h5"), str)
     with pytest.raises(DataError, match=r"read from \.h5, \.hdf5, \.nc; convert it first"):
         LongRecord(tmp_path / "x.csv")
-
-
-def test_damaged_files_never_stop_the_process(tmp_path):
-    """Bytes are changed anywhere in the structure of the file, which can crash or halt the HDF5 library."""
-    write(tmp_path / "whole.h5", {"position": P[:50], "torque": TQ[:50], "reference": R[:50]})
-    content = np.frombuffer((tmp_path / "whole.h5").read_bytes(), dtype=np.uint8)
-    rng = np.random.default_rng(3)
-    for number in range(12):
-        damaged = content.copy()
-        places = rng.integers(0, 2048, 1 + number)
-        damaged[places] = rng.integers(0, 256, places.size)
-        (tmp_path / "damaged.h5").write_bytes(damaged.tobytes())
-        compare(tmp_path / "damaged.h5")
 
 
 def test_a_file_that_is_changed_later_is_refused(tmp_path):
@@ -251,9 +222,3 @@ def test_checks_of_blocks_are_those_of_the_whole(values, cuts, rate):
     trial = xr.Dataset({name: ("time", column) for name, column in columns.items()}, {"time": time})
     whole = outcome(lambda: validate(trial.assign_attrs(sampling_rate=rate), source="x"))
     assert outcome(lambda: check_blocks(blocks, rate, source="x")) == (whole if isinstance(whole, str) else None)
-
-
-def test_a_trial_that_was_saved(tmp_path):
-    trial = new_trial(P, TQ, RATE, R)
-    save_trial(trial, tmp_path / "trial.nc")
-    xr.testing.assert_identical(LongRecord(tmp_path / "trial.nc").read(0, N).drop_attrs(), trial.drop_attrs())

@@ -10,7 +10,6 @@ import sys
 import textwrap
 import threading
 import time
-import warnings
 
 import h5py
 import numpy as np
@@ -66,12 +65,6 @@ def test_a_crash_refuses_the_file_and_no_other(tmp_path, server):
         with pytest.raises(DataError, match=r"^bad.mat: cannot be read as .mat \(.*\): check that the file is whole"):
             read_channels(bad, OPTIONS)
     assert_reads(good)
-
-
-def test_the_message_names_the_signal(tmp_path, server, monkeypatch):
-    replace_reader(monkeypatch, server, "os.kill(os.getpid(), 9)")
-    with pytest.raises(DataError, match=r"a.mat: .* \(it crashed the process that reads it, SIGKILL\): check"):
-        read_channels(write_mat(tmp_path / "a.mat"), OPTIONS)
 
 
 def replace_reader(monkeypatch, server, statement):
@@ -142,16 +135,6 @@ def test_a_killed_process_is_started_again(tmp_path, server):
     assert_reads(good)
 
 
-def test_threads_take_turns(tmp_path, server):
-    good, results = write_mat(tmp_path / "a.mat"), []
-    threads = [threading.Thread(target=lambda: results.append(assert_reads(good))) for _ in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert results == [None] * 8
-
-
 def test_files_of_the_current_folder_are_not_imported(tmp_path, server, monkeypatch):
     (tmp_path / "numpy.py").write_text("raise SystemExit('the wrong numpy')")
     (tmp_path / "h5py.py").write_text("raise SystemExit('the wrong h5py')")
@@ -176,12 +159,6 @@ def test_the_process_ends_with_its_program(tmp_path):
         os.kill(int(run.stdout), 0)
 
 
-def test_a_wrong_interpreter_is_no_fault_of_the_file(tmp_path, server, monkeypatch):
-    monkeypatch.setattr(sys, "executable", "/bin/false")
-    with pytest.raises(RuntimeError, match="the process that reads files did not start"):
-        read_channels(write_mat(tmp_path / "a.mat"), OPTIONS)
-
-
 def test_only_wanted_variables_are_read(tmp_path, server):
     path = tmp_path / "a.h5"
     with h5py.File(path, "w") as file:
@@ -191,15 +168,6 @@ def test_only_wanted_variables_are_read(tmp_path, server):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     assert_reads(path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB; the data set has 3.2 GB
-
-
-def test_too_many_samples_are_refused_by_their_number(tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file.create_dataset("position", (10**12,), "f8", chunks=(10_000,))
-        file["torque"] = TQ
-    message = r"^a.h5: position has 1,000,000,000,000 samples .* at most 20,000,000 .*5.6 h at 1 kHz.*LongRecord"
-    with pytest.raises(DataError, match=message):
-        read_channels(tmp_path / "a.h5", OPTIONS)
 
 
 def test_long_records_are_read_in_pieces(tmp_path):
@@ -222,12 +190,3 @@ def test_long_records_are_read_in_pieces(tmp_path):
     assert set(pieces) == {"position", "torque"}
     np.testing.assert_allclose(pieces["position"].values, P[100:120], atol=5e-7)
     np.testing.assert_array_equal(pieces["torque"].values, TQ[100:120])
-
-
-def test_warnings_of_the_reader_reach_the_caller(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text("position,torque\n0.01,1.5\n0.02,2.25\n0.03,3.125")
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        read_channels(path, OPTIONS)
-    assert [str(w.message).split(":")[0] for w in caught] == ["a.csv"]

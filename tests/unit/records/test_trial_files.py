@@ -4,7 +4,6 @@ import pytest
 from ankleloop import DataError, new_trial, simulate
 from ankleloop.joint import prepared
 from ankleloop.joint.prepared import prepare, prepare_trials
-from ankleloop.records import trial_files
 from ankleloop.records.trial_files import load_chunks, load_trial_of, load_trials, save_trials
 from ankleloop.signals.decimation import decimate
 
@@ -15,20 +14,6 @@ def make_trials(count=3, samples=50, **attributes):
         new_trial(*(0.01 * rng.standard_normal((2, samples))), 100.0, subject="S1", number=k, **attributes)
         for k in range(count)
     ]
-
-
-def test_round_trip_is_bit_exact(tmp_path):
-    trials = [*make_trials(), make_trials(1)[0].assign_attrs(note="only here")]
-    save_trials(trials, tmp_path / "trials.nc")
-    loaded = list(load_trials(tmp_path / "trials.nc"))
-    assert len(loaded) == 4
-    for before, after in zip(trials, loaded, strict=True):
-        assert after.attrs == before.attrs
-        assert {type(value) for value in after.attrs.values()} <= {int, float, str}
-        assert set(after.variables) == set(before.variables)
-        for name in before.variables:
-            np.testing.assert_array_equal(after[name], before[name])
-            assert after[name].attrs == before[name].attrs
 
 
 def test_trials_that_cannot_share_a_file(tmp_path):
@@ -103,17 +88,6 @@ def test_more_trials_than_are_read_at_a_time(tmp_path):
     save_trials(make_trials(37), tmp_path / "trials.nc")
     assert [trial.attrs["number"] for trial in load_trials(tmp_path / "trials.nc")] == list(range(37))
     assert [len(chunk.trials) for chunk in load_chunks(tmp_path / "trials.nc")] == [25, 12]
-
-
-def test_fewer_long_trials_are_read_at_a_time(tmp_path, monkeypatch):
-    trials = make_trials(5)  # of two signals of 50 samples
-    save_trials(trials, tmp_path / "trials.nc")
-    for memory, sizes in ((2 * 8 * 2 * 50, [2, 2, 1]), (1, [1] * 5)):
-        monkeypatch.setattr(trial_files, "CHUNK_MEMORY", memory)
-        chunks = list(load_chunks(tmp_path / "trials.nc"))
-        assert [len(chunk.trials) for chunk in chunks] == sizes
-        for before, after in zip(trials, (trial for chunk in chunks for trial in chunk.trials), strict=True):
-            np.testing.assert_array_equal(after["torque"], before["torque"])
 
 
 def test_attributes_in_which_trials_differ_keep_their_values_and_types(tmp_path):

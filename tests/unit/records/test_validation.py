@@ -34,27 +34,10 @@ def test_sampling_rate_must_be_positive_and_finite(trial, rate):
         validate(trial.assign_attrs(sampling_rate=rate), source="x")
 
 
-@pytest.mark.parametrize("rate", [None, "fast", [1.0, 2.0]])
-def test_sampling_rate_must_be_a_number(rate):
-    with pytest.raises(DataError, match=r"sampling_rate is .*: pass a single number in Hz"):
-        new_trial(POSITION, TORQUE, rate)
-
-
 def test_missing_sampling_rate(trial):
     del trial.attrs["sampling_rate"]
     with pytest.raises(DataError, match=r"the attribute sampling_rate is missing: set trial.attrs"):
         validate(trial)
-
-
-@pytest.mark.parametrize("name", ["position", "torque"])
-def test_missing_variable(trial, name):
-    with pytest.raises(DataError, match=rf"^x: there is no variable {name} among \[.*'reference'.*\]: make the trial"):
-        validate(trial.drop_vars(name), source="x")
-
-
-def test_missing_time(trial):
-    with pytest.raises(DataError, match="there is no coordinate time: make the trial with new_trial"):
-        validate(trial.drop_vars("time"))
 
 
 @pytest.mark.parametrize("name", ["position", "reference", "torque_reflex"])
@@ -80,19 +63,8 @@ def test_constant_channels_are_refused(trial, name, noise):
         validate(trial, source="x")
 
 
-def test_constant_reference_is_refused(trial):
-    trial.reference[:] = 0.0
-    with pytest.raises(DataError, match=r"reference is constant .* carries no information: leave it out, or check"):
-        validate(trial)
-
-
 def test_constant_true_torque_is_accepted():
     assert "torque_voluntary" in new_trial(POSITION, TORQUE, RATE, torque_voluntary=np.zeros(500))
-
-
-def test_one_sample_is_refused():
-    with pytest.raises(DataError, match="time has 1 sample: a trial needs at least 2"):
-        new_trial([0.1], [1.0], RATE)
 
 
 def test_two_samples_are_accepted():
@@ -105,11 +77,6 @@ def test_position_in_degrees_is_refused():
     ) as e:
         new_trial(np.rad2deg(POSITION), TORQUE, RATE)
     assert "pass position_unit='deg'" in str(e.value)
-
-
-def test_two_samples_in_degrees_are_refused():
-    with pytest.raises(DataError, match=r"at 100 rad/s at sample 1 \(0.01 s\)"):
-        new_trial([0.0, 1.0], [1.0, 2.0], 100.0)
 
 
 @pytest.mark.parametrize("rate", [1000.0, 5000.0, 20000.0])
@@ -133,12 +100,6 @@ def test_peak_speed_is_the_largest_difference_of_means(position, rate):
     sample, speed = validation.peak_speed(position, rate)
     assert speed == pytest.approx(max(speeds.values()), abs=1e-9)
     assert speed == 0.0 or speeds[sample] == pytest.approx(speed, abs=1e-9)
-
-
-def test_other_dimensions_are_refused(trial):
-    trial["emg"] = ("emg_time", np.zeros(3))
-    with pytest.raises(DataError, match=r"emg has shape \(3,\) over \('emg_time',\).*: cut all variables"):
-        validate(trial)
 
 
 def test_other_types_are_refused(trial):

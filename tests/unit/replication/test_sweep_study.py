@@ -39,30 +39,6 @@ def test_standard_quantities_and_axes_are_those_of_the_table(sweep):
     assert set(sweep.shown_trials["method"]) == {"riv", "moesp", "riv − moesp"}
 
 
-def test_methods_keep_their_styles_where_one_alone_is_shown(read):
-    sweep = read(make_trials(POINTS), ["reflex_gain", "voluntary"], methods=["moesp"])
-    every = {item.method: item for item in read(make_trials(POINTS), ["reflex_gain", "voluntary"]).series}
-    assert sweep.series == [every["moesp"]]
-    assert every["moesp"].style != every["riv"].style
-    assert set(sweep.shown_trials["method"]) == {"moesp"}
-
-
-def test_difference_of_methods_that_are_not_shown(read):
-    sweep = read(make_trials(POINTS), ["reflex_gain", "voluntary"], methods=["riv"], difference=["moesp", "riv"])
-    assert set(sweep.shown_trials["method"]) == {"riv", "moesp − riv"}
-
-
-def test_parameter_with_one_value_is_no_axis(read):
-    table = make_trials(POINTS).assign(snr_db=10.0)
-    sweep = read(table, ["reflex_gain", "voluntary", "snr_db"])
-    assert [axis.name for axis in sweep.axes] == ["reflex_gain", "voluntary"]
-
-
-def test_truth_is_that_of_all_points_or_none(read):
-    sweep = read(make_trials(POINTS), ["reflex_gain", "voluntary"], quantities=["K", "G", "K_error"])
-    assert [panel.truth for panel in sweep.panels] == [150.0, None, None]
-
-
 def test_quantities_without_a_value_are_named_and_left_out(read):
     table = make_trials(POINTS).assign(zeta=np.nan)
     sweep = read(table, ["reflex_gain", "voluntary"], quantities=["K", "zeta", "passes"])
@@ -93,12 +69,6 @@ def test_axes_choose_the_picture(read):
     titles = [axis.get_title().split("\n")[-1] for axis in figure.axes if axis.get_title()]
     assert titles == ["block rows 10 samples", "block rows 12 samples"] * 2
     assert caption.startswith("Means over the trials of each point.")
-
-
-def test_marks_are_described_where_there_are_any(sweep, read):
-    assert "Rings: at least 5 % of the trials of a mean failed" in draw_sweep(sweep)[1]
-    clean = read(make_trials(POINTS), ["reflex_gain", "voluntary"])
-    assert "Rings" not in draw_sweep(clean)[1]
 
 
 def test_extremes_are_the_ends_of_the_means(sweep):

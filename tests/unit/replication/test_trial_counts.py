@@ -10,9 +10,7 @@ from ankleloop.replication.trial_counts import (
     count_outcomes,
     count_trials,
     describe_absence,
-    describe_counts,
     describe_failures,
-    describe_faults,
     describe_warnings,
     list_outcomes,
     summarise_scores,
@@ -59,13 +57,6 @@ def test_a_failure_counts_as_no_warning(parameters):
     assert list_outcomes(parameters).tolist()[:4] == ["failure", "warning", "estimate", "warning"]
 
 
-def test_tables_without_faults_have_no_such_columns(parameters):
-    plain = parameters.drop(columns=["failure", "warnings"])
-    assert count_outcomes(plain, ["point", "method"])[COUNTS].values.tolist() == [[3, 0, 0]] * 4
-    assert describe_failures(plain) == describe_faults(plain) == ""
-    assert "none of 12 estimates" in describe_counts(plain)
-
-
 def test_scores_keep_their_means_and_their_order(parameters):
     scores = parameters[parameters["failure"].isna()].drop(columns=["failure", "warnings"])
     scores = pd.concat(
@@ -105,16 +96,6 @@ def test_warnings_are_counted_by_method():
     assert text.startswith("2 of 3 estimates")
     assert text.endswith("; 1 identification failed and is left out")
     assert describe_warnings(failed, {"a": "A"}).endswith("; 1 identification failed and is left out (A 1)")
-
-
-def test_a_caption_explains_rings_where_there_are_any(parameters):
-    assert describe_faults(parameters).startswith(" Rings mark")
-    assert describe_faults(parameters.tail(6)) == ""
-
-
-def test_without_numbers_every_row_is_a_trial(parameters):
-    counts = count_outcomes(parameters.drop(columns="trial"), ["point", "method"])
-    pd.testing.assert_frame_equal(counts, count_outcomes(parameters, ["point", "method"]))
 
 
 def test_a_figure_of_a_trial_says_what_failed():

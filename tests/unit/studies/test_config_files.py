@@ -41,10 +41,6 @@ def test_a_key_that_stands_twice_is_refused(check_text, text, key, lines):
         check_text(text)
 
 
-def test_keys_of_other_mappings_and_of_anchors_may_be_equal(check_text):
-    check_text("a: &x {k: 1}\nb: &y {k: 2}\nc: {<<: *x, k: 3}\nd: {<<: *x, <<: *y}\ne: [*x, *x]\n")
-
-
 @pytest.mark.parametrize("number", ["12", "-3", "+4", "0", "1.", ".5", "2.50", "1.0e+3", "-.INF", ".nan"])
 def test_numbers_that_everybody_reads_alike_pass(check_text, number):
     check_text(f"a: {number}\nb: [{number}]\n")
@@ -66,12 +62,6 @@ def test_keys_that_yaml_does_not_read_as_text_are_refused(check_text, written):
     with pytest.raises(ConfigError, match=r"config.yaml, line 2: YAML reads the key .* as .*: put it in quotes"):
         check_text(f"files:\n  {written}: x\n")
     check_text(f"files:\n  '{written}': x\n")
-
-
-def test_files_of_json_are_checked_too(check_text):
-    check_text('{"a": {\t"b": 1}, "c": [1, 2]}', "config.json")
-    with pytest.raises(ConfigError, match="the key 'b' stands twice"):
-        check_text('{"a": {"b": 1, "b": 2}}', "config.json")
 
 
 def test_the_place_of_a_key_is_that_of_the_last_file_with_it(tmp_path):

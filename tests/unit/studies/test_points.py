@@ -58,12 +58,6 @@ def test_a_bare_option_is_that_of_every_method_that_has_it():
     assert read({"a.delay": [0.03]}, three).points[0].options == {"a": {"delay": 0.03}}
 
 
-def test_values_are_those_of_the_model():
-    point = read([{"block_rows": 12.0, "reflex_gain": np.float64(13), "voluntary": -0.0, "snr_db": None}]).points[0]
-    assert point.name == "block_rows=12,reflex_gain=13.0,snr_db=None,voluntary=0.0"
-    assert [type(value) for value in point.values.values()] == [int, float, float, type(None)]
-
-
 def test_points_that_leave_a_parameter_out_have_the_shared_value():
     points = read([{"reflex_gain": 8}, {"stiffness": 100}, {"pr.block_rows": 12}], stiffness=120.0).points
     assert points[0].values == {"reflex_gain": 8.0, "stiffness": 120.0, "pr.block_rows": 15}
@@ -85,13 +79,6 @@ def test_points_that_leave_a_parameter_out_have_the_shared_value():
 def test_ranges(values, expected):
     name = "stiffness_drift" if expected[0] < 0 else "reflex_threshold"
     assert [point.values[name] for point in read({name: values}).points] == expected
-
-
-def test_ranges_of_whole_numbers():
-    rows = read({"block_rows": {"start": 10, "stop": 30, "count": 4}}).points
-    assert [point.values["block_rows"] for point in rows] == [10, 17, 23, 30]
-    with pytest.raises(ConfigError, match=r"points → block_rows=12\.5 → pr → block_rows.*whole number.*got 12\.5"):
-        read({"block_rows": {"start": 10, "stop": 30, "step": 2.5}})
 
 
 DESIGN = {
@@ -201,22 +188,6 @@ def test_options_are_checked_with_those_that_they_go_with(change):
         study = read_studies(config | {"run": ["table1"]})[1]["table1"]
         with pytest.raises(ConfigError, match=message):
             check_uses(study)
-
-
-def test_what_is_equal_is_checked_once(monkeypatch):
-    """The work grows with the distinct settings, not with the combinations."""
-    counts = {"settings": 0, "options": 0}
-    for model, key in ((SimulationSettings, "settings"), (METHODS["pr-moesp"].options, "options")):
-        validate = model.model_validate
-
-        def count(values, validate=validate, key=key):
-            counts[key] += 1
-            return validate(values)
-
-        monkeypatch.setattr(model, "model_validate", count)
-    points = {"reflex_gain": list(range(30)), "voluntary": [0.1, 0.2], "block_rows": list(range(10, 50))}
-    assert len(read(points).points) == 2400
-    assert counts == {"settings": 60, "options": 40}
 
 
 def test_names_of_points_tell_all_combinations_apart():

@@ -1,12 +1,11 @@
 """The page that lists all results holds what is there, and nothing else; every text is escaped."""
 
 import json
-import re
 
 import pandas as pd
 import pytest
 
-from ankleloop.pages.index import VERDICT_COLOURS, render_index, render_ledger, render_tables
+from ankleloop.pages.index import render_index
 from ankleloop.replication.ledger import VERDICTS
 from ankleloop.studies.provenance import Provenance
 from ankleloop.studies.results_index import collect_results, read_tables
@@ -105,39 +104,7 @@ def test_provenance_is_on_the_page(folder):
         assert text in page, text
 
 
-def test_every_text_is_escaped(folder):
-    claim = dict.fromkeys(("paper", "ours", "uncertainty", "tolerance"), 1.0) | {"unit": "% VAF", "section": "IV"}
-    claim |= dict.fromkeys(("difference", "difference_low", "difference_high"), 0.0) | {"verdict": "reproduced"}
-    ledger = pd.DataFrame([claim | dict.fromkeys(("id", "statement", "reason", "conditions"), HOSTILE)])
-    for page in (render_index(collect(folder)), render_tables(read_tables(folder)), render_ledger(ledger)):
-        assert HOSTILE not in page
-        assert "&lt;b&gt;&amp;co" in page
-
-
 def test_tables_have_few_digits_and_no_empty_columns(folder):
     tables = read_tables(folder)
     assert list(tables) == ["table1"]
     assert tables["table1"].to_dict("list") == {"method": [HOSTILE, "b"], "mean": ["92.123", "–"], "n": ["3", "4"]}
-
-
-def test_long_tables_are_cut_and_say_so():
-    page = render_tables({"long": pd.DataFrame({"n": [str(n) for n in range(1500)]})})
-    assert "1500 rows; the first 1000 are below" in page
-    assert page.count("<tr>") == 1001
-
-
-def test_names_of_elements_are_unique(folder):
-    for page in (render_index(collect(folder)), render_tables(read_tables(folder))):
-        names = re.findall(r'\bid="([^"]+)"', page)
-        assert names
-        assert len(set(names)) == len(names)
-
-
-def test_colours_of_verdicts_differ_and_dark_text_is_readable_on_them():
-    assert set(VERDICT_COLOURS) == set(VERDICTS)
-    assert len(set(VERDICT_COLOURS.values())) == len(VERDICTS)
-    for colour in VERDICT_COLOURS.values():
-        parts = [int(digits, 16) / 255 for digits in re.findall("[0-9a-f]{2}", colour)]
-        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
-        luminance = sum(weight * part for weight, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
-        assert (luminance + 0.05) / (0.0103 + 0.05) > 7  # contrast of #1a1a1a, as WCAG asks of small text

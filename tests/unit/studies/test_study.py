@@ -51,22 +51,6 @@ def test_trials_with_other_variables_are_in_another_file(table1):
     assert len(alike.trial_chunks) == 1
 
 
-def test_the_order_of_settings_does_not_matter(table1):
-    points = ({"load_stiffness": [50.0], "load_inertia": [0.2]}, {"load_inertia": [0.2], "load_stiffness": [50.0]})
-    names = [list(table1(points=combinations).points) for combinations in points]
-    assert names[0] == names[1]
-
-
-def test_a_whole_number_makes_the_point_of_the_same_float(table1):
-    """13 and 13.0 are one setting: one name, and so one seed."""
-    study = table1(points={"reflex_gain": [13, 2.0], "snr_db": [10, None], "closed_loop": [True]})
-    expected = table1(points={"reflex_gain": [13.0, 2.0], "snr_db": [10.0, None], "closed_loop": [True]})
-    assert list(study.points) == list(expected.points)
-    assert "closed_loop=True,reflex_gain=13.0,snr_db=10.0" in study.points
-    assert study.point_list == expected.point_list
-    assert all(type(point.values["reflex_gain"]) is float for point in study.point_list)
-
-
 @pytest.mark.parametrize(
     ("points", "name"),
     [
@@ -142,20 +126,6 @@ def recorded(config):
     return read_studies(config)[1]["recordings"]
 
 
-def test_recordings_need_their_folder(example, monkeypatch):
-    study = recorded(example)
-    monkeypatch.delenv("ANKLELOOP_RECORDINGS", raising=False)
-    with pytest.raises(ConfigError, match=r"study recordings.*ANKLELOOP_RECORDINGS.*not set.*export"):
-        study.paths("z_pf")
-    monkeypatch.setenv("ANKLELOOP_RECORDINGS", "/somewhere")
-    assert study.paths("z_pf") == ["/somewhere/ankle_pf.mat"]
-    assert study.points["z_pf"]["torque_sign"] == -1
-    assert study.points["z_pf"]["position"] == "position"
-    assert study.points["z_df"]["trial"] == "1"
-    assert study.analysed_methods["pi-moesp"]["select"] == {"degree": [6, 8, 12]}
-    assert "degree" not in study.analysed_methods["pi-moesp"]["options"]
-
-
 @pytest.fixture
 def tabulate(example, tmp_path):
     """The example with a table instead of its files."""
@@ -222,41 +192,6 @@ def test_chunks_of_recordings(tabulate):
     assert chunks == [["r0", "r1"], ["r2", "r3"], ["r4"]]
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("file,torque_sign\na.mat,2\n", r"line 2 → torque_sign.* must be one of 1 or -1; got 2"),
-        ("file,start\na.mat,late\n", r"line 2 → start \[s\]: must be a finite number.*, got 'late'"),
-        ("file,color\na.mat,red\n", "line 2: unknown key 'color'; known here: .*name, batch"),
-        ("name,file\nx,a.mat\n\nx,b.mat\n", "line 4: the name 'x' is taken"),
-        ("name,file\na/b,a.mat\n", "line 2: the name 'a/b' must consist of at most 100 letters"),
-        ("name,file\n", "has no rows"),
-        ("name,subject\nx,S1\n", "line 2: the key 'file' is missing"),
-        ("file,start\na.mat,1_0\n", r"line 2 → start \[s\]: must be a finite number.*, got '1_0'"),
-        ("file,subject\nleft, loaded.mat,S1\n", "line 2: 'S1' is in no named column; put a text with a comma"),
-        ("file,subject,file\na.mat,S1,b.mat\n", "2 columns are called 'file'"),
-        ("batch,name,file\n,B1,a.mat\nB1,,b.mat\n", "line 3: the name 'B1' is taken; give each row, and each batch"),
-        ("batch,name,file\nB1,,a.mat\n,B1,b.mat\n", "line 3: the name 'B1' is taken; give each row, and each batch"),
-        ("batch,file,start\nB1,a.mat,2\nB1,a.mat,2.0\n", "line 3: the same part of a.mat is in the batch 'B1' already"),
-    ],
-)
-def test_tables_with_mistakes(tabulate, text, message):
-    with pytest.raises(ConfigError, match=message):
-        recorded(tabulate(text))
-
-
-def test_a_study_of_recordings_needs_some(tabulate, tmp_path):
-    with pytest.raises(ConfigError, match="there is no table"):
-        recorded(tabulate("file\na.mat\n", table=str(tmp_path / "other.csv")))
-    with pytest.raises(ConfigError, match="name its recordings under files, or a table"):
-        recorded(tabulate("file\na.mat\n", table=None))
-    config = tabulate("name,file\nx,a.mat\n")
-    config["studies"]["recordings"]["files"] = {"x": {"file": "b.mat"}}
-    message = r"the recording 'x' is under files \(b.mat\) and in the table .*list.csv \(a.mat\)"
-    with pytest.raises(ConfigError, match=message):
-        recorded(config)
-
-
 def test_text_of_a_table_is_kept_as_it_is_written(tabulate):
     text = "file,subject,condition,trial,start\na.mat,007,1e3,12_3,01.50\n"
     (point,) = recorded(tabulate(text)).points.values()
@@ -286,11 +221,4 @@ def test_what_would_replace_results_silently_is_refused(tabulate):
     first, second = list(methods)[:2]
     methods[second]["label"] = methods[first].get("label") or first
     with pytest.raises(ConfigError, match="2 methods have the label"):
-        recorded(config)
-
-
-def test_a_table_that_is_no_text_is_refused(tabulate, tmp_path):
-    config = tabulate("name,file\ny,b.mat\n")
-    (tmp_path / "list.csv").write_bytes(b"name,file\n\xff\xfe,b.mat\n")
-    with pytest.raises(ConfigError, match=r"list\.csv, line 2: this is not UTF-8"):
         recorded(config)

@@ -31,10 +31,6 @@ def project_twice(U, Z, Y, form, tolerance=1e-8, order=1):
     return project_gram(compute_gram(U, Z, Y), *arguments), project(factor_rows(U, Z, Y), *arguments)
 
 
-def project_on_span(projection, n):
-    return projection.observability[:, :n] @ projection.observability[:, :n].T
-
-
 @settings(deadline=None, max_examples=60)
 @given(
     u_rows=st.integers(1, 8),
@@ -100,20 +96,6 @@ def test_a_tolerance_means_the_same_in_both_forms_if_the_instruments_show_all_in
     assert {("ordinary", "qr"), ("correlation", "qr"), ("correlation", "gram")} <= set(ranks)
 
 
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
-def test_instruments_that_are_the_inputs_count_by_the_square_of_their_size(tolerance):
-    """In the correlation form, where U Z' is then U U'."""
-    rng = np.random.default_rng(7)
-    sizes = 10.0 ** -np.arange(0.25, 8.0, 0.5)
-    U, _ = directions(rng, sizes)
-    Z = np.vstack([U, rng.standard_normal((4, 600))])
-    Y = rng.standard_normal((3, 600))
-    for projection in project_twice(U, Z, Y, "correlation", tolerance):
-        if projection is not None:
-            values = np.linalg.svd(U @ (Z - Z.mean(axis=1, keepdims=True)).T, compute_uv=False)
-            assert projection.input_rank == np.sum(values > tolerance * values[0])
-
-
 @settings(deadline=None, max_examples=60)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -132,26 +114,6 @@ def test_inner_products_give_the_ranks_of_a_factor_or_none(seed, small, toleranc
         return
     assert projection.instrument_rank == expected.instrument_rank == 8 + (ratio > 1)
     assert projection.input_rank == expected.input_rank == 3
-
-
-def test_the_rank_of_instruments_that_squares_hide_is_left_to_a_factor():
-    rng = np.random.default_rng(8)
-    U, Z, Y = (rng.standard_normal((rows, 300)) for rows in (3, 9, 4))
-    Z[8] = Z[7] + 1e-9 * rng.standard_normal(300)
-    projection, expected = project_twice(U, Z, Y, "correlation", 1e-11)
-    assert projection is None
-    assert expected.instrument_rank == 9
-    for projection in project_twice(U, Z, Y, "correlation", 1e-5):
-        assert projection.instrument_rank == 8
-
-
-def test_rows_that_repeat_do_not_count_twice():
-    rng = np.random.default_rng(1)
-    U, Z, Y = (rng.standard_normal((rows, 400)) for rows in (5, 4, 3))
-    U = np.vstack([U, U[:2] - U[2:4]])
-    projection, expected = project_twice(U, Z, Y, "ordinary", tolerance=1e-5)
-    assert (projection.input_rank, expected.input_rank) == (5, 5)
-    np.testing.assert_allclose(project_on_span(projection, 2), project_on_span(expected, 2), atol=1e-9)
 
 
 def test_too_few_instruments_are_refused():
@@ -217,27 +179,6 @@ def test_a_reference_that_is_the_input_is_the_past_input():
     open_loop, past = moesp(u, y, 8, 1, "past-reference", reference=u), moesp(u, y, 8, 1, "past-input")
     np.testing.assert_array_equal(open_loop.matrices.A, past.matrices.A)
     np.testing.assert_array_equal(open_loop.matrices.D, past.matrices.D)
-
-
-@pytest.mark.parametrize("projection", ["ordinary", "correlation"])
-def test_leads_of_a_reference_that_is_the_input(projection):
-    """They are rows of the future inputs as well."""
-    u, y = open_loop_data()
-    options = {"instrument_rows": 12, "instrument_leads": 2, "rank_tolerance": 1e-5}
-    estimate, expected = (
-        moesp(u, y, 8, 1, "past-reference", projection, u, compression=compression, **options)
-        for compression in ("gram", "qr")
-    )
-    assert estimate.diagnostics["compression"] == "gram"
-    for name in ("rank", "instrument_rank", "instrument_rows"):
-        assert estimate.diagnostics[name] == expected.diagnostics[name]
-    np.testing.assert_allclose(estimate.matrices.A, expected.matrices.A, rtol=1e-9)
-    np.testing.assert_allclose(estimate.matrices.D, expected.matrices.D, rtol=1e-9)
-
-
-def test_an_unknown_compression_is_refused():
-    with pytest.raises(ValueError, match="compression must be one of 'gram' or 'qr'; got 'svd'"):
-        moesp(np.ones((10, 1)), np.ones((10, 1)), 3, 1, compression="svd")
 
 
 def simulate_coloured(seed, pole, noise, samples=1200):

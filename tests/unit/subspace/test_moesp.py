@@ -1,6 +1,3 @@
-import inspect
-
-import control
 import ctrlsys
 import numpy as np
 import pytest
@@ -205,12 +202,6 @@ def test_predicted_inputs_serve_as_instruments():
     assert_same_transfer_function(matrices(estimate), truth, 1e-8)
 
 
-def test_vectors_are_single_channels():
-    truth, u, y, _ = simulate_with_reference(inputs=1, outputs=1)
-    estimate = moesp(list(u[:, 0]), y[:, 0], 8, 3)
-    assert_same_transfer_function(matrices(estimate), truth, 1e-8)
-
-
 def test_the_data_are_not_changed():
     _, u, y, r = simulate_with_reference(samples=300)
     copies = [x.copy() for x in (u, y, r)]
@@ -220,15 +211,6 @@ def test_the_data_are_not_changed():
 
 
 # --- the model
-
-
-def test_names_and_sampling_interval():
-    _, u, y, _ = simulate_with_reference(samples=500)
-    estimate = moesp(u, y, 6, 3, dt=0.01, names=(("velocity", "position"), ("torque", "force")))
-    assert isinstance(estimate.model, control.StateSpace)
-    assert estimate.model.input_labels == ["velocity", "position"]
-    assert estimate.model.output_labels == ["torque", "force"]
-    assert estimate.model.dt == 0.01
 
 
 def test_states_without_effect_are_not_removed():
@@ -359,14 +341,6 @@ def test_the_error_names_a_constant_channel(name, level):
         moesp(u, y, 5, 2, "past-reference", reference=r)
 
 
-def test_unequal_lengths():
-    _, u, y, r = simulate_with_reference(samples=300)
-    with pytest.raises(DataError, match="300 samples of inputs, 299 of the output: cut them to one length"):
-        moesp(u, y[:-1], 5, 2)
-    with pytest.raises(DataError, match="300 samples of inputs, 290 of the reference: cut them to one length"):
-        moesp(u, y, 5, 2, "past-reference", reference=r[:-10])
-
-
 @pytest.mark.parametrize(
     ("instruments", "projection", "least"),
     [("none", "ordinary", 32 + 7), ("past-input", "ordinary", 48 + 15), ("past-input-output", "correlation", 64 + 15)],
@@ -388,67 +362,6 @@ def test_a_tiny_record(samples):
     _, u, y, _ = simulate_with_reference()
     with pytest.raises(DataError, match=r"is constant|shorter than its Hankel window"):
         moesp(u[:samples], y[:samples], 8, 3)
-
-
-def test_a_missing_reference():
-    _, u, y, _ = simulate_with_reference(samples=300)
-    with pytest.raises(DataError, match="past-reference instruments need a reference: pass the external command"):
-        moesp(u, y, 5, 2, "past-reference")
-    with pytest.raises(DataError, match="input_matrices='instruments' needs a reference: pass the external command"):
-        moesp(u, y, 5, 2, input_matrices="instruments")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (
-            {"instruments": "future"},
-            "instruments must be one of 'none', 'past-input', 'past-input-output' or 'past-r.*'; got 'future'",
-        ),
-        ({"projection": "oblique"}, "projection must be one of 'ordinary' or 'correlation'; got 'oblique'"),
-        ({"input_matrices": "guess"}, "input_matrices must be one of 'least-squares' or 'instruments'; got 'guess'"),
-        ({"order": 5}, r"block_rows must be larger than the order \(5\), got 5"),
-        ({"order": 9}, r"block_rows must be larger than the order \(9\), got 5"),
-        ({"order": 0}, "order must be between 1 and 1000, got 0"),
-        ({"order": None, "block_rows": 1}, "block_rows must be between 2 and 10000, got 1"),
-        ({"instrument_rows": 0}, "instrument_rows must be between 1 and 10000, got 0"),
-        ({"dt": 0.0}, "dt must be between 1e-9 and 1e9 s, got 0.0"),
-        ({"rank_tolerance": 1.0}, "rank_tolerance must be at least 0 and below 1, got 1.0"),
-    ],
-)
-def test_impossible_options(options, message):
-    _, u, y, _ = simulate_with_reference(samples=300)
-    with pytest.raises(ValueError, match=message):
-        moesp(u, y, **({"block_rows": 5, "order": 2} | options))
-
-
-def test_unknown_options_are_refused():
-    _, u, y, _ = simulate_with_reference(samples=300)
-    known = "block_rows, order, instruments, projection, dt, instrument_rows, .*names"
-    with pytest.raises(TypeError, match=f"no option 'tolerance' .*; it has {known}, input_matrices, compress"):
-        moesp(u, y, 5, 2, tolerance=1e-3)
-    with pytest.raises(TypeError, match=f"moesp_chunks has no option 'compression'; it has {known}\\."):
-        moesp_chunks(lambda: iter([(u, y, None)]), 5, 2, compression="qr")
-
-
-def test_the_signature_shows_all_options():
-    parameters = inspect.signature(moesp).parameters
-    positional = ["u", "y", "block_rows", "order", "instruments", "projection", "reference", "dt"]
-    keywords = {
-        "instrument_rows": None,
-        "instrument_leads": 0,
-        "input_matrices": "least-squares",
-        "dynamic": None,
-        "predicted_inputs": None,
-        "compression": "gram",
-        "scaling": True,
-        "offsets": True,
-        "rank_tolerance": 1e-8,
-        "regression_tolerance": 1e-10,
-        "names": None,
-    }
-    assert [name for name, item in parameters.items() if item.kind is item.POSITIONAL_OR_KEYWORD] == positional
-    assert {name: item.default for name, item in parameters.items() if item.kind is item.KEYWORD_ONLY} == keywords
 
 
 @pytest.mark.parametrize("rows", [5, 15])
@@ -493,9 +406,3 @@ def test_signals_whose_squares_overflow_or_vanish_are_refused(scale):
             moesp(*pair, 5, 1)
         with pytest.raises(DataError, match=f"{name} 0 has a standard deviation of .* between 1e-100 and 1e100"):
             moesp_chunks(lambda pair=pair: [(*pair, None)], 5, 1)
-
-
-def test_simulated_responses_refuse_states_of_another_number():
-    A, B, C, D = np.eye(2), np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1))
-    with pytest.raises(ValueError, match="must have one number of states"):
-        simulate_response(A, B, C, D, np.ones((5, 1)), [1.0])
