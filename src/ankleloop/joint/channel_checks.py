@@ -1,4 +1,4 @@
-"""Faults of single channels, seen in their recorded samples: clipping, stretches at rest, spikes.
+"""Faults of single channels, seen in their recorded samples: clipping, stretches at rest, filled gaps, spikes.
 
 Each check costs a few passes over the samples at most, so that every identification can afford it.
 """
@@ -13,7 +13,7 @@ from ankleloop.joint.check_kernels import has_run, may_stay_at_end, scan_samples
 from ankleloop.joint.findings import CHANNEL_UNITS, Finding
 from ankleloop.joint.prepared import PreparedTrial
 
-__all__ = ["check_channel", "check_clipping", "check_rest", "check_spikes"]
+__all__ = ["CHANNEL_CHECKS", "check_channel", "check_clipping", "check_gaps", "check_rest", "check_spikes"]
 
 CLIPPED_RUN = 5  # consecutive samples at the very end of the range
 CLIPPED_EXCESS = 5.0  # times as many samples there as at the next values
@@ -21,6 +21,10 @@ MINOR = 1.0  # % of the samples: less clipping is only a warning of the recordin
 REST = 1.0  # s at exactly the same value: noise of a sensor moves any channel sooner
 LONG_REST, REST_SHARE = 2.0, 0.2  # s, and share of the record, where no other channel moves either
 MOVEMENT = {"position": 0.5, "torque": 0.1, "reference": 0.1}  # share of its range by which another channel moves
+GAP = 0.05  # s on an exactly straight line
+GAP_SHARE, LARGE_GAP_SHARE = 0.01, 0.05  # of the record, in such lines
+SLOPED = 1e-3  # of the usual slope
+ROUNDING = 8.0 * np.finfo(float).eps  # of the largest value
 SPIKE = 0.003  # s on either side
 PARTS = (5, 10)  # fewest and most parts of the record: a perturbation is in most of them, a spike is not
 SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
@@ -48,6 +52,7 @@ def check_channel(trial: PreparedTrial, name: str) -> list[Finding]:
     if repeated:
         findings += [check_clipping(trial, name)] if may_stay_at_end(x, CLIPPED_RUN) else []
         findings += [check_rest(trial, name)] if has_run(x, max(1, ceil(REST * trial.rate))) else []
+    findings.append(check_gaps(trial, name))
     return [finding for finding in findings if finding.verdict != "ok"]
 
 
@@ -193,6 +198,57 @@ def _moves(x: np.ndarray, rest: tuple[int, int], share: float) -> bool:
     return bool(np.ptp(part) > share * np.ptp(x))
 
 
+def check_gaps(trial: PreparedTrial, name: str) -> Finding:
+    """Gaps that were filled by the last value or by a line: no sensor records an exactly straight line.
+
+    What comes to rest by itself does so smoothly; a held value begins and ends with a break. Values that are held for a
+    second are a matter of `check_rest`.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    name : str
+        Name of the channel.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = simulate(seed=1, duration=10.0)
+    >>> for start in (1000, 4000, 7000):
+    ...     trial["torque"][start : start + 300] = trial["torque"][start].item()
+    >>> check_gaps(PreparedTrial(trial), "torque").text[:64]
+    '3 stretches of the torque (9 % of the record) are exactly straig'
+    """
+    x = trial.samples(name)
+    slopes = np.diff(x)
+    bends = np.abs(np.diff(slopes))
+    largest = ROUNDING * float(np.abs(x).max())
+    straight = np.flatnonzero(bends <= largest)
+    if straight.size < GAP_SHARE * x.size:
+        return Finding(f"gaps of the {name}", "ok", "none was filled.")
+    starts, lengths = _runs(straight)
+    heights, usual = np.abs(slopes), float(np.sqrt(np.mean(slopes**2)))
+    step = float(heights[heights > largest].min(initial=np.inf))  # of a converter
+    begins = np.append(np.inf, bends)[starts] > SLOPED * usual
+    ends = np.append(bends, 0.0)[starts + lengths] > max(usual, 2.5 * step)
+    held = ends & (lengths < REST * trial.rate - 1)
+    filled = (lengths >= GAP * trial.rate) & begins & ((heights[starts] > SLOPED * usual) | held)
+    share = float(np.sum(lengths[filled] + 2)) / x.size
+    if share < GAP_SHARE:
+        return Finding(f"gaps of the {name}", "ok", "none was filled.")
+    text = (
+        f"{np.count_nonzero(filled)} stretches of the {name} ({100 * share:.2g} % of the record) are exactly straight, "
+        f"the first from {_place(trial, int(starts[filled][0]))}: gaps were filled by the last value or a line, "
+        "and K, B, I and G mix that with the joint. Cut the record there (segment)."
+    )
+    return Finding(f"gaps of the {name}", "warning" if share < LARGE_GAP_SHARE else "refused", text)
+
+
 def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     """A peak of a few milliseconds that stands out from all that the rest of the record has.
 
@@ -242,3 +298,6 @@ def _find_spike(trial: PreparedTrial, name: str, largest: float, usual: float) -
 
 def _place(trial: PreparedTrial, sample: int) -> str:
     return f"sample {sample} ({float(trial.samples('time')[sample]):.6g} s)"
+
+
+CHANNEL_CHECKS = (check_clipping, check_rest, check_gaps, check_spikes)

@@ -13,11 +13,13 @@ from ankleloop.joint.movement_checks import (
     COPY,
     MOTION,
     MotionProducts,
+    check_bandwidth,
     check_excitation,
     check_reference,
     check_relation,
     check_sign,
     check_size,
+    check_velocity,
     find_scale_fault,
     fit_stiffness_by_instruments,
     is_plausible,
@@ -30,7 +32,7 @@ from ankleloop.joint.reference_projection import project_on_reference
 from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.records.validation import REQUIRED
 
-__all__ = ["DataUse", "check_data"]
+__all__ = ["DataUse", "check_bands", "check_data"]
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,8 @@ class DataUse:
 def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     """Check the data of an identification.
 
-    The checks are: scale, clipping, stretches at rest and spikes of position and torque; whether the torque has to do
+    The checks are: scale, clipping, stretches at rest, filled gaps and spikes of position and torque; noise of the
+    velocity and bandwidth of the torque; whether the torque has to do
     with the movement, and opposes it; whether the position is ahead of the reference, as it is where the two were
     exchanged; persistent excitation; and, if it is used, the strength of the reference, and whether it is the torque or
     a filter of it. They are those of `ankleloop.recordings.checks.check_trial` that cost little.
@@ -119,10 +122,19 @@ def _find_faults(trial: PreparedTrial, grid: Grid, use: DataUse, reference: str)
     if fault := find_scale_fault(motion):
         raise DataError(fault)
     faults = [finding for name in REQUIRED for finding in check_channel(trial, name)]
+    faults += [finding for finding in check_bands(trial, use.delay) if finding.verdict != "ok"]
     if is_plausible(motion):
         return faults
     others = [check_size(motion), check_relation(motion), _check_sign(trial, motion, use, reference)]
     return [*faults, *(finding for finding in others if finding.verdict != "ok")]
+
+
+def check_bands(trial: PreparedTrial, delay: float) -> list[Finding]:
+    """Noise of the velocity and bandwidth of the torque; each is computed once for all methods."""
+    return [
+        trial.memoise(("velocity noise", delay), lambda: check_velocity(trial, delay)),
+        trial.memoise(("bandwidth",), lambda: check_bandwidth(trial)),
+    ]
 
 
 def _check_sign(trial: PreparedTrial, motion: MotionProducts, use: DataUse, reference: str) -> Finding:

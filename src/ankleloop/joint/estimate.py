@@ -65,7 +65,7 @@ class Estimate:
     True
     >>> list(estimate.torque)
     ['net', 'intrinsic', 'reflex']
-    >>> estimate.model.ninputs, estimate.reflex["delay"]
+    >>> estimate.model.ninputs, round(estimate.reflex["delay"], 2)
     (4, 0.04)
     >>> estimate.predict(simulate(seed=2, duration=20.0)).torque.sizes == estimate.torque.sizes
     True

@@ -24,18 +24,21 @@ from ankleloop.joint.regressors import INTRINSIC_NAMES, Grid, Regressors
 from ankleloop.quantities import QUANTITIES
 from ankleloop.records.validation import REQUIRED
 from ankleloop.signals.decimation import PASSBAND
+from ankleloop.signals.spectra import segment_spectra
 
 __all__ = [
     "CERTAIN",
     "COPY",
     "MOTION",
     "MotionProducts",
+    "check_bandwidth",
     "check_excitation",
     "check_reference",
     "check_relation",
     "check_scale",
     "check_sign",
     "check_size",
+    "check_velocity",
     "find_scale_fault",
     "fit_stiffness_by_instruments",
     "is_plausible",
@@ -56,6 +59,11 @@ UNRELATED, UNRELATED_LIMITS = 1.0, (0.02, 0.1)
 WEAK, WEAK_LIMITS = 5.0, (0.05, 0.15)
 CERTAIN = 0.2  # share that a single lag explains: leads and lags together explain more than the weakest
 LEAD, LAG = 0.02, 0.1  # s
+FAST_RATE = 1000.0  # Hz: at half of it nothing is left of a torque
+EDGE, EDGE_SLOPE = 2.5e-4, 0.63  # density at the edge of the band over the largest one, and over that at three quarters
+NOISE_BAND = 45.0  # Hz
+NOISE_SHARE = 0.15  # of the velocity's power: from about there on the reflex gain is off by 15 %
+NOISE_SEGMENT = 0.5  # s
 COPY = 1e-6  # share of a channel that its copy leaves
 TINY = np.finfo(float).tiny
 DEPENDENT = 1e-12  # determinant of scaled equations, and singular value in units of the largest one
@@ -296,6 +304,75 @@ def check_sign(stiffness: np.ndarray, explained: float) -> Finding:
             "rectifier would see the wrong half).",
         )
     return Finding("sign of the torque", "ok", f"{text}: the torque opposes stretch.")
+
+
+def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
+    """Noise of the position, which reaches the rectified velocity: power above the band that the torque does not share.
+
+    A movement of any frequency comes with the torque of the inertia; hum and noise of the position do not.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    delay : float
+        Reflex delay [s].
+
+    Returns
+    -------
+    Finding
+    """
+    ok = Finding("velocity", "ok", "its power is that of a movement.")
+    velocity = trial.velocity(delay)
+    length = round(NOISE_SEGMENT * trial.rate)
+    if velocity.size < 10 * length or trial.rate < 2.5 * NOISE_BAND:
+        return ok
+    signals = velocity, trial.samples("torque")
+    v, t = (segment_spectra(signal, length, length // 2) for signal in signals)
+    power, torque = (np.mean(np.abs(spectra) ** 2, axis=0) for spectra in (v, t))
+    coherence = np.abs(np.mean(v.conj() * t, axis=0)) ** 2 / np.maximum(power * torque, TINY)
+    above = np.arange(power.size) * trial.rate / length > NOISE_BAND
+    share = float(np.sum((power * (1.0 - coherence))[above]) / np.sum(power))
+    if share < NOISE_SHARE:
+        return ok
+    text = (
+        f"{100 * share:.2g} % of the power of the velocity lie above {NOISE_BAND:g} Hz and have nothing to do with the "
+        "torque: noise or hum of the position. The reflex answers the velocity that is recorded, so G is too large. "
+        "Record the position with less noise, or filter it and all other channels alike."
+    )
+    return Finding("velocity", "warning", text)
+
+
+def check_bandwidth(trial: PreparedTrial) -> Finding:
+    """Torque that was sampled without a filter: its spectrum goes on, flat, to half of the sampling rate.
+
+    What lies beyond appears at other frequencies, where the model takes it for torque of the movement.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+
+    Returns
+    -------
+    Finding
+    """
+    ok = Finding("bandwidth", "ok", "the torque was sampled fast enough.")
+    length = 2 * round(trial.rate)
+    torque = trial.samples("torque")
+    if trial.rate >= FAST_RATE or torque.size < 5 * length:
+        return ok
+    density = np.mean(np.abs(segment_spectra(torque, length, length // 2)) ** 2, axis=0)
+    place = np.linspace(0.0, 1.0, density.size)  # of half of the sampling rate
+    edge, inside = (float(density[(place >= low) & (place < high)].mean()) for low, high in ((0.94, 0.995), (0.7, 0.8)))
+    if edge < EDGE * float(density[place < 0.3].max()) or edge < EDGE_SLOPE * inside:
+        return ok
+    text = (
+        f"the spectrum of the torque does not fall towards {trial.rate / 2:g} Hz, half of its rate: samples were "
+        "left out without a filter, and what lies beyond appears within the band. I and B are too small. Filter before "
+        "samples are left out (scipy.signal.decimate), or record at a higher rate."
+    )
+    return Finding("bandwidth", "warning", text)
 
 
 def check_relation(motion: MotionProducts) -> Finding:

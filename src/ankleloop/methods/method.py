@@ -35,7 +35,7 @@ MOST_LAGS = 1000  # of an impulse response; the time of a fit grows with the cub
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated
 
 
-def delay_option(description: str = "reflex delay", *, estimated: bool = False) -> Any:
+def delay_option(default: float | None = NOMINAL_DELAY, *, estimated: bool = False) -> Any:
     """Declare the reflex delay; a method that estimates it takes None.
 
     Examples
@@ -45,7 +45,7 @@ def delay_option(description: str = "reflex delay", *, estimated: bool = False) 
     >>> Fit.defaults(), Fit.unit("delay")
     ({'delay': 0.04}, 's')
     """
-    return option(0.04, description + ("; null estimates it" if estimated else ""), unit="s", ge=0, le=1)
+    return option(default, "reflex delay" + ("; null estimates it" if estimated else ""), unit="s", ge=0, le=1)
 
 
 def rate_option() -> Any:
@@ -253,9 +253,11 @@ def _parameter_warnings(estimate: Estimate) -> list[str]:
     missing = [name for name, value in values.items() if not isfinite(value)]
     warnings = [f"{', '.join(missing)} could not be computed: do not use this estimate."] if missing else []
     for name, value in values.items():
+        if name == "delay" and name not in estimate.intervals:  # it was given
+            continue
         quantity, (low, high) = QUANTITIES[name], estimate.intervals.get(name, (value, value))
         least, most = quantity.plausible
         if isfinite(value) and (high < least or low > most):
-            fault = "negative" if value < 0 else f"outside of {least:g} … {most:g}"
-            warnings.append(f"{name} = {value:.3g} {quantity.unit} is {fault}, which no joint has.")
+            fault = "negative, which no joint has" if value < 0 else f"not within {least:g} … {most:g}"
+            warnings.append(f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate.")
     return warnings

@@ -4,27 +4,31 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+import numpy as np
+
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
-from ankleloop.methods.riv_covariance import RivCovariance, choose_covariance
+from ankleloop.methods.riv_alternatives import LONGEST_DELAY, add_alternatives, find_alternatives
+from ankleloop.methods.riv_covariance import RivCovariance, asymptotic_covariance, choose_covariance
 from ankleloop.methods.riv_equations import MOTION, RivEquations
-from ankleloop.methods.riv_intervals import estimate_errors, estimate_intervals, parameter_values
+from ankleloop.methods.riv_intervals import estimate_errors, estimate_intervals, parameter_values, reflex_path
 from ankleloop.methods.riv_search import RivSolution, solve
 from ankleloop.methods.riv_start import best_of_grid
 from ankleloop.options import Options, option
 
 __all__ = ["METHODS", "RivOptions", "identify_riv"]
 
+CERTAIN_DELAY = 0.005  # s, standard error
+
 
 class RivOptions(Options):
     """Options of refined instrumental variables."""
 
     order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
-    delay: float | None = delay_option(estimated=True)
+    delay: float | None = delay_option(None, estimated=True)
     basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
         None, "static nonlinearity; null for the method's own (rectifier)"
     )
@@ -82,7 +86,8 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     trial : PreparedTrial
         The trial.
     options : RivOptions
-        The options. A delay that is estimated lies between 15 and 150 ms.
+        The options. A delay that is not given is estimated where the record shows it within a few milliseconds;
+        elsewhere it is assumed to be 40 ms.
 
     Returns
     -------
@@ -94,7 +99,9 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
         regressors), explained (share of the position that the reference explains), intervals (asymptotic, robust or
         None), movement_p (probability of a residual that depends as much on the movement, if the model were complete),
         interval_segment (length of the segments that robust intervals count [s]), standard_errors, noise_frequency
-        [Hz] and noise_spectrum [(N·m)²/Hz].
+        [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint that the record
+        shows and the model does not have, with their scores (size over standard error) and the relative shifts of K,
+        B, I and G (`ankleloop.methods.riv_alternatives`). Intervals hold the values with the first of them.
 
     Raises
     ------
@@ -116,6 +123,18 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     >>> low < 150.0 < high
     True
     """
+    solution = _solve(trial, options, estimate_delay=options.delay is None)
+    assumptions = []
+    if options.delay is None and not _shows_delay(solution):
+        assumptions = [f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."]
+        solution = _solve(trial, options, estimate_delay=False)
+    estimate = _estimate(trial, solution, options, assumptions)
+    if not solution.converged:
+        return estimate
+    return add_alternatives(estimate, find_alternatives(solution, options.max_iterations, options.tolerance))
+
+
+def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> RivSolution:
     regressors = trial.regressors(
         delay=NOMINAL_DELAY if options.delay is None else options.delay,
         basis=options.basis or "rectifier",
@@ -124,19 +143,26 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
         reference=options.reference,
     )
     equations = RivEquations(
-        trial, regressors, options.order, estimate_delay=options.delay is None, weighting=options.weighting
+        trial, regressors, options.order, estimate_delay=estimate_delay, weighting=options.weighting
     )
-    solution = solve(equations, best_of_grid(equations), options.max_iterations, options.tolerance)
-    return _estimate(trial, solution, options)
+    return solve(equations, best_of_grid(equations), options.max_iterations, options.tolerance)
 
 
-def _estimate(trial: PreparedTrial, solution: RivSolution, options: RivOptions) -> Estimate:
+def _shows_delay(solution: RivSolution) -> bool:
+    """Whether an estimated delay is one of a stretch reflex, and certain."""
+    if not solution.converged or solution.delay > LONGEST_DELAY:
+        return False
+    if parameter_values(solution.point.equations, solution.point.parameters)["G"] < 0.0:
+        return False
+    error = np.sqrt(asymptotic_covariance(solution.point, solution.free)[-1, -1])
+    return bool(error < CERTAIN_DELAY)
+
+
+def _estimate(trial: PreparedTrial, solution: RivSolution, options: RivOptions, assumptions: list[str]) -> Estimate:
     """Torques, physical parameters, and their intervals where the search has converged."""
     point, equations = solution.point, solution.point.equations
     parameters, regressors = point.parameters, equations.regressors
-    nonlinearity = StaticNonlinearity(regressors.basis, parameters.linear[MOTION:])
-    path = ReflexPath(nonlinearity, parameters.dynamics)
-    values = parameter_values(equations, parameters, path)
+    path, values = reflex_path(equations, parameters), parameter_values(equations, parameters)
     covariance = choose_covariance(point, solution.free, options.intervals) if solution.converged else None
     errors = {} if covariance is None else estimate_errors(point, path, covariance, solution.free)
     inputs = ModelInputs.of(regressors, values["delay"])
@@ -159,9 +185,10 @@ def _estimate(trial: PreparedTrial, solution: RivSolution, options: RivOptions) 
             "reference": regressors.reference_name,
             **_describe_intervals(covariance),
             "standard_errors": errors,
-            "nonlinearity": nonlinearity.curve(),
+            "nonlinearity": path.nonlinearity.curve(),
             "noise_frequency": equations.band.frequency,
             "noise_spectrum": point.noise / equations.band.density,
+            "assumptions": assumptions,
             "warnings": _warnings(solution),
         },
         predictor=model,
@@ -184,12 +211,7 @@ def _warnings(solution: RivSolution) -> list[str]:
         warnings.append(
             f"a pole of the reflex has left the band, so the record does not show {equations.order}: {fewer}."
         )
-    if "delay" in solution.held:
-        warnings.append(
-            "the record does not show the delay, which has reached a limit of what a reflex can have and is "
-            f"{1000 * solution.delay:g} ms here: give it, or take fewer basis functions. There are no intervals."
-        )
-    elif not solution.converged:
+    if not solution.converged:
         names = dict.fromkeys("G" if name.startswith("c") else name for name in solution.flat)
         cause = "" if solution.left_band else f" The record hardly shows a common change of {', '.join(names)}."
         warnings.append(

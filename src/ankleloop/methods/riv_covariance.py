@@ -10,10 +10,17 @@ from scipy import special
 from scipy.fft import dct
 
 from ankleloop.methods.riv_equations import MOTION, NOISE_RESOLUTION, RivPoint, solve_scaled
-from ankleloop.signals.spectra import Band
 from ankleloop.signals.vaf import TWO_SIDED
 
-__all__ = ["SEGMENT", "RivCovariance", "asymptotic_covariance", "choose_covariance", "movement_p", "robust_covariance"]
+__all__ = [
+    "LEVEL",
+    "SEGMENT",
+    "RivCovariance",
+    "asymptotic_covariance",
+    "choose_covariance",
+    "movement_p",
+    "robust_covariance",
+]
 
 SEGMENT = 1.0  # s: over this the products of residual and instruments may be correlated
 SLOWEST = 2  # cosines that a drift within the record would fill
@@ -94,7 +101,7 @@ def movement_p(point: RivPoint) -> float:
     e, band = point.equations, point.equations.band
     drive = point.parameters.linear[MOTION:] @ e.predicted[MOTION:]
     residual = point.residual / np.sqrt(point.noise)
-    first, count = _first_bin(band), band.frequency.size
+    first, count = band.first_bin, band.frequency.size
     size = 2 * (first + count)
     reach = int(LAGS * size * band.rate / band.samples)
     probabilities = []
@@ -191,21 +198,9 @@ def time_scores(point: RivPoint) -> np.ndarray:
     """
     e, band = point.equations, point.equations.band
     root = np.sqrt(point.level)
-    scores = _signals(band, point.instruments / root) * _signals(band, point.residual / root)
+    scores = band.signals(point.instruments / root) * band.signals(point.residual / root)
     if e.weighting == "noise":
         products = np.real(point.weighted * point.residual) / point.level
         filters = np.array([e.smooth(row) for row in products])
-        scores -= _signals(band, filters * point.residual) * _signals(band, point.residual)
+        scores -= band.signals(filters * point.residual) * band.signals(point.residual)
     return 0.5 * band.samples * scores
-
-
-def _first_bin(band: Band) -> int:
-    return round(band.frequency[0] * band.samples / band.rate)
-
-
-def _signals(band: Band, spectra: np.ndarray) -> np.ndarray:
-    """Signals whose transforms are given within the band and zero elsewhere, shape (..., samples)."""
-    transform = np.zeros((*spectra.shape[:-1], band.samples // 2 + 1), dtype=complex)
-    first = _first_bin(band)
-    transform[..., first : first + band.frequency.size] = spectra
-    return np.fft.irfft(transform, band.samples, axis=-1)

@@ -181,9 +181,9 @@ class RivEquations:
         self.torque = self.band.transform(regressors.torque)
         self.measured = self.band.transform(regressors.inputs.T)
         self.explained = self._explained_share()
-        predicted = trial.predict_inputs(regressors)
-        open_loop = predicted is regressors.inputs
-        self.predicted = self.measured if open_loop else self.band.transform(predicted.T)
+        self.predicted_inputs = trial.predict_inputs(regressors)
+        open_loop = self.predicted_inputs is regressors.inputs
+        self.predicted = self.measured if open_loop else self.band.transform(self.predicted_inputs.T)
 
     def _explained_share(self) -> float:
         """Share of the position that the reference explains."""
@@ -228,12 +228,12 @@ class RivEquations:
 
     def _derivatives(self, spectra: np.ndarray, parameters: RivParameters) -> np.ndarray:
         """Derivatives of the torque with respect to the parameters, by some inputs."""
-        response, derivatives = self._responses(parameters)
+        response, derivatives = self.responses(parameters)
         drive = spectra[MOTION:]
         nonlinear = derivatives * (parameters.linear[MOTION:] @ drive)
         return np.vstack([spectra[:MOTION], response * drive, nonlinear])
 
-    def _responses(self, parameters: RivParameters) -> tuple[np.ndarray, np.ndarray]:
+    def responses(self, parameters: RivParameters) -> tuple[np.ndarray, np.ndarray]:
         """Response of the reflex with its shift of the delay, and its derivatives with respect to its parameters."""
         response, derivatives = parameters.dynamics.response(self.band.s)
         rows = np.array([*derivatives, -self.band.s * response] if self.estimate_delay else derivatives)
@@ -248,11 +248,11 @@ class RivEquations:
         k, m = p.linear.size, len(point.side) - p.linear.size
         products = np.zeros((k + m, k + m))
         drive = self.predicted[MOTION:]
-        mixed = np.real((drive.conj() * target) @ self._responses(p)[1].conj().T)
+        mixed = np.real((drive.conj() * target) @ self.responses(p)[1].conj().T)
         products[MOTION:k, k:], products[k:, MOTION:k] = mixed, mixed.T
         combined = np.conj(p.linear[MOTION:] @ drive) * target
         for j, step in enumerate(DIFFERENCE * np.eye(k + m)[k:]):
-            ahead, behind = (self._responses(p.add(sign * step))[1] for sign in (1.0, -1.0))
+            ahead, behind = (self.responses(p.add(sign * step))[1] for sign in (1.0, -1.0))
             products[k:, k + j] = np.real((ahead - behind).conj() @ combined) / (2.0 * DIFFERENCE)
         return products
 

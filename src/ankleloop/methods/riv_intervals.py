@@ -11,30 +11,23 @@ from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
 from ankleloop.methods.riv_covariance import RivCovariance
 from ankleloop.methods.riv_equations import MOTION, RivEquations, RivParameters, RivPoint
 
-__all__ = ["estimate_errors", "estimate_intervals", "parameter_values"]
+__all__ = ["estimate_errors", "estimate_intervals", "parameter_values", "reflex_path"]
 
 LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters the logarithms of which are normally distributed
 WIDEST = 50.0  # of such a logarithm
 
 
-def parameter_values(equations: RivEquations, parameters: RivParameters, path: ReflexPath) -> dict[str, float]:
-    """K, B, I, delay and the parameters of the reflex, by name.
+def reflex_path(equations: RivEquations, parameters: RivParameters) -> ReflexPath:
+    """Nonlinearity and dynamics of the reflex."""
+    nonlinearity = StaticNonlinearity(equations.regressors.basis, parameters.linear[MOTION:])
+    return ReflexPath(nonlinearity, parameters.dynamics)
 
-    Parameters
-    ----------
-    equations : RivEquations
-        The equations.
-    parameters : RivParameters
-        Their parameters.
-    path : ReflexPath
-        The reflex of these parameters.
 
-    Returns
-    -------
-    dict of str to float
-    """
+def parameter_values(equations: RivEquations, parameters: RivParameters) -> dict[str, float]:
+    """K, B, I, delay and the parameters of the reflex, by name."""
     values = dict(zip("KBI", map(float, parameters.linear[:MOTION]), strict=True))
-    return values | {"delay": float(equations.regressors.delay + parameters.shift)} | path.parameters
+    values["delay"] = float(equations.regressors.delay + parameters.shift)
+    return values | reflex_path(equations, parameters).parameters
 
 
 def estimate_errors(point: RivPoint, path: ReflexPath, covariance: RivCovariance, free: np.ndarray) -> dict[str, float]:

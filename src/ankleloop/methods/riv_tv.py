@@ -20,7 +20,9 @@ from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.joint.time_varying_splines import Splines
 from ankleloop.joint.time_varying_trajectories import describe_schedule, trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
+from ankleloop.methods.riv_alternatives import Alternative, add_alternatives, is_significant
 from ankleloop.methods.riv_equations import DELAY_LIMITS
+from ankleloop.methods.time_varying_alternatives import find_time_varying_alternatives, mean_parameters
 from ankleloop.methods.time_varying_bands import TimeVaryingCovariance, covariance, trajectory, variation_p
 from ankleloop.methods.time_varying_checks import check_perturbation, instrument_strength
 from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations
@@ -186,7 +188,21 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     equations = _set_up(trial, options)
     share = check_perturbation(equations.inputs)
     solution = solve_time_varying(equations)
-    return _estimate(trial, solution, options, share)
+    estimate = _estimate(trial, solution, options, share)
+    if not solution.converged:
+        return estimate
+    alternatives = find_time_varying_alternatives(solution)
+    if any(a.effect == "delay" and is_significant(a) for a in alternatives):  # one step is too short for a delay
+        freed = solve_time_varying(_set_up(trial, options.model_copy(update={"delay": None})))
+        alternatives = [_free_delay(a, solution, freed) if a.effect == "delay" else a for a in alternatives]
+    return add_alternatives(estimate, alternatives)
+
+
+def _free_delay(alternative: Alternative, solution: TimeVaryingSolution, freed: TimeVaryingSolution) -> Alternative:
+    """What an estimated delay does to the means of K, B, I and G."""
+    first, second = (mean_parameters(part) for part in (solution, freed))
+    shifts = {name: second[name] / first[name] - 1.0 for name in first}
+    return replace(alternative, value=freed.equations.delay + freed.parameters.shift, shifts=shifts)
 
 
 def _set_up(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingEquations:

@@ -207,7 +207,7 @@ class TimeVaryingEquations:
     def _drive_spectra(self, drive: np.ndarray) -> np.ndarray:
         return self.inputs.spectra(self.place[2].T * drive)
 
-    def _responses(self, parameters: TimeVaryingParameters) -> tuple[np.ndarray, np.ndarray]:
+    def responses(self, parameters: TimeVaryingParameters) -> tuple[np.ndarray, np.ndarray]:
         """Response of the reflex, and its derivatives with respect to its dynamics and to its delay."""
         s = self.inputs.s
         response, derivatives = parameters.dynamics.response(s)
@@ -221,7 +221,7 @@ class TimeVaryingEquations:
         self, motion: np.ndarray, drive: np.ndarray, parameters: TimeVaryingParameters, weight: np.ndarray
     ) -> np.ndarray:
         """Weighted derivatives of the torque with respect to the unknowns, as signals, shape (unknowns, rows)."""
-        response, rows = self._responses(parameters)
+        response, rows = self.responses(parameters)
         gain = parameters.linear[self.bases.blocks[2]]
         reflex = gain @ drive
         spectra = [weight * motion, (weight * response) * drive, rows * (weight * reflex)]
@@ -246,7 +246,7 @@ class TimeVaryingEquations:
         -------
         WhitenedSystem
         """
-        torque = self._lead(parameters) * weight
+        torque = self.lead(parameters) * weight
         locked = self._locked_part(weight, level)
         regressors = self._derivatives(self.motion, self.drive, parameters, weight)
         y = irfft(torque, self.inputs.size)[self.rows]
@@ -259,9 +259,14 @@ class TimeVaryingEquations:
             regressors if instruments is None else locked(instruments), regressors, y, float(np.mean(self.inside))
         )
 
-    def _lead(self, parameters: TimeVaryingParameters) -> np.ndarray:
+    def lead(self, parameters: TimeVaryingParameters) -> np.ndarray:
         """Transform of the torque, ahead by its lag."""
         return self.torque * np.exp(self.inputs.s * parameters.lag) if parameters.lag else self.torque
+
+    def whitener(self, weight: np.ndarray, level: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """Function that makes whitened signals, shape (signals, rows), of spectra."""
+        locked = self._locked_part(weight, level)
+        return lambda spectra: locked(irfft(weight * spectra, self.inputs.size, axis=1)[:, self.rows])
 
     def _locked_part(self, weight: np.ndarray, level: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Function that takes what repeats with the cycle out of whitened signals, and divides them by the level."""
@@ -292,7 +297,7 @@ class TimeVaryingEquations:
 
     def torques(self, parameters: TimeVaryingParameters) -> tuple[np.ndarray, np.ndarray]:
         """Intrinsic and reflex torque less what repeats with the cycle, two arrays of shape (N,)."""
-        response, _ = self._responses(parameters)
+        response, _ = self.responses(parameters)
         intrinsic = parameters.linear[: len(self.motion)] @ self.motion
         reflex = response * (parameters.linear[self.bases.blocks[2]] @ self.drive)
         both = irfft(np.stack([intrinsic, reflex]), self.inputs.size, axis=1)[:, : self.inputs.grid.samples]
@@ -300,7 +305,7 @@ class TimeVaryingEquations:
 
     def noise(self, parameters: TimeVaryingParameters) -> np.ndarray:
         """Residual torque less what repeats with the cycle, shape (rows,)."""
-        torque = irfft(self._lead(parameters), self.inputs.size)[self.rows]
+        torque = irfft(self.lead(parameters), self.inputs.size)[self.rows]
         residual = torque - np.sum([part[self.rows] for part in self.torques(parameters)], axis=0)
         ones = np.ones(self.frequency.size)
         return self._locked_part(ones, np.ones(residual.size))(residual[None])[0]

@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.channel_checks import check_clipping, check_rest, check_spikes
+from ankleloop.joint.channel_checks import CHANNEL_CHECKS
+from ankleloop.joint.data_checks import check_bands
 from ankleloop.joint.findings import VERDICTS, Finding, merge_findings
 from ankleloop.joint.movement_checks import (
     MotionProducts,
@@ -178,6 +179,7 @@ def check_trial(
         findings=[
             length,
             *_check_channels(prepared),
+            *map(merge_findings, zip(*(check_bands(trial, delay) for trial in prepared), strict=True)),
             *_check_sizes(prepared, records),
             merge_findings(_check_signs(records, by_reference=usable and loop != "open")),
             merge_findings([check_coherence(record) for record in records]),
@@ -212,8 +214,7 @@ def _prepare_records(
 
 def _check_channels(trials: Sequence[PreparedTrial]) -> list[Finding]:
     """Faults of the recorded samples of position and torque."""
-    checks = (check_clipping, check_rest, check_spikes)
-    return [merge_findings([check(trial, name) for trial in trials]) for check in checks for name in REQUIRED]
+    return [merge_findings([check(trial, name) for trial in trials]) for check in CHANNEL_CHECKS for name in REQUIRED]
 
 
 def _check_sizes(trials: Sequence[PreparedTrial], records: Sequence[Regressors]) -> list[Finding]:

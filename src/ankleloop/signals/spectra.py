@@ -83,6 +83,17 @@ class Band:
         x = np.asarray(x, dtype=float)
         return np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)[..., self._selection]
 
+    @property
+    def first_bin(self) -> int:
+        """Number of the first frequency of the band among those of the records."""
+        return round(self.frequency[0] * self.samples / self.rate)
+
+    def signals(self, spectra: np.ndarray) -> np.ndarray:
+        """Signals whose transforms are given within the band and zero elsewhere, shape (..., samples)."""
+        transform = np.zeros((*spectra.shape[:-1], self.samples // 2 + 1), dtype=complex)
+        transform[..., self.first_bin : self.first_bin + self.frequency.size] = spectra
+        return np.fft.irfft(transform, self.samples, axis=-1)
+
     def smooth(self, power: np.ndarray, resolution: float) -> np.ndarray:
         """Smooth a periodogram over a width in frequency.
 

@@ -45,7 +45,7 @@ def test_the_picture_shows_what_the_library_computes(experiment, picture):
     result = run(experiment, reflex_gain=8.0)
     picture.update(result)
     trial = ankleloop.simulate(seed=1, duration=20.0, reflex_gain=8.0)
-    estimate = ankleloop.identify(trial, "riv")
+    estimate = ankleloop.identify(trial, "riv", delay=0.04)
     riv = result.fits[1]
     assert riv.estimate.stiffness == estimate.stiffness
     assert riv.estimate.intervals == estimate.intervals

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop import new_trial, simulate
-from ankleloop.joint.channel_checks import check_channel, check_clipping, check_rest, check_spikes
+from ankleloop.joint.channel_checks import check_channel, check_clipping, check_gaps, check_rest, check_spikes
 from ankleloop.joint.prepared import prepare
 
 
@@ -62,7 +62,7 @@ def test_a_channel_has_the_findings_of_its_single_checks(seed, levels, rest):
     if np.ptp(x) == 0:
         return
     trial = with_torque(x)
-    findings = [check(trial, "torque") for check in (check_spikes, check_clipping, check_rest)]
+    findings = [check(trial, "torque") for check in (check_spikes, check_clipping, check_rest, check_gaps)]
     assert check_channel(trial, "torque") == [finding for finding in findings if finding.verdict != "ok"]
 
 
@@ -111,3 +111,26 @@ def test_sparse_pulses_are_no_spikes():
             seed=seed, duration=20.0, perturbation="pulses", switching_interval=2.0, closed_loop=False, snr_db=None
         )
         assert [finding for name in ("position", "torque") for finding in check_channel(prepare(trial), name)] == []
+
+
+@pytest.mark.parametrize("kind", ["held", "line"])
+def test_filled_gaps_are_found(kind):
+    trial = simulate(seed=1, duration=20.0)
+    torque = trial["torque"].to_numpy().copy()
+    for start in range(1000, 19_000, 2000):
+        end = torque[start] if kind == "held" else torque[start + 300]
+        torque[start : start + 300] = np.linspace(torque[start], end, 300, endpoint=False)
+    finding = check_gaps(prepare(trial.assign(torque=("time", torque))), "torque")
+    assert finding.verdict == "refused"
+    assert finding.text.startswith(
+        "9 stretches of the torque (14 % of the record) are exactly straight, the first from"
+    )
+
+
+@pytest.mark.parametrize("bits", [8, 12, None])
+def test_a_joint_at_rest_is_no_filled_gap(bits):
+    trial = simulate(seed=1, duration=20.0, closed_loop=False, switching_interval=0.4)
+    if bits:
+        step = float(np.ptp(trial["position"].to_numpy())) / 2**bits
+        trial["position"] = np.round(trial["position"] / step) * step
+    assert check_gaps(prepare(trial), "position").verdict == "ok"

@@ -133,7 +133,7 @@ def test_matrices_of_riv_go_with_the_estimated_delay(tmp_path, options):
         assert scores.pop(0.04) < 80.0
         assert set(case.matrices.input_delays[3:]) == {case.reflex["delay"]}
         np.testing.assert_array_equal(case.predict(trial).torque["reflex"], estimate.torque["reflex"])
-    nominal = identify(simulate(seed=1, duration=20.0), "riv", **options)
+    nominal = identify(simulate(seed=1, duration=20.0), "riv", delay=0.04, **options)
     model, time = read_netcdf(tmp_path / "e.nc")
     assert model["delay"] == estimate.reflex["delay"]
     assert set(nominal.matrices.input_delays[3:]) == {0.04}

@@ -131,7 +131,7 @@ def test_products_along_common_dimensions_are_products_of_matrices(trial, tmp_pa
             torque = model["C"].dot(following) + model["D"].dot(u)
             np.testing.assert_allclose(torque, m.C @ (m.A @ x.values + m.B @ u.values) + m.D @ u.values, rtol=1e-12)
             assert float(model["D"].sel(input="position", output="torque")) == pytest.approx(estimate.stiffness["K"])
-            assert model["input_delay"].values.tolist() == [0.0] * 3 + [0.04] * 5
+            assert model["input_delay"].values.tolist() == [0.0] * 3 + [estimate.reflex["delay"]] * 5
 
 
 def rewrite(path, change):

@@ -2,16 +2,19 @@
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from ankleloop import new_trial, simulate
 from ankleloop.joint.movement_checks import (
     MotionProducts,
+    check_bandwidth,
     check_excitation,
     check_reference,
     check_relation,
     check_scale,
     check_sign,
     check_size,
+    check_velocity,
     fit_stiffness_by_instruments,
     is_plausible,
     reference_correlations,
@@ -124,3 +127,25 @@ def test_dependent_movements_have_the_shortest_solution():
     values = np.linalg.lstsq(signals[:, :3] / size, signals[:, 3], rcond=1e-6)[0] / size
     np.testing.assert_allclose(motion.stiffness, values, rtol=1e-4)
     assert motion.explained == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("noise", "verdict"), [("hum", "warning"), ("white", "warning"), (None, "ok")])
+@pytest.mark.parametrize("frequency", [20.0, 60.0])
+def test_noise_of_the_position_is_told_from_a_fast_movement(noise, verdict, frequency):
+    trial = simulate(seed=1, actuator_frequency=frequency)
+    time = trial["time"].to_numpy()
+    size = 3.0 if frequency > 20.0 else 1.0
+    noises = {
+        "hum": 1.5e-3 * np.sin(100 * np.pi * time),
+        "white": 1.1e-3 * np.random.default_rng(1).standard_normal(time.size),
+    }
+    noisy = trial.assign(position=trial["position"] + size * noises.get(noise, 0.0))
+    assert check_velocity(prepare(noisy), 0.04).verdict == verdict
+
+
+def test_samples_that_were_left_out_without_a_filter_are_seen():
+    trial = simulate(seed=1)
+    channels = [trial[name].to_numpy() for name in ("position", "torque", "reference")]
+    for thin, verdict in ((lambda x: x[::10], "warning"), (lambda x: signal.decimate(x, 10, ftype="fir"), "ok")):
+        position, torque, reference = map(thin, channels)
+        assert check_bandwidth(prepare(new_trial(position, torque, 100.0, reference))).verdict == verdict

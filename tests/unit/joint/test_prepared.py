@@ -25,7 +25,7 @@ def trials():
 
 
 def identify_by(trial, name):
-    return identify(trial, name, **SHORT.get(name, {}))
+    return identify(trial, name, delay=0.04, **SHORT.get(name, {}))
 
 
 def assert_same_estimate(first, second):

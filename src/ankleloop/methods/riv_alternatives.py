@@ -1,0 +1,236 @@
+"""What the model of `riv` may lack: effects of an instrument or of the joint, each freed by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ankleloop.joint.estimate import Estimate
+from ankleloop.methods.riv_covariance import LEVEL, asymptotic_covariance, movement_p
+from ankleloop.methods.riv_equations import MOTION, RivEquations, RivPoint, solve_scaled
+from ankleloop.methods.riv_intervals import parameter_values
+from ankleloop.methods.riv_search import RivSolution, solve
+from ankleloop.quantities import QUANTITIES
+
+__all__ = ["LONGEST_DELAY", "Alternative", "add_alternatives", "find_alternatives", "is_significant"]
+
+SIGNIFICANT = 4.5  # standard errors
+ONE_SIDED = ("high-pass", "friction", "compression")  # the opposite is no effect of an instrument
+SMALLEST_SHIFT, LARGEST_SHIFT = 0.01, 0.2  # of a parameter: less is not told, more is no matter of its interval
+ROUNDS = 3  # fits of an effect
+LONGEST_DELAY = 0.1  # s: a later response is no stretch reflex
+POLE = 100.0  # rad/s, where the search for a third one begins
+
+# What an effect is called with its size, the factor to the unit of this text, and what to do.
+EFFECTS = {
+    "delay": ("a reflex delay of {:.3g} ms", 1e3, "give no delay, so that it is estimated"),
+    "order": ("a third pole of the reflex at {:.3g} rad/s", 1.0, "take order=3"),
+    "lag": ("a torque recorded {:.2g} ms after the position", 1e3, "record both through equal filters"),
+    "high-pass": (
+        "a high-pass of {:.2g} Hz in the torque",
+        0.5 / np.pi,
+        "record the torque without AC coupling or removal of drift",
+    ),
+    "friction": ("a friction of {:.2g} N·m", 1.0, "measure the friction of the bearing, and subtract it"),
+    "direction": (
+        "a reflex gain of {:.3g} N·m·s/rad in the other direction",
+        1.0,
+        "if position and torque are positive the other way, turn round position, torque and reference",
+    ),
+    "compression": ("a torque that is flat where it is large", 1.0, "widen the range of the torque sensor"),
+}
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """The solution with one more effect.
+
+    Parameters
+    ----------
+    effect : str
+        Name of the effect.
+    value : float
+        Its size.
+    score : float
+        Size over its standard error.
+    shifts : dict of str to float
+        How far K, B, I and G move with it, over what they are without it.
+    """
+
+    effect: str
+    value: float
+    score: float
+    shifts: dict[str, float]
+
+    @property
+    def text(self) -> str:
+        """The effect with its size."""
+        text, factor, _ = EFFECTS[self.effect]
+        return text.format(factor * self.value)
+
+
+def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) -> Estimate:
+    """The estimate with the effects that its model lacks, the most significant one first.
+
+    Intervals take in how far this one moves a parameter. Where any of them moves one by a fifth there is a warning.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The estimate.
+    alternatives : iterable of Alternative
+        Effects; those that are not significant, or move no parameter by a hundredth, are left out.
+
+    Returns
+    -------
+    Estimate
+    """
+    shown = [a for a in alternatives if is_significant(a) and max(map(abs, a.shifts.values())) > SMALLEST_SHIFT]
+    shown.sort(key=lambda alternative: -abs(alternative.score))
+    if not shown:
+        return estimate
+    first, intervals = shown[0], dict(estimate.intervals)
+    values, warnings = {**estimate.stiffness, **estimate.reflex}, list(estimate.diagnostics["warnings"])
+    for name, shift in first.shifts.items():
+        if name in intervals:
+            (low, high), moved = intervals[name], values[name] * (1.0 + shift)
+            intervals[name] = (min(low, moved), max(high, moved))
+    if any(map(_is_large, shown)):
+        moves = ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in first.shifts.items())
+        warnings.append(
+            f"the model lacks something that depends on the movement. {first.text[0].upper()}{first.text[1:]} explains "
+            f"most of it and moves {moves}: {EFFECTS[first.effect][2]}."
+        )
+    rows = [{"effect": a.text, "score": a.score, "shifts": a.shifts} for a in shown]
+    diagnostics = {**estimate.diagnostics, "alternatives": rows, "warnings": warnings}
+    return replace(estimate, intervals=intervals, diagnostics=diagnostics)
+
+
+def _is_large(alternative: Alternative) -> bool:
+    """Whether an effect moves a parameter by more than its interval may take in, or is no delay of a joint."""
+    least, most = QUANTITIES["delay"].plausible
+    far = alternative.effect == "delay" and not least < alternative.value < most
+    return far or max(map(abs, alternative.shifts.values())) > LARGEST_SHIFT
+
+
+def is_significant(alternative: Alternative) -> bool:
+    """Whether the record shows an effect that an instrument or a joint can have."""
+    score = alternative.score if alternative.effect in ONE_SIDED else abs(alternative.score)
+    return score > SIGNIFICANT
+
+
+def find_alternatives(solution: RivSolution, max_iterations: int, tolerance: float) -> list[Alternative]:
+    """Effects that the record shows and the model does not have.
+
+    The score of each effect costs one solution of linear equations; where it is significant, the equations are solved
+    with the effect as a further unknown.
+
+    Parameters
+    ----------
+    solution : RivSolution
+        The solution without them.
+    max_iterations, tolerance
+        As of `solve`.
+
+    Returns
+    -------
+    list of Alternative
+    """
+    equations = solution.point.equations
+    effects = ["lag", "high-pass", "friction", "compression"]
+    if len(equations.measured) == MOTION + 1:  # other bases answer both directions
+        effects.append("direction")
+    alternatives = [_free_effect(effect, solution, max_iterations, tolerance) for effect in effects]
+    if not equations.estimate_delay and movement_p(solution.point) < LEVEL:
+        alternatives.append(_free_delay(solution, max_iterations, tolerance))
+        if equations.order == 2:  # a third pole and a free delay are nearly the same
+            alternatives.append(_free_order(solution, max_iterations, tolerance))
+    return [alternative for alternative in alternatives if alternative is not None]
+
+
+def _free_effect(effect: str, solution: RivSolution, max_iterations: int, tolerance: float) -> Alternative | None:
+    """The solution with an effect, by steps of its size; None if it is not significant."""
+    origin, freed, value = solution.point.equations, solution, 0.0
+    step, error = _step(solution, *_rows(effect, solution.point, origin))
+    score = step / error
+    if not is_significant(Alternative(effect, step, score, {})):
+        return None
+    for _ in range(1 if effect == "compression" else ROUNDS):  # a cube is no more than the direction of a saturation
+        value += step
+        equations = copy(origin)
+        equations.torque = _correct(effect, freed.point, origin, value)
+        freed = solve(equations, freed.point.parameters, max_iterations, tolerance)
+        step, _ = _step(freed, *_rows(effect, freed.point, origin))
+    return Alternative(effect, value, score, _compare(solution, freed))
+
+
+def _compare(solution: RivSolution, freed: RivSolution) -> dict[str, float]:
+    """How far K, B, I and G move from one solution to another, over what they were."""
+    first, second = (parameter_values(part.point.equations, part.point.parameters) for part in (solution, freed))
+    return {name: second[name] / first[name] - 1.0 for name in "KBIG" if first[name]}
+
+
+def _rows(effect: str, point: RivPoint, origin: RivEquations) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of the torque with respect to the size of an effect, by the measured and by the predicted inputs."""
+    e, s = point.equations, origin.band.s
+    predicted = point.parameters.linear @ point.instruments[: point.parameters.linear.size]
+    if effect == "lag":
+        return -s * e.torque, -s * predicted
+    if effect == "high-pass":
+        return -origin.torque / s, -predicted / s
+    if effect == "compression":
+        cubes = (e.regressors.torque - e.regressors.torque.mean()) ** 3, e.band.signals(predicted) ** 3
+        return -e.band.transform(cubes[0]), -e.band.transform(cubes[1])
+    if effect == "friction":
+        inputs = e.regressors.inputs, e.predicted_inputs
+        return e.band.transform(np.sign(inputs[0][:, 1])), e.band.transform(np.sign(inputs[1][:, 1]))
+    response, delay = e.responses(point.parameters)[0], np.exp(-s * e.regressors.delay)
+    drives = e.measured[MOTION] - delay * e.measured[1], e.predicted[MOTION] - delay * e.predicted[1]
+    return response * drives[0], response * drives[1]
+
+
+def _correct(effect: str, point: RivPoint, origin: RivEquations, value: float) -> np.ndarray:
+    """Measured torque without an effect of some size."""
+    if effect == "lag":
+        return origin.torque * np.exp(origin.band.s * value)
+    return origin.torque - value * _rows(effect, point, origin)[0]
+
+
+def _step(solution: RivSolution, regressor: np.ndarray, instrument: np.ndarray) -> tuple[float, float]:
+    """Step of the size of an effect that solves the equations with it, and the standard error of the size."""
+    point, free = solution.point, solution.free
+    weighted = np.vstack([point.weighted[free], instrument.conj() / point.level])
+    inverse = solve_scaled(np.real(weighted @ np.vstack([point.regressors[free], regressor]).T), np.eye(len(weighted)))
+    scatter = 0.5 * point.equations.band.correlation * np.real((weighted * point.noise) @ weighted.conj().T)
+    return float(inverse[-1] @ np.real(weighted @ point.residual)), float(np.sqrt(inverse[-1] @ scatter @ inverse[-1]))
+
+
+def _free_delay(solution: RivSolution, max_iterations: int, tolerance: float) -> Alternative | None:
+    """The solution with the delay as an unknown."""
+    equations = copy(solution.point.equations)
+    equations.estimate_delay = True
+    freed = solve(equations, solution.point.parameters, max_iterations, tolerance)
+    if not freed.converged or freed.delay > LONGEST_DELAY:
+        return None
+    score = freed.point.parameters.shift / _last_error(freed)
+    return Alternative("delay", freed.delay, score, _compare(solution, freed))
+
+
+def _free_order(solution: RivSolution, max_iterations: int, tolerance: float) -> Alternative | None:
+    """The solution with a third pole; its score is that of its time constant."""
+    equations, parameters = copy(solution.point.equations), solution.point.parameters
+    equations.order = 3
+    start = replace(parameters, dynamics=replace(parameters.dynamics, pole=POLE))
+    freed = solve(equations, start, max_iterations, tolerance)
+    if not freed.converged or "pole" in freed.held:
+        return None
+    pole, score = freed.point.parameters.dynamics.pole or np.inf, 1.0 / _last_error(freed)
+    return Alternative("order", pole, score, _compare(solution, freed))
+
+
+def _last_error(solution: RivSolution) -> float:
+    """Standard error of the last unknown."""
+    return float(np.sqrt(asymptotic_covariance(solution.point, solution.free)[-1, -1]))

@@ -1,0 +1,96 @@
+"""Effects that a model lacks: each is named with its size, and what it does to K, B, I and G is a warning."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from ankleloop import identify, new_trial, simulate
+
+
+def rebuild(trial, **changes):
+    rate = changes.pop("rate", trial.attrs["sampling_rate"])
+    channels = {name: trial[name].to_numpy() for name in ("position", "torque", "reference")} | changes
+    return new_trial(channels["position"], channels["torque"], rate, channels["reference"])
+
+
+def late(trial):
+    torque = trial["torque"].to_numpy()
+    return rebuild(trial, torque=np.concatenate([np.full(5, torque[0]), torque[:-5]]))
+
+
+def high_passed(trial):
+    torque = trial["torque"].to_numpy()
+    return rebuild(trial, torque=signal.lfilter(*signal.butter(1, 0.5, "high", fs=1000.0), torque - torque.mean()))
+
+
+def rubbing(trial):
+    velocity = np.gradient(trial["position"].to_numpy(), 1e-3)
+    return rebuild(trial, torque=trial["torque"].to_numpy() + 2.0 * np.tanh(velocity / 0.02))
+
+
+def turned(trial):
+    return rebuild(trial, **{name: -trial[name].to_numpy() for name in ("position", "torque", "reference")})
+
+
+def saturated(trial):
+    return rebuild(trial, torque=10.0 * np.tanh(trial["torque"].to_numpy() / 10.0))
+
+
+FAULTS = {
+    "ms after the position": late,
+    "high-pass of 0.": high_passed,
+    "friction of": rubbing,
+    "in the other direction": turned,
+    "flat where it is large": saturated,
+}
+
+
+@pytest.fixture(scope="module")
+def trial():
+    return simulate(seed=21)
+
+
+@pytest.mark.parametrize("method", ["riv", "riv-tv"])
+@pytest.mark.parametrize("effect", FAULTS)
+def test_what_an_instrument_does_to_a_record_is_a_warning(trial, effect, method):
+    options = {"riv": {"delay": 0.04}, "riv-tv": {"cycle_onsets": np.arange(0.0, 48.0)}}[method]
+    estimate = identify(FAULTS[effect](trial), method, **options)
+    text = " ".join(estimate.diagnostics["warnings"])
+    assert "the model lacks something that depends on the movement" in text
+    effects = [row["effect"] for row in estimate.diagnostics["alternatives"]]
+    assert any(effect in name for name in effects)
+    if effect != "in the other direction":  # many effects imitate a reflex that is absent
+        assert effect in text
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "truth"), [("ms after the position", "I", 0.015), ("high-pass of 0.", "G", 13.0)]
+)
+def test_intervals_take_in_what_the_likely_cause_does(trial, effect, name, truth):
+    estimate = identify(FAULTS[effect](trial), "riv")
+    low, high = estimate.intervals[name]
+    value = (estimate.stiffness | estimate.reflex)[name]
+    assert abs(value / truth - 1.0) > 0.15
+    assert low < truth < 1.1 * high
+    (first, *_) = estimate.diagnostics["alternatives"]
+    assert value * (1.0 + first["shifts"][name]) == pytest.approx(truth, rel=0.12)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 500.0])
+def test_a_delay_far_from_the_assumed_one_is_a_warning(rate):
+    """Also that of a record whose time is stretched: the reflex comes twice as late."""
+    trial = simulate(seed=3, delay=0.08 if rate == 1000.0 else 0.04)
+    for method, options in (("riv", {}), ("riv", {"delay": 0.04}), ("riv-tv", {"cycle_onsets": np.arange(0.0, 48.0)})):
+        text = " ".join(identify(rebuild(trial, rate=rate), method, **options).diagnostics["warnings"])
+        assert "delay" in text, (method, options)
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"closed_loop": False}, {"voluntary": 1.0}, {"snr_db": None, "voluntary": 0.0}]
+)
+def test_a_complete_model_lacks_nothing(settings):
+    trial = simulate(seed=4, **settings)
+    for method, options in (("riv", {}), ("riv-tv", {"cycle_onsets": np.arange(0.0, 48.0)})):
+        estimate = identify(trial, method, **options)
+        assert "alternatives" not in estimate.diagnostics
+        assert estimate.diagnostics["warnings"] == []
