@@ -139,10 +139,14 @@ def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
             f"onset {k + 2} of {onsets.size} ({onsets[k + 1]:g} s) is not after onset {k + 1} ({onsets[k]:g} s): sort "
             "them, and leave out those that are there twice."
         )
-    if onsets[0] > stop or onsets[-1] < start or np.median(durations) > stop - start:
+    cycle = float(np.median(durations))
+    beyond = onsets[0] < start - 1.5 * cycle or onsets[-1] > stop + 1.5 * cycle
+    missing = onsets[0] > start + 2.5 * cycle or onsets[-1] < stop - 2.5 * cycle
+    if (beyond and missing) or cycle > stop - start:  # those of a whole trial cover its segments
         raise DataError(
             f"the onsets of the cycles go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {start:g} to "
-            f"{stop:g} s: give them in seconds of the record, neither milliseconds nor samples."
+            f"{stop:g} s: give them in seconds of the record, neither milliseconds nor samples; a segment keeps the "
+            "times of its trial."
         )
     _check_durations(onsets, durations)
 

@@ -35,7 +35,7 @@ class RealTimeOptions(Options):
         None,
         "time until the parameters count, where means of the traces start; null for the memory",
         unit="s",
-        ge=0,
+        ge=SHORTEST_LEVEL,
         le=1e6,
     )
     reflex_lags: float = option(0.4, "length of the reflex impulse response", unit="s", ge=0.001, le=5)

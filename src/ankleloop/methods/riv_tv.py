@@ -24,7 +24,7 @@ from ankleloop.methods.riv_alternatives import Alternative, add_alternatives, is
 from ankleloop.methods.riv_equations import DELAY_LIMITS
 from ankleloop.methods.time_varying_alternatives import find_time_varying_alternatives, mean_parameters
 from ankleloop.methods.time_varying_bands import TimeVaryingCovariance, covariance, trajectory, variation_p
-from ankleloop.methods.time_varying_checks import check_perturbation, instrument_strength
+from ankleloop.methods.time_varying_checks import check_course, check_perturbation, instrument_strength
 from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations
 from ankleloop.methods.time_varying_inputs import TimeVaryingInputs
 from ankleloop.methods.time_varying_search import TimeVaryingSolution, solve_time_varying
@@ -344,7 +344,7 @@ def _means(
 
 def _warnings(solution: TimeVaryingSolution, strength: float, blanks: dict[str, str]) -> list[str]:
     """What the record does not show, or the search did not reach."""
-    course, warnings = solution.equations.inputs.course, []
+    course, warnings = solution.equations.inputs.course, check_course(solution.equations.inputs)
     if course.periodic and course.segments < FEW_CYCLES:
         warnings.append(f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}.")
     for name, ranges in blanks.items():

@@ -342,6 +342,11 @@ def _losses(
     for fold in folds:
         merged = len(fold.training) > 1
         estimate: Estimate = fit(fold.training, **options)[0] if merged else fit(fold.training[0], **options)
+        if estimate.trajectories is not None and "time" in estimate.trajectories.sizes:
+            raise DataError(
+                "its parameters are functions of time, and those of one half are not those of the other: give "
+                "cycle_onsets or a schedule, or set the options without a selection."
+            )
         warnings += estimate.fit_warnings  # those about the data concern all candidates alike
         torque = estimate.predict(fold.test, cycle_onsets=cycle_onsets).torque
         time, rate = torque["time"].values, torque.attrs["identification_rate"]

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import signal
 
 from ankleloop.errors import DataError
 from ankleloop.methods.time_varying_equations import WhitenedSystem
 from ankleloop.methods.time_varying_inputs import TimeVaryingInputs
 
-__all__ = ["check_perturbation", "free_share", "instrument_strength"]
+__all__ = ["check_course", "check_perturbation", "free_share", "instrument_strength"]
 
 LOCKED = 0.3  # share of the perturbation that has to differ from cycle to cycle
 ROUNDS = 5
+MOVEMENT_BAND, FLOOR_BAND = (0.6, 1.5), (2.0, 6.0)  # frequencies of a cycle, and those of the perturbation beside it
+MOVEMENT_POWER = 3.5  # of a movement over that of the perturbation
+SAME_PHASE = 0.9  # length of the mean of unit vectors
+SLOW, LATEST, LATER = 1.0, 1.0, 0.1  # Hz; s; what another time explains more of the movement
+FOLLOWED = 0.3  # of the slow movement, at least, by a schedule that it follows
 
 
 def free_share(inputs: TimeVaryingInputs) -> float:
@@ -69,6 +75,67 @@ def check_perturbation(inputs: TimeVaryingInputs) -> float:
             "pseudorandom sequence for every cycle, independent of its phase."
         )
     return share
+
+
+def check_course(inputs: TimeVaryingInputs) -> list[str]:
+    """Warnings about onsets or a schedule that the movement of the record contradicts.
+
+    Parameters
+    ----------
+    inputs : TimeVaryingInputs
+        Inputs of the trial.
+
+    Returns
+    -------
+    list of str
+    """
+    checks = {"phase": _check_cycles, "schedule": _check_schedule}
+    return checks.get(inputs.course.dimension, lambda inputs: [])(inputs)
+
+
+def _position(inputs: TimeVaryingInputs) -> np.ndarray:
+    return inputs.trial.motion(inputs.grid)[0]
+
+
+def _check_cycles(inputs: TimeVaryingInputs) -> list[str]:
+    """Whether the movement has the same phase at all onsets, where there is one."""
+    position, starts = _position(inputs), inputs.course.rows.start + np.flatnonzero(inputs.course.since == 0)
+    frequency = np.fft.rfftfreq(position.size) * float(np.median(np.diff(starts)))  # per cycle
+    spectrum = np.fft.fft(position - position.mean())[: frequency.size]
+    power = np.abs(np.fft.rfft((position - position.mean()) * np.hanning(position.size))) ** 2
+    band, floor = ((frequency > low) & (frequency < high) for low, high in (MOVEMENT_BAND, FLOOR_BAND))
+    if np.mean(power[band]) < MOVEMENT_POWER * np.median(power[floor]):
+        return []
+    movement = np.zeros(position.size, dtype=complex)
+    movement[: frequency.size] = np.where(band, spectrum, 0.0)
+    at_onsets = np.fft.ifft(movement)[starts]
+    common = float(np.abs(np.mean(at_onsets / np.abs(at_onsets))))
+    if common > SAME_PHASE:
+        return []
+    return [
+        f"the movement is not the same at all onsets of cycles (its phases agree by {common:.2f}, usually by "
+        f"{SAME_PHASE:g} and more): are they those of another trial, or counted from another time? K, B and G over "
+        "phase are wrong then."
+    ]
+
+
+def _check_schedule(inputs: TimeVaryingInputs) -> list[str]:
+    """Whether the slow movement follows the schedule at once, where it follows it."""
+    low_pass = signal.butter(2, SLOW, fs=inputs.rate, output="sos")
+    position, place = (signal.sosfiltfilt(low_pass, x - x.mean()) for x in (_position(inputs), inputs.course.place))
+    reach = round(LATEST * inputs.rate)
+    middle = slice(reach, -reach)
+    lags = range(-reach, reach + 1)
+    shares = np.array([np.corrcoef(position[middle], np.roll(place, lag)[middle])[0, 1] ** 2 for lag in lags])
+    best = int(np.argmax(shares))
+    if shares[best] < FOLLOWED or shares[reach] > shares[best] - LATER:
+        return []
+    late = (reach - best) / inputs.rate
+    return [
+        f"the slow movement follows the schedule {abs(late):.2g} s {'earlier' if late > 0 else 'later'} than its "
+        f"samples say (it explains {100 * shares[best]:.0f} % then, {100 * shares[reach]:.0f} % at once): is the "
+        "schedule shifted in time, or that of another trial?"
+    ]
 
 
 def instrument_strength(system: WhitenedSystem, size: int) -> float:

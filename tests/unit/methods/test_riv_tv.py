@@ -8,10 +8,21 @@ import pytest
 import xarray as xr
 from scipy import signal as sps
 
-from ankleloop import DataError, evaluate, identify, load_estimate, new_trial, read_trial, save_estimate, simulate
+from ankleloop import (
+    DataError,
+    evaluate,
+    identify,
+    load_estimate,
+    new_trial,
+    read_trial,
+    save_estimate,
+    segment,
+    simulate,
+)
 from ankleloop.assessment.trajectory_scores import true_trajectories
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
+from ankleloop.joint.time_varying_course import find_onsets
 from ankleloop.methods.riv_tv import RivTvOptions
 
 LIGHT = (0.1, 10.0, 100.0)
@@ -376,3 +387,36 @@ def test_options_are_selected_on_unseen_cycles_at_their_own_onsets():
     for scores in zip(*(entry["candidates"] for entry in chosen), strict=True):
         values = [next(iter(candidate["scores"].values())) for candidate in scores]
         assert values[0] == pytest.approx(values[1], abs=0.5)
+
+
+MOVING = {"variation": "cycle", "stiffness_variation": 0.4, "movement": 0.2, "cycle_jitter": 0.1, "duration": 60.0}
+
+
+def onsets_of(trial):
+    prepared = prepare(trial)
+    return find_onsets(prepared, "phase")
+
+
+def test_onsets_of_another_trial_are_a_warning():
+    trial, other = (simulate(seed=seed, **MOVING) for seed in (1, 2))
+    text = "the movement is not the same at all onsets of cycles"
+    own, foreign = (identify(trial, "riv-tv", cycle_onsets=onsets_of(part)) for part in (trial, other))
+    assert own.diagnostics["warnings"] == []
+    assert text in " ".join(foreign.diagnostics["warnings"])
+
+
+def test_onsets_that_are_counted_from_a_segment_are_refused():
+    trial = simulate(seed=1, **MOVING)
+    part, onsets = segment(trial, 20.0, 60.0), onsets_of(trial)
+    identify(part, "riv-tv", cycle_onsets=onsets)
+    with pytest.raises(DataError, match="a segment keeps the times of its trial"):
+        identify(part, "riv-tv", cycle_onsets=onsets[onsets > 20.0] - 20.0)
+
+
+@pytest.mark.parametrize(("late", "word"), [(500, "s earlier"), (-500, "s later"), (0, "")])
+def test_a_schedule_that_is_shifted_in_time_is_a_warning(late, word):
+    trial = simulate(seed=1, variation="schedule", stiffness_variation=0.4, movement=0.2, duration=60.0)
+    trial["schedule"] = ("time", np.roll(trial["schedule"].to_numpy(), late))
+    warnings = " ".join(identify(trial, "riv-tv", schedule="schedule").diagnostics["warnings"])
+    assert ("follows the schedule" in warnings) == bool(word)
+    assert word in warnings

@@ -224,3 +224,9 @@ def test_a_numerical_error_is_that_of_its_candidate(error):
     selection = select_options(simulate(seed=4, duration=24.0), fit, {"order": [2, 3]})
     assert selection.chosen == {"order": 2}
     assert selection.candidates[1] == {"order": 3, "scores": {}, "warnings": [], "error": "no convergence"}
+
+
+def test_parameters_over_time_are_not_selected_on_another_half():
+    trial = simulate(seed=1, variation="time", stiffness_variation=0.4, duration=60.0)
+    with pytest.raises(DataError, match="those of one half are not those of the other"):
+        identify(trial, "riv-tv", select={"order": [2, 3]})
