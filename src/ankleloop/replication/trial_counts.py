@@ -25,7 +25,7 @@ __all__ = [
 
 MOST_REASONS = 5  # of failures that a sentence each is about
 NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
-COUNTS = ["trials", "failures", "warnings"]  # columns of every table of means over trials
+COUNTS = ["trials", "failures", "warnings", "without G"]  # columns of every table of means over trials
 
 
 def list_faults(parameters: pd.DataFrame) -> pd.DataFrame:
@@ -111,20 +111,23 @@ def count_outcomes(parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Columns `by`, `trials` (all of them), `failures` (trials without an estimate: no mean holds them) and `warnings`
-        (trials whose estimate came with a warning: means hold them like the others).
+        Columns `by`, `trials` (all of them), `failures` (trials without an estimate: no mean holds them), `warnings`
+        (trials whose estimate came with a warning: means hold them like the others) and `without G` (trials whose
+        estimate has no reflex gain, since its reflex path is no ramp with a low-pass behind it).
 
     Examples
     --------
     >>> table = pd.DataFrame({"method": "riv", "trial": [0, 1, 2], "failure": ["no pole", None, None]})
     >>> count_outcomes(table.assign(warnings=[None, "a pole", None]), ["method"]).to_dict("records")
-    [{'method': 'riv', 'trials': 3, 'failures': 1, 'warnings': 1}]
+    [{'method': 'riv', 'trials': 3, 'failures': 1, 'warnings': 1, 'without G': 0}]
     """
     by = list(by)
     if "trial" not in parameters:
         parameters = parameters.assign(trial=range(len(parameters)))
     trial = list(dict.fromkeys([*by, *(name for name in ("point", "trial") if name in parameters)]))
     faults = parameters[trial].assign(**list_faults(parameters))
+    gains = parameters["G"] if "G" in parameters else pd.Series(0.0, parameters.index)
+    faults["without G"] = gains.isna() & ~faults["failures"]
     trials = faults.groupby(trial, sort=False, dropna=False).any().reset_index().assign(trials=1)
     if not by:
         return trials[COUNTS].sum().astype(int).to_frame().T
@@ -148,7 +151,8 @@ def summarise_scores(scores: pd.DataFrame, parameters: pd.DataFrame, by: Sequenc
     -------
     pandas.DataFrame
         Columns `by`, `mean`, `sd` (of the sample; empty for a single trial), `n` (trials in the mean), `trials`,
-        `failures` and `warnings`. Where every trial failed there is a row for each score of the others, without a mean.
+        `failures`, `warnings` and `without G`. Where every trial failed there is a row for each score of the others,
+        without a mean.
 
     Examples
     --------
@@ -310,7 +314,8 @@ def describe_counts(parameters: pd.DataFrame, labels: Mapping[str, str] | None =
     """
     return (
         "Failures are trials without an estimate, warnings are trials whose estimate came with a warning. Means leave "
-        "out the failed trials and include those with a warning. "
+        "out the failed trials and include those with a warning; those of G, ωn and ζ leave out the trials without G, "
+        "whose reflex path is no ramp with a low-pass behind it. "
         f"In this study, {describe_warnings(parameters, labels)}."
     )
 

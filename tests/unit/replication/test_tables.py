@@ -71,7 +71,20 @@ def test_a_table_beside_the_paper_says_how_many_trials_failed(partly_failed):
     published = pd.DataFrame({"method": ["a"], "torque": ["net"], "against": ["true"], "paper": [91.0]})
     table = compare_with_published(scores, parameters, published, ["point"])
     assert list(table.columns) == (
-        ["point", "method", "torque", "against", "paper", "mean", "sd", "n", "trials", "failures", "warnings"]
+        [
+            "point",
+            "method",
+            "torque",
+            "against",
+            "paper",
+            "mean",
+            "sd",
+            "n",
+            "trials",
+            "failures",
+            "warnings",
+            "without G",
+        ]
     )
     counts = table.set_index(["point", "method"])[["n", "trials", "failures", "warnings"]]
     assert counts.values.tolist() == [[4, 4, 0, 1], [3, 4, 1, 1], [4, 4, 0, 1], [0, 4, 4, 0]]

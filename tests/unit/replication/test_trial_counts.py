@@ -31,29 +31,31 @@ def parameters():
     table.loc[1, "warnings"] = "unstable"
     table.loc[2, "warnings"] = " "  # no text: no warning
     table.loc[3, "warnings"] = "unstable"  # another method, the same trial as the failure
+    table["G"] = 10.0
+    table.loc[[0, 1], "G"] = np.nan  # the first one failed
     return table
 
 
 def test_counts_of_each_method_at_each_point(parameters):
     counts = count_outcomes(parameters, ["point", "method"])
     assert counts.values.tolist() == [
-        ["p", "riv", 3, 1, 1],
-        ["p", "pr", 3, 0, 1],
-        ["q", "riv", 3, 0, 0],
-        ["q", "pr", 3, 0, 0],
+        ["p", "riv", 3, 1, 1, 1],
+        ["p", "pr", 3, 0, 1, 0],
+        ["q", "riv", 3, 0, 0, 0],
+        ["q", "pr", 3, 0, 0, 0],
     ]
     assert count_trials(parameters) == 3
 
 
 def test_a_trial_of_several_methods_is_one_trial(parameters):
-    assert count_outcomes(parameters, ["gain"]).values.tolist() == [[2.0, 3, 1, 2], [5.0, 3, 0, 0]]
-    assert count_outcomes(parameters, [])[COUNTS].values.tolist() == [[6, 1, 2]]
-    assert count_outcomes(parameters, ["method"]).values.tolist() == [["riv", 6, 1, 1], ["pr", 6, 0, 1]]
+    assert count_outcomes(parameters, ["gain"]).values.tolist() == [[2.0, 3, 1, 2, 1], [5.0, 3, 0, 0, 0]]
+    assert count_outcomes(parameters, [])[COUNTS].values.tolist() == [[6, 1, 2, 1]]
+    assert count_outcomes(parameters, ["method"]).values.tolist() == [["riv", 6, 1, 1, 1], ["pr", 6, 0, 1, 0]]
 
 
 def test_a_failure_counts_as_no_warning(parameters):
     parameters.loc[0, "warnings"] = "a warning before the failure"
-    assert count_outcomes(parameters, ["point", "method"]).iloc[0].tolist() == ["p", "riv", 3, 1, 1]
+    assert count_outcomes(parameters, ["point", "method"]).iloc[0].tolist() == ["p", "riv", 3, 1, 1, 1]
     assert list_outcomes(parameters).tolist()[:4] == ["failure", "warning", "estimate", "warning"]
 
 
@@ -71,7 +73,7 @@ def test_scores_keep_their_means_and_their_order(parameters):
     assert table[["point", "method"]].drop_duplicates().values.tolist() == (
         [["p", "riv"], ["p", "pr"], ["q", "riv"], ["q", "pr"]]
     )
-    assert table.query("point == 'p' and method == 'riv'")[["n", *COUNTS]].values.tolist() == [[2, 3, 1, 1]] * 2
+    assert table.query("point == 'p' and method == 'riv'")[["n", *COUNTS]].values.tolist() == [[2, 3, 1, 1, 1]] * 2
 
 
 def test_where_every_trial_failed_a_row_stands_without_a_mean(parameters):
@@ -80,7 +82,7 @@ def test_where_every_trial_failed_a_row_stands_without_a_mean(parameters):
     scores = pd.concat([scores.assign(torque=torque, vaf=90.0) for torque in ("net", "reflex")])
     table = summarise_scores(scores, parameters, ["point", "method", "torque"])
     assert table.iloc[:2][["method", "torque", "n", *COUNTS]].values.tolist() == (
-        [["riv", "net", 0, 3, 3, 0], ["riv", "reflex", 0, 3, 3, 0]]
+        [["riv", "net", 0, 3, 3, 0, 0], ["riv", "reflex", 0, 3, 3, 0, 0]]
     )
     assert table["mean"].isna().tolist() == [True, True] + [False] * 6
 
