@@ -51,7 +51,7 @@ QUANTITIES = {
     "zeta": Quantity("damping of the reflex", "ζ", "1", (0.05, 10.0)),
     "pole": Quantity("third pole of the reflex", "p", "rad/s"),
     "threshold": Quantity("threshold of the reflex", "threshold", "rad/s"),
-    "delay": Quantity("reflex delay", "delay", "s", (0.015, 0.07)),
+    "delay": Quantity("reflex delay", "delay", "s", (0.02, 0.07)),
     "vaf_unseen": Quantity("net VAF, unseen half", "net VAF, unseen half", "%"),
     "vaf_net": Quantity("net VAF", "net VAF", "%"),
     "vaf_intrinsic": Quantity("intrinsic contribution", "intrinsic contribution", "%"),

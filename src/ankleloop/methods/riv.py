@@ -11,7 +11,7 @@ from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
-from ankleloop.methods.riv_alternatives import LONGEST_DELAY, add_alternatives, find_alternatives
+from ankleloop.methods.riv_alternatives import add_alternatives, find_alternatives, is_stretch_delay
 from ankleloop.methods.riv_covariance import RivCovariance, asymptotic_covariance, choose_covariance
 from ankleloop.methods.riv_equations import MOTION, RivEquations
 from ankleloop.methods.riv_intervals import estimate_errors, estimate_intervals, parameter_values, reflex_path
@@ -150,7 +150,7 @@ def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -
 
 def _shows_delay(solution: RivSolution) -> bool:
     """Whether an estimated delay is one of a stretch reflex, and certain."""
-    if not solution.converged or solution.delay > LONGEST_DELAY:
+    if not solution.converged or not is_stretch_delay(solution.delay):
         return False
     if parameter_values(solution.point.equations, solution.point.parameters)["G"] < 0.0:
         return False

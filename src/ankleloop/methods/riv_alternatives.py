@@ -15,7 +15,7 @@ from ankleloop.methods.riv_intervals import parameter_values
 from ankleloop.methods.riv_search import RivSolution, solve
 from ankleloop.quantities import QUANTITIES
 
-__all__ = ["LONGEST_DELAY", "Alternative", "add_alternatives", "find_alternatives", "is_significant"]
+__all__ = ["Alternative", "add_alternatives", "find_alternatives", "is_significant", "is_stretch_delay"]
 
 SIGNIFICANT = 4.5  # standard errors
 ONE_SIDED = ("high-pass", "friction", "compression")  # the opposite is no effect of an instrument
@@ -28,7 +28,7 @@ POLE = 100.0  # rad/s, where the search for a third one begins
 EFFECTS = {
     "delay": ("a reflex delay of {:.3g} ms", 1e3, "give no delay, so that it is estimated"),
     "order": ("a third pole of the reflex at {:.3g} rad/s", 1.0, "take order=3"),
-    "lag": ("a torque recorded {:.2g} ms after the position", 1e3, "record both through equal filters"),
+    "lag": ("a torque recorded {:.2g} ms {} the position", 1e3, "record both through equal filters"),
     "high-pass": (
         "a high-pass of {:.2g} Hz in the torque",
         0.5 / np.pi,
@@ -69,7 +69,8 @@ class Alternative:
     def text(self) -> str:
         """The effect with its size."""
         text, factor, _ = EFFECTS[self.effect]
-        return text.format(factor * self.value)
+        size = abs(self.value) if self.effect == "lag" else self.value
+        return text.format(factor * size, "after" if self.value > 0.0 else "before")
 
 
 def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) -> Estimate:
@@ -98,15 +99,21 @@ def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) ->
         if name in intervals:
             (low, high), moved = intervals[name], values[name] * (1.0 + shift)
             intervals[name] = (min(low, moved), max(high, moved))
-    if any(map(_is_large, shown)):
-        moves = ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in first.shifts.items())
+    large = next(filter(_is_large, shown), None)
+    if large is not None:
+        moves = ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in large.shifts.items())
         warnings.append(
-            f"the model lacks something that depends on the movement. {first.text[0].upper()}{first.text[1:]} explains "
-            f"most of it and moves {moves}: {EFFECTS[first.effect][2]}."
+            f"the model lacks something that depends on the movement. {large.text[0].upper()}{large.text[1:]} explains "
+            f"much of it and moves {moves}: {EFFECTS[large.effect][2]}."
         )
     rows = [{"effect": a.text, "score": a.score, "shifts": a.shifts} for a in shown]
     diagnostics = {**estimate.diagnostics, "alternatives": rows, "warnings": warnings}
     return replace(estimate, intervals=intervals, diagnostics=diagnostics)
+
+
+def is_stretch_delay(delay: float) -> bool:
+    """Whether a delay [s] can be that of a stretch reflex; somewhat longer ones are warned about."""
+    return QUANTITIES["delay"].plausible[0] < delay < LONGEST_DELAY
 
 
 def _is_large(alternative: Alternative) -> bool:
@@ -213,7 +220,7 @@ def _free_delay(solution: RivSolution, max_iterations: int, tolerance: float) ->
     equations = copy(solution.point.equations)
     equations.estimate_delay = True
     freed = solve(equations, solution.point.parameters, max_iterations, tolerance)
-    if not freed.converged or freed.delay > LONGEST_DELAY:
+    if not freed.converged or not is_stretch_delay(freed.delay):
         return None
     score = freed.point.parameters.shift / _last_error(freed)
     return Alternative("delay", freed.delay, score, _compare(solution, freed))

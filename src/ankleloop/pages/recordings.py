@@ -153,8 +153,14 @@ def _describe(mapping: Mapping[str, Any]) -> list[str]:
 def _compare_methods(valid: pd.DataFrame) -> list[tuple[str, list[str]]]:
     """Headings and cells of all quantities that some method has, a cell for each method."""
     rows = [row for _, row in valid.iterrows()]
-    quantities = [(heading, [format_with_interval(row, name) for row in rows]) for name, heading in ROWS.items()]
+    quantities = [(heading, [_format_cell(row, name) for row in rows]) for name, heading in ROWS.items()]
     return [(heading, cells) for heading, cells in quantities if set(cells) - {"–", ""}]
+
+
+def _format_cell(row: pd.Series, name: str) -> str:
+    cell = format_with_interval(row, name)
+    assumed = name == "delay" and cell != "–" and not row.get("delay_low", float("nan")) < float("inf")
+    return f"{cell} (assumed)" if assumed else cell
 
 
 def _mark_labels(analysis: Analysis) -> dict[str, str]:
@@ -164,14 +170,15 @@ def _mark_labels(analysis: Analysis) -> dict[str, str]:
 
 
 def _list_remarks(table: pd.DataFrame) -> list[tuple[str, str]]:
-    """Labels of methods, with the reason why they were not fitted, their warnings, or what to bear in mind."""
+    """Labels of methods, with why they were not fitted, their warnings, what to bear in mind, and what they assume."""
     remarks = []
     for _, row in table.iterrows():
-        texts = {name: row.get(name) for name in ("warnings", "caution", "unseen_warnings")}
+        texts = {name: row.get(name) for name in ("warnings", "caution", "unseen_warnings", "assumptions")}
         headings = {
             "warnings": "warning" if row.get("valid") is True else "not fitted",
             "caution": "caution",
             "unseen_warnings": "fit to the first half",
+            "assumptions": "assumed",
         }
         remarks += [
             (row["label"], f"{headings[name]}: {text}")

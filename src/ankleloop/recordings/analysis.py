@@ -26,6 +26,8 @@ from ankleloop.signals.sampling import match_times
 
 __all__ = ["Analysis", "analyse", "largest_options"]
 
+OTHER_DELAY = 0.01  # s
+
 log = logging.getLogger(__name__)
 
 
@@ -44,7 +46,8 @@ class Analysis:
         By the label of the method the test of the residual of the longest trial.
     table : pandas.DataFrame
         One row for each method: whether it is `valid` here (else the reason in `warnings`), `warnings` of its estimate,
-        whether it can be `trusted` (valid, and without a warning), a `caution` where it is valid with one,
+        whether it can be `trusted` (valid, and without a warning), a `caution` where it is valid with one, its
+        `assumptions`, with what 10 ms more of an assumed delay would do,
         cross-validated and fitted VAF [%] with intervals, parameters with the kind of their `intervals` (parameters of
         a method with a warning have none), tests of the residual. One row without a method if the recording was
         refused.
@@ -190,7 +193,34 @@ def _analyse_method(
     row["caution"] = " ".join(
         filter(None, (caution(specification["method"], check.loop, check.reference), *about_data))
     )
+    row["assumptions"] = " ".join(_describe_assumptions(trials, estimates[0], specification))
     return _Result(estimates, test, unseen, row)
+
+
+def _describe_assumptions(
+    trials: list[PreparedTrial], estimate: Estimate, specification: Mapping[str, Any]
+) -> list[str]:
+    """What an estimate takes for granted, with what another delay would do, and what it lacks."""
+    diagnostics = estimate.diagnostics
+    texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
+    if "delay" not in estimate.intervals:
+        try:
+            options = {**specification.get("options", {}), "delay": estimate.reflex["delay"] + OTHER_DELAY}
+            other = _identify_all(trials, specification["method"], **options)[0]
+            texts.append(f"A delay of {1000 * OTHER_DELAY:g} ms more would move {_describe_shifts(estimate, other)}.")
+        except DataError as error:
+            texts.append(f"What another delay would do cannot be told: {error}")
+    for row in diagnostics.get("alternatives", ()):
+        moves = ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in row["shifts"].items())
+        texts.append(f"With {row['effect']} in the model it would move {moves}.")
+    return texts
+
+
+def _describe_shifts(first: Estimate, second: Estimate) -> str:
+    """How far K, B, I and G of a second estimate are from those of a first one."""
+    before, after = ({**estimate.stiffness, **estimate.reflex} for estimate in (first, second))
+    shared = [name for name in "KBIG" if before.get(name) and name in after]
+    return ", ".join(f"{name} by {100 * (after[name] / before[name] - 1):+.2g} %" for name in shared)
 
 
 def _check_options(specification: Mapping[str, Any]) -> None:
