@@ -12,6 +12,7 @@ from ankleloop.joint.channel_checks import check_spikes
 from ankleloop.joint.data_checks import DataUse, check_data
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.decimation import lowpass
+from ankleloop.simulation.settings import SimulationSettings
 
 CONFIG = Path(__file__).parents[2] / "config" / "config.yaml"
 SEEDS = (101, 202)
@@ -21,7 +22,9 @@ def points(study):
     values = study.get("points") or [{}]
     if isinstance(values, dict):
         values = [dict(zip(values, parts, strict=True)) for parts in itertools.product(*values.values())]
-    return [study.get("simulation", {}) | point for point in values]
+    settings = [study.get("simulation", {}) | point for point in values]
+    known = SimulationSettings.model_fields  # a point may hold options of methods as well
+    return [{name: value for name, value in point.items() if name in known} for point in settings]
 
 
 STUDIES = {

@@ -84,7 +84,7 @@ def test_a_job_without_memory_says_so_and_the_others_finish(repository, start, f
     assert (tmp_path / "first").exists()
     messages = re.findall(r"^rule identify.*out of memory.*", run.text.split("Logfile ")[0], re.MULTILINE)
     assert len(messages) == 1, run.text
-    place = r"study study, point reflex_gain=\S+, trial \d+, method pr-moesp, results/trials/study/\d+\.nc"
+    place = r"study study, point reflex_gain=\S+, trial \d+, method pr-moesp; results/trials/study/\d+\.nc"
     assert re.match(rf"rule identify, study study, chunk \d+; {place}: out of memory \(", messages[0]), messages
     assert "run the same command again with fewer jobs at a time (--cores 1)" in messages[0]
     assert len(list(folder.glob("results/scores/study/*.csv"))) == CHUNKS - 1

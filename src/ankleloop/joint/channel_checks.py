@@ -5,15 +5,13 @@ Each check costs a few passes over the samples at most, so that every identifica
 
 from __future__ import annotations
 
-from math import ceil
-
 import numpy as np
 
-from ankleloop.joint.check_kernels import has_run, may_stay_at_end, scan_samples
+from ankleloop.joint.check_kernels import scan_samples
 from ankleloop.joint.findings import CHANNEL_UNITS, Finding
 from ankleloop.joint.prepared import PreparedTrial
 
-__all__ = ["CHANNEL_CHECKS", "check_channel", "check_clipping", "check_gaps", "check_rest", "check_spikes"]
+__all__ = ["CHANNEL_CHECKS", "check_clipping", "check_gaps", "check_rest", "check_spikes"]
 
 CLIPPED_RUN = 5  # consecutive samples at the very end of the range
 CLIPPED_EXCESS = 5.0  # times as many samples there as at the next values
@@ -29,31 +27,6 @@ SPIKE = 0.003  # s on either side
 PARTS = (5, 10)  # fewest and most parts of the record: a perturbation is in most of them, a spike is not
 SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
 SPIKE_SIZE = 0.5  # standard deviations of the channel
-
-
-def check_channel(trial: PreparedTrial, name: str) -> list[Finding]:
-    """All checks of one channel.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    name : str
-        Name of the channel.
-
-    Returns
-    -------
-    list of Finding
-        Only those that are not ok.
-    """
-    x = np.ascontiguousarray(trial.samples(name))
-    largest, usual, repeated = _scan(x, trial.rate)
-    findings = [_find_spike(trial, name, largest, usual)] if _stands_out(largest, usual) else []
-    if repeated:
-        findings += [check_clipping(trial, name)] if may_stay_at_end(x, CLIPPED_RUN) else []
-        findings += [check_rest(trial, name)] if has_run(x, max(1, ceil(REST * trial.rate))) else []
-    findings.append(check_gaps(trial, name))
-    return [finding for finding in findings if finding.verdict != "ok"]
 
 
 def _reach(rate: float) -> int:

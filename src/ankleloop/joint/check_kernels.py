@@ -13,8 +13,6 @@ __all__ = [
     "correlate_reference",
     "displace_products",
     "has_directions",
-    "has_run",
-    "may_stay_at_end",
     "multiply_deviations",
     "regress_last",
     "scan_samples",
@@ -90,69 +88,6 @@ def scan_samples(x, reach, parts):
             repeated += x[k + 1] == x[k]
         peaks[part] = lanes.max()
     return *_middle(peaks), repeated
-
-
-@njit
-def _run(x, sample):
-    """Samples of the run of one value to which a sample belongs."""
-    first, last = sample, sample
-    while first > 0 and x[first - 1] == x[sample]:
-        first -= 1
-    while last + 1 < x.size and x[last + 1] == x[sample]:
-        last += 1
-    return last - first + 1
-
-
-@kernel()
-def has_run(x, length):
-    """Whether one value comes many times in a row: such a run has one of those samples that are as far apart.
-
-    Parameters
-    ----------
-    x : ndarray, shape (N,)
-        Recorded samples.
-    length : int
-        Fewest samples of the run, at least 1.
-
-    Returns
-    -------
-    bool
-    """
-    sample = 0
-    while sample < x.size and _run(x, sample) < length:
-        sample += length
-    return sample < x.size
-
-
-@kernel()
-def may_stay_at_end(x, length):
-    """Whether there may be a run of one value at an end of the range.
-
-    Only samples that are as far apart as the run is long are read, and compared with the ends of their own range: such
-    a run has one of them, which is at that end.
-
-    Parameters
-    ----------
-    x : ndarray, shape (N,)
-        Recorded samples.
-    length : int
-        Fewest samples of the run, at least 1.
-
-    Returns
-    -------
-    bool
-        False if there is no such run.
-    """
-    low, high, at_low, at_high = x[0], x[0], False, False
-    for k in range(0, x.size, length):
-        value = x[k]
-        if value <= low:
-            at_low = (at_low and value == low) or _run(x, k) >= length
-            low = value
-        if value >= high:
-            at_high = (at_high and value == high) or _run(x, k) >= length
-            high = value
-    return at_low or at_high
 
 
 @kernel()

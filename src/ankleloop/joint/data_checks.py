@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ankleloop.errors import DataError
-from ankleloop.joint.channel_checks import check_channel
+from ankleloop.joint.channel_checks import CHANNEL_CHECKS
 from ankleloop.joint.findings import Finding
 from ankleloop.joint.movement_checks import (
     CERTAIN,
@@ -17,12 +17,11 @@ from ankleloop.joint.movement_checks import (
     check_excitation,
     check_reference,
     check_relation,
+    check_scale,
     check_sign,
     check_size,
     check_velocity,
-    find_scale_fault,
     fit_stiffness_by_instruments,
-    is_plausible,
     motion_products,
     reference_correlations,
 )
@@ -32,7 +31,9 @@ from ankleloop.joint.reference_projection import project_on_reference
 from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.records.validation import REQUIRED
 
-__all__ = ["DataUse", "check_bands", "check_data"]
+__all__ = ["DataUse", "check_data", "check_signals"]
+
+MOTION_CHECKS = (check_scale, check_size, check_relation)
 
 
 @dataclass(frozen=True)
@@ -119,22 +120,34 @@ def _check_trial(trial: PreparedTrial, use: DataUse) -> list[Finding]:
 
 def _find_faults(trial: PreparedTrial, grid: Grid, use: DataUse, reference: str) -> list[Finding]:
     motion = motion_products(trial, grid)
-    if fault := find_scale_fault(motion):
-        raise DataError(fault)
-    faults = [finding for name in REQUIRED for finding in check_channel(trial, name)]
-    faults += [finding for finding in check_bands(trial, use.delay) if finding.verdict != "ok"]
-    if is_plausible(motion):
-        return faults
-    others = [check_size(motion), check_relation(motion), _check_sign(trial, motion, use, reference)]
-    return [*faults, *(finding for finding in others if finding.verdict != "ok")]
+    if (scale := check_scale(motion)).verdict != "ok":
+        raise DataError(scale.text)
+    findings = [*check_signals(trial, grid, use.delay), _check_sign(trial, motion, use, reference)]
+    return [finding for finding in findings if finding.verdict != "ok"]
 
 
-def check_bands(trial: PreparedTrial, delay: float) -> list[Finding]:
-    """Noise of the velocity and bandwidth of the torque; each is computed once for all methods."""
-    return [
-        trial.memoise(("velocity noise", delay), lambda: check_velocity(trial, delay)),
-        trial.memoise(("bandwidth",), lambda: check_bandwidth(trial)),
-    ]
+def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Finding]:
+    """Findings about position and torque of a trial, in an order that is that of every trial.
+
+    `ankleloop.recordings.checks.check_trial` shows all of them, an identification warns of those that are not ok.
+
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    grid : Grid
+        Samples of the identification.
+    delay : float
+        Reflex delay [s].
+
+    Returns
+    -------
+    list of Finding
+    """
+    channels = [check(trial, name) for check in CHANNEL_CHECKS for name in REQUIRED]
+    velocity = trial.memoise(("velocity noise", delay), lambda: check_velocity(trial, delay))
+    motion = motion_products(trial, grid)
+    return [*channels, velocity, check_bandwidth(trial), *(check(motion) for check in MOTION_CHECKS)]
 
 
 def _check_sign(trial: PreparedTrial, motion: MotionProducts, use: DataUse, reference: str) -> Finding:

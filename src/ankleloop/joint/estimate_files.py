@@ -370,7 +370,10 @@ def _trim(torque: xr.Dataset) -> xr.Dataset:
 def _estimates(data: xr.Dataset, source: PathLike) -> list[Estimate]:
     names = data["parameter"].values.astype(str).tolist()
     torques = data[list(TORQUES)].astype(float)
-    columns = {name: [load_values(text) for text in data[name].values] for name in TEXTS}
+    try:
+        columns = {name: [load_values(text) for text in data[name].values] for name in TEXTS}
+    except DataError as cause:
+        raise DataError(f"{source}: {cause}") from cause
     estimates = []
     for row, fields in enumerate(columns["model"]):
         model = None if fields is None else model_from_fields(Fields(f"{source}, model {row}", fields))

@@ -39,9 +39,7 @@ __all__ = [
     "check_sign",
     "check_size",
     "check_velocity",
-    "find_scale_fault",
     "fit_stiffness_by_instruments",
-    "is_plausible",
     "motion_products",
     "reference_correlations",
     "regress_torque",
@@ -165,52 +163,20 @@ def check_scale(motion: MotionProducts) -> Finding:
     Finding
     """
     position, torque = motion.deviations
-    if fault := find_scale_fault(motion):
-        return Finding("scale", "refused", fault)
-    return Finding("scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m.")
-
-
-def find_scale_fault(motion: MotionProducts) -> str:
-    """What is wrong with the scale of position or torque.
-
-    Parameters
-    ----------
-    motion : MotionProducts
-        Products of the record.
-
-    Returns
-    -------
-    str
-        Empty if nothing is.
-    """
     for name, deviation in zip(REQUIRED, motion.deviations, strict=True):
         if not SMALLEST < deviation < LARGEST:
             unit = CHANNEL_UNITS[name]
-            return (
+            text = (
                 f"the {name} has a standard deviation of {deviation:.3g} {unit}, and {SMALLEST:g} … {LARGEST:g} {unit} "
                 "can be computed with: check its unit."
             )
+            return Finding("scale", "refused", text)
         x = motion.recorded[name]
         if deviation < BAND_SHARE * sqrt(spread_from_first(x, x.size // SAMPLED | 1)):
             highest = PASSBAND * motion.rate / motion.grid.factor
-            return f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
-    return ""
-
-
-def is_plausible(motion: MotionProducts) -> bool:
-    """Whether size, relation and sign by least squares are those of a joint, without a sentence about them.
-
-    Parameters
-    ----------
-    motion : MotionProducts
-        Products of the record.
-
-    Returns
-    -------
-    bool
-        True if `check_size`, `check_relation` and `check_sign` find no fault.
-    """
-    return _has_size(*motion.deviations) and _is_related(motion) and _opposes(motion.stiffness, motion.explained)
+            text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
+            return Finding("scale", "refused", text)
+    return Finding("scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m.")
 
 
 def _has_size(position: float, torque: float) -> bool:

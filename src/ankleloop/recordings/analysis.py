@@ -210,6 +210,10 @@ def _describe_assumptions(
             texts.append(f"A delay of {1000 * OTHER_DELAY:g} ms more would move {_describe_shifts(estimate, other)}.")
         except DataError as error:
             texts.append(f"What another delay would do cannot be told: {error}")
+    if any("polynomial" in text for text in texts):
+        rectified = {**specification.get("options", {}), "delay": estimate.reflex["delay"], "basis": "rectifier"}
+        other = _identify_all(trials, specification["method"], **rectified)[0]
+        texts.append(f"A rectifier in place of the polynomial would move {_describe_shifts(estimate, other)}.")
     for row in diagnostics.get("alternatives", ()):
         moves = ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in row["shifts"].items())
         texts.append(f"With {row['effect']} in the model it would move {moves}.")

@@ -10,17 +10,12 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.channel_checks import CHANNEL_CHECKS
-from ankleloop.joint.data_checks import check_bands
+from ankleloop.joint.data_checks import check_signals
 from ankleloop.joint.findings import VERDICTS, Finding, merge_findings
 from ankleloop.joint.movement_checks import (
-    MotionProducts,
     check_excitation,
     check_reference,
-    check_relation,
-    check_scale,
     check_sign,
-    check_size,
     fit_stiffness_by_instruments,
 )
 from ankleloop.joint.prepared import PreparedTrial, prepare
@@ -34,7 +29,6 @@ from ankleloop.recordings.findings import check_coherence, check_drift, check_le
 from ankleloop.recordings.loop_test import LARGEST_BIAS, FeedbackTest, feedback_test
 from ankleloop.recordings.path_correlation import path_bias
 from ankleloop.recordings.validity import describe_validity, valid_methods
-from ankleloop.records.validation import REQUIRED
 
 __all__ = ["VERDICTS", "Check", "Finding", "check_trial"]
 
@@ -178,9 +172,7 @@ def check_trial(
     return Check(
         findings=[
             length,
-            *_check_channels(prepared),
-            *map(merge_findings, zip(*(check_bands(trial, delay) for trial in prepared), strict=True)),
-            *_check_sizes(prepared, records),
+            *_check_signals(prepared, records, delay),
             merge_findings(_check_signs(records, by_reference=usable and loop != "open")),
             merge_findings([check_coherence(record) for record in records]),
             check_excitation([record.inputs[:, 1] for record in records], order, block_rows),
@@ -212,15 +204,10 @@ def _prepare_records(
     return records, findings
 
 
-def _check_channels(trials: Sequence[PreparedTrial]) -> list[Finding]:
-    """Faults of the recorded samples of position and torque."""
-    return [merge_findings([check(trial, name) for trial in trials]) for check in CHANNEL_CHECKS for name in REQUIRED]
-
-
-def _check_sizes(trials: Sequence[PreparedTrial], records: Sequence[Regressors]) -> list[Finding]:
-    """Size of position and torque, and how much the one explains of the other."""
-    products = [MotionProducts(trial, record.grid) for trial, record in zip(trials, records, strict=True)]
-    return [merge_findings([check(part) for part in products]) for check in (check_scale, check_size, check_relation)]
+def _check_signals(trials: Sequence[PreparedTrial], records: Sequence[Regressors], delay: float) -> list[Finding]:
+    """The worst finding about each property of position and torque."""
+    findings = [check_signals(trial, record.grid, delay) for trial, record in zip(trials, records, strict=True)]
+    return [merge_findings(of_property) for of_property in zip(*findings, strict=True)]
 
 
 def _check_signs(records: Sequence[Regressors], *, by_reference: bool) -> list[Finding]:

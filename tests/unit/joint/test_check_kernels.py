@@ -7,8 +7,6 @@ from ankleloop.joint.check_kernels import (
     correlate_reference,
     displace_products,
     has_directions,
-    has_run,
-    may_stay_at_end,
     multiply_deviations,
     regress_last,
     scan_samples,
@@ -29,20 +27,6 @@ def test_the_scan_is_a_plain_loop(size, reach, rest):
     peaks = [peak for peak in peaks if peak > 0] or [0.0]
     repeated = sum(x[k + 1] == x[k] for k in range(inner))
     assert scan_samples(x, reach, 5) == (max(peaks), pytest.approx(np.median(peaks), rel=1e-15), repeated)
-
-
-@pytest.mark.parametrize("levels", [1, 3, 10])
-def test_runs_are_those_of_a_plain_search(levels):
-    for seed in range(40):
-        x = np.round(levels * np.sin(0.1 * np.arange(200) + seed) * np.random.default_rng(seed).random())
-        text = "".join(chr(100 + int(value)) for value in x)
-        ends = {chr(100 + int(x.min())), chr(100 + int(x.max()))}
-        for length in (1, 2, 5, 20, 60):
-            runs = [value for value in set(text) if value * length in text]
-            assert has_run(x, length) == bool(runs)
-            assert may_stay_at_end(x, length) or not ends & set(runs)
-        assert may_stay_at_end(x, 1)
-    assert not may_stay_at_end(np.arange(20.0), 2)
 
 
 def test_products_of_deviations_are_covariances():

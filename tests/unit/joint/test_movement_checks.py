@@ -16,7 +16,6 @@ from ankleloop.joint.movement_checks import (
     check_size,
     check_velocity,
     fit_stiffness_by_instruments,
-    is_plausible,
     reference_correlations,
 )
 from ankleloop.joint.prepared import prepare
@@ -96,15 +95,6 @@ def test_signs():
     assert check_sign(np.array([-100.0, 1.0, 0.01]), 0.1).verdict == "ok"
     assert check_sign(np.array([-100.0, 1.0, 0.01]), 0.5).verdict == "refused"
     assert check_sign(np.array([-100.0, -1.0, -0.01]), 0.1).verdict == "refused"
-
-
-@pytest.mark.parametrize("position", [1.0, -1.0, 1e-4, 5.0])
-@pytest.mark.parametrize("torque", [1.0, -1.0, 1e-5, 1e4])
-def test_what_is_plausible_has_no_finding(trial, position, torque):
-    changed = trial.assign(position=position * trial["position"], torque=torque * trial["torque"])
-    motion = products(changed)
-    findings = [check_size(motion), check_relation(motion), check_sign(motion.stiffness, motion.explained)]
-    assert is_plausible(motion) == all(finding.verdict == "ok" for finding in findings)
 
 
 def test_the_scale_of_a_channel():

@@ -62,7 +62,11 @@ def test_splines_recover_the_torques_without_noise(clean, gain):
 
 def test_a_polynomial_is_not_a_rectifier(clean):
     """With degree 5 about half a percent of the net torque stays unexplained, most of it in the reflex."""
-    result = evaluate_vaf(clean[13.0], identify(clean[13.0], "pr-moesp", basis="chebyshev"))
+    estimate = identify(clean[13.0], "pr-moesp", basis="chebyshev")
+    result = evaluate_vaf(clean[13.0], estimate)
+    assert 1.13 < estimate.reflex["G"] / 13.0 < 1.21
+    assert 0.94 < estimate.stiffness["I"] / 0.015 < 1.0
+    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.01)
     assert 99.0 < result["net", "true"] < 99.9
     assert 97.0 < result["reflex", "true"] < 99.5
 

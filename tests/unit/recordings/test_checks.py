@@ -175,3 +175,12 @@ def test_an_undecided_loop_with_a_reference_leaves_the_methods_of_closed_loop():
     assert re.search(r"About \d\S* s, or a stronger perturbation, would decide", text)
     assert list(check.methods) == list(check_trial(simulate(seed=1)).methods)
     assert find(check, "methods").text.startswith("those that are valid in either loop: riv")
+
+
+def test_an_identification_warns_of_what_the_check_finds():
+    trial = simulate(seed=1, duration=20.0)
+    trial["torque"] = trial["torque"].clip(-6.0, 6.0)
+    trial["position"][4000:5000] = trial["position"][4000]
+    reasons = [f.text for f in check_trial(trial).findings if f.verdict != "ok" and f.name not in ("length", "loop")]
+    assert len(reasons) >= 2
+    assert set(identify(trial, "riv").diagnostics["data_warnings"]) == set(reasons)
