@@ -47,7 +47,7 @@ class Analysis:
     table : pandas.DataFrame
         One row for each method: whether it is `valid` here (else the reason in `warnings`), `warnings` of its estimate,
         whether it can be `trusted` (valid, and without a warning), a `caution` where it is valid with one, its
-        `assumptions`, with what 10 ms more of an assumed delay would do,
+        `assumptions`, with what 10 ms more of an assumed delay would do, whether its model is `incomplete`,
         cross-validated and fitted VAF [%] with intervals, parameters with the kind of their `intervals` (parameters of
         a method with a warning have none), tests of the residual. One row without a method if the recording was
         refused.
@@ -193,6 +193,8 @@ def _analyse_method(
     row["caution"] = " ".join(
         filter(None, (caution(specification["method"], check.loop, check.reference), *about_data))
     )
+    # A test whether the joint changes takes what the model or an instrument leaves out for a change.
+    row["incomplete"] = bool(test.related or about_data or estimates[0].diagnostics.get("alternatives"))
     row["assumptions"] = " ".join(_describe_assumptions(trials, estimates[0], specification))
     return _Result(estimates, test, unseen, row)
 

@@ -211,7 +211,7 @@ def _select_changing(rows: pd.DataFrame) -> pd.DataFrame:
     """Methods whose parameters may change, and whose test says that they do; of an incomplete model it says nothing."""
     if "variation_p" not in rows:
         return rows.iloc[:0]
-    return rows[(rows["variation_p"] < LEVEL) & rows["residual_related"].ne(True)]
+    return rows[(rows["variation_p"] < LEVEL) & rows["incomplete"].ne(True)]
 
 
 def _select_comparable(trusted: pd.DataFrame) -> pd.DataFrame:

@@ -160,7 +160,8 @@ def _describe(analysis: Analysis, label: str, estimate: Estimate) -> Variation:
     dimension = str(next(iter(estimate.trajectories.sizes)))
     words, data = DIMENSIONS[dimension]
     p = {name: float(value) for name, value in estimate.diagnostics["variation_p"].items()}
-    refused, complete = p["all"] < LEVEL, not analysis.residuals[label].related
+    refused = p["all"] < LEVEL
+    complete = not analysis.table.set_index("label").loc[label, "incomplete"]
     level = f"test at the level of {100 * LEVEL:g} %"
     if refused:
         test = f"K, B or G change {words}: in a constant joint so large a variation has a probability of "
@@ -171,8 +172,10 @@ def _describe(analysis: Analysis, label: str, estimate: Estimate) -> Variation:
     alone = ", ".join(f"{name} {_show(p[name])}" for name in "KBG")
     test += f" Each of them alone, while the others may change: {alone}."
     if refused and not complete:
-        test += " But the residual depends on the movement: the model is not complete, and what it leaves out may be "
-        test += "taken for a change. So the test decides nothing here."
+        test += (
+            " But the model is not complete, or the record has a fault, and what a model leaves out may be taken for "
+        )
+        test += "a change. So the test decides nothing here."
     if dimension == "schedule":
         place = estimate.trajectories[dimension]
         unit = f" {place.attrs['units']}" if place.attrs.get("units") else ""

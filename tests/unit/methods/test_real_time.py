@@ -100,3 +100,8 @@ def test_pulses_are_symmetric_and_half_of_the_intervals_have_none():
     assert np.mean(starts == 0) == pytest.approx(0.5, abs=0.05)
     assert abs(starts.mean()) < 0.002
     assert not x.reshape(-1, 200)[:, 20:].any()
+
+
+def test_the_start_from_zero_is_never_averaged():
+    with pytest.raises(ValueError, match="settling must be between 1 and 1e6 s"):
+        identify(simulate(seed=1, duration=10.0), "real-time", settling=0.0)

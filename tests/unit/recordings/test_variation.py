@@ -72,9 +72,7 @@ def test_the_page_shows_trajectories_bands_and_excitation(analysis):
 def test_an_incomplete_model_decides_nothing(analysis):
     """What a model leaves out, such as a threshold, may look like a change."""
     _, result = analysis
-    test = replace(result.residuals["changing"], related=True)
-    table = result.table.assign(residual_related=result.table["label"].eq("changing"))
-    incomplete = replace(result, residuals={**result.residuals, "changing": test}, table=table)
+    incomplete = replace(result, table=result.table.assign(incomplete=result.table["label"].eq("changing")))
     (variation,) = describe_variations(incomplete)
     assert not variation.varies
     assert variation.test.endswith("So the test decides nothing here.")
@@ -185,3 +183,18 @@ def test_cycles_are_checked_before_anything_is_fitted(course, verdict, text):
     findings = check_course(simulate(seed=1, duration=20.0, variation="cycle"), course)
     assert [finding.verdict for finding in findings] == ([] if verdict is None else [verdict])
     assert all(re.search(text, finding.text) for finding in findings)
+
+
+@pytest.mark.parametrize("fault", ["saturation", "friction", "noise"])
+def test_a_constant_joint_behind_a_faulty_instrument_is_not_called_changing(fault):
+    trial = simulate(seed=3, duration=50.0, variation="cycle", movement=0.1)
+    velocity = np.gradient(trial["position"].to_numpy(), 1e-3)
+    if fault == "saturation":
+        trial["torque"] = 10.0 * np.tanh(trial["torque"] / 10.0)
+    elif fault == "friction":
+        trial["torque"] = trial["torque"] + 2.0 * np.tanh(velocity / 0.02)
+    else:
+        trial["position"] = trial["position"] + 1e-3 * np.random.default_rng(3).standard_normal(velocity.size)
+    result = analyse(trial, add_course(METHODS, {"cycle_onsets": "phase"}))
+    for variation in describe_variations(result):
+        assert not variation.varies
