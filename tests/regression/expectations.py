@@ -26,7 +26,7 @@ def summarise_results(results, study):
     everything = pd.concat([vaf[[*KEY, "value"]], values[[*KEY, "value"]]])
     everything = everything[~everything["method"].str.endswith(DECIDED_BY_ROUNDING)]
     table = everything.groupby(KEY, sort=False)["value"].agg(mean="mean", sd="std", n="count").reset_index()
-    table = table[table["n"] > 1].reset_index(drop=True)  # where G is missing in all trials but one, nothing is a spread
+    table = table[table["n"] > 1].reset_index(drop=True)  # one trial that has a G has no spread
     standard_error = table["sd"].fillna(0.0) / np.sqrt(table["n"])
     return table.assign(tolerance=np.maximum(SHARE * standard_error, LEAST * table["mean"].abs()))
 
