@@ -10,7 +10,6 @@ from ankleloop.plotting.panels import Panel
 from ankleloop.plotting.studies import (
     estimates_figure,
     interval_figure,
-    order_figure,
     ratio_figure,
     traces_figure,
 )
@@ -84,12 +83,6 @@ def test_rings_mark_means_with_failures_or_warnings(results):
     assert legend(figure) == ["PR-MOESP", "with failures or warnings", "every trial failed"]
 
 
-def test_a_method_without_a_quantity_has_not_failed(results):
-    rows = results.assign(outcome="warning", value=np.nan)
-    figure = curves_figure(rows, {"K": Panel("K [N·m/rad]")}, xlabel="gain [1]")
-    assert not {"every trial failed", "with failures or warnings"} & set(legend(figure))
-
-
 def test_an_asterisk_marks_cells_with_failures_or_warnings():
     table = pd.DataFrame({"x": [1.0, 2.0, 1.0, 2.0], "y": [1.0, 1.0, 2.0, 2.0], "panel": "p"})
     table = table.assign(value=[1.5, 2.5, np.nan, np.nan], fault=[True, False, True, False])
@@ -130,14 +123,6 @@ def test_traces_have_units_and_true_values():
     assert {axis.get_xlabel() for axis in figure.axes} == {"time [s]"}
     assert figure.axes[0].get_lines()[1].get_ydata()[0] == 150.0
     assert legend(figure) == ["estimate", "true value"]
-
-
-def test_singular_values_are_relative_to_the_first():
-    figure = order_figure({"PR-MOESP": [np.array([4.0, 2.0, 1.0]), np.array([8.0, 2.0, 0.8])]}, order=2)
-    axis = figure.axes[0]
-    assert axis.get_yscale() == "log"
-    np.testing.assert_allclose(axis.get_lines()[0].get_ydata(), [1.0, 0.5, 0.25])
-    np.testing.assert_allclose(axis.get_lines()[-1].get_xdata(), 2.5)
 
 
 def test_ratios_beyond_the_largest_are_arrow_heads_at_it():

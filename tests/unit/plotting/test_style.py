@@ -1,12 +1,11 @@
 import struct
-from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from ankleloop.plotting.legends import add_legend, split_rows
+from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.panels import Panel, panel_grid, share_ordinates
 from ankleloop.plotting.style import (
     REFERENCE_LINE,
@@ -50,31 +49,6 @@ def test_legend_has_each_label_once_and_marks_at_its_end():
         axis.plot([0, 1], [1, 0])  # without a label
     add_legend(figure, axes)
     assert entries(figure) == [["estimate", "true value"]]
-
-
-@pytest.mark.parametrize("count", range(1, 12))
-def test_rows_of_a_legend_differ_by_one_entry_at_most_and_stay_inside(count):
-    figure, (axis,) = panel_grid(1, 1, 40.0)
-    height = figure.get_figheight()
-    for number in range(count):
-        axis.plot([0, 1], [0, number], label=f"a method with a long name, number {number}")
-    axis.axhline(0.0, **REFERENCE_LINE, label="true value")
-    add_legend(figure, [axis])
-    figure.canvas.draw()
-    names = [name for row in entries(figure) for name in row]
-    assert len(names) == count + 1
-    assert names[-1] == "true value"
-    boxes = [legend.get_window_extent() for legend in figure.legends]
-    assert all(box.x0 >= 0 and box.x1 <= figure.bbox.x1 and box.y0 >= -0.5 for box in boxes)
-    assert all(upper.y0 >= lower.y1 - 0.5 for upper, lower in pairwise(boxes))
-    assert axis.get_tightbbox().y0 >= max(box.y1 for box in boxes)
-    assert figure.get_figheight() > height  # the panels keep their size
-
-
-@pytest.mark.parametrize(("count", "sizes"), [(3, [3]), (4, [2, 2]), (5, [3, 2]), (7, [3, 2, 2]), (9, [3, 3, 3])])
-def test_rows_are_even(count, sizes):
-    names = [str(number) for number in range(count)]
-    assert [len(row) for row in split_rows(names, dict.fromkeys(names, 10.0), 35.0, 2.0)] == sizes
 
 
 @pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])

@@ -164,35 +164,6 @@ def test_cells_without_a_value_are_hatched_and_those_without_a_point_are_grey():
     assert len(second.collections) == 1
 
 
-def test_small_cells_have_outlined_regions_and_no_rings():
-    axis = SweepAxis.of("x", "x [1]", np.linspace(0.0, 1.0, 60).tolist())
-    table = rows_of([{"x": x, "y": y} for y in axis.values for x in axis.values], slice="")
-    table.loc[(table["x"] > 0.5) & (table["y"] > 0.5), "warnings"] = 2
-    figure = draw(maps_figure(table, (axis, axis), (axis.edges(), axis.edges()), [VAF]))
-    panel = panels_of(figure)[0]
-    assert not panel.get_lines()
-    outline = np.concatenate([np.asarray(part) for part in panel.collections[-1].get_segments()])
-    assert outline.min() > 0.4
-    assert outline.max() == pytest.approx(axis.edges()[-1])
-
-
-def test_slices_have_panels_of_their_own():
-    table = pd.concat([cells().assign(slice=name) for name in ("block rows 12", "block rows 18")])
-    names = ("block rows 12", "block rows 18")
-    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF, VAF_DIFFERENCE], names))
-    visible = panels_of(figure)
-    assert len(visible) == 6
-    assert visible[1].get_title() == "PR-MOESP\nblock rows 12" or visible[1].get_title() == "RIV\nblock rows 18"
-
-
-def test_quantity_without_estimates_says_so():
-    table = cells()
-    table.loc[table["method"] == "moesp", "mean"] = np.nan
-    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF]))
-    assert [text.get_text() for text in panels_of(figure)[1].texts] == ["not estimated"]
-    assert not panels_of(figure)[0].texts
-
-
 @pytest.mark.parametrize(
     ("values", "goal", "limits"),
     [

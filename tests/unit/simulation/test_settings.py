@@ -1,7 +1,6 @@
 """Settings of the simulation: defaults, bounds, grids, and the signature that shows them."""
 
 import inspect
-import subprocess
 import sys
 
 import numpy as np
@@ -92,9 +91,3 @@ def test_settings_are_attributes_of_a_trial():
     assert attributes == {"sampling_rate": 1000.0, "seed": 3, **expected}
     assert type(attributes["closed_loop"]) is int  # a file has no booleans
     assert "pole" not in attributes
-
-
-def test_the_settings_do_not_need_numpy():
-    code = "import sys, ankleloop.simulation.settings; print([m for m in ('numpy', 'xarray') if m in sys.modules])"
-    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert process.stdout.strip() == "[]"

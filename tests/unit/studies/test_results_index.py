@@ -8,7 +8,7 @@ import pytest
 from ankleloop.pages.index import render_index
 from ankleloop.replication.ledger import VERDICTS
 from ankleloop.studies.provenance import Provenance
-from ankleloop.studies.results_index import collect_results, read_tables
+from ankleloop.studies.results_index import collect_results
 
 HOSTILE = "<b>&co"
 PROVENANCE = Provenance("1.2.3", "0123abcd" * 5, True, "3.11.2", "Linux on x86_64", {"numpy": "2.1", "scipy": "1.15"})
@@ -102,9 +102,3 @@ def test_provenance_is_on_the_page(folder):
         "&#34;run&#34;",
     ):
         assert text in page, text
-
-
-def test_tables_have_few_digits_and_no_empty_columns(folder):
-    tables = read_tables(folder)
-    assert list(tables) == ["table1"]
-    assert tables["table1"].to_dict("list") == {"method": [HOSTILE, "b"], "mean": ["92.123", "–"], "n": ["3", "4"]}
