@@ -1,4 +1,4 @@
-"""Everyday faults of a laboratory: how often an estimate is wrong without a warning, and how often one warns for nothing.
+"""Everyday faults of a laboratory: how often an estimate is wrong without a warning, or warns without a fault.
 
 An estimate is wrong where K, B, I or G is off by more than 15 %, or by three half-widths of its interval.
 """

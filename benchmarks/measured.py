@@ -176,8 +176,8 @@ def measure_faults():
     cells, false = faults.measure_faults(range(61_000, 61_024), 400)
     counts = ", ".join(f"{name} {count}" for name, count in false.items())
     return {
-        "Faults": "24 records of 50 s for each fault: warned / held / wrong without a warning, by more than 15 % of K, B, I "
-        "or G, or by three half-widths of its interval. PR-MOESP has a rectifier.\n\n"
+        "Faults": "24 records of 50 s for each fault: warned / held / wrong without a warning, by more than 15 % of K, "
+        "B, I or G, or by three half-widths of its interval. PR-MOESP has a rectifier.\n\n"
         + format_table(cells.reset_index().to_dict("records")),
         "Warnings without a fault": "Of 400 records (two loads, five levels of noise, both loops) these methods warned "
         f"although every parameter was within 15 %: {counts}.",
