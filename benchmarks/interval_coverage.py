@@ -55,7 +55,7 @@ def estimate_truths(points):
     truths = {}
     for name, settings in points.items():
         duration = LONG * SimulationSettings.parse("the long record", **settings).duration
-        estimate = identify(simulate(seed=LONG_SEED, **settings | {"duration": duration}), "riv")
+        estimate = identify(simulate(seed=LONG_SEED, **settings | {"duration": duration}), "riv", delay=0.04)
         values = estimate.stiffness | estimate.reflex
         truths[name] = {key: values[key] for key in TRUTHS}
         text = ", ".join(f"{key} = {value:.4g}" for key, value in truths[name].items())
@@ -66,7 +66,7 @@ def estimate_truths(points):
 def estimate_parameters(seed, settings):
     """Parameters of a simulated trial and their intervals."""
     trial = prepare(simulate(seed=seed, **settings))
-    return parameter_row(trial, identify(trial, "riv"))
+    return parameter_row(trial, identify(trial, "riv", delay=0.04))
 
 
 def estimate_points(points, trials, cores):
