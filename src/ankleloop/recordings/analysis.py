@@ -219,7 +219,7 @@ def _describe_assumptions(
     for row in diagnostics.get("alternatives", ()):
         moves = ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in row["shifts"].items())
         texts.append(f"With {row['effect']} in the model it would move {moves}.")
-    return texts
+    return [text[0].upper() + text[1:] for text in texts]
 
 
 def _describe_shifts(first: Estimate, second: Estimate) -> str:

@@ -60,7 +60,7 @@ def test_only_valid_methods_are_fitted(analyses, loop, valid):
 def test_assumptions_are_said_with_what_another_delay_would_do(analyses):
     table = analyses["open"][1].table.set_index("label")
     text = table.loc["cascade", "assumptions"]
-    assert "the reflex delay is 40 ms." in text
+    assert "The reflex delay is 40 ms." in text
     assert "A delay of 10 ms more would move K by " in text
 
 
