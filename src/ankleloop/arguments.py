@@ -37,24 +37,12 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80
 
 
 def show_value(value: Any) -> str:
-    """A value as a message shows it, cut where it is long.
-
-    Examples
-    --------
-    >>> show_value("no"), show_value(list(range(100)))
-    ("'no'", '[0, 1, 2, 3, 4, 5, ...]')
-    """
+    """A value as a message shows it, cut where it is long."""
     return " ".join(_SHORT.repr(value).split())
 
 
 def suggest_name(name: Any, names: Iterable[str]) -> str:
-    """Question that offers the name that is nearest to an unknown one, in brackets; empty where none is near.
-
-    Examples
-    --------
-    >>> suggest_name("ordre", ["order", "delay"])
-    " (did you mean 'order'?)"
-    """
+    """Question that offers the name that is nearest to an unknown one, in brackets; empty where none is near."""
     from difflib import get_close_matches  # here, because only errors need it
 
     close = get_close_matches(str(name), list(names), n=1)
@@ -69,24 +57,7 @@ def describe_limits(
     le: float | None = None,
     lt: float | None = None,
 ) -> str:
-    """Limits in words, with their unit; empty where there are none.
-
-    Parameters
-    ----------
-    unit : str
-        Unit, "1" where it has none.
-    ge, gt, le, lt : float, optional
-        Least and largest value, and limits that lie outside.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> describe_limits("s", ge=0, le=1), describe_limits(gt=0), describe_limits("Hz", ge=1, lt=500)
-    ('between 0 and 1 s', 'above 0', 'at least 1 and below 500 Hz')
-    """
+    """Limits in words, with their unit; empty where there are none."""
     if ge is not None and le is not None:
         words = f"between {_show_limit(ge)} and {_show_limit(le)}"
     else:
@@ -107,37 +78,7 @@ def as_plain(value: Any) -> Any:
 
 
 def check_number(owner: str, name: str, value: Any, unit: str = "1", **limits: float) -> float:
-    """Check that an argument is a finite number within its limits.
-
-    Parameters
-    ----------
-    owner, name : str
-        Function and argument, for the message.
-    value : object
-        The argument.
-    unit : str
-        Unit, "1" where it has none.
-    **limits
-        `ge`, `gt`, `le` and `lt`, as `describe_limits` takes them.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ValueError
-        For anything else; the message has owner, name, value, unit and limits.
-
-    Examples
-    --------
-    >>> check_number("evaluate", "trim", 1, "s", ge=0, le=100)
-    1.0
-    >>> check_number("evaluate", "trim", -1.0, "s", ge=0, le=100)
-    Traceback (most recent call last):
-      ...
-    ValueError: evaluate: trim must be between 0 and 100 s, got -1.0.
-    """
+    """Check that an argument is a finite number within its limits."""
     number = as_plain(value)
     if type(number) not in (int, float) or not abs(number) <= sys.float_info.max:
         _refuse(owner, name, value, "a finite number", unit, limits)
@@ -147,17 +88,7 @@ def check_number(owner: str, name: str, value: Any, unit: str = "1", **limits: f
 
 
 def check_integer(owner: str, name: str, value: Any, unit: str = "1", **limits: float) -> int:
-    """Check that an argument is a whole number within its limits, as `check_number` does.
-
-    Examples
-    --------
-    >>> check_integer("decimate", "factor", 10.0, ge=1)
-    10
-    >>> check_integer("decimate", "factor", 2.5, ge=1)
-    Traceback (most recent call last):
-      ...
-    ValueError: decimate: factor must be a whole number of at least 1, got 2.5.
-    """
+    """Check that an argument is a whole number within its limits, as `check_number` does."""
     number = as_plain(value)
     if type(number) not in (int, float) or not (type(number) is int or number.is_integer()):
         _refuse(owner, name, value, "a whole number", unit, limits)
@@ -187,15 +118,7 @@ def describe_kind(kind: str, unit: str, limits: dict[str, float]) -> str:
 
 
 def check_flag(owner: str, name: str, value: Any) -> bool:
-    """Check that an argument is true or false.
-
-    Examples
-    --------
-    >>> check_flag("evaluate", "intervals", "no")
-    Traceback (most recent call last):
-      ...
-    ValueError: evaluate: intervals must be True or False, got 'no'.
-    """
+    """Check that an argument is true or false."""
     flag = as_plain(value)
     if type(flag) is not bool:
         raise ValueError(f"{owner}: {name} must be True or False, got {show_value(value)}.")
@@ -210,15 +133,7 @@ def check_text(owner: str, name: str, value: Any) -> str:
 
 
 def check_choice(owner: str, name: str, value: Any, choices: Sequence[Any]) -> Any:
-    """Check that an argument is one of some values.
-
-    Examples
-    --------
-    >>> check_choice("evaluate", "against", "mesured", ("measured", None))
-    Traceback (most recent call last):
-      ...
-    ValueError: evaluate: against must be one of 'measured' or None; got 'mesured'.
-    """
+    """Check that an argument is one of some values."""
     plain = as_plain(value)
     for choice in choices:
         if type(plain) is type(choice) and plain == choice:
@@ -229,41 +144,14 @@ def check_choice(owner: str, name: str, value: Any, choices: Sequence[Any]) -> A
 
 
 def check_path(owner: str, name: str, value: Any) -> Path:
-    """Check that an argument is the path of a file.
-
-    Examples
-    --------
-    >>> check_path("load_trial", "path", None)
-    Traceback (most recent call last):
-      ...
-    TypeError: load_trial: path must be text or a pathlib.Path, got None.
-    """
+    """Check that an argument is the path of a file."""
     if not isinstance(value, (str, os.PathLike)):
         raise TypeError(f"{owner}: {name} must be text or a pathlib.Path, got {show_value(value)}.")
     return Path(value)
 
 
 def check_memory(owner: str, size: float, remedy: str) -> None:
-    """Refuse what needs more memory than the machine has, before anything is allocated.
-
-    Parameters
-    ----------
-    owner : str
-        What needs the memory.
-    size : float
-        Least need [bytes].
-    remedy : str
-        What to do.
-
-    Raises
-    ------
-    ValueError
-        The message has the need, the memory of the machine and the remedy.
-
-    Examples
-    --------
-    >>> check_memory("simulate", 1e9, "shorten duration")
-    """
+    """Refuse what needs more memory than the machine has, before anything is allocated."""
     limit = _find_memory()
     if size > limit:
         raise ValueError(

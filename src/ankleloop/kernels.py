@@ -33,23 +33,6 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
     The files are where numba has them: in the folder that `NUMBA_CACHE_DIR` names, beside the module, or in the home of
     the user. Where none of these can be written, each process compiles anew. A file that is damaged, or that cannot be
     written, is no error: the function is compiled.
-
-    Parameters
-    ----------
-    **options
-        As of `numba.njit`.
-
-    Returns
-    -------
-    callable
-
-    Examples
-    --------
-    >>> @kernel(fastmath={"contract"})
-    ... def double(value):
-    ...     return 2 * value
-    >>> double(2.0)
-    4.0
     """
 
     def compile_function(function: Function) -> Function:
@@ -65,23 +48,7 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
 
 
 def is_kept(function: Callable[..., Any]) -> bool:
-    """Whether machine code of a kernel is in a file, so that this process does not compile it anew.
-
-    Parameters
-    ----------
-    function : callable
-        A function that `kernel` decorates.
-
-    Returns
-    -------
-    bool
-
-    Examples
-    --------
-    >>> import math
-    >>> is_kept(math.sqrt)
-    False
-    """
+    """Whether machine code of a kernel is in a file, so that this process does not compile it anew."""
     files = getattr(getattr(function, "_cache", None), "_cache_file", None)
     return files is not None and os.path.exists(files._index_path)
 

@@ -196,27 +196,7 @@ def _unit(field: FieldInfo) -> str:
 
 
 def show_fields(options: type[Options]) -> Callable[[Function], Function]:
-    """Decorate a function that takes options as `**keywords`: its signature shows their names, types and defaults.
-
-    Parameters
-    ----------
-    options : type of Options
-        Its fields become keyword-only parameters, except those that the function lists itself.
-
-    Returns
-    -------
-    callable
-        The decorator.
-
-    Examples
-    --------
-    >>> class Window(Options):
-    ...     length: float = option(5.0, "length of the window", unit="s", gt=0)
-    >>> @show_fields(Window)
-    ... def cut(signal, **window): ...
-    >>> inspect.signature(cut)
-    <Signature (signal, *, length: float = 5.0)>
-    """
+    """Decorate a function that takes options as `**keywords`: its signature shows their names, types and defaults."""
 
     def decorate(function: Function) -> Function:
         signature = inspect.signature(function)
@@ -234,13 +214,7 @@ def show_fields(options: type[Options]) -> Callable[[Function], Function]:
 
 
 def type_name(annotation: Any) -> str:
-    """The type of a field as numpydoc writes it.
-
-    Examples
-    --------
-    >>> type_name(float | None), type_name(Literal["noise", "flat"] | None)
-    ('float or None', "{'noise', 'flat'} or None")
-    """
+    """The type of a field as numpydoc writes it."""
     if get_origin(annotation) is Literal:
         return "{" + ", ".join(map(repr, get_args(annotation))) + "}"
     if get_origin(annotation) in (Union, UnionType):  # Union where one of the types is a Literal
@@ -251,21 +225,7 @@ def type_name(annotation: Any) -> str:
 
 
 def describe_error(error: Mapping[str, Any], unit: str = "1", limits: Mapping[str, float] | None = None) -> str:
-    """What is wrong with a value, as a predicate: "must be between 1 and 20, got 0".
-
-    Parameters
-    ----------
-    error : mapping
-        One of the errors of a `pydantic.ValidationError`.
-    unit : str
-        Unit of the value.
-    limits : mapping, optional
-        Its bounds, as `Options.limits` has them.
-
-    Returns
-    -------
-    str
-    """
+    """What is wrong with a value, as a predicate: "must be between 1 and 20, got 0"."""
     kind, context = error["type"], error.get("ctx", {})
     value, bounds = show_value(error["input"]), dict(limits or {})
     if kind in BOUNDS:

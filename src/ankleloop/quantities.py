@@ -31,13 +31,7 @@ class Quantity:
 
     @property
     def label(self) -> str:
-        """Symbol with unit, for an axis or a column.
-
-        Examples
-        --------
-        >>> QUANTITIES["omega_n"].label
-        'ωn [rad/s]'
-        """
+        """Symbol with unit, for an axis or a column."""
         return f"{self.symbol} [{self.unit}]"
 
 

@@ -124,23 +124,7 @@ def fisher_information(
 ) -> tuple[list[str], np.ndarray]:
     """Information of one trial, whose inverse gives the variances of `cramer_rao`.
 
-    Parameters
-    ----------
-    seed, identification_rate, fed_back, known_delay, **settings
-        As `cramer_rao` takes them.
-
-    Returns
-    -------
-    names : list of str
-        Names of the parameters.
-    information : ndarray, shape (parameters, parameters)
-        In inverse squares of their units. Without a disturbance it is infinite on the diagonal, and 0 elsewhere, for
-        all parameters on which the record depends.
-
-    Raises
-    ------
-    TypeError, ValueError, DataError
-        As `cramer_rao` does.
+    Shapes: returns information (parameters, parameters).
     """
     identification_rate = check_number("cramer_rao", "identification_rate", identification_rate, "Hz", ge=1, le=10000)
     check_flag("cramer_rao", "fed_back", fed_back)
@@ -208,26 +192,7 @@ def _spectral_slopes(s: np.ndarray, settings: SimulationSettings, known_delay: b
 def disturbance_spectrum(frequency: np.ndarray, level: float, settings: SimulationSettings) -> np.ndarray:
     """Power spectral density of the voluntary torque and the measurement noise of a simulation.
 
-    Parameters
-    ----------
-    frequency : ndarray, shape (F,)
-        Frequencies within the pass band of the recorder [Hz].
-    level : float
-        Standard deviation of the clean net torque [N·m].
-    settings : SimulationSettings
-        Settings of the simulation.
-
-    Returns
-    -------
-    ndarray, shape (F,)
-        One-sided density [(N·m)²/Hz].
-
-    Examples
-    --------
-    >>> grid = np.linspace(0.0, 40.0, 4001)
-    >>> density = disturbance_spectrum(grid, 1.0, SimulationSettings(voluntary=0.2))
-    >>> bool(abs(np.trapezoid(density, grid) - 0.04 - 0.0724) < 0.001)
-    True
+    Shapes: frequency (F,); returns (F,).
     """
     shape, power = _voluntary_shape(frequency, settings)
     voluntary = (settings.voluntary * level) ** 2 * shape / power

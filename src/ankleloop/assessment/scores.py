@@ -88,18 +88,7 @@ def score_rows(
     against: Literal["measured"] | None = None,
     intervals: bool = False,
 ) -> list[tuple[Any, ...]]:
-    """Rows of `evaluate` as tuples, for tables of many estimates.
-
-    Parameters
-    ----------
-    trial, estimate, trim, against, intervals
-        As of `evaluate`.
-
-    Returns
-    -------
-    list of tuple
-        The values of `SCORE_COLUMNS`, without `low` and `high` if there are no intervals.
-    """
+    """Rows of `evaluate` as tuples, for tables of many estimates."""
     check_choice("evaluate", "against", against, ("measured", None))
     check_flag("evaluate", "intervals", intervals)
     inside, time, rate = _scored_samples(estimate, trim)
@@ -153,25 +142,6 @@ def in_band_snr(trial: xr.Dataset | PreparedTrial, estimate: Estimate, *, trim: 
     """Signal-to-noise ratio of the torque within the band of the identification.
 
     Decimation removes more of the noise than of the torque, so this ratio is above that of the recorded signal.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset or PreparedTrial
-        A simulated trial.
-    estimate : Estimate
-        An estimate of it, which gives rate and samples.
-    trim : float
-        Time at either end that is ignored [s].
-
-    Returns
-    -------
-    float
-        Variance of intrinsic plus reflex torque over variance of the measurement noise [dB]; infinite without noise.
-
-    Raises
-    ------
-    DataError
-        If the trial has no true torques.
     """
     prepared = prepare(trial)
     missing = {"torque_intrinsic", "torque_reflex", "torque_noise"} - set(prepared.trial.data_vars)
@@ -186,27 +156,7 @@ def in_band_snr(trial: xr.Dataset | PreparedTrial, estimate: Estimate, *, trim: 
 
 
 def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict[str, Any]:
-    """Parameters and diagnostics of an estimate as a row of a table.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset or PreparedTrial
-        The trial.
-    estimate : Estimate
-        Its estimate.
-
-    Returns
-    -------
-    dict
-        K, B, I, the reflex parameters, the ends of their 95 % intervals where the method gives them (`K_low`, `K_high`
-        …) and their kind (`intervals`: asymptotic or robust), the in-band SNR [dB] of a simulation with noise, those of
-        order, largest magnitude of the poles (`spectral_radius`), passes, converged, stable and reference that the
-        method reports, the largest distance of a pole from that of the simulated reflex (`pole_error`, for models of
-        its order), the scores [%] on unseen data where options were selected (`unseen_instrumental`,
-        `unseen_cross_validation`), where parameters vary in the model or in the simulation the probability of a
-        variation as large in a constant joint (`variation_p`) and the scores of the trajectories
-        (`ankleloop.assessment.trajectory_scores.score_trajectories`), and the warnings.
-    """
+    """Parameters and diagnostics of an estimate as a row of a table."""
     prepared = prepare(trial)
     row: dict[str, Any] = {**estimate.stiffness, **estimate.reflex}
     for name, (low, high) in estimate.intervals.items():
@@ -252,27 +202,7 @@ def _unseen_scores(selection: Mapping[str, Any] | None) -> dict[str, float]:
 
 
 def summarise(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Mean and standard deviation of the VAF over trials.
-
-    Parameters
-    ----------
-    scores : pandas.DataFrame
-        Tables of `evaluate`, one below the other, with the columns `by`.
-    by : sequence of str
-        Columns whose combinations are summarised separately.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `by`, `mean`, `sd` (of the sample; empty for a single trial) and `n`, in the order in which
-        they first appear.
-
-    Examples
-    --------
-    >>> scores = pd.DataFrame({"torque": ["net", "net"], "vaf": [90.0, 92.0]})
-    >>> summarise(scores, ["torque"]).values.tolist()
-    [['net', 91.0, 1.4142135623730951, 2]]
-    """
+    """Mean and standard deviation of the VAF over trials."""
     if not isinstance(by, (list, tuple)) or not all(isinstance(name, str) and name in scores for name in by):
         known = ", ".join(map(str, scores.columns))
         raise ValueError(f"summarise: by must be a list of columns of the scores ({known}), got {show_value(by)}.")

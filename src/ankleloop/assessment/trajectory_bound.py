@@ -57,13 +57,7 @@ class TrajectoryInformation:
     dynamics: ReflexDynamics
 
     def covariance(self) -> np.ndarray:
-        """Smallest covariance of the unknowns; infinite variances where the record has no information.
-
-        Raises
-        ------
-        DataError
-            If the record does not tell the others apart.
-        """
+        """Smallest covariance of the unknowns; infinite variances where the record has no information."""
         size = np.sqrt(np.diag(self.matrix))
         known = np.flatnonzero(size > 0)
         select = np.ix_(known, known)
@@ -164,22 +158,7 @@ def trajectory_information(
     known_delay: bool = True,
     **settings: Any,
 ) -> TrajectoryInformation:
-    """Information of one trial, whose inverse gives the variances of `trajectory_bound`.
-
-    Parameters
-    ----------
-    seed, knots, identification_rate, known_delay, **settings
-        As `trajectory_bound` takes them.
-
-    Returns
-    -------
-    TrajectoryInformation
-
-    Raises
-    ------
-    TypeError, ValueError, DataError
-        As `trajectory_bound` does.
-    """
+    """Information of one trial, whose inverse gives the variances of `trajectory_bound`."""
     rate = check_number("trajectory_bound", "identification_rate", identification_rate, "Hz", ge=1, le=10000)
     check_flag("trajectory_bound", "known_delay", known_delay)
     counts = RivTvOptions.parse("trajectory_bound", knots=knots).knots

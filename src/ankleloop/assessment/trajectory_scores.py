@@ -20,28 +20,7 @@ JUMP = 0.5  # share of the range of a trajectory that is a jump if it lies betwe
 
 
 def true_trajectories(trial: xr.Dataset | PreparedTrial, trajectories: xr.Dataset | None = None) -> xr.Dataset | None:
-    """True K, B and G of a simulated trial over what they vary with.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset or PreparedTrial
-        The trial.
-    trajectories : xarray.Dataset, optional
-        Estimated trajectories, at whose places the truth is taken; by default at 101 places.
-
-    Returns
-    -------
-    xarray.Dataset or None
-        "K", "B" and "G" over "phase", "time" or "schedule"; None where the trial has no such truths, or the estimated
-        trajectories are functions of something else.
-
-    Examples
-    --------
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=5.0, variation="cycle", stiffness_variation=0.4)
-    >>> float(true_trajectories(trial)["K"].sel(phase=0.5, method="nearest").round(1))
-    210.0
-    """
+    """True K, B and G of a simulated trial over what they vary with."""
     prepared = prepare(trial)
     dimension = DIMENSIONS.get(str(prepared.trial.attrs.get("variation")))
     if dimension is None or not {dimension, *TRAJECTORY_TRUTHS.values()} <= set(map(str, prepared.trial.variables)):
@@ -70,30 +49,6 @@ def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) ->
 
     All places of what the parameters vary with count alike; those where a parameter is not identified are left out. An
     estimate without trajectories is scored as one whose K, B and G are constant.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset or PreparedTrial
-        A simulated trial whose parameters vary.
-    estimate : Estimate
-        Its estimate.
-
-    Returns
-    -------
-    dict of str to float
-        For K, and likewise for B and G: `K_nrmse`, root mean square error over the mean of the truth [%]; `K_bias`,
-        mean error over that mean [%]; `K_covered`, share of the places at which the 95 % band holds the truth [%],
-        where there are bands; and `K_rise`, the time from 10 to 90 % of a step [s], mean over the steps, where the
-        truth is a square wave over a cycle or over time and the estimate follows it. Empty for any other trial.
-
-    Examples
-    --------
-    >>> from ankleloop.methods.registry import identify
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=30.0, variation="cycle", stiffness_variation=0.4)
-    >>> scores = score_trajectories(trial, identify(trial, "riv-tv", cycle_onsets="phase"))
-    >>> scores["K_nrmse"] < 10.0 < score_trajectories(trial, identify(trial, "riv"))["K_nrmse"]
-    True
     """
     prepared = prepare(trial)
     truths = true_trajectories(prepared, estimate.trajectories)

@@ -54,22 +54,7 @@ def check(file: Path, **values: Any) -> int:
 
 
 def check_file(path: Path, reading: Reading) -> tuple[xr.Dataset | None, Check]:
-    """Read a recording and check it, as its analysis does.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    reading : Reading
-        How it is read.
-
-    Returns
-    -------
-    trial : xarray.Dataset or None
-        The recording; None if it cannot be used.
-    check : Check
-        Its check; if it cannot be used, one that is refused with the reason.
-    """
+    """Read a recording and check it, as its analysis does."""
     from ankleloop.errors import NUMERICAL_ERRORS
     from ankleloop.recordings.analysis import largest_options
     from ankleloop.recordings.checks import check_trial
@@ -98,17 +83,7 @@ def announce_compilation() -> None:
 
 
 def show_reading(path: Path, reading: Reading, trial: xr.Dataset | None = None) -> None:
-    """Show how a file is read: the variable of each channel, its unit, and where these come from.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    reading : Reading
-        How it is read.
-    trial : xarray.Dataset, optional
-        The recording, for its rate and length.
-    """
+    """Show how a file is read: the variable of each channel, its unit, and where these come from."""
     recording, reasons = reading.recording, reading.reasons
     unit = f"{recording.position_unit}, {reasons['position_unit']}"
     turned = {"position": recording.position_sign, "torque": recording.torque_sign}
@@ -125,18 +100,7 @@ def show_reading(path: Path, reading: Reading, trial: xr.Dataset | None = None) 
 
 
 def list_options(reading: Reading) -> list[str]:
-    """Options that read a file in this way, with nothing left to names.
-
-    Parameters
-    ----------
-    reading : Reading
-        How it is read.
-
-    Returns
-    -------
-    list of str
-        Arguments of a command; those that have their defaults are left out, but for the variables.
-    """
+    """Options that read a file in this way, with nothing left to names."""
     recording = reading.recording
     options = []
     for name, field in type(recording).model_fields.items():

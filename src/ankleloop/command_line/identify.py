@@ -81,33 +81,7 @@ def identify(file: Path, output: Path | None, overwrite: bool, methods: tuple[st
 def identify_recording(
     path: Path, reading: Reading, folder: Path, *, methods: Iterable[str] = (), overwrite: bool = False
 ) -> tuple[pd.DataFrame, Path]:
-    """Analyse a recording as the workflow does, and write its page, its table and its estimates.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    reading : Reading
-        How it is read.
-    folder : pathlib.Path
-        Folder of the results, which is made if there is none.
-    methods : iterable of str
-        Keys of the methods to fit; all that are usual, by default.
-    overwrite : bool
-        Whether to replace results that are there.
-
-    Returns
-    -------
-    table : pandas.DataFrame
-        A row for each method, as in the table that is written.
-    page : pathlib.Path
-        The page.
-
-    Raises
-    ------
-    click.UsageError
-        If results are there already, or cannot be written.
-    """
+    """Analyse a recording as the workflow does, and write its page, its table and its estimates."""
     from ankleloop.studies.recordings import analyse_recordings
 
     name = name_recording(path)
@@ -174,20 +148,7 @@ def _move_results(results: Path, folder: Path, outputs: Iterable[Path], path: Pa
 
 
 def show_results(table: pd.DataFrame, page: Path) -> int:
-    """Show the recommendation, the methods side by side, and where the results are.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        A row for each method.
-    page : pathlib.Path
-        The page.
-
-    Returns
-    -------
-    int
-        Exit status: 0, or 1 if there is no estimate.
-    """
+    """Show the recommendation, the methods side by side, and where the results are."""
     from ankleloop.quantities import QUANTITIES
     from ankleloop.recordings.recommendation import format_with_interval, select_valid_methods
 

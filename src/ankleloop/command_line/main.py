@@ -84,25 +84,7 @@ def commands() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Its arguments; those of the process, by default.
-
-    Returns
-    -------
-    int
-        Exit status: 0 done, 1 the data cannot be used, 2 wrong usage, 3 a mistake in the program or a lack of memory,
-        130 interrupted.
-
-    Examples
-    --------
-    >>> main(["--version"]) == 0
-    ankleloop ...
-    True
-    """
+    """Run a command."""
     for name in THREADS:  # before numpy is imported; as in the jobs of the workflow, for equal bits
         os.environ.setdefault(name, "1")
     # What the library logs is for the files of the workflow; here messages say it.

@@ -11,24 +11,7 @@ __all__ = ["check_outputs"]
 
 
 def check_outputs(paths: Iterable[Path], remedy: str, *, overwrite: bool, inputs: Iterable[Path] = ()) -> None:
-    """Refuse files that cannot be written, or that exist and are not to be replaced.
-
-    Parameters
-    ----------
-    paths : iterable of pathlib.Path
-        The files to write, in folders that exist.
-    remedy : str
-        What the user can do about a file that exists: the options of this command, where Python has `overwrite=True`.
-    overwrite : bool
-        Whether to replace files of these names.
-    inputs : iterable of pathlib.Path
-        Files that are read for them, which are never replaced.
-
-    Raises
-    ------
-    click.UsageError
-        For the first file that is refused.
-    """
+    """Refuse files that cannot be written, or that exist and are not to be replaced."""
     from ankleloop.errors import DataError
     from ankleloop.records.files import check_output, holds_content
 

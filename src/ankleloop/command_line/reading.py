@@ -58,17 +58,7 @@ class Reading:
 
 
 def reading_options(command: Command) -> Command:
-    """Decorator that gives a command an option for each field of a recording, as the library declares it.
-
-    Parameters
-    ----------
-    command : callable
-        The function of the command.
-
-    Returns
-    -------
-    callable
-    """
+    """Decorator that gives a command an option for each field of a recording, as the library declares it."""
     command = click.option(
         "--no-reference", is_flag=True, help="Take no variable for the reference, whatever its name."
     )(command)
@@ -100,29 +90,7 @@ def _make_option(name: str, field: Any) -> Callable[[Command], Command]:
 
 
 def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Reading:
-    """Map the variables of a file to the channels of a trial; what the options leave out follows from names and units.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    no_reference : bool
-        Whether no variable is the reference.
-    **values
-        Values of the options by name; None where an option was not given.
-
-    Returns
-    -------
-    Reading
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read.
-    click.UsageError
-        If the names of the variables leave a channel open, or an option has a wrong value. The message names the
-        option that decides.
-    """
+    """Map the variables of a file to channels; what the options leave out follows from names and units."""
     from ankleloop.records.reading_process import list_variables  # here: --help does without numpy
     from ankleloop.records.variable_names import AmbiguousNameError, find_position_unit, find_variable
 
@@ -170,22 +138,7 @@ def _parse_recording(path: Path, values: Mapping[str, Any]) -> Recording:
 
 
 def name_recording(path: Path) -> str:
-    """Name of a recording, which is part of the names of its files, by the name of its file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> name_recording(Path("data/S1 (pre).csv.gz")), name_recording(Path("µ.mat"))
-    ('S1-pre', 'recording')
-    """
+    """Name of a recording, which is part of the names of its files, by the name of its file."""
     from ankleloop.records.file_formats import find_suffix
 
     stem = path.name[: len(path.name) - len(find_suffix(path) or path.suffix)]

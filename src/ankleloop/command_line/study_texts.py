@@ -58,21 +58,7 @@ class RecordedFile:
 
 
 def recordings_text(new: Path, folder: Path, files: Mapping[str, RecordedFile]) -> str:
-    """Configuration of a study of recordings.
-
-    Parameters
-    ----------
-    new : pathlib.Path
-        File of the configuration.
-    folder : pathlib.Path
-        Folder of the recordings.
-    files : mapping of str to RecordedFile
-        Recordings by name.
-
-    Returns
-    -------
-    str
-    """
+    """Configuration of a study of recordings."""
     lines = [
         "# A study of recordings, written by `ankleloop study`. Look through it, then run, in the folder of the",
         "# repository of ankleloop:",
@@ -151,19 +137,7 @@ def _describe_methods(methods: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def sweep_text(new: Path, varied: Sequence[str]) -> str:
-    """Configuration of a sweep.
-
-    Parameters
-    ----------
-    new : pathlib.Path
-        File of the configuration.
-    varied : sequence of str
-        Settings that vary, by name.
-
-    Returns
-    -------
-    str
-    """
+    """Configuration of a sweep."""
     lines = [
         "# A sweep, written by `ankleloop study`. Look through it, then run, in the folder of the repository of",
         "# ankleloop:",

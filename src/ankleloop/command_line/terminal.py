@@ -35,41 +35,17 @@ OPTION_WORDS = re.compile(
 
 
 def echo(text: str = "", *, err: bool = False, nl: bool = True) -> None:
-    """Print a text, with its colours on a terminal only, and not if the variable NO_COLOR is set.
-
-    Parameters
-    ----------
-    text : str
-        The text.
-    err : bool
-        Whether it goes to the standard error.
-    nl : bool
-        Whether a line ends behind it.
-    """
+    """Print a text, with its colours on a terminal only, and not if the variable NO_COLOR is set."""
     click.echo(text, err=err, nl=nl, color=False if os.environ.get("NO_COLOR") else None)
 
 
 def show_verdict(verdict: str, name: str, text: str) -> None:
-    """Show a finding, with the colour of its verdict.
-
-    Parameters
-    ----------
-    verdict : {"ok", "warning", "refused"}
-        Its verdict.
-    name, text : str
-        What was checked, and with which result.
-    """
+    """Show a finding, with the colour of its verdict."""
     echo(f"{click.style(f'{verdict:>8}', fg=COLOURS[verdict])}  {name}: {text}")
 
 
 def show_error(text: str) -> None:
-    """Show why a command ends, and the options that its message is about.
-
-    Parameters
-    ----------
-    text : str
-        The message.
-    """
+    """Show why a command ends, and the options that its message is about."""
     echo(f"{click.style('error', fg='red', bold=True)}: {text}", err=True)
     show_next(*name_options(text))
 
@@ -82,47 +58,19 @@ def show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Show a warning of the library, as `warnings.showwarning` does; those of other kinds concern programmers.
-
-    Parameters
-    ----------
-    message, category, filename, lineno, file, line
-        As of `warnings.showwarning`.
-    """
+    """Show a warning of the library, as `warnings.showwarning` does; those of other kinds concern programmers."""
     if issubclass(category, UserWarning):
         echo(f"{click.style('warning', fg='yellow')}: {message}", err=True)
 
 
 def show_next(*steps: str) -> None:
-    """Show what to do next.
-
-    Parameters
-    ----------
-    *steps : str
-        Commands or options, a line each.
-    """
+    """Show what to do next."""
     for step in steps:
         echo(f"{click.style('next', fg='cyan')}: {step}", err=True)
 
 
 def name_options(text: str) -> list[str]:
-    """Options of the command line that a message of the library is about.
-
-    Parameters
-    ----------
-    text : str
-        The message, which names arguments of Python functions and keys of the configuration.
-
-    Returns
-    -------
-    list of str
-        A sentence, or none.
-
-    Examples
-    --------
-    >>> name_options("a.mat: there is no sampling rate and no time column: pass sampling_rate in Hz.")
-    ['on the command line this is --sampling-rate.']
-    """
+    """Options of the command line that a message of the library is about."""
     words = dict.fromkeys(word for groups in OPTION_WORDS.findall(text) for word in groups if word)
     options = ", ".join("--" + word.replace("_", "-") for word in words)
     return [f"on the command line this is {options}."] if options else []
@@ -172,23 +120,7 @@ class _Progress(logging.Handler):
 
 
 def format_table(rows: list[list[Any]]) -> str:
-    """Lines of aligned cells.
-
-    Parameters
-    ----------
-    rows : list of list
-        Cells of each row; all rows are of one length.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> print(format_table([["method", "K"], ["riv", 151.0]]))
-    method  K
-    riv     151.0
-    """
+    """Lines of aligned cells."""
     texts = [[str(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in texts)

@@ -116,43 +116,12 @@ START = ("pr-moesp", "riv")  # methods at the start
 
 
 def default_values() -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Values at the start.
-
-    Returns
-    -------
-    settings : dict
-        Settings of the simulation.
-    methods : list of dict
-        For both methods `method` and its `options`; those that a method does not have are passed over.
-
-    Examples
-    --------
-    >>> settings, methods = default_values()
-    >>> settings["reflex_gain"], [method["method"] for method in methods]
-    (13.0, ['pr-moesp', 'riv'])
-    """
+    """Values at the start."""
     settings = {control.name: control.default for control in SIMULATION_CONTROLS}
     options = {control.name: control.default for control in METHOD_CONTROLS}
     return settings, [{"method": name, "options": dict(options)} for name in START]
 
 
 def usable_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options that a method has.
-
-    Parameters
-    ----------
-    method : str
-        Name in the registry.
-    options : mapping
-        Values of `METHOD_CONTROLS` by name.
-
-    Returns
-    -------
-    dict
-
-    Examples
-    --------
-    >>> usable_options("parallel-cascade", {"order": 2, "delay": 0.04})
-    {'delay': 0.04}
-    """
+    """Options that a method has."""
     return {name: value for name, value in options.items() if name in METHODS[method].options.model_fields}

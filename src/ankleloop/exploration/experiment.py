@@ -130,22 +130,7 @@ class Experiment:
     def run(
         self, settings: Mapping[str, Any], methods: Sequence[Mapping[str, Any]], *, bootstrap: bool = False
     ) -> Result:
-        """Simulate, identify and score; a trial is simulated again only where its settings have changed.
-
-        Parameters
-        ----------
-        settings : mapping
-            Settings of the simulation by name.
-        methods : sequence of mapping
-            For each method `method` and its `options`.
-        bootstrap : bool
-            Compute intervals of methods that give none, which repeats their identification `REPETITIONS` times.
-
-        Returns
-        -------
-        Result
-            An unstable loop, a refused trial and a refused option are sentences in it, not errors.
-        """
+        """Simulate, identify and score; a trial is simulated again only where its settings have changed."""
         seconds = {"simulation": 0.0, "identification": 0.0, "bootstrap": 0.0, "scores": 0.0}
         try:
             with _clock(seconds, "simulation"):
@@ -222,23 +207,7 @@ def _poles_of(dynamics: ReflexDynamics, rate: float) -> np.ndarray:
 def pole_frequency(poles: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Natural frequency and damping ratio of poles in discrete time.
 
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (n,)
-        Poles.
-    rate : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    frequency, damping : ndarray, shape (n,)
-        Natural frequency [Hz] and damping ratio [1] of the poles of the same response in continuous time.
-
-    Examples
-    --------
-    >>> frequency, damping = pole_frequency(np.exp(np.array([-40.0, -40.0]) / 100.0), 100.0)
-    >>> (2 * np.pi * frequency).round(6).tolist(), damping.tolist()
-    ([40.0, 40.0], [1.0, 1.0])
+    Shapes: poles (n,); returns frequency, damping (n,).
     """
     poles = np.asarray(poles, dtype=complex)
     continuous = np.log(np.where(poles == 0, np.finfo(float).tiny, poles)) * rate

@@ -94,13 +94,7 @@ class Picture:
         return [remark.get_text() for remark in self._remarks]
 
     def update(self, result: Result) -> None:
-        """Show an experiment.
-
-        Parameters
-        ----------
-        result : Result
-            The experiment; without a trial its refusal is the picture's only text.
-        """
+        """Show an experiment."""
         with matplotlib.rc_context(STYLE):
             self._refusal.set_text(textwrap.fill(result.refusal, SENTENCE))
             self._refusal.set_visible(bool(result.refusal))
@@ -122,12 +116,7 @@ class Picture:
                 text.set_color(style.colour)
 
     def png(self) -> bytes:
-        """The picture as a PNG file.
-
-        Returns
-        -------
-        bytes
-        """
+        """The picture as a PNG file."""
         limits: list[tuple[float, ...]] = [(*axis.get_xlim(), *axis.get_ylim()) for axis in self._torques.values()]
         with matplotlib.rc_context(STYLE):
             if self._limits != limits:  # the axes alone, which stay as they are under most changes

@@ -53,14 +53,7 @@ class Basis:
     def __call__(self, velocity: np.ndarray) -> np.ndarray:
         """Evaluate every term.
 
-        Parameters
-        ----------
-        velocity : ndarray, shape (N,)
-            Delayed velocity [rad/s].
-
-        Returns
-        -------
-        ndarray, shape (k, N)
+        Shapes: velocity (N,); returns (k, N).
         """
         return {"chebyshev": self._chebyshev, "rectifier": self._rectifier, "spline": self._spline}[self.kind](velocity)
 
@@ -91,31 +84,7 @@ def fit_basis(velocity: np.ndarray, kind: str, degree: int) -> Basis:
     ``"chebyshev"`` is T₁ … T_degree of Eq. 10 without its constant, ``"rectifier"`` the half-wave rectified velocity
     (one term, whatever the degree), ``"spline"`` `degree` cubic B-splines with knots at quantiles.
 
-    Parameters
-    ----------
-    velocity : ndarray, shape (N,)
-        Delayed velocity [rad/s].
-    kind : {"chebyshev", "rectifier", "spline"}
-        Kind of basis.
-    degree : int
-        Number of terms.
-
-    Returns
-    -------
-    Basis
-
-    Raises
-    ------
-    ValueError
-        For an unknown basis or a degree that it does not have.
-    DataError
-        For a velocity that no basis fits: zero throughout, or on too few values.
-
-    Examples
-    --------
-    >>> basis = fit_basis(np.array([-1.0, 0.5, 2.0]), "chebyshev", 2)
-    >>> basis.names, basis(np.array([1.0])).ravel().tolist()
-    (('chebyshev_1', 'chebyshev_2'), [0.5, -0.5])
+    Shapes: velocity (N,).
     """
     if kind not in BASES:
         raise ValueError(f"unknown basis {kind!r}; known: {', '.join(BASES)}.")

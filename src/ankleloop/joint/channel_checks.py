@@ -48,27 +48,7 @@ def _stands_out(largest: float, usual: float) -> bool:
 
 
 def check_clipping(trial: PreparedTrial, name: str) -> Finding:
-    """A channel that stays at its largest or smallest value has reached the end of its range.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    name : str
-        Name of the channel.
-
-    Returns
-    -------
-    Finding
-
-    Examples
-    --------
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=10.0)
-    >>> trial["torque"] = trial["torque"].clip(max=5.0)
-    >>> check_clipping(PreparedTrial(trial), "torque").verdict
-    'refused'
-    """
+    """A channel that stays at its largest or smallest value has reached the end of its range."""
     x = trial.samples(name)
     low, high = float(x.min()), float(x.max())
     ends = [_clipped_samples(x, edge) for edge in (low, high)]
@@ -114,27 +94,7 @@ def _runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_rest(trial: PreparedTrial, name: str) -> Finding:
-    """A channel that keeps one value for a second while another one moves, or together with all others for long.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    name : {"position", "torque"}
-        Name of the channel.
-
-    Returns
-    -------
-    Finding
-
-    Examples
-    --------
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=10.0)
-    >>> trial["torque"][5000:] = 1.0
-    >>> check_rest(PreparedTrial(trial), "torque").text[:60]
-    '5000 samples (50 %) of the torque keep one value, first from'
-    """
+    """A channel that keeps one value for a second while another one moves, or together with all others for long."""
     x = trial.samples(name)
     repeats = np.flatnonzero(x[1:] == x[:-1])
     starts, lengths = _runs(repeats) if repeats.size else (repeats, repeats)
@@ -176,26 +136,6 @@ def check_gaps(trial: PreparedTrial, name: str) -> Finding:
 
     What comes to rest by itself does so smoothly; a held value begins and ends with a break. Values that are held for a
     second are a matter of `check_rest`.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    name : str
-        Name of the channel.
-
-    Returns
-    -------
-    Finding
-
-    Examples
-    --------
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=10.0)
-    >>> for start in (1000, 4000, 7000):
-    ...     trial["torque"][start : start + 300] = trial["torque"][start].item()
-    >>> check_gaps(PreparedTrial(trial), "torque").text[:64]
-    '3 stretches of the torque (9 % of the record) are exactly straig'
     """
     x = trial.samples(name)
     slopes = np.diff(x)
@@ -227,25 +167,6 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
 
     The height of a peak is the geometric mean of the two changes from 3 ms before it and to 3 ms after it; it is
     compared with the median of the largest peaks of ten parts of the record.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    name : str
-        Name of the channel.
-
-    Returns
-    -------
-    Finding
-
-    Examples
-    --------
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=10.0)
-    >>> trial["torque"][4321] += 80.0
-    >>> check_spikes(PreparedTrial(trial), "torque").text[:56]
-    'the torque has a spike of about 80 N·m at sample 4321 (4'
     """
     largest, usual, _ = _scan(np.ascontiguousarray(trial.samples(name)), trial.rate)
     return _find_spike(trial, name, largest, usual)

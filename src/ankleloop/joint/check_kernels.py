@@ -50,23 +50,7 @@ def scan_samples(x, reach, parts):
     The product is positive at a peak. Maxima over lanes first, whose number the compiler knows: so it takes several
     samples at a time.
 
-    Parameters
-    ----------
-    x : ndarray, shape (N,)
-        Recorded samples.
-    reach : int
-        Samples on either side with which a sample is compared.
-    parts : int
-        Parts of the record.
-
-    Returns
-    -------
-    largest : float
-        Largest product; 0 if there is no peak.
-    usual : float
-        Median of the largest products of those parts that have a peak; 0 if there is none.
-    repeated : int
-        The last ``2 * reach`` samples do not count.
+    Shapes: x (N,).
     """
     peaks, lanes, repeated = np.zeros(parts), np.empty(LANES), 0
     inner = max(x.size - 2 * reach, 0)
@@ -94,16 +78,7 @@ def scan_samples(x, reach, parts):
 def spread_from_first(x, step):
     """Mean square of every few samples less the first one.
 
-    Parameters
-    ----------
-    x : ndarray, shape (N,)
-        Recorded samples.
-    step : int
-        From one to the next that counts.
-
-    Returns
-    -------
-    float
+    Shapes: x (N,).
     """
     total, count = 0.0, 0
     for k in range(0, x.size, step):
@@ -134,15 +109,7 @@ def _average(x):
 def multiply_deviations(signals):
     """Inner products of signals, each less its mean.
 
-    Parameters
-    ----------
-    signals : tuple of ndarray, shape (N,)
-        The signals.
-
-    Returns
-    -------
-    means : ndarray, shape (signals,)
-    products : ndarray, shape (signals, signals)
+    Shapes: signals (N,); returns means (signals,), products (signals, signals).
     """
     means, products = np.empty(len(signals)), np.empty((len(signals), len(signals)))
     for i in range(len(signals)):
@@ -156,25 +123,7 @@ def multiply_deviations(signals):
 def correlate_reference(reference, signals, means, lead, lag):
     """Inner products of a reference with signals, each less its mean.
 
-    Parameters
-    ----------
-    reference : ndarray, shape (N,)
-        The reference.
-    signals : tuple of ndarray, shape (N,)
-        The signals.
-    means : ndarray, shape (signals,)
-        Their means.
-    lead, lag : int
-        Samples by which the first signal comes before the reference at most, and after it; fewer than N together.
-
-    Returns
-    -------
-    energy : float
-        Product of the reference with itself.
-    products : ndarray, shape (signals,)
-        Those with the signals at the same time.
-    largest : float
-        Size of the largest one with the first signal, `lead` samples before to `lag` samples after the reference.
+    Shapes: reference (N,), signals (N,), means (signals,); returns products (signals,).
     """
     mean, count = _average(reference), reference.size - lead - lag
     products, largest = np.empty(len(signals)), 0.0
@@ -191,19 +140,7 @@ def correlate_reference(reference, signals, means, lead, lag):
 def regress_last(products, dependent):
     """Least squares of the last signal on the others, from their products, by Cholesky's method.
 
-    Parameters
-    ----------
-    products : ndarray, shape (n + 1, n + 1)
-        Inner products of the signals.
-    dependent : float
-        Determinant of the products of the n others, scaled to a unit diagonal, up to which there is no solution.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (n,)
-        Not to be used without a solution.
-    explained : float
-        Share of the last signal's energy that they explain; -1 without a solution.
+    Shapes: products (n + 1, n + 1); returns coefficients (n,).
     """
     n, determinant, explained = len(products) - 1, 1.0, 0.0
     factor, values, scale = np.zeros((n, n)), np.empty(n), np.empty(n)
@@ -238,16 +175,7 @@ def displace_products(first, x):
 
     As in `ankleloop.subspace.hankel_gram`, whose overhead and means are left out.
 
-    Parameters
-    ----------
-    first : ndarray, shape (channels, rows)
-        Products of the rows of the first block with all rows.
-    x : ndarray, shape (N * channels,)
-        Samples of the Hankel matrix, those of all channels at one time side by side.
-
-    Returns
-    -------
-    ndarray, shape (rows, rows)
+    Shapes: first (channels, rows), x (N * channels,); returns (rows, rows).
     """
     channels, rows = first.shape
     beyond = x.size - rows + channels  # from a number of the first column to that which follows on the last column
@@ -270,21 +198,7 @@ def has_directions(x, rows, directions, least):
     interlacing theorem). So it is enough that the products of a few columns and of as many evenly spread rows are
     positive definite after the value is taken from their diagonal, which Cholesky's method shows.
 
-    Parameters
-    ----------
-    x : ndarray, shape (N,)
-        The signal.
-    rows : int
-        Rows of the Hankel matrix, at most N.
-    directions : int
-        Number of eigenvalues, at most `rows`.
-    least : float
-        The value.
-
-    Returns
-    -------
-    bool
-        True if they are; False if this does not show it.
+    Shapes: x (N,).
     """
     columns = min(x.size - rows + 1, COLUMNS)
     first = np.zeros((1, rows))
@@ -328,19 +242,7 @@ def _explain(gram, products):
 def unexplained_share(signals, y, ridge):
     """Share of the variance of a signal that shifts of others leave, each less its mean, by Cholesky's method.
 
-    Parameters
-    ----------
-    signals : ndarray, shape (N + shifts - 1, channels)
-        The signals that are shifted.
-    y : ndarray, shape (N,)
-        The signal that is explained.
-    ridge : float
-        Added to the mean square of each shift, in units of the variance of its signal.
-
-    Returns
-    -------
-    float
-        1 if it is constant, or all others are.
+    Shapes: signals (N + shifts - 1, channels), y (N,).
     """
     rows, channels = y.size, signals.shape[1]
     size = (len(signals) - rows + 1) * channels

@@ -67,35 +67,6 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     with the movement, and opposes it; whether the position is ahead of the reference, as it is where the two were
     exchanged; persistent excitation; and, if it is used, the strength of the reference, and whether it is the torque or
     a filter of it. They are those of `ankleloop.recordings.checks.check_trial` that cost little.
-
-    Parameters
-    ----------
-    trials : sequence of PreparedTrial
-        The trial, or several that are merged.
-    use : DataUse
-        What the identification takes from them.
-
-    Returns
-    -------
-    list of str
-        Warnings; with the number of the trial where several are merged.
-
-    Raises
-    ------
-    DataError
-        If a channel is of a size that cannot be computed with, or has nothing in the band of the identification; if a
-        trial is too short; or if the reference explains nothing of the position, or is the torque.
-
-    Examples
-    --------
-    >>> from ankleloop.joint.prepared import prepare
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=20.0)
-    >>> check_data([prepare(trial)], DataUse(reference="reference"))
-    []
-    >>> trial["torque"][8000:] = 0.0
-    >>> [text[:38] for text in check_data([prepare(trial)], DataUse())]
-    ['12000 samples (60 %) of the torque kee']
     """
     warnings = []
     for number, trial in enumerate(trials, 1):
@@ -130,19 +101,6 @@ def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Findin
     """Findings about position and torque of a trial, in an order that is that of every trial.
 
     `ankleloop.recordings.checks.check_trial` shows all of them, an identification warns of those that are not ok.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    grid : Grid
-        Samples of the identification.
-    delay : float
-        Reflex delay [s].
-
-    Returns
-    -------
-    list of Finding
     """
     channels = [check(trial, name) for check in CHANNEL_CHECKS for name in REQUIRED]
     velocity = trial.memoise(("velocity noise", delay), lambda: check_velocity(trial, delay))

@@ -44,17 +44,7 @@ class ReflexDynamics:
 
     @classmethod
     def grid(cls, order: int) -> list[ReflexDynamics]:
-        """Candidates for the start of a search.
-
-        Parameters
-        ----------
-        order : {2, 3}
-            Number of poles.
-
-        Returns
-        -------
-        list of ReflexDynamics
-        """
+        """Candidates for the start of a search."""
         poles: Sequence[float | None] = [None] if order == 2 else POLES
         return [cls(omega, zeta, pole) for pole in poles for omega, zeta in STARTS]
 
@@ -63,18 +53,7 @@ class ReflexDynamics:
         return ReflexDynamics(*(np.array(list(self.values.values())) * np.exp(step)).tolist())
 
     def response(self, s: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Frequency response, and its derivatives with respect to the logarithm of each parameter.
-
-        Parameters
-        ----------
-        s : ndarray of complex
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        response : ndarray
-        derivatives : list of ndarray
-        """
+        """Frequency response, and its derivatives with respect to the logarithm of each parameter."""
         square, damped = self.omega_n**2, 2 * self.zeta * self.omega_n * s
         denominator = s**2 + damped + square
         response = square / denominator
@@ -85,17 +64,7 @@ class ReflexDynamics:
         return response, [response * part for part in relative]
 
     def matrices(self, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Discrete matrices A, B, C, D for an input that is linear between samples.
-
-        Parameters
-        ----------
-        rate : float
-            Sampling rate [Hz].
-
-        Returns
-        -------
-        tuple of ndarray
-        """
+        """Discrete matrices A, B, C, D for an input that is linear between samples."""
         denominator = lowpass_denominator(self.omega_n, self.zeta, self.pole)
         return discretise_foh(*companion(denominator), 1.0 / rate)
 
@@ -107,30 +76,7 @@ def fit_dynamics(
 
     .. math:: \min_{G, \omega_n, \zeta, (p)} \sum_f w(f) \, |H(f) - G \, H_0(f; \omega_n, \zeta, p)|^2
 
-    Parameters
-    ----------
-    response : ndarray of complex, shape (F,)
-        Frequency response.
-    s : ndarray of complex, shape (F,)
-        Laplace variable [rad/s].
-    weight : ndarray, shape (F,)
-        Weights; with the spectrum of the input as weights, the low-pass approximates the torque.
-    order : {2, 3}
-        Number of poles.
-
-    Returns
-    -------
-    gain : float
-    dynamics : ReflexDynamics
-    share : float
-        Share of the weighted response that the low-pass explains.
-
-    Examples
-    --------
-    >>> s = 2j * np.pi * np.linspace(0.1, 30, 200)
-    >>> gain, dynamics, share = fit_dynamics(5.0 * ReflexDynamics(40.0, 0.9).response(s)[0], s, np.ones(200))
-    >>> round(gain, 6), round(dynamics.omega_n, 6), round(dynamics.zeta, 6), round(share, 6)
-    (5.0, 40.0, 0.9, 1.0)
+    Shapes: response (F,), s (F,), weight (F,).
     """
     weight = weight / np.sum(weight * np.abs(response) ** 2)
     starts = np.array([list(dynamics.values.values()) for dynamics in ReflexDynamics.grid(order)])

@@ -71,22 +71,7 @@ class EstimateCollection:
         return len(self._index)
 
     def add(self, estimate: Estimate, point: str, number: int) -> None:
-        """Add the estimate of a trial; all have the same rate, but an estimated delay can shift their first sample.
-
-        Parameters
-        ----------
-        estimate : Estimate
-            The estimate.
-        point : str
-            Point of the study to which the trial belongs.
-        number : int
-            Number of the trial at this point.
-
-        Raises
-        ------
-        TypeError
-            For diagnostics that JSON does not represent.
-        """
+        """Add the estimate of a trial; all have the same rate, but an estimated delay can shift their first sample."""
         model = estimate.predictor
         texts = {
             "reflex_parameters": dump_values(estimate.reflex),
@@ -104,18 +89,7 @@ class EstimateCollection:
         self._index.append((point, number))
 
     def write(self, group: h5netcdf.Group) -> None:
-        """Write the estimates over `trial`, `time` and `parameter`, a few at a time.
-
-        Parameters
-        ----------
-        group : h5netcdf.Group
-            An empty group of a file.
-
-        Raises
-        ------
-        DataError
-            If there are none.
-        """
+        """Write the estimates over `trial`, `time` and `parameter`, a few at a time."""
         if self._first is None:
             raise DataError("there are no estimates to save.")
         variables = self._create_variables(group, self._first)
@@ -188,32 +162,7 @@ def _pad(rows: Sequence[np.ndarray], offsets: Sequence[int], samples: int) -> np
 
 
 def save_estimates(collections: Mapping[str, EstimateCollection], path: PathLike, *, overwrite: bool = False) -> None:
-    """Write estimates to one NetCDF file with a group for each method; it appears when it is complete.
-
-    Parameters
-    ----------
-    collections : mapping of str to EstimateCollection
-        Estimates by the name of their group; of none, where every method failed, the file is empty.
-    path : path-like
-        File to write.
-    overwrite : bool
-        Whether to replace a file of this name; without it an existing file is refused.
-
-    Raises
-    ------
-    DataError
-        If a collection is empty, the file exists, or it cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from ankleloop import identify, simulate
-    >>> estimate = identify(simulate(seed=1, duration=10.0))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_estimates({"pr-moesp": EstimateCollection([estimate])}, f"{folder}/0.nc")
-    ...     load_estimates(f"{folder}/0.nc", "pr-moesp")[0].stiffness == estimate.stiffness
-    True
-    """
+    """Write estimates to one NetCDF file with a group for each method; it appears when it is complete."""
     with atomic_netcdf(path, overwrite=overwrite) as (file, sink):
         for group, collection in collections.items():
             collection.write(file.create_group(group))
@@ -296,33 +245,7 @@ def load_estimates_of(paths: Iterable[PathLike], point: str, method: str) -> lis
 
 
 def find_estimates(paths: Iterable[PathLike], point: str, method: str) -> dict[int, Estimate]:
-    """Read all estimates by one method at one point of a study, by the number of the trial.
-
-    Parameters
-    ----------
-    paths, point, method
-        As of `load_estimates_of`.
-
-    Returns
-    -------
-    dict of int to Estimate
-        In the order of the trials; those that the method could not identify are left out.
-
-    Raises
-    ------
-    DataError
-        If there is no such file, or one is damaged.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from ankleloop import identify, simulate
-    >>> collection = EstimateCollection([identify(simulate(seed=seed, duration=10.0)) for seed in (1, 2)])
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_estimates({"pr-moesp": collection}, f"{folder}/0.nc")
-    ...     list(find_estimates([f"{folder}/0.nc"], "only", "pr-moesp"))
-    [0, 1]
-    """
+    """Read all estimates by one method at one point of a study, by the number of the trial."""
     estimates: list[tuple[int, Estimate]] = []
     for path in paths:
         with _open(path) as file:

@@ -33,23 +33,7 @@ class Finding:
 
 
 def merge_findings(findings: Sequence[Finding]) -> Finding:
-    """The worst finding about one property of several trials, with the number of its trial.
-
-    Parameters
-    ----------
-    findings : sequence of Finding
-        The finding about each trial, in order.
-
-    Returns
-    -------
-    Finding
-        The finding itself if there is a single trial.
-
-    Examples
-    --------
-    >>> merge_findings([Finding("drift", "ok", "none."), Finding("drift", "warning", "much.")]).text
-    'trial 2 of 2: much.'
-    """
+    """The worst finding about one property of several trials, with the number of its trial."""
     verdicts = [VERDICTS.index(finding.verdict) for finding in findings]
     number = int(np.argmax(verdicts))
     worst = findings[number]

@@ -44,15 +44,7 @@ class StaticNonlinearity:
     def __call__(self, velocity: np.ndarray) -> np.ndarray:
         """Torque at a velocity, beyond that at rest.
 
-        Parameters
-        ----------
-        velocity : ndarray, shape (N,)
-            Delayed velocity [rad/s].
-
-        Returns
-        -------
-        ndarray, shape (N,)
-            Torque [N·m].
+        Shapes: velocity (N,); returns (N,).
         """
         return self.coefficients @ (self.basis(np.asarray(velocity, dtype=float)) - self.basis(np.zeros(1)))
 
@@ -65,15 +57,6 @@ class StaticNonlinearity:
         r"""Gain and threshold of the half-wave rectifier that is closest, over the velocities of the record.
 
         .. math:: \min_{G, v_0, c} \sum_q \left[f(v_q) - c - G \max(0, v_q - v_0)\right]^2
-
-        Returns
-        -------
-        gain : float
-            G [N·m·s/rad].
-        threshold : float
-            v₀ [rad/s].
-        share : float
-            Share of the curve's variance that it explains.
         """
         if self.basis.kind == "rectifier":
             return float(self.coefficients[0]), 0.0, 1.0
@@ -251,26 +234,6 @@ def separate_model(matrices: Matrices, spectra: DriveSpectra, basis: Basis, orde
 
     and g by a low-pass (the two-stage idea of Bai 1998).
 
-    Parameters
-    ----------
-    matrices : Matrices
-        A, B, C, D from the basis functions to the reflex torque, at the identification rate.
-    spectra : DriveSpectra
-        Spectra of the k basis functions on the record.
-    basis : Basis
-        The basis functions.
-    order : {2, 3}
-        Poles of the low-pass.
-
-    Returns
-    -------
-    ReflexPath
-
-    Raises
-    ------
-    DataError
-        If the model has no reflex torque.
-
     References
     ----------
     E.-W. Bai, "An optimal two-stage identification algorithm for Hammerstein-Wiener nonlinear systems", Automatica
@@ -295,20 +258,7 @@ def separate_model(matrices: Matrices, spectra: DriveSpectra, basis: Basis, orde
 def separate_response(response: np.ndarray, spectra: DriveSpectra, rate: float, basis: Basis) -> ReflexPath:
     """Separate the impulse response to a single reflex input into a gain and second-order dynamics.
 
-    Parameters
-    ----------
-    response : ndarray, shape (lags,)
-        Impulse response at the identification rate.
-    spectra : DriveSpectra
-        Spectra of the input on the record.
-    rate : float
-        Identification rate [Hz].
-    basis : Basis
-        The nonlinearity that makes the input.
-
-    Returns
-    -------
-    ReflexPath
+    Shapes: response (lags,).
     """
     frequency_response = np.polyval(response[::-1], np.exp(-spectra.s / rate))
     gain, dynamics, share = fit_dynamics(frequency_response, spectra.s, spectra.power[:, 0, 0])

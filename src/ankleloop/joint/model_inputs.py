@@ -48,19 +48,7 @@ class ModelInputs:
 
     @classmethod
     def of(cls, regressors: Regressors, delay: float | None = None) -> ModelInputs:
-        """Those of regressors.
-
-        Parameters
-        ----------
-        regressors : Regressors
-            Regressors of the record that was fitted.
-        delay : float, optional
-            An estimate of the delay that replaces theirs [s].
-
-        Returns
-        -------
-        ModelInputs
-        """
+        """Those of regressors."""
         return cls(
             replace(regressors.basis, quantiles=np.empty(0)),  # they only serve pictures
             regressors.delay if delay is None else float(delay),
@@ -83,31 +71,12 @@ class ModelInputs:
         """Matrices with the names and delays of these inputs, and with their numbers in the order of C.
 
         The order in memory decides the last bits of a product: so a model from a file gives those of the first one.
-
-        Parameters
-        ----------
-        matrices : Matrices
-            A, B, C, D from these inputs to the torque.
-
-        Returns
-        -------
-        Matrices
         """
         A, B, C, D = (np.ascontiguousarray(part) for part in (matrices.A, matrices.B, matrices.C, matrices.D))
         return Matrices(A, B, C, D, matrices.dt, (self.names, ("torque",)), self.delays)
 
     def regressors(self, trial: xr.Dataset | PreparedTrial) -> Regressors:
-        """Inputs of another trial, with the basis, the delay and the rate of this model.
-
-        Parameters
-        ----------
-        trial : xarray.Dataset or PreparedTrial
-            The trial.
-
-        Returns
-        -------
-        Regressors
-        """
+        """Inputs of another trial, with the basis, the delay and the rate of this model."""
         return prepare(trial).regressors(
             delay=self.delay,
             basis=self.basis,
@@ -116,18 +85,7 @@ class ModelInputs:
         )
 
     def check_range(self, trial: xr.Dataset | PreparedTrial) -> list[str]:
-        """Warning about velocities for which the basis functions were not fitted.
-
-        Parameters
-        ----------
-        trial : xarray.Dataset or PreparedTrial
-            Another trial than the one that was fitted.
-
-        Returns
-        -------
-        list of str
-            Empty where there are none: a rectifier has no limits.
-        """
+        """Warning about velocities for which the basis functions were not fitted."""
         if self.basis.kind == "rectifier":
             return []
         knots, scale = self.basis.knots, self.basis.scale
@@ -158,13 +116,7 @@ class ModelInputs:
 
     @classmethod
     def from_fields(cls, fields: Fields) -> ModelInputs:
-        """The inputs whose values a file holds.
-
-        Raises
-        ------
-        DataError
-            If a value is missing or impossible.
-        """
+        """The inputs whose values a file holds."""
         kind, step = fields.text("basis"), fields.text("omitted_step")
         for name, value, known in (("basis", kind, BASES), ("omitted_step", step, ("none", *get_args(InputStep)))):
             if value not in known:

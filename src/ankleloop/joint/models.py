@@ -106,19 +106,7 @@ class PhysicalModel:
         return self.simulate(prepared, self.inputs.regressors(prepared))
 
     def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
-        """Torques of a trial; the dynamics act at the recording rate.
-
-        Parameters
-        ----------
-        trial : PreparedTrial
-            The trial.
-        regressors : Regressors
-            Its inputs.
-
-        Returns
-        -------
-        xarray.Dataset
-        """
+        """Torques of a trial; the dynamics act at the recording rate."""
         intrinsic = regressors.joint_inputs.centred[0] @ self.stiffness
         drive = self.coefficients @ self.inputs.basis(trial.velocity(self.inputs.delay))
         recorded = simulate_response(*self.dynamics.matrices(trial.rate), drive[:, None])[:, 0]
@@ -166,22 +154,7 @@ class ResponseModel:
         return self.simulate(self.inputs.regressors(trial))
 
     def simulate(self, regressors: Regressors) -> xr.Dataset:
-        """Torques of a trial, where all lags of its inputs are recorded.
-
-        Parameters
-        ----------
-        regressors : Regressors
-            Its inputs.
-
-        Returns
-        -------
-        xarray.Dataset
-
-        Raises
-        ------
-        DataError
-            If the trial is shorter than the responses.
-        """
+        """Torques of a trial, where all lags of its inputs are recorded."""
         leads = self.intrinsic.size // 2
         rows = slice(max(leads, self.reflex.size - 1), regressors.torque.size - leads)
         if rows.stop - rows.start < 2:
@@ -214,22 +187,7 @@ KINDS: Mapping[str, type[Model]] = {
 
 
 def model_from_fields(fields: Fields) -> Model:
-    """The model whose `kind` and `fields` a file holds.
-
-    Parameters
-    ----------
-    fields : Fields
-        Its values by name.
-
-    Returns
-    -------
-    StateSpaceModel, PhysicalModel, ResponseModel or TimeVaryingModel
-
-    Raises
-    ------
-    DataError
-        If the kind is unknown, or a value is missing, has a wrong size or is not finite.
-    """
+    """The model whose `kind` and `fields` a file holds."""
     kind = fields.text("kind")
     if kind not in KINDS:
         raise DataError(f"{fields.source}: unknown kind of model {kind!r}; known: {', '.join(KINDS)}.")
@@ -241,24 +199,7 @@ def simulate_torques(
 ) -> dict[str, np.ndarray]:
     """Torques of a linear model with the inputs of one path at a time; the initial state belongs to the reflex.
 
-    Parameters
-    ----------
-    model : Matrices
-        The model, in physical units.
-    initial_state : ndarray, shape (n,), or None
-        Rest, if None.
-    regressors : Regressors
-        Its inputs.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (N,)
-        `net`, `intrinsic` and `reflex` [N·m], less their means.
-
-    Raises
-    ------
-    DataError
-        If they are not finite.
+    Shapes: initial_state (n,); returns (N,).
     """
     motion, drive = regressors.joint_inputs.centred
     paths = {}

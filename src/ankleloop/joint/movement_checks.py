@@ -111,35 +111,14 @@ class MotionProducts:
 
 
 def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
-    """Products of a trial, which it computes once.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    grid : Grid
-        Its decimated samples.
-
-    Returns
-    -------
-    MotionProducts
-    """
+    """Products of a trial, which it computes once."""
     return trial.memoise(("motion products", grid), lambda: MotionProducts(trial, grid))
 
 
 def regress_torque(products: np.ndarray) -> tuple[np.ndarray, float]:
     """Least squares of the torque on signals that differ in unit; what the data do not show is zero.
 
-    Parameters
-    ----------
-    products : ndarray, shape (n + 1, n + 1)
-        Inner products of the signals and the torque, each less its mean.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (n,)
-    explained : float
-        Share of the torque's variance that the signals explain.
+    Shapes: products (n + 1, n + 1); returns coefficients (n,).
     """
     values, explained = regress_last(products, DEPENDENT)
     if explained >= 0.0:
@@ -151,17 +130,7 @@ def regress_torque(products: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def check_scale(motion: MotionProducts) -> Finding:
-    """Position and torque that can be computed with, and that lie within the band of the identification.
-
-    Parameters
-    ----------
-    motion : MotionProducts
-        Products of the record.
-
-    Returns
-    -------
-    Finding
-    """
+    """Position and torque that can be computed with, and that lie within the band of the identification."""
     position, torque = motion.deviations
     for name, deviation in zip(REQUIRED, motion.deviations, strict=True):
         if not SMALLEST < deviation < LARGEST:
@@ -196,17 +165,7 @@ def _opposes(stiffness: np.ndarray, explained: float) -> bool:
 
 
 def check_size(motion: MotionProducts) -> Finding:
-    """Position and torque of a size that a joint can have, in rad and N·m.
-
-    Parameters
-    ----------
-    motion : MotionProducts
-        Products of the record.
-
-    Returns
-    -------
-    Finding
-    """
+    """Position and torque of a size that a joint can have, in rad and N·m."""
     position, torque = motion.deviations
     ratio = torque / position if position > 0.0 else inf
     text = f"standard deviations of {position:.3g} rad and {torque:.3g} N·m, {ratio:.3g} N·m/rad"
@@ -224,20 +183,7 @@ def fit_stiffness_by_instruments(
 ) -> tuple[np.ndarray, float]:
     """K, B and I of a model without a reflex, and the share of the torque that it explains.
 
-    Parameters
-    ----------
-    motion : ndarray, shape (N, 3)
-        Position, velocity and acceleration, less their means.
-    torque : ndarray, shape (N,)
-        Torque less its mean [N·m].
-    instruments : ndarray, shape (N, 3)
-        What the reference explains of the motion; the motion itself for least squares.
-
-    Returns
-    -------
-    stiffness : ndarray, shape (3,)
-        K [N·m/rad], B [N·m·s/rad], I [kg·m²].
-    explained : float
+    Shapes: motion (N, 3), torque (N,), instruments (N, 3); returns stiffness (3,).
     """
     scale = motion.std(axis=0)
     scaled, instruments = motion / scale, instruments / scale
@@ -248,16 +194,7 @@ def fit_stiffness_by_instruments(
 def check_sign(stiffness: np.ndarray, explained: float) -> Finding:
     """Positive stiffness; by instruments in closed loop, where least squares can give a negative one by its bias.
 
-    Parameters
-    ----------
-    stiffness : ndarray, shape (3,)
-        K, B and I of a second-order model without a reflex.
-    explained : float
-        Share of the torque that this model explains.
-
-    Returns
-    -------
-    Finding
+    Shapes: stiffness (3,).
     """
     values = dict(zip("KBI", stiffness.tolist(), strict=True))
     numbers = ", ".join(f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items())
@@ -276,17 +213,6 @@ def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
     """Noise of the position, which reaches the rectified velocity: power above the band that the torque does not share.
 
     A movement of any frequency comes with the torque of the inertia; hum and noise of the position do not.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    delay : float
-        Reflex delay [s].
-
-    Returns
-    -------
-    Finding
     """
     ok = Finding("velocity", "ok", "its power is that of a movement.")
     velocity = trial.velocity(delay)
@@ -313,15 +239,6 @@ def check_bandwidth(trial: PreparedTrial) -> Finding:
     """Torque that was sampled without a filter: its spectrum goes on, flat, to half of the sampling rate.
 
     What lies beyond appears at other frequencies, where the model takes it for torque of the movement.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-
-    Returns
-    -------
-    Finding
     """
     ok = Finding("bandwidth", "ok", "the torque was sampled fast enough.")
     length = 2 * round(trial.rate)
@@ -342,17 +259,7 @@ def check_bandwidth(trial: PreparedTrial) -> Finding:
 
 
 def check_relation(motion: MotionProducts) -> Finding:
-    """Torque that has something to do with the movement.
-
-    Parameters
-    ----------
-    motion : MotionProducts
-        Products of the record.
-
-    Returns
-    -------
-    Finding
-    """
+    """Torque that has something to do with the movement."""
     text = f"position, velocity and acceleration explain {100.0 * motion.explained:.2g} % of the torque"
     if not _is_related(motion):
         text = (
@@ -366,16 +273,7 @@ def check_relation(motion: MotionProducts) -> Finding:
 def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: int) -> Finding:
     """Rank of the velocity's Hankel matrix: a movement of q sinusoids is exciting of order 2 q.
 
-    Parameters
-    ----------
-    velocities : sequence of ndarray, shape (N,)
-        Velocity at the identification rate [rad/s] of a record, or of several that are merged.
-    order, block_rows : int
-        Largest order and block rows that a subspace method will use.
-
-    Returns
-    -------
-    Finding
+    Shapes: velocities (N,).
     """
     rows = 2 * block_rows + order
     samples = max(map(len, velocities))
@@ -407,19 +305,7 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
 
 
 def check_reference(records: Sequence[Regressors]) -> Finding:
-    """Whether the reference can serve as an instrument.
-
-    Parameters
-    ----------
-    records : sequence of Regressors
-        Records of one joint, with their references.
-
-    Returns
-    -------
-    Finding
-        Refused where it explains nothing of the position, or is the torque; a warning where too short records do not
-        tell.
-    """
+    """Whether the reference can serve as an instrument."""
     name = records[0].reference_name
     try:
         share = unseen_share(records)
@@ -440,20 +326,7 @@ def check_reference(records: Sequence[Regressors]) -> Finding:
 def reference_correlations(motion: MotionProducts, reference: np.ndarray) -> tuple[float, float, float]:
     """Squared correlations of the reference: the largest with the position a little later, and those at once.
 
-    Parameters
-    ----------
-    motion : MotionProducts
-        Products of the record.
-    reference : ndarray, shape (N,)
-        Reference on the same samples.
-
-    Returns
-    -------
-    later : float
-        The largest one with the position from 20 ms before to 100 ms after the reference: a bound for the share of the
-        position that leads and lags explain together.
-    position, torque : float
-        Those with the position and with the torque at the same time.
+    Shapes: reference (N,).
     """
     rate = motion.rate / motion.grid.factor
     lead, lag = round(LEAD * rate), round(LAG * rate)

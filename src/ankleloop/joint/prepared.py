@@ -287,23 +287,7 @@ def prepare_trials(
 ) -> list[PreparedTrial]:
     """Prepare valid trials of one length, and decimate each of their common channels in one pass.
 
-    Parameters
-    ----------
-    trials : sequence of xarray.Dataset
-        The trials.
-    signals : mapping of str to ndarray, shape (trials, samples)
-        Their variables by name.
-    grids : sequence of (float, float)
-        Identification rates [Hz] and delays [s] for which the channels will be needed.
-
-    Returns
-    -------
-    list of PreparedTrial
-
-    Raises
-    ------
-    DataError
-        For a sampling rate that is not a multiple of an identification rate, or trials that are too short.
+    Shapes: signals (trials, samples).
     """
     prepared = [PreparedTrial(trial, validated=True) for trial in trials]
     for identification_rate, delay in grids:
@@ -323,23 +307,7 @@ def _share(prepared: Sequence[PreparedTrial], key: Hashable, values: Sequence[An
 
 
 def fit_shared_basis(trials: Sequence[PreparedTrial], delay: float, kind: str, degree: int) -> Basis:
-    """Basis fitted to the velocities of several trials, so that they can share a model.
-
-    Parameters
-    ----------
-    trials : sequence of PreparedTrial
-        The trials.
-    delay : float
-        Reflex delay [s].
-    kind : {"chebyshev", "rectifier", "spline"}
-        Kind of basis.
-    degree : int
-        Number of its terms.
-
-    Returns
-    -------
-    Basis
-    """
+    """Basis fitted to the velocities of several trials, so that they can share a model."""
     return fit_basis(np.concatenate([trial.velocity(delay) for trial in trials]), kind, degree)
 
 

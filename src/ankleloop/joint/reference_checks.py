@@ -30,30 +30,7 @@ BY_BOTH = 0.25  # times as much, at least, is left by torque and position togeth
 
 
 def find_reference_faults(trial: PreparedTrial, reference: str | None, delay: float = 0.04) -> list[Finding]:
-    """Faults of the reference of a trial; each is computed once for all methods that take it.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    reference : str or None
-        Variable whose leads or lags are instruments. None for a method that uses none: an exchange with the position
-        concerns it as well.
-    delay : float
-        Reflex delay [s].
-
-    Returns
-    -------
-    list of Finding
-        Only those that are not ok.
-
-    Examples
-    --------
-    >>> from ankleloop.joint.prepared import prepare
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> find_reference_faults(prepare(simulate(seed=1, duration=20.0)), "reference")
-    []
-    """
+    """Faults of the reference of a trial; each is computed once for all methods that take it."""
     name = reference or "reference"
     if name == "position" or name not in trial.trial:
         return []  # without the variable the method says so itself
@@ -77,31 +54,6 @@ def check_exchange(trial: PreparedTrial, name: str, delay: float = 0.04) -> Find
     position, its velocity and its acceleration explain more of it than the reference and its derivatives.
 
     Behind an actuator that is faster than the record shows (200 Hz and more) there is no lag, and nothing is said.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    name : str
-        Variable that is the reference.
-    delay : float
-        Reflex delay [s]; the samples are those of an identification at 100 Hz.
-
-    Returns
-    -------
-    Finding
-
-    Examples
-    --------
-    >>> from ankleloop.joint.prepared import prepare
-    >>> from ankleloop.records.trial import new_trial
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=20.0)
-    >>> check_exchange(prepare(trial), "reference").verdict
-    'ok'
-    >>> exchanged = new_trial(trial["reference"], trial["torque"], 1000.0, reference=trial["position"])
-    >>> check_exchange(prepare(exchanged), "reference").text[:44]
-    'the position is ahead of reference (correlat'
     """
     ok = Finding("reference", "ok", f"the position is not ahead of {name}.")
     grid = _grid(trial, delay)
@@ -160,31 +112,6 @@ def check_filtered_torque(trial: PreparedTrial, name: str, delay: float = 0.04) 
       explain the command together. Nothing is left of a filter that the position could explain.
 
     A steep low-pass below 5 Hz responds for longer than the leads and lags: it need not be recognised.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    name : str
-        Variable that is the reference.
-    delay : float
-        Reflex delay [s]; the samples are those of an identification at 100 Hz.
-
-    Returns
-    -------
-    Finding
-
-    Examples
-    --------
-    >>> from ankleloop.joint.prepared import prepare
-    >>> from ankleloop.signals.decimation import lowpass
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=20.0)
-    >>> check_filtered_torque(prepare(trial), "reference").verdict
-    'ok'
-    >>> trial["reference"][:] = 0.01 * lowpass(trial["torque"].values, 50)
-    >>> check_filtered_torque(prepare(trial), "reference").text[:42]
-    'reference is a filter of the torque: leads'
     """
     ok = Finding("reference", "ok", f"{name} is no filter of the torque.")
     grid = _grid(trial, delay)

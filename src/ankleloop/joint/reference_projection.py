@@ -53,31 +53,7 @@ def project_on_reference(records: Sequence[Regressors], channels: Sequence[np.nd
     Only samples count whose leads and lags lie within their record. So no sample of a record depends on what came
     before it, and several short records are worth one long one.
 
-    Parameters
-    ----------
-    records : sequence of Regressors
-        Records of one joint, with their references.
-    channels : sequence of ndarray, shape (N, channels)
-        Signals of each record at its samples.
-
-    Returns
-    -------
-    ReferenceProjection
-
-    Raises
-    ------
-    DataError
-        If all records together are shorter than four times the leads and lags.
-
-    Examples
-    --------
-    >>> from ankleloop.joint.prepared import prepare
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> options = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0, "reference": "reference"}
-    >>> record = prepare(simulate(seed=1, duration=20.0, closed_loop=False)).regressors(**options)
-    >>> projection = project_on_reference([record], [record.inputs[:, :1]])
-    >>> bool(projection.residuals[0].std() < 1e-3 * projection.signals[0].std())
-    True
+    Shapes: channels (N, channels).
     """
     parts = _cut_records(records, channels)
     coefficients, rank = _fit_response(parts)
@@ -86,23 +62,7 @@ def project_on_reference(records: Sequence[Regressors], channels: Sequence[np.nd
 
 
 def unseen_share(records: Sequence[Regressors]) -> float:
-    """Share of the position's variance that the reference predicts in the half of the samples that was not fitted.
-
-    Parameters
-    ----------
-    records : sequence of Regressors
-        Records of one joint, with their references.
-
-    Returns
-    -------
-    float
-        1 if all of it is explained; 0 or less if nothing is.
-
-    Raises
-    ------
-    DataError
-        If all records together are shorter than eight times the leads and lags.
-    """
+    """Share of the position's variance that the reference predicts in the half of the samples that was not fitted."""
     parts = _cut_records(records, [record.inputs[:, :1] for record in records], halves=2)
     pairs = [part.split() for part in parts]
     halves = [pair[0] for pair in pairs], [pair[1] for pair in pairs]

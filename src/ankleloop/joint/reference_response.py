@@ -24,31 +24,7 @@ def fit_finite_response(
     The normal equations are made of correlations, so the length of the record hardly counts. They are solved twice: the
     second time every frequency is weighted by the inverse spectrum of the residual of the first solution.
 
-    Parameters
-    ----------
-    y, x : ndarray, shape (N,)
-        The signal, and the signal that it responds to.
-    rate : float
-        Sampling rate [Hz]; frequencies above the pass band of the decimation do not count.
-    leads, lags : float
-        Time ahead of and behind the present [s].
-
-    Returns
-    -------
-    ndarray, shape (leads + lags + 1,)
-        Response, from the furthest lead to the oldest lag.
-
-    Raises
-    ------
-    DataError
-        If the record is shorter than four times the leads and lags.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(1).standard_normal(4000)
-    >>> taps = fit_finite_response(np.roll(x, 3), x, 100.0, leads=0.02, lags=0.05)
-    >>> int(np.argmax(taps)) - 2
-    3
+    Shapes: y, x (N,); returns (leads + lags + 1,).
     """
     shifts = np.arange(-round(leads * rate), round(lags * rate) + 1)
     if y.size < 4 * shifts.size:
@@ -85,21 +61,7 @@ def _respond(x: np.ndarray, taps: np.ndarray, leads: int) -> np.ndarray:
 def predict_from_reference(y: np.ndarray, reference: np.ndarray, grid: tuple[int, int, int], rate: float) -> np.ndarray:
     """Part of a decimated signal that the recorded reference explains, at the recording rate.
 
-    Parameters
-    ----------
-    y : ndarray, shape (N,)
-        Decimated signal.
-    reference : ndarray, shape (samples,)
-        Reference at the recording rate.
-    grid : tuple of int
-        Factor, first recorded sample and number of the decimated samples.
-    rate : float
-        Recording rate [Hz].
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        Low-passed as the decimation does, less its mean.
+    Shapes: y (N,), reference (samples,); returns (samples,).
     """
     factor = grid[0]
     taps = fit_finite_response(y, decimate(reference, *grid), rate / factor)
@@ -116,24 +78,7 @@ def _residual(y: np.ndarray, x: np.ndarray, taps: np.ndarray, rate: float) -> np
 def explained_share(y: np.ndarray, x: np.ndarray, rate: float) -> float:
     """Share of a signal's variance that another one predicts in the half of the record that was not fitted.
 
-    Parameters
-    ----------
-    y, x : ndarray, shape (N,)
-        The signal, and the signal that may explain it.
-    rate : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    float
-        1 if all of it is explained; 0 or less if nothing is.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(1)
-    >>> x, other = rng.standard_normal((2, 4000))
-    >>> explained_share(np.roll(x, 2), x, 100.0) > 0.7, explained_share(other, x, 100.0) < 0.05
-    (True, True)
+    Shapes: y, x (N,).
     """
     halves = np.array_split(np.arange(y.size), 2)
     residual = total = 0.0

@@ -42,31 +42,7 @@ class Grid(NamedTuple):
 
 
 def decimation_grid(samples: int, rate: float, identification_rate: float, delay: float) -> Grid:
-    """Grid of all decimated samples that no filter edge touches.
-
-    Parameters
-    ----------
-    samples : int
-        Length of the record.
-    rate, identification_rate : float
-        Rates of the record and of the identification [Hz].
-    delay : float
-        Reflex delay [s].
-
-    Returns
-    -------
-    Grid
-
-    Raises
-    ------
-    DataError
-        If the record is too short, or its rate is not a multiple of the identification rate.
-
-    Examples
-    --------
-    >>> decimation_grid(5000, 1000.0, 100.0, 0.04).factor
-    10
-    """
+    """Grid of all decimated samples that no filter edge touches."""
     factor = decimation_factor(rate, identification_rate)
     first, after = recording_margins(rate, factor, delay)
     count = (samples - 1 - after - first) // factor + 1
@@ -79,26 +55,7 @@ def decimation_grid(samples: int, rate: float, identification_rate: float, delay
 
 
 def widen_grid(grid: Grid, samples: int) -> Grid:
-    """All decimated samples of a record that lie between those of a grid by whole factors, as far as its ends allow.
-
-    Parameters
-    ----------
-    grid : Grid
-        The grid.
-    samples : int
-        Length of the record.
-
-    Returns
-    -------
-    Grid
-        The same grid if it comes nearer to the ends than the decimation does.
-
-    Examples
-    --------
-    >>> grid = decimation_grid(5000, 1000.0, 100.0, 0.04)
-    >>> widen_grid(grid, 5000) == widen_grid(Grid(10, grid.first + 100, 20), 5000)
-    True
-    """
+    """All decimated samples of a record that lie between those of a grid by whole factors, as far as its ends allow."""
     margin = decimation_margin(grid.factor)
     first = margin + (grid.first - margin) % grid.factor
     count = (samples - 1 - margin - first) // grid.factor + 1
@@ -107,21 +64,7 @@ def widen_grid(grid: Grid, samples: int) -> Grid:
 
 
 def recording_margins(rate: float, factor: int, delay: float) -> tuple[int, int]:
-    """Recorded samples that the filters touch: before the first decimated one, in whole factors, and after the last.
-
-    Parameters
-    ----------
-    rate : float
-        Recording rate [Hz].
-    factor : int
-        Decimation factor.
-    delay : float
-        Reflex delay [s].
-
-    Returns
-    -------
-    before, after : int
-    """
+    """Recorded samples that the filters touch: before the first decimated one, in whole factors, and after the last."""
     margin = decimation_margin(factor)
     before, after = differentiation_margin(rate, delay)
     return -(-(margin + max(before, 0)) // factor) * factor, margin + max(after, 0)
@@ -227,17 +170,7 @@ class Regressors:
     def fit_stiffness(self, torque: np.ndarray, rows: np.ndarray | slice = slice(None)) -> dict[str, float]:
         """K, B and I of the second-order model that explains a torque best, by least squares.
 
-        Parameters
-        ----------
-        torque : ndarray, shape (M,)
-            Torque at the samples `rows` [N·m].
-        rows : ndarray of int or slice
-            Samples of the record.
-
-        Returns
-        -------
-        dict of str to float
-            "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²].
+        Shapes: torque (M,).
         """
         motion = remove_means([self.inputs[rows, : len(INTRINSIC_NAMES)]])[0]
         values = np.linalg.lstsq(motion, torque - np.mean(torque), rcond=None)[0]

@@ -20,27 +20,6 @@ def refuse_repeated_trials(trials: Sequence[PreparedTrial]) -> None:
 
     Two trials are one record where every sample of position and torque is the same, whatever object or file it comes
     from. Two measurements never are.
-
-    Parameters
-    ----------
-    trials : sequence of PreparedTrial
-        Trials that are to be merged.
-
-    Raises
-    ------
-    DataError
-        If two are one record; the message has their numbers, counted from 1.
-
-    Examples
-    --------
-    >>> from ankleloop.joint.prepared import prepare
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> first, second = (simulate(seed=seed, duration=2.0) for seed in (1, 2))
-    >>> refuse_repeated_trials([prepare(first), prepare(second)])
-    >>> refuse_repeated_trials([prepare(first), prepare(second), prepare(first.copy())])
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: trials 1 and 3 of 3 are the same record, which would count twice: leave one of them out.
     """
     alike: dict[tuple[bytes, ...], list[int]] = {}
     for number, trial in enumerate(trials):

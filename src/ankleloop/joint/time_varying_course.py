@@ -87,21 +87,7 @@ class Course:
 def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarray:
     """Start of every cycle [s].
 
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    onsets : str or sequence of float
-        The onsets [s], or the variable of the trial that holds the phase, from 0 to 1.
-
-    Returns
-    -------
-    ndarray, shape (cycles,)
-
-    Raises
-    ------
-    DataError
-        If there is no such variable, it is no phase, or the onsets do not increase or are too uneven.
+    Shapes: returns (cycles,).
     """
     time = trial.samples("time")
     if isinstance(onsets, str):
@@ -183,23 +169,7 @@ def grid_times(trial: PreparedTrial, grid: Grid) -> np.ndarray:
 def follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Course:
     """Course over the phase of cycles.
 
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    grid : Grid
-        Its decimated samples.
-    onsets : ndarray, shape (cycles + 1,)
-        Start of every cycle; the last one ends the last cycle.
-
-    Returns
-    -------
-    Course
-
-    Raises
-    ------
-    DataError
-        If there are too few whole cycles.
+    Shapes: onsets (cycles + 1,).
     """
     time = grid_times(trial, grid)
     half = 0.5 / trial.rate
@@ -222,18 +192,7 @@ def follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cours
 def cycle_place(time: np.ndarray, onsets: np.ndarray, half: float) -> np.ndarray:
     """Phase of samples; before the first and after the last onset the next cycle goes on.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Times of the samples [s].
-    onsets : ndarray, shape (cycles + 1,)
-        Start of every cycle [s].
-    half : float
-        Half of the recording interval [s].
-
-    Returns
-    -------
-    ndarray, shape (N,)
+    Shapes: time (N,), onsets (cycles + 1,); returns (N,).
     """
     cycle = np.clip(np.searchsorted(onsets, time + half, side="right") - 1, 0, onsets.size - 2)
     phase = (time - onsets[cycle]) / np.diff(onsets)[cycle]
@@ -243,19 +202,7 @@ def cycle_place(time: np.ndarray, onsets: np.ndarray, half: float) -> np.ndarray
 
 
 def follow_time(trial: PreparedTrial, grid: Grid) -> Course:
-    """Course over the time within the record.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    grid : Grid
-        Its decimated samples.
-
-    Returns
-    -------
-    Course
-    """
+    """Course over the time within the record."""
     time = grid_times(trial, grid) - float(trial.samples("time")[0])
     rows, segment, since = _segments(time, trial.rate / grid.factor)
     start, stop = float(time[rows.start]), float(time[rows.stop - 1])
@@ -263,28 +210,7 @@ def follow_time(trial: PreparedTrial, grid: Grid) -> Course:
 
 
 def follow_schedule(trial: PreparedTrial, grid: Grid, name: str, limits: tuple[float, float] | None = None) -> Course:
-    """Course over a scheduling variable, which is clipped to the range of most of its samples.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    grid : Grid
-        Its decimated samples.
-    name : str
-        The variable.
-    limits : tuple of float, optional
-        Range; by default that between the 2nd and the 98th percentile.
-
-    Returns
-    -------
-    Course
-
-    Raises
-    ------
-    DataError
-        If there is no such variable, or it does not vary.
-    """
+    """Course over a scheduling variable, which is clipped to the range of most of its samples."""
     values = schedule_place(trial, grid, name, (0.0, 1.0))
     rows, segment, since = _segments(grid_times(trial, grid), trial.rate / grid.factor)
     if limits is None:
@@ -347,23 +273,7 @@ def _segments(time: np.ndarray, rate: float) -> tuple[slice, np.ndarray, np.ndar
 
 
 def make_course(trial: PreparedTrial, grid: Grid, onsets: Any, schedule: str | None) -> Course:
-    """Course of a trial: over cycles if their onsets are known, over a scheduling variable, or over time.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    grid : Grid
-        Its decimated samples.
-    onsets : str, sequence of float or None
-        Onsets of cycles [s], or the variable with their phase.
-    schedule : str or None
-        The scheduling variable.
-
-    Returns
-    -------
-    Course
-    """
+    """Course of a trial: over cycles if their onsets are known, over a scheduling variable, or over time."""
     if onsets is not None:
         return follow_cycles(trial, grid, find_onsets(trial, onsets))
     return follow_time(trial, grid) if schedule is None else follow_schedule(trial, grid, schedule)

@@ -78,19 +78,7 @@ class TimeVaryingModel:
     def predict(
         self, trial: xr.Dataset | PreparedTrial, cycle_onsets: str | Sequence[float] | None = None
     ) -> xr.Dataset:
-        """Torques of a trial, from a state of rest.
-
-        Parameters
-        ----------
-        trial : xarray.Dataset or PreparedTrial
-            The trial.
-        cycle_onsets : str or sequence of float, optional
-            Start of every cycle [s], or the variable with the phase; by default the variable that was fitted.
-
-        Returns
-        -------
-        xarray.Dataset
-        """
+        """Torques of a trial, from a state of rest."""
         prepared = prepare(trial)
         grid = prepared.grid(self.inputs.identification_rate, self.inputs.delay)
         return self.simulate(prepared, grid, self.place(prepared, grid, cycle_onsets))
@@ -114,18 +102,7 @@ class TimeVaryingModel:
     def simulate(self, trial: PreparedTrial, grid: Grid, place: np.ndarray) -> xr.Dataset:
         """Torques of a trial whose samples are at known places.
 
-        Parameters
-        ----------
-        trial : PreparedTrial
-            The trial.
-        grid : Grid
-            Its decimated samples.
-        place : ndarray, shape (N,)
-            Their places.
-
-        Returns
-        -------
-        xarray.Dataset
+        Shapes: place (N,).
         """
         stiffness, viscosity, gain, inertia = self.parameters(place)
         position, velocity, acceleration = trial.motion(grid)
@@ -144,17 +121,7 @@ class TimeVaryingModel:
         return torque_dataset(grid_times(trial, grid), rate, **torques)
 
     def check_range(self, trial: PreparedTrial) -> list[str]:
-        """Warning about values of the scheduling variable, or times, for which the splines were not fitted.
-
-        Parameters
-        ----------
-        trial : PreparedTrial
-            Another trial than the one that was fitted.
-
-        Returns
-        -------
-        list of str
-        """
+        """Warning about values of the scheduling variable, or times, for which the splines were not fitted."""
         grid = trial.grid(self.inputs.identification_rate, self.inputs.delay)
         if self.dimension == "schedule":
             place, name = schedule_place(trial, grid, self.variable, self.limits), self.variable
@@ -189,13 +156,7 @@ class TimeVaryingModel:
 
     @classmethod
     def from_fields(cls, inputs: ModelInputs, fields: Fields) -> TimeVaryingModel:
-        """The model whose values a file holds.
-
-        Raises
-        ------
-        DataError
-            If a value is missing or impossible.
-        """
+        """The model whose values a file holds."""
         dimension, variable = fields.text("dimension"), fields.text("variable")
         if dimension not in ("phase", "time", "schedule"):
             raise DataError(f"{fields.source}: unknown dimension {dimension!r}; known: phase, time, schedule.")

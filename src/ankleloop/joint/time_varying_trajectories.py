@@ -23,25 +23,7 @@ ENDS = {"": "{}", "_low": "lower end of the 95 % band of the {}", "_high": "uppe
 
 
 def describe_schedule(trial: xr.Dataset, schedule: str | None) -> dict[str, str]:
-    """Name and unit of the scheduling variable of a trial, as `trajectory_dataset` takes them.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset
-        The trial.
-    schedule : str or None
-        The variable; None without one.
-
-    Returns
-    -------
-    dict of str to str
-
-    Examples
-    --------
-    >>> trial = xr.Dataset({"ankle_angle": ("time", [0.0, 0.1], {"units": "rad"})})
-    >>> describe_schedule(trial, "ankle_angle"), describe_schedule(trial, None)
-    ({'variable': 'ankle_angle', 'variable_unit': 'rad'}, {})
-    """
+    """Name and unit of the scheduling variable of a trial, as `trajectory_dataset` takes them."""
     if schedule is None:
         return {}
     return {"variable": schedule, "variable_unit": str(trial[schedule].attrs.get("units", ""))}
@@ -57,20 +39,7 @@ def trajectory_dataset(
 ) -> xr.Dataset:
     """Trajectories over phase, time or a scheduling variable, with units and names.
 
-    Parameters
-    ----------
-    dimension : {"phase", "time", "schedule"}
-        What they are functions of.
-    coordinate : ndarray, shape (places,)
-        Its values.
-    values : mapping of str to ndarray, shape (places,)
-        "K", "K_low", "K_high" and the same for B and G, and for I where it varies.
-    variable, variable_unit : str
-        Name and unit of the scheduling variable.
-
-    Returns
-    -------
-    xarray.Dataset
+    Shapes: coordinate (places,), values (places,).
     """
     variables = {}
     for name in NAMES:
@@ -91,22 +60,7 @@ def trajectory_dataset(
 
 
 def read_trajectories(fields: Fields) -> xr.Dataset:
-    """Trajectories whose values a file holds.
-
-    Parameters
-    ----------
-    fields : Fields
-        The coordinate and the values by name.
-
-    Returns
-    -------
-    xarray.Dataset
-
-    Raises
-    ------
-    DataError
-        If a value is missing or of a wrong size.
-    """
+    """Trajectories whose values a file holds."""
     dimension = next((name for name in COORDINATES if name in fields.values), None)
     if dimension is None:
         raise DataError(f"{fields.source}: there is no coordinate of the trajectories: the file is damaged.")

@@ -18,52 +18,12 @@ LONG = 12  # numbers of an array from which on its bytes take less time and spac
 
 
 def dump_values(values: Any) -> str:
-    """Values as JSON; tuples become lists, and the numbers of long arrays their bytes (base 64, little-endian).
-
-    Parameters
-    ----------
-    values : object
-        Dictionaries, lists, texts, numbers, None, numbers and arrays of numpy, in one another.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    TypeError
-        For anything else.
-
-    Examples
-    --------
-    >>> text = dump_values({"poles": np.array([0.5, 0.25]), "pole": 1j, "rank": np.int64(2), "stop": None})
-    >>> print(text)
-    {"poles": {"$array": [0.5, 0.25]}, "pole": {"$complex": [0.0, 1.0]}, "rank": 2, "stop": null}
-    >>> load_values(text)["poles"], load_values(text)["pole"]
-    (array([0.5 , 0.25]), 1j)
-    """
+    """Values as JSON; tuples become lists, and the numbers of long arrays their bytes (base 64, little-endian)."""
     return _ENCODER.encode(values)
 
 
 def load_values(text: str, arrays: Mapping[str, Any] | None = None) -> Any:
-    """Values that `dump_values` wrote.
-
-    Parameters
-    ----------
-    text : str
-        The JSON.
-    arrays : mapping of str to ndarray, optional
-        Arrays that `extract_arrays` has taken out; their shape and type are those that the text states.
-
-    Returns
-    -------
-    object
-
-    Raises
-    ------
-    DataError
-        If the text is no JSON, or an array is missing or does not have its type and its size.
-    """
+    """Values that `dump_values` wrote."""
     try:
         return json.loads(text, object_hook=lambda values: _restore(values, arrays or {}))
     except (KeyError, RecursionError, TypeError, ValueError) as cause:
@@ -71,30 +31,7 @@ def load_values(text: str, arrays: Mapping[str, Any] | None = None) -> Any:
 
 
 def extract_arrays(values: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
-    """Values in which each array is replaced by its name, its shape and its type.
-
-    Parameters
-    ----------
-    values : object
-        As of `dump_values`.
-    name : str
-        Name of the values; keys and positions are appended to it.
-    arrays : dict of str to ndarray
-        The arrays are added here. Names consist of letters, digits and underscores.
-
-    Returns
-    -------
-    object
-        The values without arrays.
-
-    Examples
-    --------
-    >>> arrays = {}
-    >>> extract_arrays({"curve": {"torque": np.zeros(2)}, "order": 2}, "", arrays)
-    {'curve': {'torque': {'$array': 'curve_torque', 'dtype': 'float64', 'shape': [2]}}, 'order': 2}
-    >>> arrays
-    {'curve_torque': array([0., 0.])}
-    """
+    """Values in which each array is replaced by its name, its shape and its type."""
     if isinstance(values, np.ndarray):
         _check(values.dtype)
         key = "".join(character if character.isalnum() and character.isascii() else "_" for character in name)[:50]

@@ -69,24 +69,7 @@ def degree_option() -> Any:
 
 
 def check_lags(name: str, length: float, rate: float, *, least: int = 1) -> None:
-    """Refuse impulse responses without a lag, and those of so many that a pass over them would take minutes.
-
-    Parameters
-    ----------
-    name : str
-        Option, for the message.
-    length : float
-        Length of the response [s].
-    rate : float
-        Rate of the identification [Hz].
-    least : int
-        Fewest lags.
-
-    Raises
-    ------
-    ValueError
-        The message has the number of lags and its bounds.
-    """
+    """Refuse impulse responses without a lag, and those of so many that a pass over them would take minutes."""
     if not least <= round(length * rate) <= MOST_LAGS:
         limits = describe_limits("samples", ge=least, le=MOST_LAGS)
         raise ValueError(
@@ -198,19 +181,7 @@ class Method:
 
 
 def data_use(options: Any, reference: str | None) -> DataUse:
-    """What a method takes from its data under its options; what they do not have is as in `DataUse`.
-
-    Parameters
-    ----------
-    options : Options
-        Options of the method.
-    reference : str or None
-        Variable whose leads or lags are instruments; None if there are none.
-
-    Returns
-    -------
-    DataUse
-    """
+    """What a method takes from its data under its options; what they do not have is as in `DataUse`."""
     use = DataUse(reference=reference)
     block_rows = getattr(options, "block_rows", use.block_rows)
     order = getattr(options, "order", use.order)
@@ -224,20 +195,7 @@ def data_use(options: Any, reference: str | None) -> DataUse:
 
 
 def add_warnings(estimate: Estimate, data_warnings: list[str]) -> Estimate:
-    """The estimate with warnings about its parameters and its data.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The estimate.
-    data_warnings : list of str
-        Warnings about its data, of `ankleloop.joint.data_checks.check_data`.
-
-    Returns
-    -------
-    Estimate
-        With a warning for each parameter that is no number, or that no joint has.
-    """
+    """The estimate with warnings about its parameters and its data."""
     warnings = [*_parameter_warnings(estimate), *data_warnings]
     if not warnings:
         return estimate

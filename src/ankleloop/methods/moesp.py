@@ -155,25 +155,7 @@ def identify_moesp(trial: PreparedTrial, options: MoespOptions, *, member: str =
 
 
 def merge_moesp(trials: Sequence[PreparedTrial], options: MoespOptions, *, member: str = "pr-moesp") -> list[Estimate]:
-    """Identify several trials as merged records of one joint, as `identify_moesp` identifies a single one.
-
-    Parameters
-    ----------
-    trials : sequence of PreparedTrial
-        The trials; no Hankel column and no state reaches from one to the next.
-    options, member
-        As `identify_moesp` takes them.
-
-    Returns
-    -------
-    list of Estimate
-        One for each trial: the model is the same, the torques are those of the trial.
-
-    Raises
-    ------
-    DataError
-        If a record is unusable, too short, or lacks the reference that the method needs.
-    """
+    """Identify several trials as merged records of one joint, as `identify_moesp` identifies a single one."""
     instruments, projection = MEMBERS[member]
     reference = _reference(options, member=member)
     regressors = _regressors(trials, options, reference)
@@ -273,19 +255,7 @@ def direct_stiffness(model: Matrices) -> dict[str, float]:
 
 
 def separate_reflex(matrices: Matrices, regressors: Sequence[Regressors]) -> ReflexPath:
-    """Nonlinearity and dynamics of the reflex path; the low-pass has a third pole where the model has three.
-
-    Parameters
-    ----------
-    matrices : Matrices
-        The model, in physical units.
-    regressors : sequence of Regressors
-        Regressors of the record, or of several that are merged.
-
-    Returns
-    -------
-    ReflexPath
-    """
+    """Nonlinearity and dynamics of the reflex path; the low-pass has a third pole where the model has three."""
     first = regressors[0]
     spectra = first.joint_inputs.drive_spectra
     if len(regressors) > 1:

@@ -27,20 +27,5 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, Mapping[str, Any]] = {
 
 
 def describe_omission(step: OmittedStep) -> str:
-    """Warning about an estimate whose processing is not complete.
-
-    Parameters
-    ----------
-    step : str
-        The step that was left out.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> describe_omission("scaling")
-    'The processing is not complete (omitted_step: scaling): channels are not scaled to unit variance.'
-    """
+    """Warning about an estimate whose processing is not complete."""
     return f"The processing is not complete (omitted_step: {step}): {OMITTED_STEPS[step]}."

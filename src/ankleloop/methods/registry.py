@@ -35,13 +35,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
 
 
 def find_method(name: str) -> Method:
-    """The method of a name.
-
-    Raises
-    ------
-    ValueError
-        For an unknown method.
-    """
+    """The method of a name."""
     if not isinstance(name, str) or name not in METHODS:
         raise ValueError(f"unknown method {name!r}{suggest_name(name, METHODS)}; known: {', '.join(METHODS)}.")
     return METHODS[name]

@@ -77,17 +77,6 @@ def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) ->
     """The estimate with the effects that its model lacks, the most significant one first.
 
     Intervals take in how far this one moves a parameter. Where any of them moves one by a fifth there is a warning.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The estimate.
-    alternatives : iterable of Alternative
-        Effects; those that are not significant, or move no parameter by a hundredth, are left out.
-
-    Returns
-    -------
-    Estimate
     """
     shown = [a for a in alternatives if is_significant(a) and max(map(abs, a.shifts.values())) > SMALLEST_SHIFT]
     shown.sort(key=lambda alternative: -abs(alternative.score))
@@ -134,17 +123,6 @@ def find_alternatives(solution: RivSolution, max_iterations: int, tolerance: flo
 
     The score of each effect costs one solution of linear equations; where it is significant, the equations are solved
     with the effect as a further unknown.
-
-    Parameters
-    ----------
-    solution : RivSolution
-        The solution without them.
-    max_iterations, tolerance
-        As of `solve`.
-
-    Returns
-    -------
-    list of Alternative
     """
     equations = solution.point.equations
     effects = ["lag", "high-pass", "friction", "compression"]

@@ -58,21 +58,7 @@ class RivCovariance:
 def choose_covariance(
     point: RivPoint, free: np.ndarray, kind: Literal["asymptotic", "robust"] | None = None
 ) -> RivCovariance:
-    """Covariance of a kind; by default the robust one if the residual depends on the movement.
-
-    Parameters
-    ----------
-    point : RivPoint
-        The equations at their solution.
-    free : ndarray of int
-        Unknowns that are estimated.
-    kind : {"asymptotic", "robust"}, optional
-        Which one.
-
-    Returns
-    -------
-    RivCovariance
-    """
+    """Covariance of a kind; by default the robust one if the residual depends on the movement."""
     p = movement_p(point)
     if kind == "asymptotic" or (kind is None and p >= LEVEL):
         return RivCovariance("asymptotic", asymptotic_covariance(point, free), TWO_SIDED, None, p)
@@ -88,15 +74,6 @@ def movement_p(point: RivPoint) -> float:
     closed loop it does not depend on the noise, so that only a model that lacks something correlates the two.
     All are whitened. Lags within half a second are 1/(2b) apart in a band of width b; there the correlations of white
     signals are independent. The smaller one of the two probabilities counts, twice.
-
-    Parameters
-    ----------
-    point : RivPoint
-        The equations at their solution.
-
-    Returns
-    -------
-    float
     """
     e, band = point.equations, point.equations.band
     drive = point.parameters.linear[MOTION:] @ e.predicted[MOTION:]
@@ -120,16 +97,7 @@ def asymptotic_covariance(point: RivPoint, free: np.ndarray) -> np.ndarray:
     Weights from the noise are an estimate themselves. To first order in the variance a of a smoothed periodogram over
     its square the equations scatter by 1 + 3a more than with the true spectrum, where this formula says 1 + a.
 
-    Parameters
-    ----------
-    point : RivPoint
-        The equations at their solution.
-    free : ndarray of int
-        Unknowns that are estimated.
-
-    Returns
-    -------
-    ndarray, shape (free, free)
+    Shapes: returns (free, free).
     """
     select, e = np.ix_(free, free), point.equations
     inverse = solve_scaled(point.normal[select], np.eye(free.size))
@@ -148,18 +116,7 @@ def robust_covariance(point: RivPoint, free: np.ndarray) -> tuple[np.ndarray, in
     freedom. The first two cosines are left out: they hold what drifts over the record, which the same record, repeated,
     would do again.
 
-    Parameters
-    ----------
-    point : RivPoint
-        The equations at their solution.
-    free : ndarray of int
-        Unknowns that are estimated.
-
-    Returns
-    -------
-    covariance : ndarray, shape (free, free)
-    freedom : int
-        Degrees of freedom.
+    Shapes: returns covariance (free, free).
 
     References
     ----------
@@ -186,15 +143,6 @@ def time_scores(point: RivPoint) -> np.ndarray:
     A sum over frequencies of two spectra is a sum over time of their signals: the weighted residual, and instruments
     with the same weights. Where the weights are an estimate from the residual, and residual and instruments are
     correlated at single frequencies though not on the whole, the squares of the residual contribute as well.
-
-    Parameters
-    ----------
-    point : RivPoint
-        The equations.
-
-    Returns
-    -------
-    ndarray
     """
     e, band = point.equations, point.equations.band
     root = np.sqrt(point.level)

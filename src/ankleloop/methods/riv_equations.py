@@ -209,17 +209,7 @@ class RivEquations:
         return np.maximum(power, 1e-12 * power.max())
 
     def evaluate(self, parameters: RivParameters) -> RivPoint:
-        """Left side of the equations and all that belongs to it.
-
-        Parameters
-        ----------
-        parameters : RivParameters
-            The parameters.
-
-        Returns
-        -------
-        RivPoint
-        """
+        """Left side of the equations and all that belongs to it."""
         regressors = self._derivatives(self.measured, parameters)
         open_loop = self.predicted is self.measured
         instruments = regressors if open_loop else self._derivatives(self.predicted, parameters)

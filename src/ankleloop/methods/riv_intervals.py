@@ -31,23 +31,7 @@ def parameter_values(equations: RivEquations, parameters: RivParameters) -> dict
 
 
 def estimate_errors(point: RivPoint, path: ReflexPath, covariance: RivCovariance, free: np.ndarray) -> dict[str, float]:
-    """Standard errors of the physical parameters that are estimated.
-
-    Parameters
-    ----------
-    point : RivPoint
-        The equations at their solution.
-    path : ReflexPath
-        The reflex of its parameters.
-    covariance : RivCovariance
-        Covariance of the free unknowns.
-    free : ndarray of int
-        These unknowns.
-
-    Returns
-    -------
-    dict of str to float
-    """
+    """Standard errors of the physical parameters that are estimated."""
     names = np.array(point.equations.names)[free]
     deviations = dict(zip(names.tolist(), np.sqrt(np.diag(covariance.matrix)).tolist(), strict=True))
     errors = {name: deviations[name] for name in "KBI"}
@@ -61,19 +45,7 @@ def estimate_errors(point: RivPoint, path: ReflexPath, covariance: RivCovariance
 def estimate_intervals(
     values: Mapping[str, float], errors: Mapping[str, float], quantile: float
 ) -> dict[str, tuple[float, float]]:
-    """Intervals of the parameters that have standard errors.
-
-    Parameters
-    ----------
-    values, errors : mapping of str to float
-        Parameters and their standard errors.
-    quantile : float
-        Half of an interval over its standard error.
-
-    Returns
-    -------
-    dict of str to tuple of float
-    """
+    """Intervals of the parameters that have standard errors."""
     intervals = {}
     for name, error in errors.items():
         value, margin = values[name], quantile * error

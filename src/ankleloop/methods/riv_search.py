@@ -87,21 +87,6 @@ def solve(equations: RivEquations, start: RivParameters, max_iterations: int, to
     is positive; elsewhere they are damped, along the directions of its symmetric part. A third pole or a delay that
     reaches its limit is held there. Of a search that does not converge, the point with the smallest merit is returned.
 
-    Parameters
-    ----------
-    equations : RivEquations
-        The equations.
-    start : RivParameters
-        Start of the search.
-    max_iterations : int
-        Most iterations.
-    tolerance : float
-        The search ends when no parameter moves by more than this fraction of its standard error.
-
-    Returns
-    -------
-    RivSolution
-
     References
     ----------
     R. Fletcher, S. Leyffer, "Nonlinear programming without a penalty function", Mathematical Programming 91, 239-269,

@@ -13,17 +13,7 @@ DELAYS = np.arange(0.02, 0.121, 0.01)  # s: candidates for the start of an unkno
 
 
 def best_of_grid(equations: RivEquations) -> RivParameters:
-    """Best of a grid of dynamics for the predicted position: a fit to the torque that the reference explains.
-
-    Parameters
-    ----------
-    equations : RivEquations
-        The equations.
-
-    Returns
-    -------
-    RivParameters
-    """
+    """Best of a grid of dynamics for the predicted position: a fit to the torque that the reference explains."""
     nominal, s = equations.regressors.delay, equations.band.s
     shifts = DELAYS - nominal if equations.estimate_delay else np.zeros(1)
     grid = [(dynamics, shift) for dynamics in ReflexDynamics.grid(equations.order) for shift in shifts]

@@ -144,46 +144,12 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     position that movement and reference explain. What repeats with the cycle is taken out of torque, regressors and
     instruments. Frequencies are weighted by the inverse of the noise spectrum, and places by that of its level.
 
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    options : RivTvOptions
-        The options.
-
-    Returns
-    -------
-    Estimate
-        `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness` and
-        `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: rounds, converged, cycles (or segments
-        that count as independent), intervals (their kind), variation_p (probability of a variation as large, were K, B
-        or G constant), instrument_strength (smallest canonical correlation of instruments and regressors),
-        perturbation_share (share of the perturbation that does not repeat with the cycle), outside (share of the
-        samples whose scheduling variable lies beyond its fitted range, the 2nd to the 98th percentile; they count as
-        its ends), penalties, freedom (effective number of parameters of each trajectory), excitation (information about
-        each over its mean, at the places of the trajectories), torque_lag, noise_frequency [Hz] and noise_spectrum
-        [(N·m)²/Hz].
-
-    Raises
-    ------
-    DataError
-        If there are too few cycles, the perturbation is locked to the cycle, or the record is unusable.
-
     References
     ----------
     D. L. Guarin, R. E. Kearney, "Estimation of time-varying, intrinsic and reflex dynamic joint stiffness during
     movement", Frontiers in Computational Neuroscience 11, 51, 2017. S. N. Wood, M. Fasiolo, "A generalized
     Fellner-Schall method for smoothing parameter optimization", Biometrics 73(4), 1071-1081, 2017. D. Staiger,
     J. H. Stock, "Instrumental variables regression with weak instruments", Econometrica 65(3), 557-586, 1997.
-
-    Examples
-    --------
-    >>> from ankleloop.methods.registry import identify
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=30.0, variation="cycle", stiffness_variation=0.4)
-    >>> estimate = identify(trial, "riv-tv", cycle_onsets="phase")
-    >>> bool(abs(float(estimate.trajectories["K"].sel(phase=0.5)) - 210.0) < 30.0)
-    True
     """
     equations = _set_up(trial, options)
     share = check_perturbation(equations.inputs)

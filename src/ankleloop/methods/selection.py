@@ -182,24 +182,7 @@ def select_options(
 
 
 def check_candidates(name: str, candidates: Any) -> dict[str, list[Any]]:
-    """Candidates of a selection by option; none for None.
-
-    Parameters
-    ----------
-    name : str
-        Argument, for the message.
-    candidates : mapping of str to sequence, optional
-        Values of each option.
-
-    Returns
-    -------
-    dict of str to list
-
-    Raises
-    ------
-    ValueError
-        For anything else, an option without values, and more than 1000 combinations.
-    """
+    """Candidates of a selection by option; none for None."""
     candidates = {} if candidates is None else candidates
     if not isinstance(candidates, Mapping):
         raise ValueError(f"{name} must be a dict of options with lists of values, got {show_value(candidates)}.")
@@ -218,41 +201,7 @@ def check_candidates(name: str, candidates: Any) -> dict[str, list[Any]]:
 def check_selection(
     owner: str, model: type[Options], options: Mapping[str, Any], select: Any, criterion: str | None = None
 ) -> dict[str, list[Any]]:
-    """Refuse options, and options to select, that a method would refuse after other candidates were fitted.
-
-    Parameters
-    ----------
-    owner : str
-        The method, for messages.
-    model : type of Options
-        Its options.
-    options : dict of str to object
-        Options that are set.
-    select : mapping of str to sequence, optional
-        Options to select, each with its candidates.
-    criterion : {"instrumental", "cross-validation"}, optional
-        Criterion of the selection.
-
-    Returns
-    -------
-    dict of str to list
-        Candidates by option; none without a selection.
-
-    Raises
-    ------
-    TypeError
-        For an option that the method does not have, or one that is both set and to be selected.
-    ValueError
-        For a value out of its range, alone or together with others; and for a criterion without a selection.
-
-    Examples
-    --------
-    >>> from ankleloop.methods.registry import METHODS
-    >>> check_selection("method 'riv'", METHODS["riv"].options, {}, {"order": [2, 30]})
-    Traceback (most recent call last):
-      ...
-    ValueError: select: method 'riv': order must be one of 2 or 3; got 30.
-    """
+    """Refuse options, and options to select, that a method would refuse after other candidates were fitted."""
     candidates = check_candidates("select", select)
     model.check_names(owner, options)
     model.check_names(f"select: {owner}", candidates)

@@ -17,17 +17,7 @@ EFFECTS = ("lag", "high-pass", "friction", "compression", "direction", "delay")
 
 
 def find_time_varying_alternatives(solution: TimeVaryingSolution) -> list[Alternative]:
-    """Effects with their scores, and how far the means of K, B, I and G move with one step towards each of them.
-
-    Parameters
-    ----------
-    solution : TimeVaryingSolution
-        The solution without them.
-
-    Returns
-    -------
-    list of Alternative
-    """
+    """Effects with their scores, and how far the means of K, B, I and G move with one step towards each of them."""
     e, system, linear = solution.equations, solution.system, solution.parameters.linear
     residual, inverse = system.residual(linear), solve_scaled(solution.matrix, np.eye(len(system.normal)))
     noise = e.noise(solution.parameters)

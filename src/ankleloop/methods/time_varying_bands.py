@@ -34,16 +34,7 @@ class TimeVaryingCovariance:
     def margin(self, weights: np.ndarray, places: slice | int) -> np.ndarray:
         """Half of the 95 % interval of sums of some unknowns, shape (sums,).
 
-        Parameters
-        ----------
-        weights : ndarray, shape (sums, unknowns in `places`)
-            Weight of each unknown in each sum.
-        places : slice
-            The unknowns.
-
-        Returns
-        -------
-        ndarray
+        Shapes: weights (sums, unknowns in `places`).
         """
         block = np.atleast_2d(self.matrix[places, places])
         return self.quantile * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", weights, block, weights), 0.0))
@@ -77,15 +68,6 @@ def covariance(solution: TimeVaryingSolution) -> TimeVaryingCovariance:
     trajectories as rough as they say (Nychka 1988). Weights from the noise are estimates themselves
     (`ankleloop.methods.riv_covariance.asymptotic_covariance`).
 
-    Parameters
-    ----------
-    solution : TimeVaryingSolution
-        The solution.
-
-    Returns
-    -------
-    TimeVaryingCovariance
-
     References
     ----------
     D. Nychka, "Bayesian confidence intervals for smoothing splines", Journal of the American Statistical Association
@@ -107,14 +89,7 @@ def covariance(solution: TimeVaryingSolution) -> TimeVaryingCovariance:
 def excitation(solution: TimeVaryingSolution) -> list[np.ndarray]:
     """Information of the record about the splines of K, B, G and I, over its mean, for splines of equal size.
 
-    Parameters
-    ----------
-    solution : TimeVaryingSolution
-        The solution.
-
-    Returns
-    -------
-    list of ndarray, shape (splines,)
+    Shapes: returns (splines,).
     """
     information, bases = np.diag(solution.system.information), solution.equations.bases
     grid = np.linspace(0.0, 1.0, INTEGRATION)
@@ -130,22 +105,7 @@ def trajectory(
 ) -> Trajectory:
     """Trajectory of K, B, G or I with its band.
 
-    Parameters
-    ----------
-    solution : TimeVaryingSolution
-        The solution.
-    covariance : TimeVaryingCovariance
-        Its covariance.
-    number : {0, 1, 2, 3}
-        Which one.
-    places : ndarray, shape (places,)
-        Places within 0 … 1.
-    least : float
-        Excitation below which the parameter is not identified.
-
-    Returns
-    -------
-    Trajectory
+    Shapes: places (places,).
     """
     bases = solution.equations.bases
     splines, block = bases.all[number], bases.blocks[number]
@@ -162,16 +122,6 @@ def variation_p(solution: TimeVaryingSolution) -> dict[str, float]:
     A score test: the equations are solved for constant parameters, with the weights and the dynamics of the solution,
     and the left sides of those for the contrasts of the splines are compared with their covariance, which the spectrum
     of the residual gives.
-
-    Parameters
-    ----------
-    solution : TimeVaryingSolution
-        The solution.
-
-    Returns
-    -------
-    dict of str to float
-        By "K", "B" and "G", the others being free to vary, and "all".
     """
     bases, unknowns = solution.equations.bases, len(solution.system.normal)
     contrasts, constants = [], []

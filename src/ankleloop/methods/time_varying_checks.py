@@ -20,18 +20,7 @@ FOLLOWED = 0.3  # of the slow movement, at least, by a schedule that it follows
 
 
 def free_share(inputs: TimeVaryingInputs) -> float:
-    """Share of the power of the perturbation that does not repeat with the cycle.
-
-    Parameters
-    ----------
-    inputs : TimeVaryingInputs
-        Inputs of the trial.
-
-    Returns
-    -------
-    float
-        About 1 where the perturbation is independent of the cycle, 0 where it repeats.
-    """
+    """Share of the power of the perturbation that does not repeat with the cycle."""
     since, rows = inputs.course.since, inputs.course.rows
     signal = inputs.reference
     count = np.bincount(since)
@@ -47,23 +36,7 @@ def free_share(inputs: TimeVaryingInputs) -> float:
 
 
 def check_perturbation(inputs: TimeVaryingInputs) -> float:
-    """Refuse a perturbation that repeats with the cycle.
-
-    Parameters
-    ----------
-    inputs : TimeVaryingInputs
-        Inputs of the trial.
-
-    Returns
-    -------
-    float
-        Share of the perturbation that does not repeat.
-
-    Raises
-    ------
-    DataError
-        If less than a third of it does not.
-    """
+    """Refuse a perturbation that repeats with the cycle."""
     if not inputs.course.periodic:
         return 1.0
     share = free_share(inputs)
@@ -77,17 +50,7 @@ def check_perturbation(inputs: TimeVaryingInputs) -> float:
 
 
 def check_course(inputs: TimeVaryingInputs) -> list[str]:
-    """Warnings about onsets or a schedule that the movement of the record contradicts.
-
-    Parameters
-    ----------
-    inputs : TimeVaryingInputs
-        Inputs of the trial.
-
-    Returns
-    -------
-    list of str
-    """
+    """Warnings about onsets or a schedule that the movement of the record contradicts."""
     checks = {"phase": _check_cycles, "schedule": _check_schedule}
     return checks.get(inputs.course.dimension, lambda inputs: [])(inputs)
 
@@ -142,19 +105,7 @@ def _check_schedule(inputs: TimeVaryingInputs) -> list[str]:
 
 
 def instrument_strength(system: WhitenedSystem, size: int) -> float:
-    """Smallest canonical correlation of instruments and regressors of the linear parameters.
-
-    Parameters
-    ----------
-    system : WhitenedSystem
-        The whitened system.
-    size : int
-        Number of linear parameters.
-
-    Returns
-    -------
-    float
-    """
+    """Smallest canonical correlation of instruments and regressors of the linear parameters."""
     if system.instruments is system.regressors:
         return 1.0
     x = system.regressors[:size]

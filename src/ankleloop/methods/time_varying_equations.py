@@ -233,18 +233,7 @@ class TimeVaryingEquations:
     def system(self, parameters: TimeVaryingParameters, weight: np.ndarray, level: np.ndarray) -> WhitenedSystem:
         """Whitened system at some parameters.
 
-        Parameters
-        ----------
-        parameters : TimeVaryingParameters
-            The parameters.
-        weight : ndarray, shape (frequencies,)
-            Weight of each frequency, zero beyond the band.
-        level : ndarray, shape (rows,)
-            Standard deviation of the noise over its mean.
-
-        Returns
-        -------
-        WhitenedSystem
+        Shapes: weight (frequencies,), level (rows,).
         """
         torque = self.lead(parameters) * weight
         locked = self._locked_part(weight, level)

@@ -148,14 +148,7 @@ class TimeVaryingInputs:
         What repeats is far larger than what does not. It goes before any filter, whose response to the ends of the
         record would reach into the samples that count.
 
-        Parameters
-        ----------
-        signals : ndarray, shape (signals, N)
-            The signals.
-
-        Returns
-        -------
-        ndarray of complex, shape (signals, frequencies)
+        Shapes: signals (signals, N); returns (signals, frequencies).
         """
         rows, length = self.course.rows, self.course.equal_cycles
         if length:
@@ -173,28 +166,7 @@ def predict_perturbation(y: np.ndarray, x: np.ndarray, rate: float) -> np.ndarra
     So no noise of a sample is part of its own instrument. The response is fitted twice, the second time to signals
     that are whitened by the residual of the first.
 
-    Parameters
-    ----------
-    y, x : ndarray, shape (N,)
-        The signal, and the reference.
-    rate : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    ndarray, shape (N,)
-
-    Raises
-    ------
-    DataError
-        If the record is too short.
-
-    Examples
-    --------
-    >>> x = np.convolve(np.random.default_rng(1).standard_normal(2000), np.hanning(12), "same")
-    >>> y = np.roll(x, 3)
-    >>> bool(np.std((predict_perturbation(y, x, 100.0) - y)[200:-200]) < 0.05 * np.std(y))
-    True
+    Shapes: y, x (N,); returns (N,).
     """
     leads, taps = round(LEADS * rate), round(LEADS * rate) + round(LAGS * rate) + 1
     if y.size < 4 * taps:

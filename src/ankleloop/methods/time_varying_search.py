@@ -78,15 +78,6 @@ def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
 
     A round solves the linear equations with weights and instruments of the point where it begins, chooses the
     penalties (`choose_penalties`), makes a step of the dynamics and of the delays, and renews the weights.
-
-    Parameters
-    ----------
-    equations : TimeVaryingEquations
-        The equations.
-
-    Returns
-    -------
-    TimeVaryingSolution
     """
     parameters, penalties = _start(equations), np.ones(len(equations.bases.all))
     level = np.ones(equations.rows.stop - equations.rows.start)
@@ -162,22 +153,7 @@ def choose_penalties(
     The factor c is 1 for noise weights; for flat ones it is the variance of the noise where the regressors of the
     parameter have their power, over its mean.
 
-    Parameters
-    ----------
-    equations : TimeVaryingEquations
-        The equations.
-    system : WhitenedSystem
-        Their whitened system.
-    penalties : ndarray, shape (4,)
-        Where to start.
-
-    Returns
-    -------
-    solution : ndarray, shape (unknowns,)
-        Linear parameters, and the step of the others.
-    penalties : ndarray, shape (4,)
-    variance : float
-        Variance s² of the whitened noise at a frequency of the band.
+    Shapes: penalties (4,); returns solution (unknowns,), penalties (4,).
     """
     bases = equations.bases
     size, unknowns = bases.size, len(system.normal)

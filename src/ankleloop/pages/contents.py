@@ -33,27 +33,7 @@ class Heading:
 
 
 def find_headings(body: str) -> tuple[str, list[Heading]]:
-    """Headings of the second and third level, each with an anchor of its own.
-
-    Parameters
-    ----------
-    body : str
-        HTML.
-
-    Returns
-    -------
-    body : str
-        The same with anchors, where headings have none or share one.
-    headings : list of Heading
-
-    Examples
-    --------
-    >>> body, headings = find_headings("<h2>K &amp; B</h2><h3>Trials</h3><h2>Trials</h2>")
-    >>> [(heading.level, heading.text, heading.anchor) for heading in headings]
-    [(2, 'K & B', 'K-B'), (3, 'Trials', 'Trials'), (2, 'Trials', 'Trials-2')]
-    >>> body[:22]
-    '<h2 id="K-B">K &amp; B'
-    """
+    """Headings of the second and third level, each with an anchor of its own."""
     headings: list[Heading] = []
 
     def add_anchor(match: re.Match[str]) -> str:

@@ -42,24 +42,7 @@ class EmbeddedFigure:
 
 
 def embed_figure(figure: Figure) -> EmbeddedFigure:
-    """Convert a figure to a picture inside a page.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-
-    Returns
-    -------
-    EmbeddedFigure
-
-    Examples
-    --------
-    >>> from matplotlib.figure import Figure
-    >>> picture = embed_figure(Figure(figsize=(4.0, 3.0)))
-    >>> picture.width, picture.source[:22]
-    (550, 'data:image/png;base64,')
-    """
+    """Convert a figure to a picture inside a page."""
     width = min(LARGEST_WIDTH, round(PIXELS_PER_INCH * figure.get_size_inches()[0]))
     source = f"data:image/png;base64,{base64.b64encode(render_png(figure, DOTS_PER_INCH)).decode()}"
     return EmbeddedFigure(source, width, data=getattr(figure, "data", None))

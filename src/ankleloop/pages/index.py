@@ -100,18 +100,7 @@ class Results:
 
 
 def render_index(results: Results) -> str:
-    """Page that lists all results.
-
-    Parameters
-    ----------
-    results : Results
-        What there is.
-
-    Returns
-    -------
-    str
-        HTML; all texts are escaped.
-    """
+    """Page that lists all results."""
     body = render_template(
         "index.html.j2",
         results=results,
@@ -126,18 +115,7 @@ def render_index(results: Results) -> str:
 
 
 def render_ledger(ledger: pd.DataFrame) -> str:
-    """Page of the ledger: each number and claim of the paper with its verdict in its colour.
-
-    Parameters
-    ----------
-    ledger : pandas.DataFrame
-        From `ankleloop.replication.ledger.verify`.
-
-    Returns
-    -------
-    str
-        HTML; all texts are escaped.
-    """
+    """Page of the ledger: each number and claim of the paper with its verdict in its colour."""
     counts = ledger["verdict"].value_counts()
     body = render_template(
         "ledger.html.j2",
@@ -154,18 +132,7 @@ def render_ledger(ledger: pd.DataFrame) -> str:
 
 
 def render_tables(tables: Mapping[str, pd.DataFrame]) -> str:
-    """Page of tables that readers sort and search.
-
-    Parameters
-    ----------
-    tables : dict of str to pandas.DataFrame
-        Tables by their names, as text.
-
-    Returns
-    -------
-    str
-        HTML; all texts are escaped. Of a long table the page has the first rows, and says so.
-    """
+    """Page of tables that readers sort and search."""
     described = {
         name: (describe_table(table.head(MOST_ROWS), identifier=f"table-{name}"), len(table))
         for name, table in tables.items()

@@ -47,34 +47,7 @@ def render_interactive_torques(
     shown: Sequence[str] | None = None,
     styles: Mapping[str, MethodStyle] | None = None,
 ) -> str:
-    """Measured and estimated torques of a whole record, which a reader zooms, moves, and switches on and off.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset or PreparedTrial
-        The trial.
-    estimates : dict of str to Estimate
-        Estimates of it by their label; at least one.
-    window : mapping
-        `start` and `length` of what the figure shows at first [s].
-    shown : sequence of str, optional
-        Labels of the methods that are switched on at first; the first two if left out.
-    styles : dict of str to MethodStyle, optional
-        Style of each label; those of the methods in the registry if left out.
-
-    Returns
-    -------
-    str
-        HTML for the body of a page; `ankleloop.pages.rendering.render_page` adds the scripts that it needs.
-
-    Examples
-    --------
-    >>> from ankleloop import identify, simulate
-    >>> trial = simulate(seed=1, duration=12.0)
-    >>> html = render_interactive_torques(trial, {"riv": identify(trial, "riv")}, window={"start": 2.0, "length": 5.0})
-    >>> 'data-series="2"' in html, "residual of riv" in html
-    (True, True)
-    """
+    """Measured and estimated torques of a whole record, which a reader zooms, moves, and switches on and off."""
     series = limit_values(torque_series(trial, estimates, styles=styles), MOST_VALUES)
     visible = {"measured", "true (simulated)", *(list(estimates)[:2] if shown is None else shown)}
     record = _find_record(series)

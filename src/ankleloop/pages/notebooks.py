@@ -14,55 +14,13 @@ __all__ = ["find_captions", "render_notebook_page"]
 
 
 def render_notebook_page(title: str, body_html: str, note: str = "", *, index: str | None = None) -> str:
-    """Page of an executed notebook.
-
-    Parameters
-    ----------
-    title : str
-        Title of the page; it is escaped.
-    body_html : str
-        Cells as HTML, from an exporter that has escaped them.
-    note : str
-        Text above the cells; it is escaped.
-    index : str, optional
-        Path of the page that lists all results, relative to this one.
-
-    Returns
-    -------
-    str
-        HTML.
-
-    Examples
-    --------
-    >>> page = render_notebook_page("B & I", "<h1>Results</h1>")
-    >>> "<title>B &amp; I · ankleloop</title>" in page, "<h1>Results</h1>" in page
-    (True, True)
-    """
+    """Page of an executed notebook."""
     notice = f"<p><strong>{html.escape(note)}</strong></p>\n" if note else ""
     return render_page(title, notice + body_html, index=index)
 
 
 def find_captions(notebook: Mapping[str, Any]) -> dict[bytes, str]:
-    r"""Captions of the pictures that a notebook shows: the text that follows each of them in its cell.
-
-    Parameters
-    ----------
-    notebook : mapping
-        Executed notebook, as nbformat reads it. The description of each picture for readers who do not see it becomes
-        its caption.
-
-    Returns
-    -------
-    dict of bytes to str
-        Captions by the PNG files.
-
-    Examples
-    --------
-    >>> picture = {"data": {"image/png": "iVBORw=="}, "metadata": {}}
-    >>> caption = {"data": {"text/markdown": "**Figure 4.** Mean VAF."}}
-    >>> find_captions({"cells": [{"outputs": [picture, caption]}]})
-    {b'\x89PNG': 'Figure 4. Mean VAF.'}
-    """
+    r"""Captions of the pictures that a notebook shows: the text that follows each of them in its cell."""
     captions = {}
     for cell in notebook["cells"]:
         outputs = cell.get("outputs", [])

@@ -43,23 +43,7 @@ SUSPECT = "{} (warning)"  # label of a method that is not to be trusted
 def embed_recording_figures(
     trial: xr.Dataset | None, analysis: Analysis, *, start: float = 10.0, length: float = 5.0
 ) -> dict[str, EmbeddedFigure]:
-    """Draw the figures of the page of a recording.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset or None
-        First trial of the recording; None if it was refused. True torques of a simulation are left out.
-    analysis : Analysis
-        Analysis of the recording.
-    start, length : float
-        Window of the figure of torques [s].
-
-    Returns
-    -------
-    dict of str to EmbeddedFigure
-        `spectra` if the recording could be read; `torques`, `models` and `residuals` if a method was fitted;
-        `trajectories` if one whose parameters may change.
-    """
+    """Draw the figures of the page of a recording."""
     figures = {}
     if analysis.check.spectra:
         figures["spectra"] = spectra_figure(analysis.check.spectra)
@@ -90,28 +74,7 @@ def render_recording_page(
     *,
     index: str | None = None,
 ) -> str:
-    """Page of a recording: recommendation, checks, methods side by side, change of the joint, figures, residuals.
-
-    Parameters
-    ----------
-    name : str
-        Name of the recording.
-    mapping : dict
-        `subject`, `condition` and `trial`, each may be empty, and `parts`, the mapping of each file with its `file`.
-    analysis : Analysis
-        Analysis of the recording.
-    recommendation : Recommendation
-        The method to take.
-    figures : dict of str to EmbeddedFigure
-        From `embed_recording_figures`.
-    index : str, optional
-        Path of the page that lists all results, relative to this one.
-
-    Returns
-    -------
-    str
-        HTML; all texts are escaped.
-    """
+    """Page of a recording: recommendation, checks, methods side by side, change of the joint, figures, residuals."""
     valid, marked = select_valid_methods(analysis.table), _mark_labels(analysis)
     body = render_template(
         "recording.html.j2",

@@ -31,58 +31,14 @@ def _environment() -> Environment:
 
 
 def render_template(name: str, **values: Any) -> str:
-    """Fill in a template.
-
-    Parameters
-    ----------
-    name : str
-        File in the folder `templates` of this package.
-    **values
-        Values by the names that the template has for them.
-
-    Returns
-    -------
-    str
-        HTML.
-
-    Raises
-    ------
-    jinja2.UndefinedError
-        If a value is missing.
-    """
+    """Fill in a template."""
     return _environment().get_template(name).render(**values)
 
 
 def render_page(
     title: str, body: str, *, index: str | None = None, wide: bool = False, pictures_of_files: bool = False
 ) -> str:
-    """Page around a body: table of contents, link to the index, style, and the scripts that the body needs.
-
-    Parameters
-    ----------
-    title : str
-        Title of the page; it is escaped.
-    body : str
-        HTML whose texts have been escaped.
-    index : str, optional
-        Path of the page that lists all results, relative to this one.
-    wide : bool
-        Whether the page takes the whole width of the screen, for tables of many columns.
-    pictures_of_files : bool
-        Whether the page shows pictures from files beside it; all others hold their pictures.
-
-    Returns
-    -------
-    str
-        HTML. Its policy allows nothing that is not in the page, and scripts by their hash: a script that a text brings
-        along does not run.
-
-    Examples
-    --------
-    >>> page = render_page("Results", "<h2>Tables</h2><h2>Figures</h2>", index="../index.html")
-    >>> '<a class="back" href="../index.html">' in page, '<a href="#Figures">Figures</a>' in page
-    (True, True)
-    """
+    """Page around a body: table of contents, link to the index, style, and the scripts that the body needs."""
     body, headings = find_headings(body)
     scripts = _scripts_of(body)
     return render_template(

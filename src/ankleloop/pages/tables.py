@@ -26,33 +26,7 @@ def describe_table(
     identifier: str = "",
     compact: bool = False,
 ) -> dict[str, Any]:
-    """A table for the template `table.html.j2`.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        The table; its cells are shown as text, its index is left out.
-    links : dict of str to str, optional
-        Links of cells in the first column by their text: paths relative to the page.
-    colours : dict of str to str, optional
-        Background of cells by their text.
-    identifier : str
-        Name of the table in its page, which a field that filters needs; empty for none.
-    compact : bool
-        Whether a wide screen shows all columns at once, in smaller type, instead of scrolling.
-
-    Returns
-    -------
-    dict
-        Names and classes of the columns, rows, and what is passed on.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> description = describe_table(pd.DataFrame({"method": ["riv"], "VAF [%]": [92.1]}))
-    >>> description["classes"], description["rows"]
-    (['', 'number'], [('riv', '92.1')])
-    """
+    """A table for the template `table.html.j2`."""
     columns = [[str(cell) for cell in column] for _, column in table.items()]
     return {
         "identifier": identifier,
@@ -84,47 +58,10 @@ def _is_number(text: str) -> bool:
 
 
 def render_table(table: pd.DataFrame, links: Mapping[str, str] | None = None) -> str:
-    """Table as HTML.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        The table; its cells are shown as text, its index is left out.
-    links : dict of str to str, optional
-        Links of cells in the first column by their text: paths relative to the page.
-
-    Returns
-    -------
-    str
-        HTML; all texts are escaped.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> html = render_table(pd.DataFrame({"recording": ["A1"], "loop": ["<none>"]}), {"A1": "pages/A1.html"})
-    >>> '<a href="pages/A1.html">A1</a>' in html, "&lt;none&gt;" in html
-    (True, True)
-    """
+    """Table as HTML."""
     return render_template("table.html.j2", table=describe_table(table, links))
 
 
 def render_paragraphs(items: Iterable[tuple[str, str]]) -> str:
-    """Paragraphs as HTML, each with a term in bold in front.
-
-    Parameters
-    ----------
-    items : iterable of (str, str)
-        Terms and texts.
-
-    Returns
-    -------
-    str
-        HTML; all texts are escaped.
-
-    Examples
-    --------
-    >>> print(render_paragraphs([("A1 & A2", "without a reference")]))
-    <p><b>A1 &amp; A2:</b> without a reference</p>
-    <BLANKLINE>
-    """
+    """Paragraphs as HTML, each with a term in bold in front."""
     return render_template("paragraphs.html.j2", items=items)

@@ -41,38 +41,6 @@ def curves_figure(
 
     A single trial has no band. A ring marks means of which a trial failed or came with a warning; where every trial
     failed, a cross stands at the lower edge of the panel. Panels of the same quantity share their ordinate.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row per trial: columns `panel`, `series`, `x`, `value`, and optionally `outcome`: "estimate", "warning" (an
-        estimate with a warning) or "failure" (no estimate, and no value).
-    panels : dict of str to Panel
-        What each panel shows. Where it has limits, a note gives the lowest mean of curves that go below them.
-    xlabel : str
-        Label of the parameter with its unit.
-    styles : dict of str to MethodStyle, optional
-        Styles of the series, as of `ankleloop.plotting.method_styles.method_styles`; from dark to light if left out.
-    columns : int
-        Panels side by side.
-    log : bool
-        Logarithmic parameter.
-    break_at : float, optional
-        Where a curve goes below this value, the ordinate is broken there: what lies above has a scale of its own, in
-        which values that are close to each other can be told apart.
-
-    Returns
-    -------
-    DataFigure
-        `data` has the means and bands.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> rows = [{"panel": "K", "series": "riv", "x": x, "value": 150.0 + x} for x in (1.0, 2.0) for _ in "ab"]
-    >>> figure = curves_figure(pd.DataFrame(rows), {"K": Panel("K [N·m/rad]", truth=150.0)}, xlabel="gain [1]")
-    >>> figure.data[["gain [1]", "mean", "true_value"]].values.tolist()
-    [[1.0, 151.0, 150.0], [2.0, 152.0, 150.0]]
     """
     means = pd.concat([_summarise(table[table["panel"] == name], panel) for name, panel in panels.items()])
     styles = styles or ordinal_styles(dict.fromkeys(means["series"]))

@@ -15,28 +15,7 @@ def envelope(values: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
     Every sample lies between the two ends of its bin, so that no peak is lost. A bin also holds the first sample of the
     next one: areas between both ends touch each other, as the line between two samples does.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        Samples.
-    width : int
-        Samples in a bin; the last bin may have fewer.
-
-    Returns
-    -------
-    low, high : ndarray, shape (⌈N / width⌉,)
-        Ends of each bin.
-
-    Raises
-    ------
-    ValueError
-        For a width below 1.
-
-    Examples
-    --------
-    >>> low, high = envelope(np.array([0.0, 5.0, 1.0, -2.0, 3.0]), 2)
-    >>> low.tolist(), high.tolist()
-    ([0.0, -2.0, 3.0], [5.0, 3.0, 3.0])
+    Shapes: values (N,); returns low, high (⌈N / width⌉,).
     """
     check_integer("envelope", "width", width, ge=1)
     starts = np.arange(0, values.size, width)

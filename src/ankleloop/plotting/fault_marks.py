@@ -21,12 +21,7 @@ __all__ = ["draw_crosses", "draw_rings", "mark_means"]
 def draw_rings(axis: Axes, x: ArrayLike, y: ArrayLike) -> None:
     """Draw rings around symbols of means with failures or warnings.
 
-    Parameters
-    ----------
-    axis : matplotlib.axes.Axes
-        Where the symbols are.
-    x, y : array_like, shape (N,)
-        Places of the symbols; none where a coordinate does not exist.
+    Shapes: x, y (N,).
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     shown = np.isfinite(x) & np.isfinite(y)
@@ -37,16 +32,7 @@ def draw_rings(axis: Axes, x: ArrayLike, y: ArrayLike) -> None:
 def draw_crosses(axis: Axes, x: ArrayLike, y: ArrayLike, colour: str, transform: Transform) -> None:
     """Draw crosses at an edge of a panel, where every trial failed.
 
-    Parameters
-    ----------
-    axis : matplotlib.axes.Axes
-        The panel.
-    x, y : array_like, shape (N,)
-        Places; one of the coordinates is a share of the panel.
-    colour : str
-        Colour of the series.
-    transform : matplotlib.transforms.Transform
-        Of these coordinates.
+    Shapes: x, y (N,).
     """
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     if x.size:
@@ -57,18 +43,7 @@ def draw_crosses(axis: Axes, x: ArrayLike, y: ArrayLike, colour: str, transform:
 def mark_means(axis: Axes, rows: pd.DataFrame, values: ArrayLike, heights: Sequence[float], colour: str) -> None:
     """Draw rings around means with failures or warnings, and crosses at the left edge where every trial failed.
 
-    Parameters
-    ----------
-    axis : matplotlib.axes.Axes
-        The panel.
-    rows : pandas.DataFrame
-        A row for each mean, with the columns `fault` and `failed`, or without them.
-    values : array_like, shape (N,)
-        Abscissae of the symbols.
-    heights : sequence of float
-        Their ordinates.
-    colour : str
-        Colour of the series.
+    Shapes: values (N,).
     """
     places = np.array(heights)
     if "fault" in rows:

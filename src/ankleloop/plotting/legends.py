@@ -25,25 +25,7 @@ SPACE = 3.0  # pt between the panels and the legend
 
 
 def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
-    """Put the entries of all lines below the panels: each label once, those of marks in the last row.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure, with constrained layout; it grows by the height of the legend.
-    axes : iterable of matplotlib.axes.Axes
-        Its axes.
-
-    Examples
-    --------
-    >>> from ankleloop.plotting.panels import panel_grid
-    >>> figure, axes = panel_grid(2, 2, 40.0)
-    >>> for axis in axes:
-    ...     _ = axis.plot([0, 1], [0, 1], label="estimate")
-    >>> add_legend(figure, axes)
-    >>> [text.get_text() for text in figure.legends[0].get_texts()]
-    ['estimate']
-    """
+    """Put the entries of all lines below the panels: each label once, those of marks in the last row."""
     lines = {str(line.get_label()): line for axis in axes for line in axis.get_lines()}
     lines = {label: line for label, line in lines.items() if label[0] != "_"}
     marks = [label for label, line in lines.items() if line.get_gid() == MARK or label == ALL_FAILED]
@@ -52,25 +34,7 @@ def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
 
 
 def add_entries(figure: Figure, series: Mapping[str, Any], marks: Mapping[str, Any]) -> None:
-    """Put legend entries below the panels: rows have the same number of entries, or differ by one and are centred.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure, with constrained layout; it grows by the height of the legend.
-    series, marks : mapping of str to artist
-        Entries by their label: those of series, and those of marks, which follow in a row of their own if one row has
-        no room for all.
-
-    Examples
-    --------
-    >>> from matplotlib.lines import Line2D
-    >>> from ankleloop.plotting.panels import panel_grid
-    >>> figure, _ = panel_grid(1, 1, 40.0)
-    >>> add_entries(figure, {"riv": Line2D([], [])}, {"true value": Line2D([], [])})
-    >>> len(figure.legends)  # one row has room for both
-    1
-    """
+    """Put legend entries below the panels: rows have the same number of entries, or differ by one and are centred."""
     handles = {**series, **marks}
     if not handles:
         return
@@ -103,29 +67,7 @@ def _row_width(names: Sequence[str], widths: Mapping[str, float], size: float) -
 
 
 def split_rows(names: Sequence[str], widths: Mapping[str, float], room: float, gap: float) -> list[list[str]]:
-    """Split entries into the fewest rows that fit; their numbers of entries differ by one at most.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Entries.
-    widths : mapping of str to float
-        Their widths [pt].
-    room : float
-        Width of a row [pt].
-    gap : float
-        Distance of entries [pt].
-
-    Returns
-    -------
-    list of list of str
-        An entry that is wider than a row has one of its own.
-
-    Examples
-    --------
-    >>> split_rows(list("abcde"), dict.fromkeys("abcde", 10.0), 45.0, 2.0)
-    [['a', 'b', 'c'], ['d', 'e']]
-    """
+    """Split entries into the fewest rows that fit; their numbers of entries differ by one at most."""
     for count in range(1, len(names) + 1):
         rows = [list(part) for part in np.array_split(np.array(names, dtype=object), count)]
         if all(sum(widths[name] for name in row) + gap * (len(row) - 1) <= room for row in rows):

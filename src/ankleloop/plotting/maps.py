@@ -38,34 +38,7 @@ def map_figure(
     title: str,
     limit: float,
 ) -> DataFigure:
-    """Map of a quantity over two parameters, a panel for each value of a third.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row per cell; columns as named by the next four, and optionally `fault`: whether a trial of the cell failed
-        or came with a warning. Such cells have an asterisk.
-    x, y, panel, value : str
-        Columns of the abscissa, the ordinate, the panels and the quantity.
-    xlabel, ylabel, title : str
-        Labels with units; `title` is formatted with the value of `panel`.
-    limit : float
-        Cells at or below it are framed: there the condition holds.
-
-    Returns
-    -------
-    DataFigure
-        `data` has the values of all cells.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> table = pd.DataFrame({"gain": [12.0, 13.0], "load": 250.0, "rule": "one pass", "deviation": [7.5, 2.6]})
-    >>> names = {"x": "gain", "y": "load", "panel": "rule", "value": "deviation", "title": "{}"}
-    >>> figure = map_figure(table, **names, xlabel="gain [1]", ylabel="load [N·m/rad]", limit=2.0)
-    >>> [text.get_text() for text in figure.axes[0].texts]
-    ['7.5', '2.6']
-    """
+    """Map of a quantity over two parameters, a panel for each value of a third."""
     names = list(dict.fromkeys(table[panel]))
     figure, axes = panel_grid(len(names), COLUMNS, 52.0, sharex=True, sharey=True)
     norm = LogNorm(max(0.5, table[value].min()), max(1.0, table[value].max()))

@@ -109,23 +109,6 @@ def method_styles(algorithms: Mapping[str, str]) -> dict[str, MethodStyle]:
     A method has the same colour and symbol in every study. Where a study has it with several sets of options, these
     variants differ in lightness, fill and line. Many variants of a single method go from dark to light instead: there
     the colour does not have to tell the method.
-
-    Parameters
-    ----------
-    algorithms : mapping of str to str
-        For each method of the study its name in the registry (`ankleloop.METHODS`).
-
-    Returns
-    -------
-    dict of str to MethodStyle
-
-    Examples
-    --------
-    >>> styles = method_styles({"riv": "riv", "riv-delay": "riv"})
-    >>> styles["riv"] == METHOD_STYLES["riv"]
-    True
-    >>> styles["riv-delay"].marker, styles["riv-delay"].filled
-    ('D', False)
     """
     if len(algorithms) > MOST_VARIANTS and len(set(algorithms.values())) == 1:
         return ordinal_styles(algorithms)
@@ -156,22 +139,7 @@ def _lighten(colour: str, share: float) -> str:
 
 
 def ordinal_styles(names: Iterable[str]) -> dict[str, MethodStyle]:
-    """Styles of series that are no methods, such as values of a parameter: from dark to light.
-
-    Parameters
-    ----------
-    names : iterable of str
-        The series in their order.
-
-    Returns
-    -------
-    dict of str to MethodStyle
-
-    Examples
-    --------
-    >>> [style.marker for style in ordinal_styles(["gain 10", "gain 20"]).values()]
-    ['o', 's']
-    """
+    """Styles of series that are no methods, such as values of a parameter: from dark to light."""
     names = list(names)
     last = len(ORDINAL_COLOURS) - 1
     places = [
@@ -184,23 +152,6 @@ def ordinal_styles(names: Iterable[str]) -> dict[str, MethodStyle]:
 
 
 def label_styles(labels: Mapping[str, str], algorithms: Mapping[str, str]) -> dict[str, MethodStyle]:
-    """Styles of the methods of a study by their labels.
-
-    Parameters
-    ----------
-    labels : mapping of str to str
-        Label of each method that is drawn.
-    algorithms : mapping of str to str
-        For each method its name in the registry; methods that are left out are those of their own name.
-
-    Returns
-    -------
-    dict of str to MethodStyle
-
-    Examples
-    --------
-    >>> label_styles({"riv": "Refined instrumental variables"}, {})["Refined instrumental variables"].marker
-    'D'
-    """
+    """Styles of the methods of a study by their labels."""
     styles = method_styles({name: algorithms.get(name, name) for name in labels})
     return {label: styles[name] for name, label in labels.items()}

@@ -41,23 +41,7 @@ class Panel:
 
 
 def split_label(label: str) -> tuple[str, str]:
-    """Split the label of an axis into the quantity and its unit.
-
-    Parameters
-    ----------
-    label : str
-        Label of an axis.
-
-    Returns
-    -------
-    quantity, unit : str
-        The unit is empty where the label has none.
-
-    Examples
-    --------
-    >>> split_label("K [N·m/rad]"), split_label("basis")
-    (('K', 'N·m/rad'), ('basis', ''))
-    """
+    """Split the label of an axis into the quantity and its unit."""
     quantity, bracket, unit = label.replace("\n", " ").rpartition(" [")
     return (quantity, unit.rstrip("]")) if bracket else (label, "")
 
@@ -71,33 +55,7 @@ def panel_grid(
     sharex: bool = False,
     sharey: bool = False,
 ) -> tuple[DataFigure, list[Axes]]:
-    """Make a figure with panels in rows, and leave the rest of the last row empty.
-
-    Parameters
-    ----------
-    count : int
-        Number of panels.
-    columns : int
-        Panels side by side, at most.
-    height : float
-        Height of a row of panels with its labels [mm].
-    width : float
-        Width of the figure [mm].
-    sharex, sharey : bool
-        Whether the panels share their abscissae, their ordinates.
-
-    Returns
-    -------
-    figure : DataFigure
-    axes : list of matplotlib.axes.Axes
-        Axes of the panels, without those that are empty.
-
-    Examples
-    --------
-    >>> figure, axes = panel_grid(4, 3, 50.8)
-    >>> figure.get_size_inches().round(2).tolist(), len(axes)
-    ([7.13, 4.0], 4)
-    """
+    """Make a figure with panels in rows, and leave the rest of the last row empty."""
     columns = min(columns, count)
     rows = -(-count // columns)
     figure = DataFigure(figsize=(inches(width), inches(height * rows)), layout="constrained")
@@ -110,24 +68,7 @@ def panel_grid(
 
 
 def share_ordinates(axes: Sequence[Axes], panels: Sequence[Panel], columns: int) -> None:
-    """Give panels of the same quantity one ordinate, with its label at the first of them in a row.
-
-    Parameters
-    ----------
-    axes : sequence of matplotlib.axes.Axes
-        Empty panels, row by row.
-    panels : sequence of Panel
-        What they show.
-    columns : int
-        Panels in a row.
-
-    Examples
-    --------
-    >>> figure, axes = panel_grid(2, 2, 40.0)
-    >>> share_ordinates(axes, [Panel("VAF [%]", "net torque"), Panel("VAF [%]", "reflex torque")], 2)
-    >>> [axis.get_ylabel() for axis in axes]
-    ['VAF [%]', '']
-    """
+    """Give panels of the same quantity one ordinate, with its label at the first of them in a row."""
     first: dict[str, Axes] = {}
     for number, (axis, panel) in enumerate(zip(axes, panels, strict=True)):
         if panel.label in first:
@@ -141,26 +82,7 @@ def share_ordinates(axes: Sequence[Axes], panels: Sequence[Panel], columns: int)
 
 
 def tabulate_lines(axes: Iterable[Axes]) -> pd.DataFrame:
-    """Numbers of all lines of some panels that have a label.
-
-    Parameters
-    ----------
-    axes : iterable of matplotlib.axes.Axes
-        Panels whose axes have labels with units.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `quantity`, `unit`, `series`, `x_quantity`, `x_unit`, `x` and `value`.
-
-    Examples
-    --------
-    >>> figure, (axis,) = panel_grid(1, 1, 40.0)
-    >>> _ = axis.set(xlabel="time [s]", ylabel="torque [N·m]")
-    >>> _ = axis.plot([0.0, 1.0], [2.0, 3.0], label="measured")
-    >>> tabulate_lines([axis]).values.tolist()[0]
-    ['torque', 'N·m', 'measured', 'time', 's', 0.0, 2.0]
-    """
+    """Numbers of all lines of some panels that have a label."""
     parts = []
     for axis in axes:
         (quantity, unit), (x_quantity, x_unit) = split_label(axis.get_ylabel()), split_label(axis.get_xlabel())

@@ -38,25 +38,7 @@ CHARACTERS = 110  # of tick labels that fit side by side into the width of a fig
 
 @matplotlib.rc_context(STYLE)
 def spectra_figure(spectra: Mapping[str, np.ndarray]) -> DataFigure:
-    """Power spectra of position and torque, and their coherence.
-
-    Parameters
-    ----------
-    spectra : dict of str to ndarray
-        `ankleloop.recordings.checks.Check.spectra`.
-
-    Returns
-    -------
-    DataFigure
-        `data` has the spectra.
-
-    Examples
-    --------
-    >>> values = np.array([1.0, 2.0])
-    >>> figure = spectra_figure({"frequency": values, "position": values, "torque": values, "coherence": values / 2})
-    >>> figure.axes[2].get_ylabel()
-    'squared coherence [1]'
-    """
+    """Power spectra of position and torque, and their coherence."""
     figure, axes = panel_grid(3, 3, 48.0)
     position, torque, coherence = axes
     frequency = spectra["frequency"]
@@ -79,27 +61,7 @@ def spectra_figure(spectra: Mapping[str, np.ndarray]) -> DataFigure:
 
 @matplotlib.rc_context(STYLE)
 def model_figure(estimates: Mapping[str, Estimate], *, styles: Mapping[str, MethodStyle] | None = None) -> DataFigure:
-    """Models of several methods: impulse responses, Bode diagrams, and the nonlinearity of the reflex.
-
-    Parameters
-    ----------
-    estimates : dict of str to Estimate
-        Estimates by the label of the method.
-    styles : dict of str to MethodStyle, optional
-        Style of each label; those of the methods in the registry if left out.
-
-    Returns
-    -------
-    DataFigure
-        `data` has all curves.
-
-    Examples
-    --------
-    >>> from ankleloop import identify, simulate
-    >>> figure = model_figure({"RIV": identify(simulate(seed=1, duration=20.0), "riv")})
-    >>> sorted(set(figure.data["series"]))
-    ['RIV']
-    """
+    """Models of several methods: impulse responses, Bode diagrams, and the nonlinearity of the reflex."""
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     figure, axes = panel_grid(6, 3, 52.0)
     intrinsic, intrinsic_gain, curve, reflex, reflex_gain, reflex_phase = axes
@@ -178,20 +140,7 @@ def _draw_reflex(response: Axes, gain: Axes, phase: Axes, estimate: Estimate, st
 def residual_figure(
     tests: Mapping[str, ResidualTest], *, styles: Mapping[str, MethodStyle] | None = None
 ) -> DataFigure:
-    """Residuals of several methods: spectra, and correlation with the signal that must not explain them.
-
-    Parameters
-    ----------
-    tests : dict of str to ResidualTest
-        Tests by the label of the method.
-    styles : dict of str to MethodStyle, optional
-        Style of each label; those of the registry, if the labels are its names, if left out.
-
-    Returns
-    -------
-    DataFigure
-        `data` has all curves.
-    """
+    """Residuals of several methods: spectra, and correlation with the signal that must not explain them."""
     styles = styles or method_styles({label: label for label in tests})
     figure, (density, correlation) = panel_grid(2, 2, 55.0)
     for label, test in tests.items():
@@ -217,28 +166,6 @@ def group_figure(
 
     Estimates with a warning are crosses where they lie within the axes, and are left out of the means; a ring marks
     such means.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row for each recording and method: `condition`, `subject`, `label`, the parameters, and where there are
-        estimates with a warning `trusted`.
-    names : sequence of str
-        Parameters, a row of panels each; a column for each method. Names of `ankleloop.quantities.QUANTITIES`.
-    condition, subject : str
-        Columns.
-
-    Returns
-    -------
-    DataFigure
-        `data` has the value of each recording, and the mean that its subject and condition have.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> table = pd.DataFrame({"label": "riv", "subject": "S1", "condition": ["rest", "rest"], "K": [100.0, 120.0]})
-    >>> group_figure(table, ["K"]).data["mean"].tolist()
-    [110.0, 110.0]
     """
     labels, conditions, subjects = (list(dict.fromkeys(table[name])) for name in ("label", condition, subject))
     data = _tabulate_group(table, names, condition, subject)

@@ -43,31 +43,7 @@ def traces_figure(
     *,
     style: MethodStyle | None = None,
 ) -> DataFigure:
-    """Estimated parameters over time, a column for each condition.
-
-    Parameters
-    ----------
-    traces : dict of str to dict of str to ndarray
-        For each condition `time` [s] and the traces by the names of `truths`.
-    truths : dict of str to (str, float)
-        For each parameter its label with unit, and the true value.
-    settling : float
-        Time [s] from which on the traces set the limits of the axes; before it they may leave them.
-    style : MethodStyle, optional
-        Style of the method.
-
-    Returns
-    -------
-    DataFigure
-        `data` has the traces.
-
-    Examples
-    --------
-    >>> trace = {"time": np.array([0.0, 1.0]), "K": np.array([140.0, 149.0])}
-    >>> figure = traces_figure({"closed loop": trace}, {"K": ("K [N·m/rad]", 150.0)})
-    >>> figure.data[["time [s]", "estimate"]].values.tolist()
-    [[0.0, 140.0], [1.0, 149.0]]
-    """
+    """Estimated parameters over time, a column for each condition."""
     style = style or ordinal_styles(["estimate"])["estimate"]
     size = (inches(TWO_COLUMNS), inches(32.0 * len(truths) + 6.0))
     figure = DataFigure(figsize=size, layout="constrained")
@@ -100,32 +76,7 @@ def ratio_figure(
     largest: float = 50.0,
     styles: Mapping[str, MethodStyle] | None = None,
 ) -> DataFigure:
-    """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a symbol for each method.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Columns `panel`, `row`, `series` and `ratio`, and optionally `fault`, whether trials failed or came with a
-        warning: such symbols have a ring; and `failed`, whether all of them failed: a cross stands at the left edge.
-    limit : float
-        A line is drawn here, and at 1.
-    largest : float
-        Ratios beyond it are drawn there, as an arrow head.
-    styles : dict of str to MethodStyle, optional
-        Styles of the series.
-
-    Returns
-    -------
-    DataFigure
-        `data` has all ratios, those beyond the largest as they are.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> table = pd.DataFrame({"panel": "gain 13", "row": ["K", "B"], "series": "riv", "ratio": [1.1, 1.2]})
-    >>> ratio_figure(table, limit=1.5).data["parameter"].tolist()
-    ['K', 'B']
-    """
+    """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a symbol for a method."""
     panels, names = list(dict.fromkeys(table["panel"])), list(dict.fromkeys(table["row"]))
     styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
     offset = 0.8 / max(1, table["series"].nunique())
@@ -185,34 +136,7 @@ def estimates_figure(
     columns: int = COLUMNS,
     styles: Mapping[str, MethodStyle] | None = None,
 ) -> DataFigure:
-    """Means with their intervals: a panel for each quantity, a row for each condition, a symbol for each method.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Columns `panel`, `row`, `series`, `value` and `margin`, half of the interval, and optionally `fault`, whether
-        trials failed or came with a warning: such symbols have a ring; and `failed`, whether all of them failed: a
-        cross stands at the left edge.
-    panels : dict of str to Panel
-        What each panel shows; values beyond its limits are drawn at the edge, as an arrow head.
-    columns : int
-        Panels side by side.
-    styles : dict of str to MethodStyle, optional
-        Styles of the series.
-
-    Returns
-    -------
-    DataFigure
-        `data` has all means and intervals, those beyond the limits as they are.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> row = {"panel": "K", "row": "complete", "series": "PR-MOESP", "value": 2.0, "margin": 0.5}
-    >>> figure = estimates_figure(pd.DataFrame([row]), {"K": Panel("error of K [%]", truth=0.0)})
-    >>> figure.data[["low", "high"]].values.tolist()
-    [[1.5, 2.5]]
-    """
+    """Means with their intervals: a panel for each quantity, a row for each condition, a symbol for each method."""
     names = list(dict.fromkeys(table["row"]))
     styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
     figure, axes = panel_grid(len(panels), columns, 5.5 * len(names) + 14.0, sharey=True)
@@ -269,31 +193,7 @@ def interval_figure(
     xlabel: str = "trial [1]",
     style: MethodStyle | None = None,
 ) -> DataFigure:
-    """Estimates with their intervals, one after the other, and the truth; intervals that miss it have another colour.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Columns `panel`, `value`, `low`, `high`, in the order in which they are drawn.
-    panels : dict of str to (str, float)
-        For each panel its label with unit, and the true value.
-    xlabel : str
-        Label of the abscissa.
-    style : MethodStyle, optional
-        Style of the method.
-
-    Returns
-    -------
-    DataFigure
-        `data` has the estimates with their intervals.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> table = pd.DataFrame({"panel": "K", "value": [149.0], "low": [145.0], "high": [153.0]})
-    >>> interval_figure(table, {"K": ("K [N·m/rad]", 150.0)}).data["holds"].tolist()
-    [True]
-    """
+    """Estimates with their intervals, side by side, and the truth; intervals that miss it have another colour."""
     style = style or ordinal_styles(["estimate"])["estimate"]
     miss = MethodStyle(MISSED, "s", filled=False)
     size = (inches(TWO_COLUMNS), inches(27.0 * len(panels) + 6.0))
@@ -333,30 +233,7 @@ def order_figure(
     largest: int = 10,
     styles: Mapping[str, MethodStyle] | None = None,
 ) -> DataFigure:
-    """Singular values that show the order, of every trial and method.
-
-    Parameters
-    ----------
-    singular_values : dict of str to list of ndarray
-        Singular values of each trial by the label of the method.
-    order : int
-        Order of the models; a line is drawn behind it.
-    largest : int
-        Largest number of a singular value that is drawn.
-    styles : dict of str to MethodStyle, optional
-        Styles of the methods.
-
-    Returns
-    -------
-    DataFigure
-        `data` has the singular values.
-
-    Examples
-    --------
-    >>> figure = order_figure({"PR-MOESP": [np.array([4.0, 2.0, 0.1])]}, order=2)
-    >>> figure.data["singular value over the first [1]"].tolist()
-    [1.0, 0.5, 0.025]
-    """
+    """Singular values that show the order, of every trial and method."""
     styles = styles or ordinal_styles(singular_values)
     size = (inches(TWO_COLUMNS), inches(52.0))
     figure = DataFigure(figsize=size, layout="constrained")

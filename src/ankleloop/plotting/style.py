@@ -103,46 +103,12 @@ class DataFigure(Figure):
 
 
 def inches(millimetres: float) -> float:
-    """Convert a length in print to the unit of matplotlib.
-
-    Parameters
-    ----------
-    millimetres : float
-        Length [mm].
-
-    Returns
-    -------
-    float
-        Length [in].
-
-    Examples
-    --------
-    >>> inches(25.4)
-    1.0
-    """
+    """Convert a length in print to the unit of matplotlib."""
     return millimetres / 25.4
 
 
 def render_png(figure: Figure, dots_per_inch: float) -> bytes:
-    """Draw a figure as a PNG, the same bytes for the same data.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    dots_per_inch : float
-        Resolution of the picture.
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-
-    Examples
-    --------
-    >>> render_png(Figure(figsize=(1.0, 1.0)), 100)[1:4]
-    b'PNG'
-    """
+    """Draw a figure as a PNG, the same bytes for the same data."""
     return _render(figure, ".png", dots_per_inch)
 
 
@@ -156,35 +122,7 @@ def _render(figure: Figure, suffix: str, dots_per_inch: float) -> bytes:
 def save_figure(
     figure: Figure, stem: str | Path, suffixes: Sequence[str] | None = None, *, overwrite: bool = False
 ) -> None:
-    """Write a figure and the numbers that it draws, the same bytes for the same data.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure; `DataFigure` has the numbers.
-    stem : path-like
-        Path without its suffix.
-    suffixes : sequence of str, optional
-        Of ".png", ".pdf", ".svg" and ".csv"; picture, PDF and, where the figure has numbers, CSV if left out.
-    overwrite : bool
-        Whether to replace files of these names; without it existing files are refused.
-
-    Raises
-    ------
-    ValueError
-        If a CSV is wanted of a figure without numbers.
-    DataError
-        If a file exists, or cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_figure(Figure(figsize=(1.0, 1.0)), Path(folder, "empty"))
-    ...     sorted(path.name for path in Path(folder).iterdir())
-    ['empty.pdf', 'empty.png']
-    """
+    """Write a figure and the numbers that it draws, the same bytes for the same data."""
     stem, data = Path(stem), getattr(figure, "data", None)
     if suffixes is None:
         suffixes = (".png", ".pdf") if data is None else (".png", ".pdf", ".csv")

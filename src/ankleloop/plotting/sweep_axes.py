@@ -124,24 +124,7 @@ class SweepAxis:
         return self._unscale(np.r_[2 * places[0] - middles[0], middles, 2 * places[-1] - middles[-1]])
 
     def bin(self, values: Iterable[Any], count: int = BINS, most: int = MOST_LISTED) -> tuple[np.ndarray, np.ndarray]:
-        """Divide values into bins of equal width on the scale of the axis, or by value where there are few of them.
-
-        Parameters
-        ----------
-        values : iterable
-            Values of trials or points.
-        count : int
-            Bins, where there are more than `most` distinct values.
-        most : int
-            Distinct values that need no bins.
-
-        Returns
-        -------
-        centres : ndarray
-            Centre of the bin of each value.
-        edges : ndarray
-            Edges of all bins.
-        """
+        """Divide values into bins of equal width on the scale of the axis, or by value where there are few of them."""
         if self.kind == "listed" or len(self.values) <= most:
             return self.places(values), self.edges()
         first, last = self._scale([self.values[0], self.values[-1]])
@@ -151,17 +134,7 @@ class SweepAxis:
         return self._unscale(centres)[np.clip(numbers, 0, count - 1)], self._unscale(edges)
 
     def set_ticks(self, axes: Axes, direction: Literal["x", "y"], room: int = MOST_TICKS) -> None:
-        """Set scale, label and ticks of an axis of a panel.
-
-        Parameters
-        ----------
-        axes : matplotlib.axes.Axes
-            The panel.
-        direction : {"x", "y"}
-            Abscissa or ordinate.
-        room : int
-            Values that have room for a label each.
-        """
+        """Set scale, label and ticks of an axis of a panel."""
         axis = axes.xaxis if direction == "x" else axes.yaxis
         label = self.label if self.ordered else self.label.removesuffix(" [1]")
         axis.set_label_text(textwrap.fill(label, LABEL if direction == "y" else max(5 * room, LABEL)))

@@ -52,27 +52,7 @@ def maps_figure(
     panels: Sequence[SweepPanel],
     slices: Sequence[str] = ("",),
 ) -> DataFigure:
-    """Means over two parameters: a row for each quantity, with a map for each method and for a difference of two.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Columns `x`, `y`, `slice`, `method`, `quantity`, `mean`, `trials`, `failures` and `warnings`, as
-        `ankleloop.replication.sweep_cells.summarise_cells` gives them.
-    axes : tuple of SweepAxis
-        The parameters of the abscissa and the ordinate.
-    edges : tuple of ndarray, or None
-        Edges of the cells in either direction; None draws each point by itself.
-    panels : sequence of SweepPanel
-        Quantities with their methods; a difference stands behind its quantity, and has a colour bar of its own.
-    slices : sequence of str
-        Values of the column `slice`, such as those of a third parameter, each of which has maps of its own.
-
-    Returns
-    -------
-    DataFigure
-        `data` has the means of all cells.
-    """
+    """Means over two parameters: a row for each quantity, with a map for each method and for a difference of two."""
     rows = [list(group) for _, group in groupby(panels, key=lambda panel: panel.quantity)]
     counts = [sum(len(panel.series) for panel in row) for row in rows]  # of methods and differences
     lines = -(-max(counts) // (MOST_COLUMNS // len(slices)))
@@ -222,17 +202,7 @@ def _draw_cells(
 
 
 def has_rings(edges: Edges | None) -> bool:
-    """Whether cells have room for rings; otherwise regions of them are outlined.
-
-    Parameters
-    ----------
-    edges : tuple of ndarray, or None
-        As of `maps_figure`.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether cells have room for rings; otherwise regions of them are outlined."""
     return edges is None or all(line.size - 1 <= places for line, places in zip(edges, ROOM, strict=True))
 
 

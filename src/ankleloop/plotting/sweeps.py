@@ -105,25 +105,7 @@ def lines_figure(
     *,
     band: Literal["mean", "trials"] = "mean",
 ) -> DataFigure:
-    """Means against one parameter, in panels side by side.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Columns `parameter`, `place`, `method`, `quantity`, `mean`, `margin`, `low`, `high`, `trials`, `failures` and
-        `warnings`, as `ankleloop.replication.sweep_summary.summarise_effects` gives them.
-    axis : SweepAxis
-        The parameter.
-    panels : sequence of SweepPanel
-        The panels; a difference stands behind its quantity.
-    band : {"mean", "trials"}
-        Whether bands are the interval of the mean (`margin`) or hold most of the trials (`low` to `high`).
-
-    Returns
-    -------
-    DataFigure
-        `data` has the means and bands.
-    """
+    """Means against one parameter, in panels side by side."""
     has_difference = any(panel.is_difference for panel in panels)
     columns = min(len(panels), 4 if has_difference and len(panels) > 4 else 2 if has_difference else 3)
     narrow = columns == 4
@@ -147,20 +129,7 @@ def effects_figure(
     *,
     band: Literal["mean", "trials"] = "mean",
 ) -> DataFigure:
-    """Means over each of several parameters: a column for each parameter, a row for each quantity and each difference.
-
-    Parameters
-    ----------
-    table, panels, band
-        As of `lines_figure`.
-    axes : sequence of SweepAxis
-        The parameters.
-
-    Returns
-    -------
-    DataFigure
-        `data` has the means and bands.
-    """
+    """Means over each of several parameters: a column for each, a row for each quantity and difference."""
     size = (inches(TWO_COLUMNS), inches(33.0 * len(panels) + 8.0))
     figure = DataFigure(figsize=size, layout="constrained")
     grid = figure.subplots(len(panels), len(axes), squeeze=False, sharex="col", sharey="row")
@@ -179,23 +148,7 @@ def effects_figure(
 
 
 def tabulate_sweep(table: pd.DataFrame, axes: Sequence[SweepAxis], panels: Sequence[SweepPanel]) -> pd.DataFrame:
-    """What a picture of a sweep draws as a table for readers, with quantities and units.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Table of `lines_figure`, with the columns `parameter` and `place`, or of
-        `ankleloop.plotting.sweep_maps.maps_figure`, with `x` and `y`.
-    axes : sequence of SweepAxis
-        Its parameters.
-    panels : sequence of SweepPanel
-        Its quantities with their methods.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row for each mean. Places on an axis of a list are the values themselves.
-    """
+    """What a picture of a sweep draws as a table for readers, with quantities and units."""
     return pd.concat([_tabulate_panel(panel.rows(table), axes, panel) for panel in panels], ignore_index=True)
 
 
@@ -273,18 +226,7 @@ def _band(rows: pd.DataFrame, band: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mark_rows(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
-    """Means that are marked because of their trials, and those of which every trial failed.
-
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        Columns `trials`, `failures` and `warnings`.
-
-    Returns
-    -------
-    marked, failed : ndarray of bool
-        `marked` where at least `FAULT_SHARE` of the trials, but not all, failed or came with a warning.
-    """
+    """Means that are marked because of their trials, and those of which every trial failed."""
     trials, failures = rows["trials"].to_numpy(), rows["failures"].to_numpy()
     failed = (failures == trials) & (trials > 0)
     faults = failures + rows["warnings"].to_numpy()
@@ -303,25 +245,7 @@ def _row_limits(table: pd.DataFrame, panel: SweepPanel, band: str) -> tuple[floa
 
 
 def value_limits(values: np.ndarray, desired: str | None) -> tuple[float, float]:
-    """Range of values without those that are lost, so that the others can be told apart.
-
-    Parameters
-    ----------
-    values : ndarray
-        Values; those that are not finite are left out.
-    desired : {"high", "zero", "low"} or None
-        Of the quantity; a VAF below -100 % and an error beyond ±200 % are lost.
-
-    Returns
-    -------
-    low, high : float
-        The smallest and the largest value, but at most three times the range of the middle 80 % beyond it.
-
-    Examples
-    --------
-    >>> value_limits(np.array([95.0, 97.0, 99.0, 98.0, 96.0, -1e6]), "high")[0] >= -100.0
-    True
-    """
+    """Range of values without those that are lost, so that the others can be told apart."""
     values = values[np.isfinite(values)]
     if not values.size:
         return 0.0, 1.0

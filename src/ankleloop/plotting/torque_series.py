@@ -96,27 +96,7 @@ class CentredTorques:
 
 
 def centre_torques(trial: PreparedTrial, estimate: Estimate) -> CentredTorques:
-    """Measured, true and estimated torques at the samples of an estimate, each less its mean.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    estimate : Estimate
-        An estimate of it.
-
-    Returns
-    -------
-    CentredTorques
-
-    Examples
-    --------
-    >>> from ankleloop import identify, simulate
-    >>> trial = prepare(simulate(seed=1, duration=12.0))
-    >>> torques = centre_torques(trial, identify(trial, "riv"))
-    >>> bool(np.allclose(torques.true["net"], torques.true["intrinsic"] + torques.true["reflex"]))
-    True
-    """
+    """Measured, true and estimated torques at the samples of an estimate, each less its mean."""
     time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
     true: dict[str, np.ndarray] = {}
     if {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
@@ -144,27 +124,6 @@ def torque_series(
 
     A residual is the torque of the trial less the estimated one. The net torque of a trial is the measured one; its
     parts are known in simulations only, so that a recording has no residual of them.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset or PreparedTrial
-        The trial.
-    estimates : dict of str to Estimate
-        Estimates of it by their label; at least one.
-    styles : dict of str to MethodStyle, optional
-        Style of each label; those of the methods in the registry if left out.
-
-    Returns
-    -------
-    list of TorqueSeries
-        Measured torque, true torques of a simulation, estimates, residuals.
-
-    Examples
-    --------
-    >>> from ankleloop import identify, simulate
-    >>> trial = simulate(seed=1, duration=12.0)
-    >>> [(series.label, list(series.traces)) for series in torque_series(trial, {"riv": identify(trial, "riv")})][:2]
-    [('measured', ['net']), ('true (simulated)', ['net', 'intrinsic', 'reflex'])]
     """
     trial = prepare(trial)
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
@@ -195,27 +154,7 @@ def _trace(estimate: Estimate, values: np.ndarray) -> Trace:
 
 
 def limit_values(series: Sequence[TorqueSeries], most: int) -> list[TorqueSeries]:
-    """Series in a limited amount of numbers: those of long records become ends of bins, in which no peak is lost.
-
-    Parameters
-    ----------
-    series : sequence of TorqueSeries
-        Series of samples.
-    most : int
-        Numbers that all of them may take.
-
-    Returns
-    -------
-    list of TorqueSeries
-
-    Examples
-    --------
-    >>> samples = np.zeros(1000, dtype=np.float32)
-    >>> series = [TorqueSeries("measured", "measured", "#888888", {"net": Trace(0.0, 0.01, samples, samples)})]
-    >>> trace = limit_values(series, 100)[0].traces["net"]
-    >>> trace.values, trace.step
-    (96, 0.21)
-    """
+    """Series in a limited amount of numbers: those of long records become ends of bins, in which no peak is lost."""
     total = sum(trace.values for item in series for trace in item.traces.values())
     if total <= most:
         return list(series)

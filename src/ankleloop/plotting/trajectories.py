@@ -44,36 +44,6 @@ def trajectories_figure(
     """Trajectories with their 95 % bands, and below them the excitation behind each place.
 
     Where a parameter is not identified its trajectory is blank, and a grey field marks the places.
-
-    Parameters
-    ----------
-    estimates : dict of str to Estimate
-        Estimates by their labels; those without trajectories are lines over the whole panel.
-    truths : xarray.Dataset, optional
-        True trajectories, as of `ankleloop.assessment.trajectory_scores.true_trajectories`.
-    variable : str
-        What the abscissa of a scheduling variable is called; by default its name and its unit, as the estimates know
-        them.
-    styles : dict of str to MethodStyle, optional
-        Styles by label; those of the methods in the registry if left out.
-
-    Returns
-    -------
-    DataFigure
-        `data` has all trajectories, the ends of their bands, and the excitation.
-
-    Raises
-    ------
-    ValueError
-        If no estimate has trajectories, or they are functions of different things.
-
-    Examples
-    --------
-    >>> from ankleloop import identify, simulate
-    >>> trial = simulate(seed=1, duration=30.0, variation="cycle", stiffness_variation=0.4)
-    >>> figure = trajectories_figure({"riv-tv": identify(trial, "riv-tv", cycle_onsets="phase")})
-    >>> sorted(set(figure.data["quantity"]))
-    ['B', 'G', 'K']
     """
     dimensions = {str(next(iter(e.trajectories.sizes))) for e in estimates.values() if e.trajectories is not None}
     if len(dimensions) != 1:
@@ -163,27 +133,7 @@ def _tabulate(estimates: Mapping[str, Estimate], truths: xr.Dataset | None) -> p
 
 @matplotlib.rc_context(STYLE)
 def mean_trajectories_figure(table: pd.DataFrame, *, styles: Mapping[str, MethodStyle] | None = None) -> DataFigure:
-    """Mean trajectories over trials with the spread of the trials: a row for each setting, a column for K, B and G.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Tables of `ankleloop.replication.time_varying.average_trajectories` with columns `row` and `series`.
-    styles : dict of str to MethodStyle, optional
-        Styles of the series.
-
-    Returns
-    -------
-    DataFigure
-        `data` has all means, spreads and truths.
-
-    Examples
-    --------
-    >>> curve = pd.DataFrame({"parameter": "K", "dimension": "phase", "place": [0.0, 1.0], "truth": 150.0})
-    >>> curve = curve.assign(mean=[149.0, 151.0], low=140.0, high=160.0, n=5, row="40 cycles", series="riv-tv")
-    >>> mean_trajectories_figure(curve).data["mean"].tolist()
-    [149.0, 151.0]
-    """
+    """Mean trajectories over trials with the spread of the trials: a row for each setting, a column for K, B and G."""
     styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
     rows = list(dict.fromkeys(table["row"]))
     names = [name for name in PARAMETERS if name in set(table["parameter"])]

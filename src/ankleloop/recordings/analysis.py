@@ -140,23 +140,7 @@ def analyse(
 
 
 def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Largest order and number of block rows that any method may use: the movement has to excite as much.
-
-    Parameters
-    ----------
-    methods : dict of str to dict
-        Methods by label, as of `analyse`.
-
-    Returns
-    -------
-    dict of str to int
-        `order` and `block_rows`, for `ankleloop.check_trial`.
-
-    Examples
-    --------
-    >>> largest_options({"riv": {"method": "riv", "select": {"order": [2, 3]}}})
-    {'order': 3, 'block_rows': 15}
-    """
+    """Largest order and number of block rows that any method may use: the movement has to excite as much."""
     values: dict[str, list[int]] = {"order": [2], "block_rows": [15]}
     for specification in methods.values():
         for name, candidates in values.items():

@@ -62,19 +62,7 @@ class VafDifference:
 
 
 def unseen_torque(trial: PreparedTrial, prediction: Estimate) -> UnseenTorque:
-    """Torque of a trial, and what the prediction of a model leaves of it; the ends are left out as in scores.
-
-    Parameters
-    ----------
-    trial : PreparedTrial
-        A trial that was not fitted.
-    prediction : Estimate
-        Result of `Estimate.predict` for it.
-
-    Returns
-    -------
-    UnseenTorque
-    """
+    """Torque of a trial, and what the prediction of a model leaves of it; the ends are left out as in scores."""
     time, rate = prediction.torque["time"].values, prediction.torque.attrs["identification_rate"]
     inside = (time >= time[0] + TRIM) & (time <= time[-1] - TRIM)
     measured = trial.channel_at("torque", time, rate)
@@ -92,28 +80,6 @@ def compare_unseen(first: Sequence[UnseenTorque], second: Sequence[UnseenTorque]
 
     and the mean of ψ is asymptotically normal around zero. Its variance comes from means over blocks of two seconds,
     its interval from Student's distribution. What is hard to predict for both methods cancels in it.
-
-    Parameters
-    ----------
-    first, second : sequence of UnseenTorque
-        Trials that were not fitted, the same for both methods.
-
-    Returns
-    -------
-    VafDifference
-
-    Raises
-    ------
-    DataError
-        If there are fewer than five blocks, or the methods have different trials or rates.
-
-    Examples
-    --------
-    >>> y, e = np.random.default_rng(1).standard_normal((2, 3000))
-    >>> parts = [[UnseenTorque(np.arange(3000) / 100, y, size * e, 100.0)] for size in (0.3, 0.4)]
-    >>> difference = compare_unseen(*parts)
-    >>> difference.low < 7 < difference.high, difference.distinct
-    (True, True)
     """
     if len(first) != len(second) or any(a.rate != b.rate for a, b in zip(first, second, strict=True)):
         raise DataError("the methods were not scored on the same samples.")

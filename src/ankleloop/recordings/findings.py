@@ -23,19 +23,7 @@ WIDTH = 4.0  # Hz up to which the movement must be coherent with the torque, at 
 
 
 def check_length(trials: Sequence[xr.Dataset], identification_rate: float) -> Finding:
-    """Length of a trial, or of all trials that are merged.
-
-    Parameters
-    ----------
-    trials : sequence of xarray.Dataset
-        The trials.
-    identification_rate : float
-        Rate of the identification [Hz].
-
-    Returns
-    -------
-    Finding
-    """
+    """Length of a trial, or of all trials that are merged."""
     rates = sorted({float(trial.attrs["sampling_rate"]) for trial in trials})
     durations = [trial.sizes["time"] / float(trial.attrs["sampling_rate"]) for trial in trials]
     total = sum(durations)
@@ -53,18 +41,7 @@ def check_length(trials: Sequence[xr.Dataset], identification_rate: float) -> Fi
 
 
 def estimate_spectra(records: Sequence[Regressors]) -> dict[str, np.ndarray]:
-    """Spectra and coherence at the identification rate, in segments of about five seconds of all records.
-
-    Parameters
-    ----------
-    records : sequence of Regressors
-        The records, at one identification rate.
-
-    Returns
-    -------
-    dict of str to ndarray
-        As `ankleloop.recordings.checks.Check.spectra`.
-    """
+    """Spectra and coherence at the identification rate, in segments of about five seconds of all records."""
     rate, size = records[0].rate, min(512, min(record.torque.size for record in records) // 4)
     signals = {
         "position": [record.inputs[:, 0] for record in records],
@@ -93,17 +70,7 @@ def estimate_spectra(records: Sequence[Regressors]) -> dict[str, np.ndarray]:
 
 
 def check_coherence(record: Regressors) -> Finding:
-    """Highest frequency at which position and torque are related.
-
-    Parameters
-    ----------
-    record : Regressors
-        The record.
-
-    Returns
-    -------
-    Finding
-    """
+    """Highest frequency at which position and torque are related."""
     spectra = estimate_spectra([record])
     coherent = spectra["coherence"] >= COHERENT
     highest = float(spectra["frequency"][coherent][-1]) if coherent.any() else 0.0
@@ -118,17 +85,7 @@ def check_coherence(record: Regressors) -> Finding:
 
 
 def check_drift(record: Regressors) -> Finding:
-    """Share of the torque that is slower than the perturbation.
-
-    Parameters
-    ----------
-    record : Regressors
-        The record.
-
-    Returns
-    -------
-    Finding
-    """
+    """Share of the torque that is slower than the perturbation."""
     torque = record.torque - record.torque.mean()
     power = np.abs(np.fft.rfft(torque)) ** 2
     slow = np.fft.rfftfreq(torque.size, 1.0 / record.rate) < DRIFT

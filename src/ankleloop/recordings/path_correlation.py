@@ -16,27 +16,7 @@ DISCARDED = 1e-6  # of the largest singular value
 
 
 def stiffness_beside_reflex(records: Sequence[Regressors]) -> float:
-    """K by least squares, with the reflex as a finite response to the rectified velocity.
-
-    Parameters
-    ----------
-    records : sequence of Regressors
-        Records of one joint, with basis "rectifier".
-
-    Returns
-    -------
-    float
-        K [N·m/rad].
-
-    Examples
-    --------
-    >>> from ankleloop.joint.prepared import prepare
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, snr_db=None, voluntary=0.0)
-    >>> record = prepare(trial).regressors(delay=0.04, basis="rectifier", identification_rate=100.0)
-    >>> round(stiffness_beside_reflex([record]))
-    150
-    """
+    """K by least squares, with the reflex as a finite response to the rectified velocity."""
     return _fit_stiffness(records, with_reflex=True)
 
 
@@ -45,16 +25,6 @@ def path_bias(records: Sequence[Regressors]) -> float:
 
     This is the bias of one-pass methods, which fit the intrinsic path first and the reflex to what it leaves. A PRBS
     correlates the two paths, short pulses do not.
-
-    Parameters
-    ----------
-    records : sequence of Regressors
-        Records of one joint, with basis "rectifier".
-
-    Returns
-    -------
-    float
-        Relative to K beside the reflex [%].
     """
     stiffness = stiffness_beside_reflex(records)
     return 100.0 * (_fit_stiffness(records, with_reflex=False) - stiffness) / abs(stiffness)

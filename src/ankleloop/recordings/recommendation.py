@@ -225,58 +225,17 @@ def _texts(table: pd.DataFrame, column: str) -> pd.Series:
 
 
 def select_valid_methods(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of the methods that were fitted; none for a recording that was refused.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        `Analysis.table`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The rows whose method is valid for the recording.
-    """
+    """Rows of the methods that were fitted; none for a recording that was refused."""
     return table[table["valid"].eq(True)] if "valid" in table else table.iloc[:0]
 
 
 def select_trusted_methods(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of the methods that were fitted without a warning.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        `Analysis.table`, or those of several recordings.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The rows whose method is valid for the recording, and whose estimate has no warning.
-    """
+    """Rows of the methods that were fitted without a warning."""
     return table[table["trusted"].eq(True)] if "trusted" in table else table.iloc[:0]
 
 
 def format_with_interval(row: pd.Series, name: str) -> str:
-    """Value of a row with its 95 % interval where there is one.
-
-    Parameters
-    ----------
-    row : pandas.Series
-        A row of `Analysis.table`; the interval is in `{name}_low` and `{name}_high`.
-    name : str
-        Column of the value.
-
-    Returns
-    -------
-    str
-        Text as it is; a number to four digits; a dash where there is no value.
-
-    Examples
-    --------
-    >>> row = pd.Series({"K": 151.234, "K_low": 149.0, "K_high": 153.0, "B": 0.81234})
-    >>> format_with_interval(row, "K"), format_with_interval(row, "B"), format_with_interval(row, "G")
-    ('151.2 (149 … 153)', '0.8123', '–')
-    """
+    """Value of a row with its 95 % interval where there is one."""
     value, low, high = row.get(name), row.get(f"{name}_low"), row.get(f"{name}_high")
     if isinstance(value, str) or pd.isna(value):
         return value if isinstance(value, str) else "–"

@@ -17,26 +17,6 @@ def usual_methods(*, reference: bool, changing: bool = False) -> dict[str, dict[
     The nonlinearity of the reflex path is a spline, which takes a rectifier with or without a threshold. Without a
     reference its degree and the order of riv are selected on data that the fit has not used: there the VAF tells them
     apart. With a reference they are fixed, since a selection by instruments needs more than 20 s.
-
-    Parameters
-    ----------
-    reference : bool
-        Whether the recording has a reference. Without one, methods that need it take the position, which is valid in
-        open loop only.
-    changing : bool
-        Whether the joint may change: then riv-tv is one of them.
-
-    Returns
-    -------
-    dict of str to dict
-        Methods by key, as the configuration of a study has them.
-
-    Examples
-    --------
-    >>> list(usual_methods(reference=True))
-    ['riv', 'pr-moesp', 'pi-moesp', 'parallel-cascade']
-    >>> usual_methods(reference=False)["pr-moesp"]["label"]
-    'PR-MOESP, position as reference'
     """
     position = {} if reference else {"reference": "position"}
     instruments = dict(INSTRUMENTS) if reference else {}

@@ -71,31 +71,7 @@ VALIDITY: Mapping[str, Validity] = {
 
 
 def valid_methods(loop: str, reference: bool, path_bias: float, *, merged: bool = False) -> dict[str, dict[str, Any]]:
-    """Methods that are valid for a recording, with the options that make them so.
-
-    Parameters
-    ----------
-    loop : {"closed", "open", "undecided"}
-        Whether torque feeds back on the position.
-    reference : bool
-        Whether there is a usable reference.
-    path_bias : float
-        How much K of a model without a reflex is off because intrinsic and reflex path are correlated [%].
-    merged : bool
-        Whether the recording is several trials.
-
-    Returns
-    -------
-    dict of str to dict
-        With a reference and an undecided loop those that are valid in either loop; without one, those of open loop.
-
-    Examples
-    --------
-    >>> list(valid_methods("closed", True, 30.0))
-    ['riv', 'pr-moesp', 'pi-moesp', 'po-moesp', 'eiv-moesp', 'riv-tv']
-    >>> valid_methods("undecided", False, 30.0)["riv"]
-    {'reference': 'position'}
-    """
+    """Methods that are valid for a recording, with the options that make them so."""
     methods: dict[str, dict[str, Any]] = {}
     for name, validity in VALIDITY.items():
         options = validity.without_reference if not reference else {} if loop == "open" else validity.closed
@@ -107,17 +83,7 @@ def valid_methods(loop: str, reference: bool, path_bias: float, *, merged: bool 
 
 
 def describe_validity(loop: str, reference: bool, path_bias: float, *, merged: bool = False) -> str:
-    """Which methods are valid for a recording, in sentences.
-
-    Parameters
-    ----------
-    loop, reference, path_bias, merged
-        As of `valid_methods`.
-
-    Returns
-    -------
-    str
-    """
+    """Which methods are valid for a recording, in sentences."""
     methods = valid_methods(loop, reference, path_bias, merged=merged)
     merging = [name for name in VALIDITY if METHODS[name].merges or not merged]
     invalid = [name for name in merging if name not in methods]
@@ -155,26 +121,7 @@ def _describe_closed(loop: str, methods: Mapping[str, Mapping[str, Any]], invali
 def reason_against(
     method: str, options: Mapping[str, Any], *, loop: str, reference: bool, path_bias: float
 ) -> str | None:
-    """Why a method with its options is not valid for a recording; None if it is.
-
-    Parameters
-    ----------
-    method : str
-        Name of the method.
-    options : dict
-        Its options.
-    loop, reference, path_bias
-        As of `valid_methods`.
-
-    Returns
-    -------
-    str or None
-
-    Examples
-    --------
-    >>> reason_against("parallel-cascade", {}, loop="closed", reference=True, path_bias=0.0)
-    'it is not valid in closed loop, and the loop is closed'
-    """
+    """Why a method with its options is not valid for a recording; None if it is."""
     validity, position = VALIDITY[method], options.get("reference") == "position"
     if loop != "open" and reference:
         if validity.closed is None:
@@ -196,19 +143,7 @@ def reason_against(
 
 
 def caution(method: str, loop: str, reference: bool) -> str:
-    """What to bear in mind about a method that is valid for a recording; empty if there is nothing.
-
-    Parameters
-    ----------
-    method : str
-        Name of the method.
-    loop, reference
-        As of `valid_methods`.
-
-    Returns
-    -------
-    str
-    """
+    """What to bear in mind about a method that is valid for a recording; empty if there is nothing."""
     validity = VALIDITY[method]
     return validity.closed_caution if loop != "open" and reference else validity.open_caution
 

@@ -53,26 +53,7 @@ class Variation:
 
 
 def add_course(methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """Give methods what the parameters of a recording are functions of.
-
-    Parameters
-    ----------
-    methods : dict of str to dict
-        Methods by label, for `ankleloop.recordings.analysis.analyse`.
-    mapping : dict
-        Mapping of the recording, with `cycle_onsets` and `schedule` where it has them.
-
-    Returns
-    -------
-    dict of str to dict
-        The same methods; those that have such options and set none of them have those of the recording.
-
-    Examples
-    --------
-    >>> methods = add_course({"tv": {"method": "riv-tv"}, "riv": {"method": "riv"}}, {"cycle_onsets": "phase"})
-    >>> methods["tv"]["options"], methods["riv"]
-    ({'cycle_onsets': 'phase'}, {'method': 'riv'})
-    """
+    """Give methods what the parameters of a recording are functions of."""
     course = {name: mapping[name] for name in COURSE if mapping.get(name) is not None}
     result: dict[str, Mapping[str, Any]] = {}
     for label, method in methods.items():
@@ -84,30 +65,7 @@ def add_course(methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, A
 
 
 def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]:
-    """Check whether the onsets of cycles, or the scheduling variable, can be used with a recording.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset
-        The recording.
-    mapping : dict
-        Its mapping, with `cycle_onsets` and `schedule` where it has them.
-
-    Returns
-    -------
-    list of Finding
-        One, "ok" or "warning"; none where the mapping has neither.
-
-    Examples
-    --------
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> (finding,) = check_course(simulate(seed=1, duration=20.0, variation="cycle"), {"cycle_onsets": "phase"})
-    >>> finding.text
-    '12 whole cycles of 1.4 s can be identified.'
-    >>> (finding,) = check_course(simulate(seed=1, duration=5.0), {"cycle_onsets": [3.0, 1.0]})
-    >>> finding.verdict, finding.text
-    ('warning', 'onset 2 of 2 (1 s) is not after onset 1 (3 s): sort them, and leave out those that are there twice.')
-    """
+    """Check whether the onsets of cycles, or the scheduling variable, can be used with a recording."""
     onsets, schedule = (mapping.get(name) for name in COURSE)
     if onsets is None and schedule is None:
         return []
@@ -129,27 +87,7 @@ def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]
 
 
 def describe_variations(analysis: Analysis) -> list[Variation]:
-    """Whether the joint of a recording changes, by each method whose parameters may.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        Analysis of the recording.
-
-    Returns
-    -------
-    list of Variation
-        Empty where no method has trajectories.
-
-    Examples
-    --------
-    >>> from ankleloop.recordings.analysis import analyse
-    >>> from ankleloop.simulation.simulate import simulate
-    >>> trial = simulate(seed=1, duration=60.0, variation="cycle", stiffness_variation=0.4)
-    >>> methods = {"riv-tv": {"method": "riv-tv", "options": {"cycle_onsets": "phase"}}, "riv": {"method": "riv"}}
-    >>> describe_variations(analyse(trial, methods))[0].varies
-    True
-    """
+    """Whether the joint of a recording changes, by each method whose parameters may."""
     varying = {label: estimate for label, estimate in analysis.estimates.items() if estimate.trajectories is not None}
     return [_describe(analysis, label, estimate) for label, estimate in varying.items()]
 

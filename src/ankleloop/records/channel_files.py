@@ -55,26 +55,7 @@ class Request:
 
 
 def read_channels(contents: Contents, request: Request) -> Iterator[tuple[str, Channel]]:
-    """Read the channels of a trial, its times and its sampling rate, each alone, from an open file.
-
-    Parameters
-    ----------
-    contents : Contents
-        The file.
-    request : Request
-        What is wanted.
-
-    Yields
-    ------
-    role : str
-        Name of the channel in a trial, "time" or "sampling_rate".
-    channel : Channel
-
-    Raises
-    ------
-    DataError
-        If a variable is missing, is no array of numbers, or has more samples than can be read at once.
-    """
+    """Read the channels of a trial, its times and its sampling rate, each alone, from an open file."""
     variables = _select(contents, request)
     if request.with_samples:
         for variable in variables.values():
@@ -93,20 +74,7 @@ def read_channels(contents: Contents, request: Request) -> Iterator[tuple[str, C
 
 
 def list_variables(contents: Contents) -> Iterator[tuple[str, Channel]]:
-    """List the variables of an open file.
-
-    Parameters
-    ----------
-    contents : Contents
-        The file.
-
-    Yields
-    ------
-    name : str
-        Full name of a variable; each once.
-    channel : Channel
-        Its name, unit and shape; the shape is empty where the variable cannot be read.
-    """
+    """List the variables of an open file."""
     names = dict.fromkeys(itertools.islice(contents.names(), MOST_VARIABLES))
     for name in names:
         try:

@@ -31,47 +31,14 @@ ANGLES = {"deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "rad": "
 
 
 def find_unit_in_name(name: str, units: tuple[str, ...]) -> str:
-    """Unit at the end of a name, behind an underscore or in brackets, or the empty string.
-
-    Examples
-    --------
-    >>> find_unit_in_name("time_ms", ("s", "ms")), find_unit_in_name("angle [deg]", ("deg",))
-    ('ms', 'deg')
-    """
+    """Unit at the end of a name, behind an underscore or in brackets, or the empty string."""
     match = re.search(r"(?:_|[\[(])\s*([^\W_]+|°)\s*[\])]?\s*$", name)
     unit = match.group(1).lower() if match else ""
     return unit if unit in units else ""
 
 
 def check_unit(role: str, name: str, stated: str, position_unit: str, *, source: str) -> None:
-    """Refuse a channel whose unit, as the file states it, is another one than it is read with.
-
-    Parameters
-    ----------
-    role : str
-        `position`, `reference`, `torque` or the name of a true torque, which begins with `torque`.
-    name : str
-        Its variable in the file; a unit at its end counts where no other one is stated.
-    stated : str
-        Unit that the file states, or the empty string.
-    position_unit : {"rad", "deg"}
-        Unit in which position and reference are read.
-    source : str
-        Name of the file in error messages.
-
-    Raises
-    ------
-    DataError
-        If the unit is another one.
-
-    Examples
-    --------
-    >>> check_unit("torque", "moment", "N m", "rad", source="trial.h5")
-    >>> check_unit("torque", "moment", "N mm", "rad", source="trial.h5")
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: trial.h5: moment is in 'N mm' according to the file: convert it to N·m.
-    """
+    """Refuse a channel whose unit, as the file states it, is another one than it is read with."""
     if role.startswith("torque"):
         if stated and re.sub(r"[\s·.*⋅•×_-]", "", stated).lower() not in TORQUE_UNITS:
             raise DataError(f"{source}: {name} is in {stated!r} according to the file: convert it to N·m.")
@@ -90,31 +57,7 @@ def check_unit(role: str, name: str, stated: str, position_unit: str, *, source:
 
 
 def time_factor(name: str, stated: str, *, source: str) -> float | None:
-    """Seconds per unit of a time column; None if neither the file nor the name of the column states its unit.
-
-    Parameters
-    ----------
-    name : str
-        Name of the column.
-    stated : str
-        Unit that the file states, for example "ms" or "seconds since 2026-01-31"; or the empty string.
-    source : str
-        Name of the file in error messages.
-
-    Returns
-    -------
-    float or None
-
-    Raises
-    ------
-    DataError
-        For a unit that is not s, ms or µs, or one that contradicts the name.
-
-    Examples
-    --------
-    >>> time_factor("time_ms", "", source="trial.csv"), time_factor("time", "seconds since 1970", source="trial.nc")
-    (0.001, 1.0)
-    """
+    """Seconds per unit of a time column; None if neither the file nor the name of the column states its unit."""
     of_name = find_unit_in_name(name, tuple(TIME_UNITS))
     unit = stated.lower().split(" since ")[0].strip()
     if not unit:

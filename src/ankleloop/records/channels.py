@@ -36,27 +36,7 @@ class Channel:
 
 
 def check_size(samples: int, name: str) -> None:
-    """Refuse more samples than are read at once.
-
-    Parameters
-    ----------
-    samples : int
-        Number of samples.
-    name : str
-        Names of the file and of the variable.
-
-    Raises
-    ------
-    DataError
-        If there are more than `MAX_SAMPLES`.
-
-    Examples
-    --------
-    >>> check_size(10**12, "trial.h5: position")
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: trial.h5: position has 1,000,000,000,000 samples by its size in the file; at most ...
-    """
+    """Refuse more samples than are read at once."""
     if samples > MAX_SAMPLES:
         raise DataError(
             f"{name} has {samples:,} samples by its size in the file; at most {MAX_SAMPLES:,} are read as a trial "

@@ -19,50 +19,14 @@ PIECE = 1 << 20
 
 
 def append_checksum(path: str | os.PathLike[str]) -> None:
-    """Append the checksum of its content to a file.
-
-    Parameters
-    ----------
-    path : path-like
-        The file, without a checksum yet.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "a.nc"
-    ...     _ = path.write_bytes(b"content")
-    ...     append_checksum(path)
-    ...     whole = has_right_checksum(path)
-    ...     _ = path.write_bytes(path.read_bytes().replace(b"content", b"contemt"))
-    ...     whole, has_right_checksum(path)
-    (True, False)
-    """
+    """Append the checksum of its content to a file."""
     with open(path, "rb+") as file:
         digest = _compute(file, os.fstat(file.fileno()).st_size)
         file.write(MARK + digest + b"\n")
 
 
 def has_right_checksum(path: str | os.PathLike[str]) -> bool | None:
-    """Whether the content of a file is the one that was written; None for a file without a checksum.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-
-    Returns
-    -------
-    bool or None
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.NamedTemporaryFile() as file:
-    ...     has_right_checksum(file.name) is None
-    True
-    """
+    """Whether the content of a file is the one that was written; None for a file without a checksum."""
     with open(path, "rb") as file:
         size = os.fstat(file.fileno()).st_size - LENGTH
         if size < 0:

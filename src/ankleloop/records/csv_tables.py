@@ -63,13 +63,7 @@ class Table:
         return self._extent.rows
 
     def find_column(self, name: str) -> int | None:
-        """Number of a column; None if there is none of this name.
-
-        Raises
-        ------
-        DataError
-            If several columns have this name.
-        """
+        """Number of a column; None if there is none of this name."""
         columns = [number for number, other in enumerate(self.names) if other == name]
         if len(columns) > 1:
             places = ", ".join(str(column + 1) for column in columns)
@@ -80,13 +74,7 @@ class Table:
         return columns[0] if columns else None
 
     def read_columns(self, names: Sequence[str]) -> dict[str, np.ndarray]:
-        """Cells of columns by name: numbers, or objects where some are text.
-
-        Raises
-        ------
-        DataError
-            If there is no such column, a row does not reach it, or its last number may be cut off.
-        """
+        """Cells of columns by name: numbers, or objects where some are text."""
         import pandas as pd  # here, because only tables need it
 
         columns = {name: self._reach_column(name) for name in names}

@@ -21,31 +21,6 @@ def decode(values: np.ndarray, attributes: Mapping[str, Any], *, source: str, na
 
     A sample is `stored · scale_factor + add_offset`; one that equals `_FillValue` or `missing_value` as stored, or was
     never written to a NetCDF file, becomes nan. `_Unsigned` turns integers into those without a sign.
-
-    Parameters
-    ----------
-    values : ndarray
-        Samples as stored.
-    attributes : mapping of str to object
-        Attributes of the variable.
-    source, name : str
-        Names of the file and of the variable in error messages.
-
-    Returns
-    -------
-    ndarray, shape as `values`
-        Floating-point numbers where something was applied, else the samples as stored.
-
-    Raises
-    ------
-    DataError
-        If scale or offset are no finite numbers, or the scale is 0.
-
-    Examples
-    --------
-    >>> packed = np.array([0, 10, -1], dtype=np.int16)
-    >>> decode(packed, {"scale_factor": 0.1, "add_offset": 2.0, "_FillValue": -1}, source="a.h5", name="torque")
-    array([ 2.,  3., nan])
     """
     if values.dtype.kind not in "iuf":
         return values
@@ -106,13 +81,7 @@ def _shorten(value: Any) -> str:
 
 
 def as_text(value: Any) -> str:
-    """Text of an attribute, which libraries give as text, bytes or an array of one of them; "" for what is no text.
-
-    Examples
-    --------
-    >>> as_text(b"rad"), as_text(np.array(["deg"])), as_text(3.0)
-    ('rad', 'deg', '')
-    """
+    """Text of an attribute, which libraries give as text, bytes or an array of one of them; "" for what is no text."""
     array = np.asarray(value)
     if array.size != 1 or array.dtype.kind not in "OSU":
         return ""

@@ -18,33 +18,6 @@ def remove_drift(trial: xr.Dataset, degree: int) -> xr.Dataset:
 
     The torque drifts more slowly than any perturbation, because the muscle tires or the sensor warms up. The position
     stays as it is, because the nonlinearity depends on it.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset
-        The trial.
-    degree : int
-        Degree of the polynomial over the whole trial, 0 to 10; 0 subtracts the mean.
-
-    Returns
-    -------
-    xarray.Dataset
-        A valid trial; the true torques of a simulation stay as they are.
-
-    Raises
-    ------
-    ValueError
-        If the degree is not a whole number between 0 and 10.
-    DataError
-        If the polynomial fits the whole torque.
-
-    Examples
-    --------
-    >>> from ankleloop.records.trial import new_trial
-    >>> t = np.arange(100) / 100
-    >>> trial = new_trial(0.01 * np.sin(20 * t), np.sin(20 * t) + 5 * t**2, 100.0)
-    >>> bool(abs(np.polyfit(t, remove_drift(trial, 2)["torque"], 2)).max() < 1e-9)
-    True
     """
     if isinstance(degree, bool) or degree != int(degree) or not 0 <= degree <= MAX_DEGREE:
         raise ValueError(f"degree must be a whole number between 0 and {MAX_DEGREE}, got {degree!r}.")

@@ -82,13 +82,7 @@ class Contents(ABC):
         """Close the file."""
 
     def require(self, name: str) -> Variable:
-        """Variable of a name; a leading slash, as HDF5 tools show it, does not matter.
-
-        Raises
-        ------
-        DataError
-            If the file has no such variable; the message lists those that it has.
-        """
+        """Variable of a name; a leading slash, as HDF5 tools show it, does not matter."""
         for candidate in dict.fromkeys((name, name.lstrip("/"))):
             variable = self.find(candidate)
             if variable is not None:
@@ -101,21 +95,7 @@ class Contents(ABC):
         )
 
     def find_nearest(self, names: Sequence[str], variable: str, *, scalar: bool) -> Variable | None:
-        """First variable or attribute of these names: at a variable, beside it, or further up.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Names without groups, the preferred one first.
-        variable : str
-            Full name of the variable where the search begins.
-        scalar : bool
-            Look for a single number, which may be an attribute; otherwise for a variable of more values.
-
-        Returns
-        -------
-        Variable or None
-        """
+        """First variable or attribute of these names: at a variable, beside it, or further up."""
         groups = variable.split(self.separator)
         for depth in range(len(groups), -1, -1):
             owner = self.separator.join(groups[:depth])
@@ -127,21 +107,7 @@ class Contents(ABC):
         return None
 
     def find_number(self, owner: str, name: str, full: str) -> Variable | None:
-        """Variable of a single value, or else attribute; None if there is neither.
-
-        Parameters
-        ----------
-        owner : str
-            Full name of the group or variable to which the attribute belongs.
-        name : str
-            Name of the attribute.
-        full : str
-            Full name of the variable.
-
-        Returns
-        -------
-        Variable or None
-        """
+        """Variable of a single value, or else attribute; None if there is neither."""
         variable = self.find(full)
         if variable is None and (value := self.find_attribute(owner, name)) is not None:
             variable = Variable(full, np.shape(value), lambda _: value)
@@ -149,30 +115,12 @@ class Contents(ABC):
 
 
 def take_samples(samples: Any, part: slice | None) -> Any:
-    """Samples of a slice along the only axis that has several; all, without a slice.
-
-    Examples
-    --------
-    >>> take_samples(np.array([[1, 2, 3]]), slice(1, 3))
-    array([2, 3])
-    """
+    """Samples of a slice along the only axis that has several; all, without a slice."""
     if part is None:
         return samples[...]
     return samples[0, part] if len(samples.shape) == 2 and samples.shape[0] == 1 else samples[part]
 
 
 def raise_type(source: str, name: str, kind: object) -> NoReturn:
-    """Refuse a variable that is not of real numbers.
-
-    Parameters
-    ----------
-    source, name : str
-        Names of the file and of the variable.
-    kind : object
-        Its type.
-
-    Raises
-    ------
-    DataError
-    """
+    """Refuse a variable that is not of real numbers."""
     raise DataError(f"{source}: {name} is of type {kind}, not real numbers: convert it, or choose another variable.")

@@ -182,43 +182,12 @@ class ClassicNetcdfContents(Contents):
 
 
 def find_suffix(path: Path) -> str | None:
-    """Suffix by which the format of a file is chosen; None if it is unknown.
-
-    Examples
-    --------
-    >>> find_suffix(Path("A.CSV.GZ")), find_suffix(Path("a.txt"))
-    ('.csv.gz', None)
-    """
+    """Suffix by which the format of a file is chosen; None if it is unknown."""
     return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), None)
 
 
 def open_contents(path: Path) -> Contents:
-    r"""Open a file, whose format follows from its suffix.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-
-    Returns
-    -------
-    Contents
-
-    Raises
-    ------
-    DataError
-        If a fault is known; the libraries raise almost anything else.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "a.csv"
-    ...     _ = path.write_text("position,torque\n0.1,2.0\n0.2,3.0\n")
-    ...     contents = open_contents(path)
-    ...     contents.require("torque").read(None)
-    array([2., 3.])
-    """
+    r"""Open a file, whose format follows from its suffix."""
     suffix = find_suffix(path)
     if suffix in (".csv", ".csv.gz"):
         return CsvContents(path)

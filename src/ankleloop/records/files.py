@@ -41,65 +41,14 @@ PRECISIONS: dict[str, type[np.floating]] = {"double": np.float64, "single": np.f
 
 
 def parse_precision(precision: str) -> type[np.floating]:
-    """Type of the floating-point numbers on disk.
-
-    Parameters
-    ----------
-    precision : {"double", "single"}
-        Single takes half the space and rounds to 6e-8 of a value, where a 16-bit converter rounds to 1.5e-5 of its
-        range.
-
-    Returns
-    -------
-    type
-
-    Raises
-    ------
-    ValueError
-        For an unknown precision.
-
-    Examples
-    --------
-    >>> parse_precision("single")
-    <class 'numpy.float32'>
-    """
+    """Type of the floating-point numbers on disk."""
     if precision not in PRECISIONS:
         raise ValueError(f"unknown precision {precision!r}; known: {', '.join(PRECISIONS)}.")
     return PRECISIONS[precision]
 
 
 def check_output(path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()) -> Path:
-    """Check that a file can be written and that nothing is lost by it; long computations do so before they begin.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to write.
-    overwrite : bool
-        Whether to replace a file of this name; an empty one is replaced in any case.
-    inputs : iterable of path-like
-        Files that are read for it, which are never replaced, also not under another name (a link).
-
-    Returns
-    -------
-    pathlib.Path
-        The file.
-
-    Raises
-    ------
-    DataError
-        If the file exists, is one of those that are read, or is no file; or if its folder does not exist or cannot be
-        written to.
-
-    Examples
-    --------
-    >>> check_output("results.nc", inputs=["recording.nc"]).name
-    'results.nc'
-    >>> check_output("nowhere/results.nc")
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: nowhere/results.nc: there is no folder nowhere: make it first.
-    """
+    """Check that a file can be written and that nothing is lost by it; long computations do so before they begin."""
     path = Path(path)
     try:
         if not path.parent.is_dir():
@@ -130,23 +79,7 @@ def _check_existing(path: Path, status: os.stat_result, overwrite: bool, inputs:
 
 
 def holds_content(path: PathLike) -> bool:
-    """Whether there is a file of this name in which something is lost if it is replaced.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-
-    Returns
-    -------
-    bool
-        False for an empty file, as modules for temporary files make it; true for a link, whatever it leads to.
-
-    Examples
-    --------
-    >>> holds_content("nowhere.nc")
-    False
-    """
+    """Whether there is a file of this name in which something is lost if it is replaced."""
     try:
         status = Path(path).lstat()
     except FileNotFoundError:
@@ -171,34 +104,6 @@ def atomic_file(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pat
 
     Of two writers of the same file both write a whole one: the later one replaces the file of the earlier one, or is
     refused without `overwrite`. If a process is killed, its partial file stays until the file is written again.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to write, in a folder that exists.
-    overwrite : bool
-        Whether to replace a file of this name; an empty one is replaced in any case.
-    inputs : iterable of path-like
-        Files that are read for it, which are never replaced.
-
-    Yields
-    ------
-    pathlib.Path
-        Temporary path to write to, in the same folder.
-
-    Raises
-    ------
-    DataError
-        As by `check_output`, or if the file cannot be written, for instance because the disk is full.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with atomic_file(f"{folder}/note.txt") as partial:
-    ...         _ = partial.write_text("complete")
-    ...     Path(f"{folder}/note.txt").read_text()
-    'complete'
     """
     inputs = [*inputs]
     path = check_output(path, overwrite=overwrite, inputs=inputs)
@@ -242,36 +147,7 @@ def _publish(partial: Path, path: Path, overwrite: bool) -> None:
 def atomic_netcdf(
     path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()
 ) -> Iterator[tuple[h5netcdf.File, Sink]]:
-    """Open a NetCDF-4 file to be filled piece by piece, which appears when it is complete, with its checksum.
-
-    Parameters
-    ----------
-    path, overwrite, inputs
-        As of `atomic_file`.
-
-    Yields
-    ------
-    file : h5netcdf.File
-        The file, open for writing.
-    sink : Sink
-        What it writes to; its method `check` ends a long computation where the disk is full.
-
-    Raises
-    ------
-    DataError
-        As by `atomic_file`.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with atomic_netcdf(f"{folder}/t.nc") as (file, sink):
-    ...         file.dimensions = {"time": 2}
-    ...         file.create_variable("time", ("time",), float)[:] = [0.0, 0.1]
-    ...         sink.check()
-    ...     [item.name for item in Path(folder).iterdir()]
-    ['t.nc']
-    """
+    """Open a NetCDF-4 file to be filled piece by piece, which appears when it is complete, with its checksum."""
     import h5netcdf  # here, with h5py: few jobs write such files
 
     with atomic_file(path, overwrite=overwrite, inputs=inputs) as partial:
@@ -283,33 +159,7 @@ def atomic_netcdf(
 def write_netcdf(
     data: xr.Dataset | xr.DataTree, path: PathLike, encoding: dict[str, Any] | None = None, *, overwrite: bool = False
 ) -> None:
-    """Write a data set or a tree of data sets as a NetCDF-4 file, which appears when it is complete, with its checksum.
-
-    Parameters
-    ----------
-    data : xarray.Dataset or xarray.DataTree
-        The data; the files that it has been opened from are not replaced.
-    path : path-like
-        The file to write, in a folder that exists.
-    encoding : dict, optional
-        Encoding by variable, as `to_netcdf` of the data takes it.
-    overwrite : bool
-        Whether to replace a file of this name.
-
-    Raises
-    ------
-    DataError
-        As by `atomic_file`.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import xarray as xr
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_netcdf(xr.Dataset(attrs={"subject": "S1"}), f"{folder}/empty.nc")
-    ...     [file.name for file in Path(folder).iterdir()]
-    ['empty.nc']
-    """
+    """Write a data set or a tree of them as a NetCDF-4 file, which appears when it is complete, with its checksum."""
     with atomic_file(path, overwrite=overwrite, inputs=source_files(data)) as partial:
         with Sink(partial) as sink:
             data.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
@@ -317,42 +167,14 @@ def write_netcdf(
 
 
 def source_files(data: xr.Dataset | xr.DataTree) -> set[str]:
-    """Files from which a data set or a tree of data sets has been opened.
-
-    Parameters
-    ----------
-    data : xarray.Dataset or xarray.DataTree
-        The data.
-
-    Returns
-    -------
-    set of str
-    """
+    """Files from which a data set or a tree of data sets has been opened."""
     nodes = getattr(data, "subtree", (data,))
     encodings = [holder.encoding for node in nodes for holder in (node, *node.variables.values())]
     return {encoding["source"] for encoding in encodings if isinstance(encoding.get("source"), str)}
 
 
 def check_readable(path: PathLike) -> None:
-    """Refuse a path from which no file can be read.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-
-    Raises
-    ------
-    DataError
-        If there is no such file, it is a folder or a device, or it cannot be opened.
-
-    Examples
-    --------
-    >>> check_readable("nowhere.nc")
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
-    """
+    """Refuse a path from which no file can be read."""
     path = Path(path)
     try:
         kind = path.stat().st_mode

@@ -46,38 +46,13 @@ class Fields:
     values: Mapping[str, Any]
 
     def value(self, name: str) -> Any:
-        """Value of a name.
-
-        Raises
-        ------
-        DataError
-            If it is missing.
-        """
+        """Value of a name."""
         if name not in self.values:
             raise DataError(f"{self.source}: there is no {name!r}: the file is damaged, or of another origin.")
         return self.values[name]
 
     def array(self, name: str, *shape: int, finite: bool = True) -> np.ndarray:
-        """Numbers of a shape, in the order of C; without a shape a vector.
-
-        Parameters
-        ----------
-        name : str
-            Their name.
-        *shape : int
-            Their shape.
-        finite : bool
-            Whether all of them must be finite.
-
-        Returns
-        -------
-        ndarray
-
-        Raises
-        ------
-        DataError
-            If they are missing, are no numbers, are not finite, or do not have this shape.
-        """
+        """Numbers of a shape, in the order of C; without a shape a vector."""
         value = self.value(name)
         try:
             numbers = np.array(value, dtype=float, order="C")
@@ -93,23 +68,11 @@ class Fields:
         return numbers.reshape(shape)
 
     def number(self, name: str) -> float:
-        """A single number.
-
-        Raises
-        ------
-        DataError
-            If it is missing, or no finite number.
-        """
+        """A single number."""
         return float(self.array(name, 1)[0])
 
     def text(self, name: str) -> str:
-        """A text.
-
-        Raises
-        ------
-        DataError
-            If it is missing, or no text.
-        """
+        """A text."""
         text = self.value(name)
         if not isinstance(text, str):
             raise DataError(f"{self.source}: {name!r} is no text: the file is damaged.")
@@ -119,37 +82,7 @@ class Fields:
 def write_groups(
     groups: Mapping[str, xr.Dataset], path: str | os.PathLike[str], variable: str, *, overwrite: bool = False
 ) -> None:
-    """Write groups of variables to one file; it appears when it is complete.
-
-    Parameters
-    ----------
-    groups : mapping of str to xarray.Dataset
-        Variables and attributes of each group; those of the group "" are of the file itself.
-    path : path-like
-        A file ending in .nc or .mat, in a folder that exists.
-    variable : str
-        The variable of a MATLAB file: a struct with the attributes of the file, and a struct for each group. There
-        attributes are fields beside the variables, vectors are columns, and lists of texts are cells.
-    overwrite : bool
-        Whether to replace a file of this name; without it an existing file is refused.
-
-    Raises
-    ------
-    DataError
-        For another suffix, if the file exists, or if it cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> groups = {"": xr.Dataset(attrs={"method": "riv"}), "stiffness": xr.Dataset({"K": 150.0})}
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     for suffix in (".nc", ".mat"):
-    ...         write_groups(groups, f"{folder}/e{suffix}", "estimate")
-    ...         contents = read_groups(f"{folder}/e{suffix}", "estimate")
-    ...         print(contents[""].text("method"), contents["stiffness"].number("K"))
-    riv 150.0
-    riv 150.0
-    """
+    """Write groups of variables to one file; it appears when it is complete."""
     path = Path(path)
     write = _choose({".nc": _write_netcdf, ".mat": _write_mat}, path)
     inputs = set().union(*(source_files(data) for data in groups.values()))
@@ -158,25 +91,7 @@ def write_groups(
 
 
 def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields]:
-    """Read a file of groups.
-
-    Parameters
-    ----------
-    path : path-like
-        A file ending in .nc or .mat.
-    variable : str
-        The struct of a MATLAB file.
-
-    Returns
-    -------
-    dict of str to Fields
-        Variables and attributes of each group.
-
-    Raises
-    ------
-    DataError
-        If there is no such file, its suffix is another one, or it cannot be read.
-    """
+    """Read a file of groups."""
     path = Path(path)
     read = _choose({".nc": _read_netcdf, ".mat": _read_mat}, path)
     check_readable(path)

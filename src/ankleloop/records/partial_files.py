@@ -21,22 +21,7 @@ PATTERN = re.compile(r"([0-9a-f]{8})-([0-9a-f]{8})-(\d+)-[0-9a-f]{8}\.part")
 
 
 def partial_path(path: Path) -> Path:
-    """Hidden name beside a file under which it is written: it states the computer, its start and the process.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-
-    Returns
-    -------
-    pathlib.Path
-
-    Examples
-    --------
-    >>> partial_path(Path("results/trial.nc")).name.startswith(".trial.nc.")
-    True
-    """
+    """Hidden name beside a file under which it is written: it states the computer, its start and the process."""
     return path.with_name(f"{_prefix(path)}{'-'.join(_computer())}-{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
 
 
@@ -45,11 +30,6 @@ def remove_stale(path: Path) -> None:
 
     A partial file of this computer is stale if the computer has started anew since, or if its process has ended; one of
     another computer, whose processes cannot be seen from here, after a week in which nothing was written to it.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file; its partial files are beside it.
     """
     prefix = _prefix(path)
     with suppress(OSError):  # the writer reports a folder that cannot be used

@@ -24,33 +24,6 @@ def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path]:
     It is the file itself if its checksum is right. A file without a checksum (of an older version, or changed by
     another program) is written anew by another process, with limits of time and memory (`records.reading_process`),
     and the path is that of the copy.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    kind : str
-        What it holds.
-    remedy : str
-        How to get it again.
-
-    Yields
-    ------
-    pathlib.Path
-        Path of the same name, which is valid in the block.
-
-    Raises
-    ------
-    DataError
-        If there is no such file, it is damaged, or the block raises any error: the libraries raise almost anything.
-
-    Examples
-    --------
-    >>> with readable_file("nowhere.nc", "trial file", "save it again"):
-    ...     pass
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
     """
     check_readable(path)
     path = Path(path)
@@ -73,27 +46,7 @@ def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path]:
 
 @contextmanager
 def name_errors(path: PathLike, kind: str, remedy: str) -> Iterator[None]:
-    """Say in plain words what is wrong with the contents of a file.
-
-    Parameters
-    ----------
-    path, kind, remedy
-        As of `readable_file`.
-
-    Raises
-    ------
-    DataError
-        For any error of the block.
-
-    Examples
-    --------
-    >>> with name_errors("0.nc", "trial file", "save it again"):
-    ...     {}["point"]
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: 0.nc: not a readable trial file (KeyError: 'point'): it is damaged, or of another \
-origin: save it again.
-    """
+    """Say in plain words what is wrong with the contents of a file."""
     try:
         yield
     except (DataError, MemoryError):  # a lack of memory says nothing about the file
@@ -104,22 +57,5 @@ origin: save it again.
 
 
 def describe_damage(path: PathLike, kind: str, remedy: str, reason: str) -> str:
-    """Message about a file that cannot be read.
-
-    Parameters
-    ----------
-    path, kind, remedy
-        As of `readable_file`.
-    reason : str
-        What is wrong with it.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> describe_damage("0.nc", "trial file", "save it again", "it is empty")
-    '0.nc: not a readable trial file (it is empty): it is damaged, or of another origin: save it again.'
-    """
+    """Message about a file that cannot be read."""
     return f"{path}: not a readable {kind} ({reason}): it is damaged, or of another origin: {remedy}."

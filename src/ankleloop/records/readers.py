@@ -131,24 +131,7 @@ def read_trial(
 
 
 def parse_options(source: str, **values: Any) -> ReadingOptions:
-    """Check the options of reading.
-
-    Parameters
-    ----------
-    source : str
-        Name of the file in error messages.
-    **values
-        Options by name.
-
-    Returns
-    -------
-    ReadingOptions
-
-    Raises
-    ------
-    DataError
-        If a value is wrong.
-    """
+    """Check the options of reading."""
     if values.get("sampling_rate") is not None:
         values["sampling_rate"] = parse_rate(values["sampling_rate"], source=source)
     try:
@@ -167,31 +150,7 @@ def _measure_rate(time: Channel | None, factor: float, source: str) -> float:
 def choose_rate(
     stated: float | None, time: Channel | None, size: int, measure: Callable[[float], float], *, source: str
 ) -> float:
-    """Choose the sampling rate: the stated one, else that of the times, which must agree.
-
-    Parameters
-    ----------
-    stated : float or None
-        Sampling rate that the options or the file state [Hz].
-    time : Channel or None
-        The time column.
-    size : int
-        Number of samples of the position.
-    measure : callable
-        Computes the sampling rate [Hz] of the time column, which must be regular, from its unit [s].
-    source : str
-        Name of the file in error messages.
-
-    Returns
-    -------
-    float
-        Sampling rate [Hz].
-
-    Raises
-    ------
-    DataError
-        If there is neither rate nor time, they contradict each other, or the time column cannot be used.
-    """
+    """Choose the sampling rate: the stated one, else that of the times, which must agree."""
     if time is None:
         if stated is None:
             raise DataError(

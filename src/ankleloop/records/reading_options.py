@@ -99,23 +99,7 @@ class ReadingOptions(Options):
         return dict(self.variables) if isinstance(self.variables, dict) else {}
 
     def factor(self, channel: str) -> float:
-        """Compute the factor that brings the numbers of the file to rad and N·m, with the sign of the convention.
-
-        Parameters
-        ----------
-        channel : str
-            `position`, `reference`, `torque` or the name of a true torque, which begins with `torque`; further
-            variables stay as the file has them.
-
-        Returns
-        -------
-        float
-
-        Examples
-        --------
-        >>> ReadingOptions(position_unit="deg").factor("position") * 180
-        3.141592653589793
-        """
+        """Compute the factor that brings the numbers of the file to rad and N·m, with the sign of the convention."""
         if channel.startswith("torque"):
             return float(self.torque_sign)
         if channel not in ("position", "reference"):

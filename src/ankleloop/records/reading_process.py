@@ -47,84 +47,19 @@ Describe = Callable[[str], str]  # gives the message about a file that cannot be
 def read_channels(
     path: str | os.PathLike[str], options: ReadingOptions, extras: Sequence[str] = ()
 ) -> dict[str, Channel]:
-    """Read the channels of a trial from a file, with its times and its sampling rate.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    options : ReadingOptions
-        Names of its variables. Units and signs are not applied here.
-    extras : sequence of str
-        Channels that are read if the file has them beside the torque.
-
-    Returns
-    -------
-    dict of str to Channel
-        Channels by their names in a trial; "time", if there is a time column, and "sampling_rate" [Hz], shape (1,),
-        if the file states it and the options do not. Scale and offset are applied, missing samples are nan.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read, lacks a variable, has more than `MAX_SAMPLES` samples; or if reading it takes more
-        time (10 s and 1 s for each MB of the file) or memory (1 GB and 4 times the size of the file) than a whole file
-        needs, or kills the process that reads it.
-    """
+    """Read the channels of a trial from a file, with its times and its sampling rate."""
     return _request(path, options, extras=list(extras))
 
 
 def describe_channels(
     path: str | os.PathLike[str], options: ReadingOptions, extras: Sequence[str] = ()
 ) -> dict[str, Channel]:
-    """Describe the channels of a trial in a file of any size: names, units and shapes, and the sampling rate.
-
-    Parameters
-    ----------
-    path, options, extras
-        As for `read_channels`.
-
-    Returns
-    -------
-    dict of str to Channel
-        As from `read_channels`, but without samples; only "sampling_rate" has its value.
-
-    Raises
-    ------
-    DataError
-        As `read_channels`, but for any number of samples.
-    """
+    """Describe the channels of a trial in a file of any size: names, units and shapes, and the sampling rate."""
     return _request(path, options, extras=list(extras), with_samples=False)
 
 
 def list_variables(path: str | os.PathLike[str]) -> list[Channel]:
-    r"""List the variables of a file of any size: full names, units and shapes.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-
-    Returns
-    -------
-    list of Channel
-        At most 1000, without samples, in the order of the file. The unit is empty where the file states none, and the
-        shape where it cannot be known, as of two columns of one name.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read, as by `read_channels`.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "a.csv"
-    ...     _ = path.write_text("angle [deg],moment\n0.1,2.0\n0.2,3.0\n")
-    ...     [(variable.name, variable.shape) for variable in list_variables(path)]
-    [('angle [deg]', (2,)), ('moment', (2,))]
-    """
+    r"""List the variables of a file of any size: full names, units and shapes."""
     nothing = ReadingOptions()  # no variable of the file is read
     return list(_request(path, nothing, with_samples=False, listing=True).values())
 
@@ -132,47 +67,12 @@ def list_variables(path: str | os.PathLike[str]) -> list[Channel]:
 def read_samples(
     path: str | os.PathLike[str], options: ReadingOptions, start: int, stop: int, channels: Sequence[str] | None = None
 ) -> dict[str, Channel]:
-    """Read a piece of the channels of a long record, for HDF5 and NetCDF in a time that does not depend on its length.
-
-    Parameters
-    ----------
-    path, options
-        As for `read_channels`.
-    start, stop : int
-        Samples, along the axis that has several.
-    channels : sequence of str, optional
-        Which channels, "time" among them; all, by default.
-
-    Returns
-    -------
-    dict of str to Channel
-        As from `read_channels`.
-
-    Raises
-    ------
-    DataError
-        As `read_channels`; the number of samples counts for the piece alone.
-    """
+    """Read a piece of a long record, for HDF5 and NetCDF in a time that does not depend on its length."""
     return _request(path, options, part=[int(start), int(stop)], roles=None if channels is None else list(channels))
 
 
 def rewrite_file(path: Path, copy: Path, describe: Describe) -> None:
-    """Have the contents of a NetCDF-4 file or MATLAB file written anew, so that this process can open the copy.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, which exists.
-    copy : pathlib.Path
-        File to write, which must not exist.
-    describe : callable
-        Gives the message of the error for a reason.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read, or reading it takes too much, as of `read_channels`.
-    """
+    """Have the contents of a NetCDF-4 file or MATLAB file written anew, so that this process can open the copy."""
     message = {"path": str(path.absolute()), "copy": str(copy), "format": "rewriting", **_limits(path.stat().st_size)}
     _server().ask(message, describe)
 

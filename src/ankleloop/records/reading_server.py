@@ -50,13 +50,7 @@ Send = Callable[..., None]
 
 
 def main(arguments: list[str]) -> None:
-    """Answer requests until the standard input ends.
-
-    Parameters
-    ----------
-    arguments : list of str
-        "fork" lets each file be read by a fork of this process.
-    """
+    """Answer requests until the standard input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that waits for the answer ends this one
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints must not get among the answers

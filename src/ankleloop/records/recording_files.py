@@ -25,35 +25,7 @@ USER_BLOCK = 512  # bytes before the HDF5 file, where MATLAB has its header
 def write_recording(
     trial: xr.Dataset, path: str | os.PathLike[str], file_format: str, *, overwrite: bool = False
 ) -> None:
-    """Write position, torque and reference of a trial as a recording, without the true torques of a simulation.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset
-        The trial.
-    path : path-like
-        The file to write, in a folder that exists.
-    file_format : {"csv", "matlab-5", "matlab-7.3", "hdf5", "netcdf"}
-        Its format. CSV has times [s] and angles in degrees, named `angle_deg` and `command_deg`; the others have
-        channels by their names here, in rad and N·m, and the sampling rate as `fs` (MATLAB) or as an attribute.
-    overwrite : bool
-        Whether to replace a file of this name.
-
-    Raises
-    ------
-    DataError
-        For an unknown format, or if the file exists or cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from ankleloop import new_trial, read_trial
-    >>> trial = new_trial([0.0, 0.1, 0.3], [1.0, 2.0, 2.5], 10.0)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_recording(trial, f"{folder}/a.mat", "matlab-7.3")
-    ...     read_trial(f"{folder}/a.mat").torque.values
-    array([1. , 2. , 2.5])
-    """
+    """Write position, torque and reference of a trial as a recording, without the true torques of a simulation."""
     if file_format not in FILE_FORMATS:
         raise DataError(f"there is no file format {file_format!r}; there are {', '.join(FILE_FORMATS)}.")
     channels = {name: trial[name].values for name in ("position", "torque", "reference") if name in trial}

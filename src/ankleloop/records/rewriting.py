@@ -20,22 +20,7 @@ __all__ = ["rewrite"]
 
 
 def rewrite(path: Path, copy: Path) -> None:
-    """Read a NetCDF-4 file or a MATLAB file, and write its contents to another file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file; the suffix .mat stands for MATLAB v5, any other for NetCDF-4.
-    copy : pathlib.Path
-        File to write, which must not exist.
-
-    Raises
-    ------
-    DataError
-        If there is no space for the copy.
-    ValueError
-        If samples are in other files; the libraries raise almost anything else.
-    """
+    """Read a NetCDF-4 file or a MATLAB file, and write its contents to another file."""
     try:
         if path.suffix == ".mat":
             _rewrite_matlab(path, copy)

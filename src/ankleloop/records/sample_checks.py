@@ -12,31 +12,7 @@ __all__ = ["check_blocks"]
 
 
 def check_blocks(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, *, source: str) -> None:
-    """Check the samples of a record.
-
-    Parameters
-    ----------
-    blocks : iterable of mapping of str to ndarray
-        Position [rad], torque [N·m] and perhaps reference [rad] of one block of the record after the other.
-    rate : float
-        Sampling rate [Hz].
-    source : str
-        Name of the file in error messages.
-
-    Raises
-    ------
-    DataError
-        If a sample is not finite, a channel is constant, or the position moves faster than 20 rad/s.
-
-    Examples
-    --------
-    >>> position = np.array([0.0, 0.01, np.nan, 0.02])
-    >>> check_blocks([{"position": position[:2]}, {"position": position[2:]}], 100.0, source="trial.h5")
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: trial.h5: position is not finite at sample 2 (0.02 s), 1 sample in all: cut the trial \
-there or repair the channel.
-    """
+    """Check the samples of a record."""
     channels: dict[str, _Channel] = {}
     speed = _Speed(rate)
     for block in blocks:

@@ -233,26 +233,7 @@ def load_trial(path: str | os.PathLike[str]) -> xr.Dataset:
 def as_signal(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
     """Copy real numbers into a 1-D array of float64.
 
-    Parameters
-    ----------
-    values : array_like, shape (N,), (N, 1) or (1, N)
-        Integers or floating-point numbers; masked samples become nan.
-    name, source : str
-        Names of the variable and of the data in error messages.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-
-    Raises
-    ------
-    DataError
-        If the array is empty, not of real numbers, or has more than one channel.
-
-    Examples
-    --------
-    >>> as_signal([[1], [2]], "torque", source="trial")
-    array([1., 2.])
+    Shapes: values (N,); returns (N,).
     """
     array = _as_masked_array(values)
     if array.size == 0:
@@ -264,29 +245,7 @@ def as_signal(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
 
 
 def check_shape(shape: tuple[int, ...], name: str, *, source: str) -> int:
-    """Check that an array holds a single channel, and count its samples.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Shape of the array.
-    name, source : str
-        Names of the variable and of the data in error messages.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    DataError
-        If the array is empty, or has more than one channel.
-
-    Examples
-    --------
-    >>> check_shape((1, 500), "torque", source="trial")
-    500
-    """
+    """Check that an array holds a single channel, and count its samples."""
     size = int(np.prod(shape))
     if size == 0:
         raise DataError(f"{source}: {name} is empty: record it, or choose another variable.")
@@ -329,20 +288,7 @@ def _check_arrays(arrays: dict[str, np.ndarray], source: str) -> None:
 
 
 def check_sizes(sizes: Mapping[str, int], *, source: str) -> None:
-    """Check that all channels have as many samples as the position.
-
-    Parameters
-    ----------
-    sizes : mapping of str to int
-        Number of samples of each channel.
-    source : str
-        Name of the data in error messages.
-
-    Raises
-    ------
-    DataError
-        If a channel has another number.
-    """
+    """Check that all channels have as many samples as the position."""
     for name, size in sizes.items():
         if size != sizes["position"]:
             raise DataError(

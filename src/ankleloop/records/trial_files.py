@@ -89,38 +89,6 @@ def save_trials(
     """Write trials of equal length and sampling rate to one NetCDF file, which appears when it is complete.
 
     A variable that is constant in every trial (the noise of a noise-free simulation) takes one number per trial.
-
-    Parameters
-    ----------
-    trials : iterable of xarray.Dataset or FailedTrial
-        The trials, each of shape (N,) per variable; of a failed one the file holds the reason.
-    path : path-like
-        File to write.
-    precision : {"double", "single"}
-        Floating-point numbers on disk. Single takes half the space and rounds to 6e-8 of a value, where a 16-bit
-        converter rounds to 1.5e-5 of its range; trials are double again once loaded.
-    index : sequence of (str, int), optional
-        Point of a study and number of each trial; by default all trials are of one point, "only".
-    overwrite : bool
-        Whether to replace a file of this name; without it an existing file is refused.
-
-    Raises
-    ------
-    DataError
-        If there are no trials, they differ in length, variables or sampling rate, the file exists, or it cannot be
-        written.
-    ValueError
-        For an unknown precision.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from ankleloop.records.trial import new_trial
-    >>> trials = [new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0, seed=k) for k in range(2)]
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_trials(trials, f"{folder}/trials.nc")
-    ...     [trial.attrs["seed"] for trial in load_trials(f"{folder}/trials.nc")]
-    [0, 1]
     """
     kind = parse_precision(precision)
     if index is None:
@@ -237,54 +205,13 @@ def _write_index(
 
 
 def load_trials(path: Path) -> Iterator[xr.Dataset]:
-    """Read the trials that `save_trials` wrote, one after the other.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-
-    Yields
-    ------
-    xarray.Dataset
-        A valid trial.
-
-    Raises
-    ------
-    DataError
-        If there is no such file, it is damaged, or a trial in it is not valid.
-
-    Examples
-    --------
-    >>> next(load_trials("nowhere.nc"))
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
-    """
+    """Read the trials that `save_trials` wrote, one after the other."""
     for chunk in load_chunks(path):
         yield from chunk.trials
 
 
 def load_chunks(path: Path, trials: Mapping[str, Sequence[int]] | None = None) -> Iterator[TrialChunk]:
-    """Read the trials that `save_trials` wrote, several at a time, so that one pass over a signal serves all of them.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    trials : mapping of str to sequence of int, optional
-        Points whose trials are read, each with the number of its first trial and that behind the last one; by default
-        all trials of the file.
-
-    Yields
-    ------
-    TrialChunk
-
-    Raises
-    ------
-    DataError
-        If there is no such file, it is damaged, a trial in it is not valid, or one of `trials` is not in it.
-    """
+    """Read the trials that `save_trials` wrote, several at a time: one pass over a signal serves all of them."""
     with _open(path) as data:
         count = _count_rows(data)
         for rows in _find_rows(data, trials, path):
@@ -314,36 +241,7 @@ def _find_rows(data: xr.Dataset, trials: Mapping[str, Sequence[int]] | None, pat
 
 
 def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
-    """Read one trial of a study.
-
-    Parameters
-    ----------
-    paths : iterable of path-like
-        Trial files of the study.
-    point : str
-        Point of the study.
-    number : int
-        Number of the trial at this point, from 0.
-
-    Returns
-    -------
-    xarray.Dataset
-
-    Raises
-    ------
-    DataError
-        If no file has this trial, it could not be simulated, it is not valid, or a file is missing or damaged.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from ankleloop.records.trial import new_trial
-    >>> trials = [new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0, seed=k) for k in range(2)]
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_trials(trials, f"{folder}/0.nc", index=[("gain=2", 0), ("gain=3", 0)])
-    ...     load_trial_of([f"{folder}/0.nc"], "gain=3", 0).attrs["seed"]
-    1
-    """
+    """Read one trial of a study."""
     for path in paths:
         with _open(path) as data:
             row = np.flatnonzero((data["point"].values == point) & (data["number"].values == number))

@@ -31,40 +31,7 @@ MAX_SPEED = 20.0  # rad/s: no joint moves faster; a position that does is usuall
 
 
 def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
-    """Check that a data set keeps the contract of a trial.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset
-        The data set: `position` [rad], `torque` [N·m] and perhaps more, each of shape (N,) over `time` [s].
-    source : str
-        Name of the data in error messages, for instance the name of the file.
-
-    Returns
-    -------
-    xarray.Dataset
-        The trial, unchanged.
-
-    Raises
-    ------
-    DataError
-        If a variable is missing, not float64, not over time, in another unit by its attribute, or not finite; if the
-        position, torque or reference is constant; if the time has gaps or contradicts the sampling rate; if the
-        position moves faster than 20 rad/s, as positions in degrees do. The message names the variable, the sample and
-        its time, and what to do.
-
-    Examples
-    --------
-    >>> from ankleloop.records.trial import new_trial
-    >>> trial = new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0)
-    >>> validate(trial) is trial
-    True
-    >>> trial.position[1] = float("nan")
-    >>> validate(trial)  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: trial: position is not finite at sample 1 (0.01 s), 1 sample in all: cut the trial ...
-    """
+    """Check that a data set keeps the contract of a trial."""
     _check_presence(trial, source)
     _check_types(trial, source)
     _check_units(trial, source)
@@ -79,24 +46,7 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
 
 
 def refuse_speed(speed: float, sample: int, time: float, *, source: str) -> None:
-    """Refuse a largest speed of the position that no joint reaches.
-
-    Parameters
-    ----------
-    speed : float
-        The speed [rad/s].
-    sample : int
-        Number of its sample.
-    time : float
-        Time of that sample [s].
-    source : str
-        Name of the data in error messages.
-
-    Raises
-    ------
-    DataError
-        If it exceeds 20 rad/s.
-    """
+    """Refuse a largest speed of the position that no joint reaches."""
     if not speed <= MAX_SPEED:
         raise DataError(
             f"{source}: position moves at {speed:.4g} rad/s at sample {sample} ({time:g} s), above "
@@ -167,24 +117,7 @@ def _check_variation(trial: xr.Dataset, name: str, source: str) -> None:
 
 
 def refuse_missing(name: str, sample: int, time: float, count: int, *, source: str) -> NoReturn:
-    """Refuse a channel of which samples are not finite.
-
-    Parameters
-    ----------
-    name : str
-        The channel.
-    sample, time : int, float
-        Number and time [s] of the first of these samples.
-    count : int
-        Number of all of them.
-    source : str
-        Name of the data in error messages.
-
-    Raises
-    ------
-    DataError
-        Always.
-    """
+    """Refuse a channel of which samples are not finite."""
     raise DataError(
         f"{source}: {name} is not finite at sample {sample} ({time:g} s), {format_samples(count)} in all: cut the "
         "trial there or repair the channel."
@@ -192,24 +125,7 @@ def refuse_missing(name: str, sample: int, time: float, count: int, *, source: s
 
 
 def check_spread(name: str, low: float, high: float, first: float, count: int, *, source: str) -> None:
-    """Refuse a channel that is constant.
-
-    Parameters
-    ----------
-    name : str
-        The channel.
-    low, high, first : float
-        Its smallest, largest and first sample.
-    count : int
-        Number of its samples.
-    source : str
-        Name of the data in error messages.
-
-    Raises
-    ------
-    DataError
-        If the channel is constant but for rounding, or varies by less than 1e-15 or reaches more than 1e15.
-    """
+    """Refuse a channel that is constant."""
     with np.errstate(over="ignore"):
         spread = high - low
     # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
@@ -238,22 +154,7 @@ def _check_speed(trial: xr.Dataset, source: str) -> None:
 
 
 def speed_margin(rate: float) -> int:
-    """Samples on each side of one that its speed is computed of.
-
-    Parameters
-    ----------
-    rate : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    int
-
-    Examples
-    --------
-    >>> speed_margin(1000.0)
-    3
-    """
+    """Samples on each side of one that its speed is computed of."""
     return max(1, round(0.003 * rate))
 
 
@@ -263,23 +164,7 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     Speed is the change between the mean of the 3 ms before a sample and the mean of the 3 ms after it: a difference of
     neighbours at 1 kHz would turn a noise of 0.02 rad into 20 rad/s and more.
 
-    Parameters
-    ----------
-    position : ndarray, shape (N,)
-        Position [rad].
-    rate : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    sample : int
-    speed : float
-        Its size [rad/s].
-
-    Examples
-    --------
-    >>> peak_speed(np.array([0.0, 0.0, 0.1, 0.1]), 100.0)
-    (1, 5.0)
+    Shapes: position (N,).
     """
     half = min(speed_margin(rate), (position.size - 1) // 2)
     sample, change = _largest_change(np.ascontiguousarray(position), half)

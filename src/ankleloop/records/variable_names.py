@@ -47,38 +47,6 @@ def find_variable(channel: str, variables: Sequence[Channel], *, source: str, ta
 
     A name fits if one of its words, between underscores, spaces, brackets or capitals, is one of `WORDS`: `ankle_angle`
     and `AnkleAngle` are positions, `angle_command` is a reference.
-
-    Parameters
-    ----------
-    channel : {"position", "torque", "reference"}
-        The channel.
-    variables : sequence of Channel
-        Variables of the file, from `ankleloop.records.reading_process.list_variables`.
-    source : str
-        Name of the file in error messages.
-    taken : iterable of str
-        Variables that are other channels.
-
-    Returns
-    -------
-    str or None
-        Full name of the variable; None for a reference if no name fits.
-
-    Raises
-    ------
-    AmbiguousNameError
-        If several names fit, or none fits a position or a torque.
-
-    Examples
-    --------
-    >>> variables = [Channel(name, "", (1000,)) for name in ("time", "ankle_angle_deg", "Moment", "angle_cmd")]
-    >>> [find_variable(channel, variables, source="a.csv") for channel in WORDS]
-    ['ankle_angle_deg', 'Moment', 'angle_cmd']
-    >>> find_variable("position", [*variables, Channel("knee_angle", "", (1000,))], source="a.csv")
-    Traceback (most recent call last):
-      ...
-    ankleloop.records.variable_names.AmbiguousNameError: a.csv: 2 variables may be the position: ankle_angle_deg, \
-knee_angle. Name one of them.
     """
     excluded = set(taken)
     fitting = [v.name for v in variables if v.name not in excluded and _is_signal(v) and _channel_of(v.name) == channel]
@@ -95,23 +63,7 @@ knee_angle. Name one of them.
 
 
 def find_position_unit(variable: Channel) -> str | None:
-    """Unit of a position as the file or the name of the variable states it.
-
-    Parameters
-    ----------
-    variable : Channel
-        The variable.
-
-    Returns
-    -------
-    {"rad", "deg"} or None
-        None if neither states one of these.
-
-    Examples
-    --------
-    >>> find_position_unit(Channel("angle", "Degrees", (9,))), find_position_unit(Channel("angle_rad", "", (9,)))
-    ('deg', 'rad')
-    """
+    """Unit of a position as the file or the name of the variable states it."""
     return ANGLES.get(variable.unit.lower() or find_unit_in_name(variable.name, tuple(ANGLES)))
 
 

@@ -28,22 +28,7 @@ UNKNOWN = "not published; the study that shows its effect was not run"
 
 
 def explain_assumptions(ledger: pd.DataFrame, tables: Tables, settings: Mapping[str, Any]) -> pd.DataFrame:
-    """Assumptions with their reasons.
-
-    Parameters
-    ----------
-    ledger : pandas.DataFrame
-        From `ankleloop.replication.ledger.verify`.
-    tables : dict of str to pandas.DataFrame
-        Tables of the studies of the run; `table1` and `figure4` give reasons.
-    settings : dict
-        Default settings of the simulation.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `parameter`, `value`, `why`.
-    """
+    """Assumptions with their reasons."""
     load = _explain_load(ledger, tables)
     reasons = {
         "reflex_gain": _explain_gain(ledger),

@@ -113,20 +113,6 @@ def describe_origin(study: StudyResults) -> str:
 
     Instruments for B and D keep A and C; PI-MOESP keeps the regression for B and D, and has other A and C; in open loop
     the same noise is not fed back.
-
-    Parameters
-    ----------
-    study : StudyResults
-        Study with these methods, in closed and in open loop.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    MissingEvidence
-        If it has not.
     """
     closed, opened = (study.point(voluntary=0.0, closed_loop=loop) for loop in (True, False))
     change_by_loop = study.stiffness_error(closed, "pr-moesp") - study.stiffness_error(opened, "pr-moesp")

@@ -33,89 +33,24 @@ LOAD = ("load_inertia", "load_viscosity", "load_stiffness")
 
 
 def label_setting(name: str) -> tuple[str, str]:
-    """Readable name and unit of a simulation setting.
-
-    Parameters
-    ----------
-    name : str
-        A field of `ankleloop.simulation.settings.SimulationSettings`.
-
-    Returns
-    -------
-    tuple of str
-        Name and unit.
-
-    Examples
-    --------
-    >>> label_setting("reflex_gain"), label_setting("actuator_frequency")
-    (('reflex gain', 'N·m·s/rad'), ('actuator frequency', 'Hz'))
-    """
+    """Readable name and unit of a simulation setting."""
     return NAMES.get(name, name.replace("_", " ")), SimulationSettings.unit(name)
 
 
 def format_setting(name: str, value: float) -> str:
-    """Value of a simulation setting with its unit.
-
-    Parameters
-    ----------
-    name : str
-        A field of `ankleloop.simulation.settings.SimulationSettings`.
-    value : float
-        Its value.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> format_setting("load_stiffness", 250.0), format_setting("actuator_damping", 0.8)
-    ('250 N·m/rad', '0.8')
-    """
+    """Value of a simulation setting with its unit."""
     unit = SimulationSettings.unit(name)
     return f"{value:g}" if unit == "1" else f"{value:g} {unit}"
 
 
 def format_point(settings: Mapping[str, Any]) -> str:
-    """Load, reflex gain and voluntary torque of a point, short enough for the title of a panel.
-
-    Parameters
-    ----------
-    settings : dict
-        Simulation settings by name.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> format_point(SimulationSettings.defaults())
-    'load 1.1/7.1/250, gain 13, voluntary 5 %'
-    """
+    """Load, reflex gain and voluntary torque of a point, short enough for the title of a panel."""
     load = "/".join(f"{settings[name]:g}" for name in LOAD)
     return f"load {load}, gain {settings['reflex_gain']:g}, voluntary {100 * settings['voluntary']:g} %"
 
 
 def describe_settings(settings: Mapping[str, Any], varied: Collection[str] = ()) -> str:
-    """Settings that every trial of a study has, in one phrase.
-
-    Parameters
-    ----------
-    settings : dict
-        Simulation settings by name.
-    varied : collection of str
-        Settings that differ between points; they are left out.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> describe_settings(SimulationSettings.defaults(), varied=["voluntary"]).split("; ")[1]
-    'reflex gain 13 N·m·s/rad'
-    """
+    """Settings that every trial of a study has, in one phrase."""
     values = {name: format_setting(name, settings[name]) for name in (*LOAD, "duration", "reflex_gain")}
     servo = [format_setting(name, settings[name]) for name in ("actuator_frequency", "actuator_damping")]
     noise, voluntary = settings["snr_db"], settings["voluntary"]
@@ -139,73 +74,18 @@ def describe_settings(settings: Mapping[str, Any], varied: Collection[str] = ())
 
 
 def typical_point(points: Mapping[str, Mapping[str, Any]], varied: Collection[str]) -> str:
-    """Point whose settings are the defaults of the simulation, which a figure of single trials shows.
-
-    Parameters
-    ----------
-    points : dict of str to dict
-        Settings of each point.
-    varied : collection of str
-        Settings that differ between them.
-
-    Returns
-    -------
-    str
-        Its name; where no point has the defaults, that with the most of them.
-
-    Examples
-    --------
-    >>> points = {"low": {"reflex_gain": 2.0}, "assumed": {"reflex_gain": 13.0}}
-    >>> typical_point(points, ["reflex_gain"])
-    'assumed'
-    """
+    """Point whose settings are the defaults of the simulation, which a figure of single trials shows."""
     defaults = SimulationSettings.defaults()
     return max(points, key=lambda point: sum(points[point][name] == defaults[name] for name in varied))
 
 
 def most_compliant_point(points: Mapping[str, Mapping[str, Any]]) -> str:
-    """Point whose load is the least stiff.
-
-    Parameters
-    ----------
-    points : dict of str to dict
-        Settings of each point.
-
-    Returns
-    -------
-    str
-        Its name.
-
-    Examples
-    --------
-    >>> most_compliant_point({"stiff": {"load_stiffness": 250.0}, "soft": {"load_stiffness": 25.0}})
-    'soft'
-    """
+    """Point whose load is the least stiff."""
     return min(points, key=lambda point: points[point]["load_stiffness"])
 
 
 def single_setting(varied: Collection[str]) -> str:
-    """The only setting that differs between the points of a study, the abscissa of its figures.
-
-    Parameters
-    ----------
-    varied : collection of str
-        Settings that differ.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ValueError
-        If there is not exactly one: means over points that differ in other settings would say nothing.
-
-    Examples
-    --------
-    >>> single_setting(["reflex_gain"])
-    'reflex_gain'
-    """
+    """The only setting that differs between the points of a study, the abscissa of its figures."""
     if len(varied) != 1:
         raise ValueError(
             f"this notebook shows a study that varies one setting, got {', '.join(varied) or 'none'}: use the notebook "
@@ -215,50 +95,13 @@ def single_setting(varied: Collection[str]) -> str:
 
 
 def shared_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> dict[str, float | None]:
-    """True values that all points have, for lines in figures.
-
-    Parameters
-    ----------
-    points : dict of str to dict
-        Settings of each point.
-    names : collection of str
-        Estimated parameters.
-
-    Returns
-    -------
-    dict of str to float or None
-        None where the points differ.
-
-    Examples
-    --------
-    >>> shared_truths({"a": {"stiffness": 150.0, "reflex_gain": 2.0}, "b": {"stiffness": 150.0, "reflex_gain": 13.0}},
-    ...     ["K", "G"])
-    {'K': 150.0, 'G': None}
-    """
+    """True values that all points have, for lines in figures."""
     values = {name: set(_list_truths(points, name)) for name in names}
     return {name: next(iter(truths)) if len(truths) == 1 else None for name, truths in values.items()}
 
 
 def format_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> str:
-    """True values of estimated parameters with their units, all of them where points differ.
-
-    Parameters
-    ----------
-    points : dict of str to dict
-        Settings of each point.
-    names : collection of str
-        Estimated parameters.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> points = {"a": {"stiffness": 150.0, "reflex_gain": 2.0}, "b": {"stiffness": 150.0, "reflex_gain": 13.0}}
-    >>> format_truths(points, ["K", "G"])
-    'K = 150 N·m/rad, G = 2 or 13 N·m·s/rad'
-    """
+    """True values of estimated parameters with their units, all of them where points differ."""
     texts = {name: " or ".join(f"{value:g}" for value in dict.fromkeys(_list_truths(points, name))) for name in names}
     return ", ".join(f"{QUANTITIES[name].symbol} = {text} {QUANTITIES[name].unit}" for name, text in texts.items())
 

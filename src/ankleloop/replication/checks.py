@@ -84,35 +84,13 @@ def claim_settings(claim: Claim) -> dict[str, Any]:
 
 
 def describe_unexplained(ours: float, paper: float) -> str:
-    """Ratio of the unexplained variances of two VAFs [%] near 100 %, where their difference says little.
-
-    Parameters
-    ----------
-    ours, paper : float
-        The two VAFs [%].
-
-    Returns
-    -------
-    str
-        Empty unless both are 90 % or more.
-
-    Examples
-    --------
-    >>> describe_unexplained(99.9, 98.0), describe_unexplained(99.9, 56.0)
-    ('0.05 times the unexplained variance', '')
-    """
+    """Ratio of the unexplained variances of two VAFs [%] near 100 %, where their difference says little."""
     if min(ours, paper) < NEARLY_ALL or paper >= 100.0:
         return ""
     return f"{(100.0 - ours) / (100.0 - paper):.2g} times the unexplained variance"
 
 
 def format_signed(mean: Mean, digits: int = 1) -> str:
-    """A mean with its sign and half of its 95 % interval.
-
-    Examples
-    --------
-    >>> format_signed(Mean.of([4.0, 5.0, 6.0])), format_signed(Mean.of([-4.0]), 2)
-    ('+5.0 ± 2.5', '-4.00')
-    """
+    """A mean with its sign and half of its 95 % interval."""
     margin = mean.margin()
     return f"{mean.value:+.{digits}f}" + ("" if np.isnan(margin) else f" ± {margin:.{digits}f}")

@@ -36,24 +36,7 @@ REPLICATES = 2000  # of the bootstrap
 
 
 def check_table_number(claim: Claim, evidence: Evidence) -> CheckResult:
-    """Compare a number of a table with the mean over trials at the settings that the table names.
-
-    Parameters
-    ----------
-    claim : mapping
-        `study`, `method`, `torque`, `against`, `paper`, `settings`, and `tolerance` where the table sets one.
-    evidence : Evidence
-        The results.
-
-    Returns
-    -------
-    CheckResult
-
-    Raises
-    ------
-    MissingEvidence
-        If there are no such results.
-    """
+    """Compare a number of a table with the mean over trials at the settings that the table names."""
     study, paper = evidence.study(claim["study"]), claim["paper"]
     settings = claim_settings(claim) if study.kind == "simulation" else {}
     mean = study.mean_vaf(study.point(**settings), claim["method"], claim["torque"], claim["against"])

@@ -36,53 +36,18 @@ BIAS = 5.0  # % of K: smallest error that counts, as in the claim that methods m
 
 
 def mean_margin(sd: ArrayLike, n: ArrayLike) -> np.ndarray:
-    """Half of the 95 % interval of a mean; infinite for a single trial, which shows nothing.
-
-    Examples
-    --------
-    >>> round(float(mean_margin(1.0, 100)), 2), float(mean_margin(np.nan, 1))
-    (0.2, inf)
-    """
+    """Half of the 95 % interval of a mean; infinite for a single trial, which shows nothing."""
     return np.nan_to_num(confidence_margin(sd, n), nan=np.inf)
 
 
 def mean_columns(table: pd.DataFrame, name: str) -> tuple[pd.Series, pd.Series]:
-    """Means of a quantity, and half of their 95 % intervals.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Columns `{name}_mean`, `{name}_std` and `{name}_count`.
-    name : str
-        The quantity.
-
-    Returns
-    -------
-    means, margins : pandas.Series
-    """
+    """Means of a quantity, and half of their 95 % intervals."""
     margins = mean_margin(table[f"{name}_std"], table[f"{name}_count"])
     return table[f"{name}_mean"], pd.Series(margins, table.index)
 
 
 def stiffness_errors(table: pd.DataFrame) -> pd.DataFrame:
-    """Mean error of K of each method.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Rows of one point: `method`, `label`, `K_bias`, `K_mean`, `K_std`, `K_count`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `method`, `label`, `error` [% of the true K] and `margin`, half of its 95 % interval.
-
-    Examples
-    --------
-    >>> row = {"method": "riv", "label": "RIV", "K_bias": [1.5], "K_mean": 151.5, "K_std": 3.0, "K_count": 100}
-    >>> stiffness_errors(pd.DataFrame(row))[["error", "margin"]].round(2).values.tolist()
-    [[1.0, 0.4]]
-    """
+    """Mean error of K of each method."""
     _, margins = mean_columns(table, "K")
     truth = table["K_mean"] - table["K_bias"]
     errors = table[["method", "label"]].assign(error=100 * table["K_bias"] / truth, margin=100 * margins / truth)
@@ -90,24 +55,7 @@ def stiffness_errors(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def format_mean(value: float, margin: float, sign: str = "") -> str:
-    """A mean and half of its 95 % interval, to the digits that the interval has.
-
-    Parameters
-    ----------
-    value, margin : float
-        Mean and half of its interval; a margin that is not finite is left out.
-    sign : str
-        "+" shows the sign of positive means.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> format_mean(99.858, 0.0085), format_mean(3.06, 1.24, "+"), format_mean(12.0, float("nan"))
-    ('99.86 ± 0.01', '+3.1 ± 1.2', '12.0')
-    """
+    """A mean and half of its 95 % interval, to the digits that the interval has."""
     if not np.isfinite(margin):
         return f"{value:{sign}.1f}"
     digits = min(2, max(0, 1 - math.floor(math.log10(margin)))) if margin > 0 else 2
@@ -116,35 +64,13 @@ def format_mean(value: float, margin: float, sign: str = "") -> str:
 
 
 def join_phrases(phrases: Iterable[str]) -> str:
-    """Phrases in one, with commas and "and".
-
-    Examples
-    --------
-    >>> join_phrases(["A", "B", "C"]), join_phrases(["A"])
-    ('A, B and C', 'A')
-    """
+    """Phrases in one, with commas and "and"."""
     *first, last = phrases
     return f"{', '.join(first)} and {last}" if first else last
 
 
 def group_errors(errors: pd.DataFrame) -> str:
-    """Which methods have a mean error of K above 5 %, and which have not, as far as the 95 % intervals tell.
-
-    Parameters
-    ----------
-    errors : pandas.DataFrame
-        From `stiffness_errors`.
-
-    Returns
-    -------
-    str
-        A sentence for each group of methods.
-
-    Examples
-    --------
-    >>> group_errors(pd.DataFrame({"label": ["A", "B"], "error": [-30.0, 1.0], "margin": [4.0, 2.0]}))
-    'Above 5 %: A. Within 5 %: B.'
-    """
+    """Which methods have a mean error of K above 5 %, and which have not, as far as the 95 % intervals tell."""
     size, margin = errors["error"].abs(), errors["margin"]
     groups = {f"Above {BIAS:g} %": size - margin > BIAS, f"Within {BIAS:g} %": size + margin <= BIAS}
     groups["Left open by the 95 % interval"] = ~np.logical_or(*groups.values())
@@ -157,44 +83,13 @@ def _list_groups(groups: Mapping[str, pd.Series], labels: pd.Series) -> str:
 
 
 def list_errors(errors: pd.DataFrame) -> str:
-    """Mean error of K of each method with half of its 95 % interval.
-
-    Parameters
-    ----------
-    errors : pandas.DataFrame
-        From `stiffness_errors`.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> list_errors(pd.DataFrame({"label": ["A", "B"], "error": [-30.0, 1.0], "margin": [4.0, 2.0]}))
-    'A -30.0 ± 4.0 %; B +1.0 ± 2.0 %.'
-    """
+    """Mean error of K of each method with half of its 95 % interval."""
     texts = (f"{row.label} {format_mean(row.error, row.margin, '+')} %" for row in errors.itertuples())
     return "; ".join(texts) + "."
 
 
 def describe_growth(first: pd.DataFrame, last: pd.DataFrame) -> str:
-    """How the size of the error of K changes from one point to another.
-
-    Parameters
-    ----------
-    first, last : pandas.DataFrame
-        From `stiffness_errors`, at two points whose trials are independent.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> rows = {"method": ["a", "b"], "label": ["A", "B"], "margin": 1.0}
-    >>> describe_growth(pd.DataFrame(rows | {"error": [2.0, 1.0]}), pd.DataFrame(rows | {"error": [-30.0, 1.5]}))
-    'its size grows for: A; is not shown to change for: B'
-    """
+    """How the size of the error of K changes from one point to another."""
     pairs = first.merge(last, on=["method", "label"], suffixes=("_first", "_last"))
     change = pairs["error_last"].abs() - pairs["error_first"].abs()
     margin = np.hypot(pairs["margin_first"], pairs["margin_last"])
@@ -208,21 +103,6 @@ def compare_sizes(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
     """Whether the error of one method is smaller than that of another, on the same trials.
 
     The margins are added: this bounds the interval of the difference whatever the correlation of the two.
-
-    Parameters
-    ----------
-    first, second : mapping
-        Rows of `stiffness_errors`.
-
-    Returns
-    -------
-    str
-        "smaller", "larger" or "not shown to differ".
-
-    Examples
-    --------
-    >>> compare_sizes({"error": 1.0, "margin": 2.0}, {"error": -30.0, "margin": 4.0})
-    'smaller'
     """
     difference = abs(first["error"]) - abs(second["error"])
     if not abs(difference) > first["margin"] + second["margin"]:
@@ -231,24 +111,7 @@ def compare_sizes(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
 
 
 def describe_passes(table: pd.DataFrame) -> str:
-    """After how many passes of the parallel cascade each torque is accurate, at each reflex gain.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row for each gain, number of passes and torque: `reflex_gain`, `passes`, `torque`, `mean` and `sd` of the
-        VAF [%], and `n`.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> rows = {"reflex_gain": 10.0, "passes": [1, 4], "torque": "net", "mean": [90.0, 99.5], "sd": 0.1, "n": 10}
-    >>> describe_passes(pd.DataFrame(rows)).split(": ")[1]
-    'net torque 4 at gain 10.'
-    """
+    """After how many passes of the parallel cascade each torque is accurate, at each reflex gain."""
     gains = sorted(table["reflex_gain"].unique())
     texts = []
     for torque, rows in table.groupby("torque", sort=False):
@@ -274,18 +137,7 @@ SCORES = {
 
 
 def describe_choice(table: pd.DataFrame) -> str:
-    """How often each score that an experiment can show prefers the method with the best intrinsic torque.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row for each level of voluntary torque and method: `voluntary`, `method`, `label`, and means, standard
-        deviations and numbers of the scores and of `vaf_intrinsic_true`.
-
-    Returns
-    -------
-    str
-    """
+    """How often each score that an experiment can show prefers the method with the best intrinsic torque."""
     levels = [rows for _, rows in table.groupby("voluntary")]
     texts = []
     for name, column in SCORES.items():

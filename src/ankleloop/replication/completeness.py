@@ -24,23 +24,7 @@ def check_study(
     methods: Collection[str],
     trials: int | None = None,
 ) -> None:
-    """Refuse tables of a simulated study in which rows are missing, or in which nothing was identified.
-
-    Parameters
-    ----------
-    parameters, scores : sequence of path-like
-        CSV files of each chunk, in the same order.
-    points, methods : collection of str
-        Names of all points and methods of the study.
-    trials : int, optional
-        Number of trials at each point; by default the largest that a point has.
-
-    Raises
-    ------
-    DataError
-        If a trial of a method has no row of parameters, or an estimate lacks a score; the message names the file where
-        that can be said. If no trial of the study was identified; then with the most frequent reason.
-    """
+    """Refuse tables of a simulated study in which rows are missing, or in which nothing was identified."""
     tables = [read_results([path]) for path in parameters]
     for table, path in zip(tables, scores, strict=True):
         check_scores(path, read_results([path]), table)
@@ -63,20 +47,7 @@ def check_study(
 
 
 def check_scores(path: PathLike, scores: pd.DataFrame, parameters: pd.DataFrame) -> None:
-    """Refuse tables of a chunk in which an estimate lacks a score that estimates of its point have.
-
-    Parameters
-    ----------
-    path : path-like
-        File of the scores, for the message.
-    scores, parameters : pandas.DataFrame
-        Its rows, and those of the parameters, of which `point`, `method`, `trial` and `failure` are taken.
-
-    Raises
-    ------
-    DataError
-        The message names file, point, method and trial.
-    """
+    """Refuse tables of a chunk in which an estimate lacks a score that estimates of its point have."""
     estimates = parameters[parameters["failure"].isna()] if "failure" in parameters else parameters
     expected = scores[["point", *SCORE]].drop_duplicates()
     keys = estimates[KEYS].merge(expected, how="left", on="point")

@@ -76,20 +76,7 @@ def _conclusion(compose: Compose) -> Compose:
 
 
 def draw_conclusions(ledger: pd.DataFrame, tables: Tables) -> list[Conclusion]:
-    """All conclusions that a run allows, in the order of the article.
-
-    Parameters
-    ----------
-    ledger : pandas.DataFrame
-        From `ankleloop.replication.ledger.verify`.
-    tables : dict of str to pandas.DataFrame
-        Table of each study of the run, with a column `label`, the readable name of the method.
-
-    Returns
-    -------
-    list of Conclusion
-        Those whose study was not run are left out.
-    """
+    """All conclusions that a run allows, in the order of the article."""
     conclusions = (compose(ledger, tables) for compose in CONCLUSIONS.values())
     return [conclusion for conclusion in conclusions if conclusion is not None]
 

@@ -35,17 +35,6 @@ def describe_costs(table: pd.DataFrame, truths: Mapping[str, float]) -> list[str
     A step costs points of VAF, or accuracy of K, B and I in % of the truth. Its sentence has the largest cost in each
     of them over methods and conditions, as far as it is beyond the 95 % interval; steps are in the order of the largest
     of all.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        From `ankleloop.replication.omissions.tabulate_omissions`.
-    truths : dict of str to float
-        True values of K, B and I.
-
-    Returns
-    -------
-    list of str
     """
     complete = table[table["omitted_step"] == COMPLETE].set_index(["condition", "method"])
     texts = []

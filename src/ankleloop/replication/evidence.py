@@ -22,29 +22,7 @@ class MissingEvidence(Exception):
 
 
 def parse_settings(text: Any) -> dict[str, list[Any]]:
-    """Settings of the points that a claim needs, as its row in a table gives them.
-
-    Parameters
-    ----------
-    text : str
-        `name=value` for each setting with spaces in between; several values are separated by `|`, and
-        `first:last:step` is a range with both ends. Empty or nan: none.
-
-    Returns
-    -------
-    dict of str to list
-        Values of each setting.
-
-    Raises
-    ------
-    ValueError
-        For a name that is not a setting of the simulation.
-
-    Examples
-    --------
-    >>> parse_settings("reflex_gain=10:14:2 voluntary=0|0.5 closed_loop=true")
-    {'reflex_gain': [10.0, 12.0, 14.0], 'voluntary': [0, 0.5], 'closed_loop': [True]}
-    """
+    """Settings of the points that a claim needs, as its row in a table gives them."""
     settings: dict[str, list[Any]] = {}
     for part in text.split() if isinstance(text, str) else []:
         name, _, values = part.partition("=")
@@ -106,11 +84,6 @@ class StudyResults:
 
         Of several such points, that with the defaults of the simulation in everything by which they differ: a further
         point of the study changes nothing.
-
-        Raises
-        ------
-        MissingEvidence
-            If there is none, or if the settings do not tell them apart.
         """
         points = [
             name
@@ -131,13 +104,7 @@ class StudyResults:
         return points[0]
 
     def vafs(self, point: str, method: str, torque: str, against: str = "true") -> pd.Series:
-        """VAF of a torque in each trial [%].
-
-        Raises
-        ------
-        MissingEvidence
-            If there are no such results.
-        """
+        """VAF of a torque in each trial [%]."""
         return self._select(self.scores, "vaf", point, method, torque=torque, against=against)
 
     def mean_vaf(self, point: str, method: str, torque: str, against: str = "true") -> Mean:
@@ -145,20 +112,7 @@ class StudyResults:
         return Mean.of(self.vafs(point, method, torque, against))
 
     def vaf_difference(self, point: str, *arms: tuple[str, str, str]) -> Mean:
-        """Mean difference of two VAFs on the same trials [points].
-
-        Parameters
-        ----------
-        point : str
-            The point.
-        *arms : (str, str, str)
-            Method, torque, and what it is scored against, of each of the two.
-
-        Raises
-        ------
-        MissingEvidence
-            If there are no such results.
-        """
+        """Mean difference of two VAFs on the same trials [points]."""
         first, second = (self.vafs(point, *arm) for arm in arms)
         return Mean.of(first - second)  # nan where a trial is in one of them only
 
@@ -181,13 +135,7 @@ class StudyResults:
         return Mean.of(self.stiffness_errors(point, method))
 
     def stiffness_difference(self, point: str, *methods: str) -> Mean:
-        """Mean difference of the errors of K by two methods on the same trials [% of the true K].
-
-        Raises
-        ------
-        MissingEvidence
-            If there are no such results.
-        """
+        """Mean difference of the errors of K by two methods on the same trials [% of the true K]."""
         first, second = (self.stiffness_errors(point, method) for method in methods)
         return Mean.of(first - second)
 
@@ -223,32 +171,13 @@ class Evidence:
     tables: Mapping[str, pd.DataFrame]
 
     def study(self, name: str) -> StudyResults:
-        """Results of a study.
-
-        Raises
-        ------
-        MissingEvidence
-            If it was not run.
-        """
+        """Results of a study."""
         if name not in self.studies:
             raise MissingEvidence(f"the study {name} was not run.")
         return self.studies[name]
 
     def pooled_stiffness_error(self, arms: Mapping[str, str], **settings: Any) -> Mean:
-        """Mean error of K over the trials of several studies with equal settings [% of the true K].
-
-        Parameters
-        ----------
-        arms : dict of str to str
-            The method by study; studies that were not run are left out.
-        **settings
-            Settings of the point.
-
-        Raises
-        ------
-        MissingEvidence
-            If none of them was run, or one has no such point.
-        """
+        """Mean error of K over the trials of several studies with equal settings [% of the true K]."""
         parts = [
             self.studies[study].stiffness_errors(self.studies[study].point(**settings), method)
             for study, method in arms.items()
@@ -259,13 +188,7 @@ class Evidence:
         return Mean.of(np.concatenate(parts))
 
     def measurement(self, quantity: str) -> Measurement:
-        """A further measurement with its interval.
-
-        Raises
-        ------
-        MissingEvidence
-            If it was not made.
-        """
+        """A further measurement with its interval."""
         if quantity not in self.measurements.index:
             raise MissingEvidence(f"{quantity} was not measured.")
         return Measurement(

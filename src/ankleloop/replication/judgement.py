@@ -156,13 +156,7 @@ class Measurement:
     high: float = np.nan
 
     def interval(self, level: float = LEVEL) -> Range:
-        """Ends of its interval.
-
-        Raises
-        ------
-        ValueError
-            For another level than 95 %.
-        """
+        """Ends of its interval."""
         if level != LEVEL:
             raise ValueError(f"the interval of this measurement is known at {LEVEL:.0%} only, not at {level:.1%}.")
         return self.low, self.high
@@ -298,13 +292,7 @@ def _describe_range(low: float, high: float) -> str:
 
 
 def format_interval(value: float, margin: float, spec: str) -> str:
-    """A value and half of its interval; without an interval the value alone.
-
-    Examples
-    --------
-    >>> format_interval(91.0, 12.7, ".1f"), format_interval(91.0, float("nan"), ".1f")
-    ('91.0 ± 13', '91.0')
-    """
+    """A value and half of its interval; without an interval the value alone."""
     return f"{value:{spec}}" + ("" if pd.isna(margin) else f" ± {margin:.2g}")
 
 
@@ -316,25 +304,6 @@ def judge(comparisons: Sequence[Comparison]) -> Judgement:
     at least one wrong comparison, which passes by mistake in 2.5 % of all cases at most, so this needs no wider
     intervals. A claim is not reproduced if any comparison is not. Each of them is an occasion for that mistake, so
     these intervals are wider, and hold together with 95 % (Bonferroni). Otherwise the claim cannot be judged.
-
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        At least one.
-
-    Returns
-    -------
-    Judgement
-
-    Examples
-    --------
-    >>> mean = Mean.of([90.0, 91.0, 92.0])
-    >>> judge([Comparison("VAF", mean, (-3.0, 3.0), 90.0)]).verdict
-    'cannot be judged'
-    >>> judge([Comparison("VAF", mean, (-4.0, 4.0), 90.0)]).verdict
-    'reproduced'
-    >>> judge([Comparison("VAF", mean, (-4.0, 4.0), 90.0), Comparison("VAF", mean, (-4.0, 4.0), 80.0)]).verdict
-    'not reproduced'
     """
     simultaneous = LEVEL if len(comparisons) == 1 else 1.0 - (1.0 - LEVEL) / len(comparisons)
     if all(comparison.verdict(LEVEL) == REPRODUCED for comparison in comparisons):

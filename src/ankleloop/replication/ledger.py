@@ -40,31 +40,7 @@ def verify(
     studies: Mapping[str, StudyResults],
     measurements: pd.DataFrame,
 ) -> pd.DataFrame:
-    """Check every claim and every number of the published tables.
-
-    Parameters
-    ----------
-    claims : pandas.DataFrame
-        Columns `id`, `section`, `statement`, `paper`, `unit`, `tolerance`, `check` (one of
-        `ankleloop.replication.claim_checks.CLAIM_CHECKS`), `settings` of the points that it needs (see
-        `ankleloop.replication.evidence.parse_settings`), `conditions` (empty where the paper gives all of them) and
-        `how`.
-    tables : dict of str to pandas.DataFrame
-        Published tables by the study that reproduces them: columns `method`, `torque`, `against`, `paper`, and
-        where they are set `tolerance` [points] and `settings`.
-    studies : dict of str to StudyResults
-        Results by study.
-    measurements : pandas.DataFrame
-        Further measurements: columns `quantity`, `value`, and `low` and `high`, the ends of the 95 % interval.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `id`, `section`, `statement`, `unit`, `paper`, `ours`, `uncertainty` (half width of the 95 % interval),
-        `tolerance`, `difference` with `difference_low` and `difference_high` (the interval that the verdict compares
-        with the tolerance; of several comparisons that which decides), `verdict` (one of `VERDICTS`), `reason`,
-        `conditions`, `how`: tables first, then claims.
-    """
+    """Check every claim and every number of the published tables."""
     evidence = Evidence(studies, measurements.set_index("quantity"), tables)
     numbers = [
         _table_claim(name, number, studies[name].labels if name in studies else {})
@@ -134,18 +110,7 @@ def _judge_result(result: CheckResult) -> dict[str, Any]:
 
 
 def format_ledger(ledger: pd.DataFrame) -> str:
-    """The ledger as a page.
-
-    Parameters
-    ----------
-    ledger : pandas.DataFrame
-        From `verify`.
-
-    Returns
-    -------
-    str
-        Markdown: the count of each verdict, and a row for each claim.
-    """
+    """The ledger as a page."""
     counts = ledger["verdict"].value_counts()
     summary = [f"- {counts.get(verdict, 0)} × **{verdict}**: {meaning}" for verdict, meaning in VERDICTS.items()]
     lines = [
@@ -167,19 +132,7 @@ def format_ledger(ledger: pd.DataFrame) -> str:
 
 
 def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
-    """The ledger as a table for people.
-
-    Parameters
-    ----------
-    ledger : pandas.DataFrame
-        From `verify`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Text: `id`, `section`, `statement`, `unit`, `paper`, `ours`, `difference`, `tolerance`, `verdict`, and `reason`
-        with its conditions.
-    """
+    """The ledger as a table for people."""
     cells = ledger[["id", "section", "statement", "unit"]].copy()
     cells["paper"] = [format_number(paper, ".4g") for paper in ledger["paper"]]
     cells["ours"] = [

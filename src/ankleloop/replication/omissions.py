@@ -43,27 +43,7 @@ class _Omission(NamedTuple):
 def tabulate_omissions(
     parameters: pd.DataFrame, scores: pd.DataFrame, points: Mapping[str, Mapping[str, Any]], labels: Mapping[str, str]
 ) -> pd.DataFrame:
-    """Means over trials of each method with all steps of the processing and without each of them.
-
-    Parameters
-    ----------
-    parameters, scores : pandas.DataFrame
-        Results of the study; a method without a step is called `METHOD-without-STEP`.
-    points : mapping of str to mapping
-        Simulation settings of each point; `antialias_cutoff` is None where the recorder has no filter.
-    labels : mapping of str to str
-        Label of each method.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row for each condition ("with noise" or "without noise"), method and omitted step, "none" first. For net,
-        intrinsic and reflex VAF [%], K, B, I, the largest magnitude of the poles (`spectral_radius`) and their largest
-        distance from the true ones (`pole_error`): `{name}_mean`, `{name}_margin`, `{name}_cost` (the mean without the
-        step less the mean with all steps) and `{name}_cost_margin`; margins are half of a 95 % interval. Costs are
-        paired by trial, except those of the anti-aliasing filter, whose trials are others. `trials`, `failures`
-        (trials that could not be identified) and `warnings` (trials with a warning besides that about the step).
-    """
+    """Means over trials of each method with all steps of the processing and without each of them."""
     parameters = parameters.reindex(columns=list(dict.fromkeys([*parameters, "pole_error", "failure", "warnings"])))
     parameters = parameters.assign(warnings=_remove_omissions(parameters["warnings"].fillna("")))
     table = join_scores(parameters[parameters["failure"].isna()], scores)
@@ -132,28 +112,7 @@ def _remove_omissions(warnings: pd.Series) -> pd.Series:
 
 
 def describe_changes(rows: pd.DataFrame, quantities: Mapping[str, tuple[str, float, str, float]]) -> str:
-    """The largest change of each quantity that leaving out a step makes, if it is beyond its 95 % interval.
-
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        Rows of `tabulate_omissions` for one condition and one step, a row for each method.
-    quantities : mapping of str to (str, float, str, float)
-        For each column its name, the factor that gives the unit of the text, this unit, and the least change in this
-        unit that is mentioned.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> rows = pd.DataFrame({"method": ["A", "B"], "K_cost": [-3.0, 1.0], "K_cost_margin": [1.0, 2.0]})
-    >>> describe_changes(rows, {"K": ("K", 2.0, "%", 1.0)})
-    'K -6.0 ± 2.0 % (A)'
-    >>> describe_changes(rows, {"K": ("K", 2.0, "%", 7.0)})
-    'no such change'
-    """
+    """The largest change of each quantity that leaving out a step makes, if it is beyond its 95 % interval."""
     phrases = []
     for column, (name, factor, unit, least) in quantities.items():
         change, margin = factor * rows[f"{column}_cost"], factor * rows[f"{column}_cost_margin"]

@@ -156,22 +156,7 @@ def _end(sweep: SweepStudy, table: pd.DataFrame) -> str:
 
 
 def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
-    """The points with the best and the worst mean of each quantity and method; the highest and lowest without a goal.
-
-    Parameters
-    ----------
-    sweep : SweepStudy
-        The sweep.
-    summary : pandas.DataFrame
-        Its `SweepStudy.summarise`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Text: quantity, method, rank, a column for each parameter, mean ± sd, and numbers of trials, failures and
-        warnings. Points of which less than half of the trials have a value are not ranked; a point of which half came
-        with a warning is never the best.
-    """
+    """Points with the best and the worst mean of each quantity and method; highest and lowest without a goal."""
     labels = {item.method: item.label for item in sweep.series}
     ranked = summary[summary["mean"].notna() & (summary["n"] >= LEAST_SHARE * summary["trials"])]
     rows = []

@@ -26,35 +26,7 @@ def summarise_cells(
     quantities: Sequence[str],
     slices: Mapping[str, str] | None = None,
 ) -> tuple[pd.DataFrame, Edges | None]:
-    """Means over all trials of each cell: a combination of two values of a grid, or a tile of an irregular design.
-
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        A table of `ankleloop.replication.sweep_summary.read_sweep`.
-    axes : tuple of SweepAxis
-        Parameters of the abscissa and the ordinate.
-    quantities : sequence of str
-        Columns to summarise.
-    slices : mapping of str to str, optional
-        For each point the slice that it is in, as `list_slices` gives it; one for all by default.
-
-    Returns
-    -------
-    table : pandas.DataFrame
-        Columns `x`, `y` (places on the axes), `slice`, `method`, and those of
-        `ankleloop.replication.sweep_summary.summarise_sweep`.
-    edges : tuple of ndarray or None
-        Edges of the cells; None for an irregular design of at most `MOST_POINTS` points, whose rows are points.
-
-    Examples
-    --------
-    >>> trials = pd.DataFrame({"point": ["a", "b"], "gain": [1.0, 2.0], "noise": [0.0, 1.0], "method": "m", "K": 150.0})
-    >>> axes = (SweepAxis.of("gain", "", [1.0, 2.0]), SweepAxis.of("noise", "", [0.0, 1.0]))
-    >>> table, edges = summarise_cells(trials.assign(failed=False, warned=False), axes, ["K"])
-    >>> table[["x", "y", "mean"]].values.tolist(), edges[0].tolist()
-    ([[1.0, 0.0, 150.0], [2.0, 1.0, 150.0]], [0.5, 1.5, 2.5])
-    """
+    """Means over all trials of each cell: a combination of two values of a grid, or a tile of an irregular design."""
     x, y = axes
     combinations = len(trials[[x.name, y.name]].drop_duplicates())
     is_grid = 2 * combinations >= len(x.values) * len(y.values)
@@ -71,26 +43,7 @@ def summarise_cells(
 
 
 def list_slices(trials: pd.DataFrame, others: Sequence[SweepAxis]) -> dict[str, str]:
-    """Slice of each point: the values of the parameters that are not axes of the map, where there are few of them.
-
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        A table of `ankleloop.replication.sweep_summary.read_sweep`.
-    others : sequence of SweepAxis
-        The other parameters.
-
-    Returns
-    -------
-    dict of str to str
-        Words for each point; empty where there is a single combination or more than a map has panels for.
-
-    Examples
-    --------
-    >>> trials = pd.DataFrame({"point": ["a", "b"], "block_rows": [12, 18]})
-    >>> list_slices(trials, [SweepAxis.of("block_rows", "block rows [samples]", [12, 18])])
-    {'a': 'block rows 12 samples', 'b': 'block rows 18 samples'}
-    """
+    """Slice of each point: the values of the parameters that are not axes of the map, where there are few of them."""
     if not others:
         return {}
     points = trials.drop_duplicates("point")

@@ -68,18 +68,7 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
 
 
 def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
-    """Maps over the first two axes of a sweep; a few values of the other parameters have panels of their own.
-
-    Parameters
-    ----------
-    sweep : SweepStudy
-        The sweep, with two axes or more.
-
-    Returns
-    -------
-    figure : matplotlib.figure.Figure
-    caption : str
-    """
+    """Maps over the first two axes of a sweep; a few values of the other parameters have panels of their own."""
     x, y = sweep.axes[:2]
     others = [axis for axis in sweep.parameters if axis.name not in (x.name, y.name)]
     slices = list_slices(sweep.shown_trials, others)

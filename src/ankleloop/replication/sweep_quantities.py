@@ -68,23 +68,7 @@ SWEEP_QUANTITIES = _list_quantities()
 
 
 def default_quantities(columns: Collection[str]) -> list[str]:
-    """Quantities that are shown where the configuration names none.
-
-    Parameters
-    ----------
-    columns : collection of str
-        Columns of the table of trials.
-
-    Returns
-    -------
-    list of str
-        VAF of net, intrinsic and reflex torque, against the truth where the table has it, and errors of K and G.
-
-    Examples
-    --------
-    >>> default_quantities(["vaf_net_measured", "vaf_net_true", "vaf_intrinsic_true", "K"])
-    ['vaf_net_true', 'vaf_intrinsic_true', 'K_error']
-    """
+    """Quantities that are shown where the configuration names none."""
     names = [
         next((name for against in ("true", "measured") if (name := f"vaf_{torque}_{against}") in columns), "")
         for torque in TORQUES
@@ -93,25 +77,13 @@ def default_quantities(columns: Collection[str]) -> list[str]:
 
 
 def error_source(quantity: str) -> str | None:
-    """Parameter of which a quantity is the relative error; None for a quantity that is no error.
-
-    Examples
-    --------
-    >>> error_source("K_error"), error_source("pole_error"), error_source("K")
-    ('K', None, None)
-    """
+    """Parameter of which a quantity is the relative error; None for a quantity that is no error."""
     name = quantity.removesuffix("_error")
     return name if name != quantity and name in SETTINGS else None
 
 
 def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
-    """What a method should reach: "high" for a VAF, "zero" for an error or bias, "low" for a share of faults.
-
-    Examples
-    --------
-    >>> [desired_value(name) for name in ("vaf_net_true", "K_error", "failures", "K")]
-    ['high', 'zero', 'low', None]
-    """
+    """What a method should reach: "high" for a VAF, "zero" for an error or bias, "low" for a share of faults."""
     if quantity.startswith(("vaf_", "unseen_")):
         return "high"
     if error_source(quantity) or quantity.endswith("_bias"):
@@ -120,24 +92,7 @@ def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
 
 
 def label_parameter(name: str, labels: Mapping[str, str]) -> str:
-    """Name and unit of a varied setting of the simulation, or option of a method.
-
-    Parameters
-    ----------
-    name : str
-        Column of the parameter: a setting, an option, or METHOD.OPTION.
-    labels : mapping of str to str
-        Label of each method of the study.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> label_parameter("load_stiffness", {}), label_parameter("riv.delay", {"riv": "RIV"})
-    ('stiffness of the load [N·m/rad]', 'delay of RIV [s]')
-    """
+    """Name and unit of a varied setting of the simulation, or option of a method."""
     if name in SimulationSettings.model_fields:
         words, unit = label_setting(name)
     else:
@@ -149,11 +104,5 @@ def label_parameter(name: str, labels: Mapping[str, str]) -> str:
 
 
 def label_difference(quantity: Quantity) -> str:
-    """Label of the difference of two methods.
-
-    Examples
-    --------
-    >>> label_difference(SWEEP_QUANTITIES["K_error"]), label_difference(SWEEP_QUANTITIES["K"])
-    ('Δ error of K [points]', 'Δ K [N·m/rad]')
-    """
+    """Label of the difference of two methods."""
     return f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"

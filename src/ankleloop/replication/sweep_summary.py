@@ -32,24 +32,7 @@ STATISTICS = ["mean", "sd", "n", "margin", *QUANTILES]
 
 
 def available_quantities(quantities: Sequence[str], columns: Collection[str]) -> list[str]:
-    """Quantities for which a table of trials has columns.
-
-    Parameters
-    ----------
-    quantities : sequence of str
-        Names of `ankleloop.replication.sweep_quantities.SWEEP_QUANTITIES`.
-    columns : collection of str
-        Columns of the table.
-
-    Returns
-    -------
-    list of str
-
-    Examples
-    --------
-    >>> available_quantities(["vaf_net_true", "K_error", "failures", "zeta"], ["vaf_net_true", "K"])
-    ['vaf_net_true', 'K_error', 'failures']
-    """
+    """Quantities for which a table of trials has columns."""
     return [name for name in quantities if name in FAULT_SHARES or (error_source(name) or name) in columns]
 
 
@@ -60,33 +43,7 @@ def read_sweep(
     settings: Mapping[str, Any],
     methods: Collection[str] | None = None,
 ) -> pd.DataFrame:
-    """Read what pictures of a sweep need of a table of trials; errors are relative to the truth of each point.
-
-    Parameters
-    ----------
-    path : path-like
-        Parquet table of the trials of a study.
-    varied : sequence of str
-        Columns of the parameters that differ between points.
-    quantities : sequence of str
-        Names of `ankleloop.replication.sweep_quantities.SWEEP_QUANTITIES`; those that the table does not have are left
-        out.
-    settings : mapping
-        Settings of the simulation that all points share, by name: the truth of what is not varied.
-    methods : collection of str, optional
-        Methods to keep; all of them by default.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row for each point, method and trial: `point`, the parameters, `method`, `trial`, the quantities (empty
-        where there is no estimate), `failed`, and `warned`: the estimate came with a warning.
-
-    Raises
-    ------
-    DataError
-        If the table is missing or damaged, lacks a parameter, or has rows of other methods alone.
-    """
+    """Read what pictures of a sweep need of a table of trials; errors are relative to the truth of each point."""
     columns = trial_table_columns(path)
     missing = [name for name in (*TRIAL, "method", *varied) if name not in columns]
     if missing:
@@ -129,34 +86,7 @@ def _quantity(table: pd.DataFrame, quantity: str, source: str, settings: Mapping
 
 
 def pair_methods(trials: pd.DataFrame, first: str, second: str, quantities: Sequence[str]) -> pd.DataFrame:
-    """Differences of two methods, trial by trial: both have identified the same record.
-
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        A table of `read_sweep`.
-    first, second : str
-        The methods: the first minus the second.
-    quantities : sequence of str
-        Columns.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns as of `trials`, with the method "FIRST − SECOND". A trial failed if either method failed, and came with
-        a warning if either did; it has no difference where one of them has no value.
-
-    Raises
-    ------
-    DataError
-        If a trial of one of the methods is in the table twice, or the other lacks it.
-
-    Examples
-    --------
-    >>> trials = pd.DataFrame({"point": "p", "trial": [0, 0], "method": ["riv", "moesp"], "K": [150.0, 146.0]})
-    >>> pair_methods(trials.assign(failed=False, warned=False), "riv", "moesp", ["K"])["K"].tolist()
-    [4.0]
-    """
+    """Differences of two methods, trial by trial: both have identified the same record."""
     parts = []
     for method in (first, second):
         part = trials[trials["method"] == method]
@@ -174,30 +104,7 @@ def pair_methods(trials: pd.DataFrame, first: str, second: str, quantities: Sequ
 
 
 def summarise_sweep(trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]) -> pd.DataFrame:
-    """Means over trials with their spread, and what the means leave out.
-
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        A table of `read_sweep` or `pair_methods`.
-    by : sequence of str
-        Columns whose values make a row for each quantity, in the order of their first appearance.
-    quantities : sequence of str
-        Columns to summarise.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `by`, `quantity`, `mean`, `sd`, `n` (trials in the mean), `margin` (half of the 95 % confidence
-        interval of the mean over independent trials), `low`, `median` and `high` (the quantiles 10, 50 and 90 %),
-        `trials`, `failures` and `warnings`. Where no trial has the quantity, the row has no mean.
-
-    Examples
-    --------
-    >>> trials = pd.DataFrame({"point": "p", "K": [1.0, 3.0, None], "failed": [False, False, True], "warned": False})
-    >>> summarise_sweep(trials, ["point"], ["K"])[["mean", "n", "trials", "failures"]].values.tolist()
-    [[2.0, 2.0, 3.0, 1.0]]
-    """
+    """Means over trials with their spread, and what the means leave out."""
     groups = _group(trials, by)
     counts = groups.agg(trials=("failed", "size"), failures=("failed", "sum"), warnings=("warned", "sum"))
     tables = []
@@ -224,23 +131,6 @@ def summarise_effects(
     The interval of a mean is that over conditions, since trials of one condition (the simulated settings of a point)
     share it, and points that differ in options alone share their trials, too. Where a value has a single condition, it
     is over the trials of that condition.
-
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        A table of `read_sweep` or `pair_methods`.
-    axis : SweepAxis
-        The parameter.
-    quantities : sequence of str
-        Columns to summarise.
-    bins, most : int
-        Bins of equal width, where there are more than `most` distinct values.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `parameter`, `place` (on the axis), `method` and those of `summarise_sweep`; `n` is the number of
-        conditions or trials that the interval is over.
     """
     settings = [name for name in SimulationSettings.model_fields if name in trials]
     condition = _group(trials, settings).ngroup() if settings else 0
@@ -262,24 +152,7 @@ def _unit_means(table: pd.DataFrame, by: Sequence[str], quantities: Sequence[str
 
 
 def widen_summary(summary: pd.DataFrame) -> pd.DataFrame:
-    """A summary with the statistics of all quantities in one row.
-
-    Parameters
-    ----------
-    summary : pandas.DataFrame
-        Of `summarise_sweep`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each point and method, with columns `{quantity}_{statistic}`; numbers of trials at the end.
-
-    Examples
-    --------
-    >>> trials = pd.DataFrame({"point": ["p", "p"], "K": [1.0, 3.0], "failed": False, "warned": False})
-    >>> widen_summary(summarise_sweep(trials, ["point"], ["K"]))[["K_mean", "trials"]].values.tolist()
-    [[2.0, 2.0]]
-    """
+    """A summary with the statistics of all quantities in one row."""
     quantities = list(dict.fromkeys(summary["quantity"]))
     parts = [summary[summary["quantity"] == name].reset_index(drop=True) for name in quantities]
     shared = parts[0].drop(columns=["quantity", *STATISTICS])

@@ -19,37 +19,7 @@ __all__ = ["compare_with_bound", "compare_with_published", "format_number", "for
 def compare_with_published(
     scores: pd.DataFrame, parameters: pd.DataFrame, published: pd.DataFrame, by: Sequence[str]
 ) -> pd.DataFrame:
-    """Mean and standard deviation over trials beside the published numbers.
-
-    Parameters
-    ----------
-    scores : pandas.DataFrame
-        Tables of `evaluate` with columns `method` and those of `by`.
-    parameters : pandas.DataFrame
-        One row for each trial and method: columns `method`, `trial` and those of `by`, and where there are any
-        `failure` and `warnings`.
-    published : pandas.DataFrame
-        Columns `method`, `torque`, `against`, `paper`.
-    by : sequence of str
-        Columns whose values make a point.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `by`, `method`, `torque`, `against`, `paper` (empty where the paper has no such number), `mean`, `sd`,
-        `n`, the number of trials in the mean, and `trials`, `failures` and `warnings` of
-        `ankleloop.replication.trial_counts.count_outcomes`; and where there is a single trial of each, `low` and
-        `high`, the 95 % interval of its VAF.
-
-    Examples
-    --------
-    >>> parameters = pd.DataFrame({"method": "m", "trial": [0, 1, 2], "failure": [None, None, "no pole"]})
-    >>> scores = pd.DataFrame({"method": "m", "torque": "net", "against": "true", "vaf": [90.0, 92.0]})
-    >>> published = pd.DataFrame({"method": ["m"], "torque": ["net"], "against": ["true"], "paper": [93.0]})
-    >>> table = compare_with_published(scores, parameters, published, [])
-    >>> table[["paper", "mean", "n", "trials", "failures"]].values.tolist()
-    [[93.0, 91.0, 2.0, 3.0, 1.0]]
-    """
+    """Mean and standard deviation over trials beside the published numbers."""
     keys = ["method", "torque", "against"]
     table = summarise_scores(scores, parameters, [*by, *keys]).merge(published, how="left", on=keys)
     columns = [*by, *keys, "paper", "mean", "sd", "n", *COUNTS]
@@ -64,33 +34,7 @@ def compare_with_bound(
     truths: Mapping[str, Mapping[str, float]],
     bounds: Mapping[tuple[str, str], Mapping[str, float]],
 ) -> pd.DataFrame:
-    """Errors of estimated parameters over trials, beside the Cramér-Rao bound.
-
-    Parameters
-    ----------
-    details : pandas.DataFrame
-        Rows of `ankleloop.assessment.scores.parameter_row` with columns `point` and `method`.
-    truths : dict of str to dict of str to float
-        For each point the true parameters.
-    bounds : dict of tuple to dict of str to float
-        For each point and method the smallest standard deviation of each of them.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row for each point, method and parameter that the method estimates: `truth`, `mean`, `bias`, `sd`, `rmse`,
-        `n` (trials with this parameter), `bound`, `ratio` (rmse over bound), `covered`, the share [%] of 95 % intervals
-        that hold the truth, where there are intervals, and `trials`, `failures` and `warnings` of
-        `ankleloop.replication.trial_counts.count_outcomes`. Where every trial failed, the row has no numbers.
-
-    Examples
-    --------
-    >>> details = pd.DataFrame({"point": "p", "method": "m", "trial": [0, 1], "K": [149.0, 151.0]})
-    >>> details = details.assign(K_low=150.5, K_high=153.0)
-    >>> row = compare_with_bound(details, {"p": {"K": 150.0}}, {("p", "m"): {"K": 0.5}}).iloc[0]
-    >>> float(row["rmse"]), float(row["ratio"]), float(row["covered"])
-    (1.0, 2.0, 0.0)
-    """
+    """Errors of estimated parameters over trials, beside the Cramér-Rao bound."""
     counts = count_outcomes(details, ["point", "method"]).set_index(["point", "method"])
     names = [name for name in dict.fromkeys(chain.from_iterable(truths.values())) if name in details]
     estimated = details[names].notna().groupby(details["method"]).any()  # at some point
@@ -127,44 +71,12 @@ def _coverage(part: pd.DataFrame, name: str, truth: float) -> float:
 
 
 def format_number(value: float, spec: str) -> str:
-    """A number in a table for people; a dash if it does not exist.
-
-    Parameters
-    ----------
-    value : float
-        The number, or nan.
-    spec : str
-        Format specification.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> format_number(91.25, "+.1f"), format_number(np.nan, ".1f")
-    ('+91.2', '–')
-    """
+    """A number in a table for people; a dash if it does not exist."""
     return "–" if pd.isna(value) else f"{value:{spec}}"
 
 
 def format_table(table: pd.DataFrame, labels: Mapping[str, str], decimals: int = 1) -> pd.DataFrame:
-    """A table as people read it: labels for methods, mean ± sd, difference to the paper, numbers of trials.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        A table of `compare_with_published`.
-    labels : dict of str to str
-        Label of each method.
-    decimals : int
-        Decimals of VAF.
-
-    Returns
-    -------
-    pandas.DataFrame
-        All cells are text; a dash stands for a number that does not exist.
-    """
+    """A table as people read it: labels for methods, mean ± sd, difference to the paper, numbers of trials."""
     spec = f".{decimals}f"
     numbers = [name for name in ("paper", "mean", "sd", "n", *COUNTS, "low", "high") if name in table]
     cells = table.drop(columns=numbers).assign(method=table["method"].map(labels))
@@ -193,26 +105,7 @@ def write_table(
     *,
     overwrite: bool = False,
 ) -> None:
-    """Write a table as CSV, and as Markdown with its caption.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Content of the CSV.
-    stem : path-like
-        Path without its ending.
-    shown : pandas.DataFrame, optional
-        Content of the Markdown; the table itself by default.
-    caption : str
-        Text below the Markdown table.
-    overwrite : bool
-        Whether to replace files of these names; without it existing files are refused.
-
-    Raises
-    ------
-    DataError
-        If a file exists, or cannot be written.
-    """
+    """Write a table as CSV, and as Markdown with its caption."""
     stem = Path(stem)
     with atomic_file(stem.with_name(stem.name + ".csv"), overwrite=overwrite) as path:
         table.to_csv(path, index=False)

@@ -44,24 +44,7 @@ SPREAD = (0.025, 0.975)  # quantiles of the trials
 def profile_trajectories(settings: Mapping[str, Any], dimension: str, coordinate: np.ndarray) -> dict[str, np.ndarray]:
     """True K, B and G of a setting over what they vary with.
 
-    Parameters
-    ----------
-    settings : dict
-        Simulation settings by name.
-    dimension : {"phase", "time", "schedule"}
-        What they vary with.
-    coordinate : ndarray, shape (places,)
-        Phase, time [s] or scheduling variable.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (places,)
-
-    Examples
-    --------
-    >>> settings = {"variation": "schedule", "stiffness": 100.0, "stiffness_variation": 0.5}
-    >>> profile_trajectories(settings, "schedule", np.array([0.0, 0.5]))["K"].tolist()
-    [50.0, 150.0]
+    Shapes: coordinate (places,); returns (places,).
     """
     # Points of a study have options of methods beside the settings.
     known = {name: value for name, value in settings.items() if name in SimulationSettings.model_fields}
@@ -75,26 +58,7 @@ def profile_trajectories(settings: Mapping[str, Any], dimension: str, coordinate
 
 
 def average_trajectories(estimates: Sequence[Estimate], settings: Mapping[str, Any]) -> pd.DataFrame:
-    """Mean and spread of trajectories over trials, place by place, beside the truth.
-
-    Parameters
-    ----------
-    estimates : sequence of Estimate
-        Estimates of trials of one setting by one method; those without trajectories are left out.
-    settings : dict
-        Its simulation settings.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `parameter`, `dimension`, `place`, `truth`, `mean`, `sd`, `low` and `high` (2.5 and 97.5 % of the
-        trials), and `n`, the trials in which the parameter was identified there. Empty without trajectories.
-
-    Examples
-    --------
-    >>> average_trajectories([], {}).columns.tolist()[:3]
-    ['parameter', 'dimension', 'place']
-    """
+    """Mean and spread of trajectories over trials, place by place, beside the truth."""
     columns = ["parameter", "dimension", "place", "truth", "mean", "sd", "low", "high", "n"]
     curves = [estimate.trajectories for estimate in estimates if estimate.trajectories is not None]
     if not curves:
@@ -110,27 +74,7 @@ def average_trajectories(estimates: Sequence[Estimate], settings: Mapping[str, A
 def average_study(
     paths: Sequence[str | PathLike[str]], points: Mapping[str, Mapping[str, Any]], methods: Iterable[str]
 ) -> pd.DataFrame:
-    """Mean trajectories of every setting and method of a study.
-
-    Parameters
-    ----------
-    paths : sequence of path-like
-        Estimate files of its chunks.
-    points : dict of str to dict
-        Simulation settings of each point.
-    methods : iterable of str
-        Names of its methods; those without trajectories have no rows.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Tables of `average_trajectories` with columns `point` and `method`.
-
-    Raises
-    ------
-    DataError
-        If a file is missing or damaged, or no estimate has trajectories.
-    """
+    """Mean trajectories of every setting and method of a study."""
     parts = []
     for (point, settings), method in product(points.items(), methods):
         table = average_trajectories(list(find_estimates(paths, point, method).values()), settings)
@@ -166,30 +110,6 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
 
     .. math:: \text{bias}^2 = \overline{(\overline{\hat K}(\tau) - K(\tau))^2}, \qquad
               \text{random}^2 = \overline{s^2(\tau)}, \qquad \text{total}^2 = \text{bias}^2 + \text{random}^2.
-
-    Parameters
-    ----------
-    details : pandas.DataFrame
-        Rows of `ankleloop.assessment.scores.parameter_row` with columns `point`, `method` and `trial`.
-    averages : pandas.DataFrame
-        Tables of `average_trajectories` with columns `point` and `method`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `point`, `method`, `parameter`; `error` and `mean_error`, means over trials of the error of a trajectory
-        and of its mean over all places, and `covered`, that of the share of the places at which the band holds the
-        truth, each with half of its 95 % interval (`error_margin` …); `bias`, `random` and `total`, all in percent;
-        `rise`, mean time from 10 to 90 % of a step [s]; and the columns of
-        `ankleloop.replication.trial_counts.count_outcomes`. What a method does not have is empty.
-
-    Examples
-    --------
-    >>> details = pd.DataFrame({"point": "p", "method": "m", "trial": [0, 1], "K_nrmse": [2.0, 4.0]})
-    >>> averages = pd.DataFrame({"point": "p", "method": "m", "parameter": "K", "truth": 100.0, "mean": [103.0, 103.0]})
-    >>> row = measure_trajectories(details, averages.assign(sd=4.0)).iloc[0]
-    >>> [round(float(row[name]), 3) for name in ("error", "bias", "random", "total")]
-    [3.0, 3.0, 4.0, 5.0]
     """
     rows = []
     curves = dict(iter(averages.groupby(["point", "method", "parameter"], sort=False)))
@@ -219,67 +139,19 @@ def _divide_error(curve: pd.DataFrame | None) -> dict[str, float]:
 
 
 def count_cycles(details: pd.DataFrame) -> str:
-    """Smallest and largest number of whole cycles of a trial that were identified; empty without cycles.
-
-    Parameters
-    ----------
-    details : pandas.DataFrame
-        Rows of `ankleloop.assessment.scores.parameter_row`.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> count_cycles(pd.DataFrame({"cycles": [10.0, 38.0, None]}))
-    '10 to 38'
-    """
+    """Smallest and largest number of whole cycles of a trial that were identified; empty without cycles."""
     counts = details["cycles"].dropna() if "cycles" in details else pd.Series(dtype=float)
     return " to ".join(dict.fromkeys(f"{count:.0f}" for count in (counts.min(), counts.max()) if counts.size))
 
 
 def describe_cycles(details: pd.DataFrame) -> str:
-    """How many whole cycles of a trial were identified, in a sentence; empty without cycles.
-
-    Parameters
-    ----------
-    details : pandas.DataFrame
-        Rows of `ankleloop.assessment.scores.parameter_row`.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> describe_cycles(pd.DataFrame({"cycles": [10.0, 38.0, None]}))
-    ' Of a trial 10 to 38 whole cycles are identified, those that no edge of the record touches.'
-    """
+    """How many whole cycles of a trial were identified, in a sentence; empty without cycles."""
     cycles = count_cycles(details)
     return f" Of a trial {cycles} whole cycles are identified, those that no edge of the record touches." * bool(cycles)
 
 
 def setting_titles(points: Mapping[str, Mapping[str, Any]], varied: Sequence[str]) -> dict[str, str]:
-    """Each setting of a study in a few words: what differs between them.
-
-    Parameters
-    ----------
-    points : dict of str to dict
-        Settings of each point.
-    varied : sequence of str
-        Settings and options that differ between them.
-
-    Returns
-    -------
-    dict of str to str
-
-    Examples
-    --------
-    >>> settings = SimulationSettings.defaults() | {"variation": "cycle", "voluntary": 0.3, "duration": 56.0}
-    >>> setting_titles({"a": settings}, ["load_inertia", "voluntary"])
-    {'a': 'load 1.1/7.1/250, voluntary 30 %, 40 cycles'}
-    """
+    """Each setting of a study in a few words: what differs between them."""
     return {point: _title(settings, varied) for point, settings in points.items()}
 
 
@@ -297,26 +169,7 @@ def _title(settings: Mapping[str, Any], varied: Sequence[str]) -> str:
 
 
 def published_rows(published: pd.DataFrame, study: str) -> pd.DataFrame:
-    """Published numbers beside which a study stands.
-
-    Parameters
-    ----------
-    published : pandas.DataFrame
-        data/published/time_varying.csv: columns `study`, `measure`, `low`, `high`, `unit`, `conditions` and `source`.
-    study : str
-        Name of the study.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `measure`, `published`, `conditions` and `source`, as text; empty where there are none.
-
-    Examples
-    --------
-    >>> row = {"study": "s", "measure": "error", "low": 1.3, "high": 4.1, "unit": "%", "conditions": "", "source": "A"}
-    >>> published_rows(pd.DataFrame([row]), "s")["published"].tolist()
-    ['1.3 to 4.1 %']
-    """
+    """Published numbers beside which a study stands."""
     rows = published[published["study"] == study]
     texts = [
         f"{row.low:g} {row.unit}" if row.low == row.high else f"{row.low:g} to {row.high:g} {row.unit}"
@@ -326,24 +179,7 @@ def published_rows(published: pd.DataFrame, study: str) -> pd.DataFrame:
 
 
 def typical_points(points: Mapping[str, Mapping[str, Any]], most: int = 4) -> list[str]:
-    """Points that a figure shows: all of a few, else some at equal distances in their list.
-
-    Parameters
-    ----------
-    points : dict of str to dict
-        Settings of each point.
-    most : int
-        How many there is room for.
-
-    Returns
-    -------
-    list of str
-
-    Examples
-    --------
-    >>> typical_points(dict.fromkeys("abcdefg", {}), 3)
-    ['b', 'd', 'f']
-    """
+    """Points that a figure shows: all of a few, else some at equal distances in their list."""
     names = list(points)
     if len(names) <= most:
         return names

@@ -28,30 +28,6 @@ def compare_with_bound(details: pd.DataFrame, points: Mapping[str, Mapping[str, 
     The efficiency is the mean square of the bound over all places, over the mean square error over places and trials.
     That of the mean over the places is likewise; with n trials of normal errors about the truth its 95 % interval is
     the efficiency times the quantiles of :math:`\chi^2_n / n`.
-
-    Parameters
-    ----------
-    details : pandas.DataFrame
-        Rows of `ankleloop.assessment.scores.parameter_row` with columns `point`, `method` and `trial`.
-    points : dict of str to dict
-        Simulation settings of each point. Those of a square wave have no bound here, for no splines are its truth.
-    method : str
-        The method; its trajectories have the default numbers of splines.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `point`, `parameter`; `root_error` and `bound`, root mean squares over places and trials;
-        `root_mean_error` and `mean_bound`, those of the mean over the places; all in percent of the mean of the truth;
-        and `efficiency`, `mean_efficiency`, `mean_low` and `mean_high` [%].
-
-    Examples
-    --------
-    >>> point = {"variation": "cycle", "duration": 42.0, "stiffness_variation": 0.4}
-    >>> scores = {f"{name}_{score}": [3.0, 4.0] for name in "KBG" for score in ("nrmse", "bias")}
-    >>> table = compare_with_bound(pd.DataFrame({"point": "p", "method": "m", **scores}), {"p": point}, "m")
-    >>> bool((table["mean_bound"] < table["bound"]).all()), table["root_error"].round(3).tolist()
-    (True, [3.536, 3.536, 3.536])
     """
     rows = []
     for point, part in details[details["method"] == method].groupby("point", sort=False):
@@ -81,29 +57,7 @@ def _mean_square(errors: pd.Series) -> float:
 
 
 def count_coverage(table: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFrame:
-    """How many bands hold the truth at 92 to 97 % of the places, for each method and parameter.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Table of `ankleloop.replication.time_varying.measure_trajectories`.
-    titles : dict of str to str
-        Each setting in a few words.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `method`, `parameter`, `settings`; `less` and `more`, settings in which the 95 % interval of the mean
-        share over trials lies below 92 % or above 97 %; `open`, those in which it reaches across one of these limits;
-        `smallest`, the smallest share with half of its interval and its setting. Methods without bands have no row.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame({"point": ["a", "b"], "method": "m", "parameter": "K", "covered": [70.0, 95.0]})
-    >>> counts = count_coverage(table.assign(covered_margin=3.0), {"a": "20 cycles", "b": "40 cycles"})
-    >>> counts[["settings", "less", "more", "open", "smallest"]].to_numpy().tolist()
-    [[2, 1, 0, 1, '70 ± 3 (20 cycles)']]
-    """
+    """How many bands hold the truth at 92 to 97 % of the places, for each method and parameter."""
     low, high = COVERED
     rows = []
     bands = table.dropna(subset="covered")
@@ -120,22 +74,7 @@ def count_coverage(table: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFra
 
 
 def describe_bound(label: str) -> str:
-    """What the bound of trajectories is, and what an efficiency beyond it means, in sentences.
-
-    Parameters
-    ----------
-    label : str
-        Label of the method.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> describe_bound("riv-tv").split(", ")[0]
-    'riv-tv beside the Cramér-Rao bound'
-    """
+    """What the bound of trajectories is, and what an efficiency beyond it means, in sentences."""
     return (
         f"{label} beside the Cramér-Rao bound, the smallest error of estimates without bias. Its parameters are the "
         "coefficients of the splines, in the numbers that are the default of riv-tv; it is that of one perturbation in "
@@ -148,25 +87,7 @@ def describe_bound(label: str) -> str:
 
 
 def describe_comparison(settings: Mapping[str, Any], cycles: str) -> str:
-    """What published errors of other methods can be compared with, in sentences.
-
-    Parameters
-    ----------
-    settings : dict
-        Simulation settings of the study.
-    cycles : str
-        Numbers of whole cycles that were identified.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> settings = SimulationSettings.defaults() | {"snr_db": 15.0, "closed_loop": False, "cycle_duration": 1.4}
-    >>> describe_comparison(settings, "10").split(". ")[0]
-    'Here: 10 cycles of 1.4 s, measurement noise at 15 dB, open loop'
-    """
+    """What published errors of other methods can be compared with, in sentences."""
     loop = "closed loop" if settings["closed_loop"] else "open loop"
     noise = "no measurement noise"
     if settings["snr_db"] is not None:

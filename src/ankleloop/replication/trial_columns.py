@@ -37,25 +37,13 @@ ORDER = [*QUANTITIES, *SWEEP_QUANTITIES]
 
 
 def score_columns(torque: str, against: str) -> tuple[str, str, str]:
-    """Columns of a VAF and of the ends of its interval.
-
-    Examples
-    --------
-    >>> score_columns("net", "true")
-    ('vaf_net_true', 'vaf_net_true_low', 'vaf_net_true_high')
-    """
+    """Columns of a VAF and of the ends of its interval."""
     name = f"vaf_{torque}_{against}"
     return name, f"{name}_low", f"{name}_high"
 
 
 def column_kind(name: str) -> Kind:
-    """Kind of the values of a column that is no parameter of the sweep.
-
-    Examples
-    --------
-    >>> [column_kind(name) for name in ("K_low", "order_estimated", "stable", "failure")]
-    ['number', 'count', 'flag', 'text']
-    """
+    """Kind of the values of a column that is no parameter of the sweep."""
     name = name.removesuffix(ESTIMATED)
     if name in TEXTS:
         return "text"
@@ -63,13 +51,7 @@ def column_kind(name: str) -> Kind:
 
 
 def value_kind(values: Iterable[str]) -> Kind:
-    """Kind of the values of a parameter of the sweep, as tables write them; empty is no value.
-
-    Examples
-    --------
-    >>> [value_kind(values) for values in (["True"], ["12", ""], ["1e-3", "12"], ["12", "rectifier"], [""])]
-    ['flag', 'count', 'number', 'text', 'number']
-    """
+    """Kind of the values of a parameter of the sweep, as tables write them; empty is no value."""
     present = {value for value in values if value}
     if not present:
         return "number"
@@ -89,27 +71,7 @@ def _is_number(text: str) -> bool:
 
 
 def order_columns(names: Collection[str], varied: Sequence[str], scores: Collection[tuple[str, str]]) -> list[str]:
-    """All columns of a table of trials in their fixed order.
-
-    Parameters
-    ----------
-    names : collection of str
-        Columns of the parameters of the chunks.
-    varied : sequence of str
-        Those that are parameters of the sweep.
-    scores : collection of (str, str)
-        Torques that were scored, and against which.
-
-    Returns
-    -------
-    list of str
-        Study, point, parameters of the sweep, method, trial, scores, estimated quantities, diagnostics, faults.
-
-    Examples
-    --------
-    >>> order_columns(["trial", "B", "K_low", "K", "block_rows"], ["block_rows"], [("net", "true")])[:6]
-    ['study', 'point', 'block_rows', 'method', 'trial', 'vaf_net_true']
-    """
+    """All columns of a table of trials in their fixed order."""
     ranks = {name: rank for rank, name in enumerate(ORDER)}
     first = [*FIRST, *varied, "method", "trial"]
     pairs = sorted(scores, key=lambda pair: (ranks.get(score_columns(*pair)[0], len(ranks)), pair))
@@ -131,27 +93,7 @@ def _split_end(name: str) -> tuple[str, str]:
 
 
 def describe_column(name: str, varied: Collection[str] = ()) -> Mapping[str, str]:
-    """Unit and description of a column.
-
-    Parameters
-    ----------
-    name : str
-        The column.
-    varied : collection of str
-        Columns that are parameters of the sweep: settings of the simulation, options of methods.
-
-    Returns
-    -------
-    dict
-        `unit`, "1" where it has none, and `description`.
-
-    Examples
-    --------
-    >>> describe_column("K_high")
-    {'unit': 'N·m/rad', 'description': 'upper end of the 95 % interval of the intrinsic stiffness'}
-    >>> describe_column("reflex_gain", ["reflex_gain"])["unit"]
-    'N·m·s/rad'
-    """
+    """Unit and description of a column."""
     if name in varied:
         return _describe_parameter(name)
     base, end = _split_end(name)

@@ -57,42 +57,6 @@ def write_trial_table(
 
     The rows do not depend on how the trials are divided into chunks, and their order only where the points of one
     condition are divided, which are more than a job takes.
-
-    Parameters
-    ----------
-    path : path-like
-        Parquet file to write; one of this name is replaced.
-    parameters, scores : sequence of path-like
-        CSV files of each chunk, in the same order.
-    varied : sequence of str
-        Columns of the parameters of the sweep.
-    text : path-like, optional
-        CSV file to write beside it.
-    points : int, optional
-        Number of points of the study; by default those in the tables.
-    methods : collection of str, optional
-        Methods of the study; by default those in the tables.
-    trials : int, optional
-        Number of trials at each point; by default the largest that a point has.
-
-    Raises
-    ------
-    DataError
-        If a file is missing or damaged, a trial of a method has no row, an estimate lacks a score, or no trial of the
-        study was identified; then with the reason of the first.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     chunk = Path(folder, "p.csv"), Path(folder, "s.csv")
-    ...     _ = chunk[0].write_text("study,point,method,trial,K\ns,only,riv,0,150.0\n")
-    ...     _ = chunk[1].write_text("study,point,method,trial,torque,against,vaf,low,high\n"
-    ...                             "s,only,riv,0,net,true,98.0,97.5,98.4\n")
-    ...     write_trial_table(f"{folder}/t.parquet", chunk[:1], chunk[1:])
-    ...     read_trial_table(f"{folder}/t.parquet", ["K", "vaf_net_true"]).values.tolist()
-    [[150.0, 98.0]]
     """
     kinds, pairs = _scan(parameters, scores, varied)
     names = order_columns(kinds, varied, pairs)
@@ -146,22 +110,7 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
 
 
 def trial_table_columns(path: PathLike) -> list[str]:
-    """Columns of the table of the trials of a study.
-
-    Parameters
-    ----------
-    path : path-like
-        Parquet file of `write_trial_table`.
-
-    Returns
-    -------
-    list of str
-
-    Raises
-    ------
-    DataError
-        If there is no such file, or it is damaged.
-    """
+    """Columns of the table of the trials of a study."""
     with _readable(path, "table of trials"):
         return list(parquet.read_schema(path).names)
 

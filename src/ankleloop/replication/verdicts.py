@@ -35,22 +35,7 @@ PHRASES = {
 
 
 def count_verdicts(ledger: pd.DataFrame) -> str:
-    """Number of claims with each verdict that occurs.
-
-    Parameters
-    ----------
-    ledger : pandas.DataFrame
-        From `verify`.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> count_verdicts(pd.DataFrame({"verdict": ["reproduced", "not reproduced", "reproduced"]}))
-    '2 reproduced, 1 not reproduced'
-    """
+    """Number of claims with each verdict that occurs."""
     counts = ledger["verdict"].value_counts(sort=False)
     known = [verdict for verdict in PHRASES if verdict in counts]
     others = [verdict for verdict in counts.index if verdict not in PHRASES]
@@ -58,42 +43,14 @@ def count_verdicts(ledger: pd.DataFrame) -> str:
 
 
 def phrase_verdict(claim: Mapping[str, object]) -> str:
-    """Verdict on a claim as the second half of a sentence.
-
-    Parameters
-    ----------
-    claim : mapping
-        Row of the ledger: `verdict`, `conditions`.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> phrase_verdict({"verdict": "reproduced under stated conditions", "conditions": "one pass"})
-    'is reproduced under a stated condition (one pass)'
-    """
+    """Verdict on a claim as the second half of a sentence."""
     verdict, conditions = str(claim["verdict"]), claim["conditions"]
     phrase = PHRASES.get(verdict, f"has the verdict “{verdict}”")
     return f"{phrase} ({conditions})" if "condition" in verdict and isinstance(conditions, str) else phrase
 
 
 def describe_claim(ledger: pd.DataFrame, claim: str) -> str | None:
-    """A claim of the paper with its verdict and the reason.
-
-    Parameters
-    ----------
-    ledger : pandas.DataFrame
-        From `verify`.
-    claim : str
-        Its `id`.
-
-    Returns
-    -------
-    str or None
-        Markdown; None if the ledger has no such claim.
-    """
+    """A claim of the paper with its verdict and the reason."""
     rows = ledger[ledger["id"] == claim]
     if rows.empty:
         return None
@@ -104,44 +61,13 @@ def describe_claim(ledger: pd.DataFrame, claim: str) -> str | None:
 
 
 def describe_claims(ledger: pd.DataFrame, claims: Iterable[str]) -> str:
-    """Claims of the paper as a list, each with its verdict and the reason.
-
-    Parameters
-    ----------
-    ledger : pandas.DataFrame
-        From `verify`.
-    claims : iterable of str
-        Their `id`; those that the ledger does not have are left out.
-
-    Returns
-    -------
-    str
-        Markdown.
-    """
+    """Claims of the paper as a list, each with its verdict and the reason."""
     texts = (describe_claim(ledger, claim) for claim in claims)
     return "\n".join(f"- {text}" for text in texts if text is not None)
 
 
 def list_by_verdict(rows: pd.DataFrame, texts: Iterable[str]) -> str:
-    """Texts in groups of equal verdicts, each group a sentence.
-
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        Rows of the ledger: `verdict`.
-    texts : iterable of str
-        A text for each of them.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> rows = pd.DataFrame({"verdict": ["not reproduced", "reproduced", "not reproduced"]})
-    >>> list_by_verdict(rows, ["a", "b", "c"])
-    'Reproduced: b. Not reproduced: a; c.'
-    """
+    """Texts in groups of equal verdicts, each group a sentence."""
     groups = pd.Series(list(texts)).groupby(rows["verdict"].to_numpy(), sort=False)
     order = {verdict: number for number, verdict in enumerate(PHRASES)}
     parts = sorted(groups, key=lambda group: order.get(str(group[0]), len(order)))

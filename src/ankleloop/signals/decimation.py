@@ -35,29 +35,7 @@ LARGEST_FACTOR = 10_000  # of the decimation: the design of its kernel takes mem
 
 
 def decimation_factor(sampling_rate: float, identification_rate: float) -> int:
-    """Number of recorded samples per identified sample.
-
-    Parameters
-    ----------
-    sampling_rate, identification_rate : float
-        Rates of the record and of the identification [Hz].
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    DataError
-        If the sampling rate is not a whole multiple of the identification rate, or more than 10 000 times as high.
-    ValueError
-        If a rate is not a positive number.
-
-    Examples
-    --------
-    >>> decimation_factor(1000.0, 100.0)
-    10
-    """
+    """Number of recorded samples per identified sample."""
     rate = check_number("decimation", "identification_rate", identification_rate, "Hz", gt=0)
     sampling_rate = check_number("decimation", "sampling_rate", sampling_rate, "Hz", gt=0)
     ratio = sampling_rate / rate
@@ -85,29 +63,7 @@ def design_lowpass(
 
     The derivative and the shift are applied to the spectrum of the taps: they act on the band-limited kernel itself.
 
-    Parameters
-    ----------
-    rate : float
-        Sampling rate [Hz].
-    passband, stopband : float
-        Edges of the transition [Hz].
-    derivative : int
-        Order of the derivative.
-    shift : float
-        Delay in samples, below 1.
-
-    Returns
-    -------
-    taps : ndarray, shape (2 half + 1,)
-        Impulse response [1/s to the power of the derivative].
-    half : int
-        Half length in samples.
-
-    Examples
-    --------
-    >>> taps, half = design_lowpass(1000.0, 38.0, 50.0)
-    >>> taps.size == 2 * half + 1, round(float(taps.sum()), 12)
-    (True, 1.0)
+    Shapes: returns taps (2 half + 1,).
     """
     # Kaiser's formulas (1974), because importing scipy.signal takes longer than most jobs of the workflow.
     half = int(np.ceil((ATTENUATION_DB - 7.95) / (2.285 * 2 * np.pi * (stopband - passband) / rate) + 1)) // 2 + 1
@@ -132,25 +88,7 @@ def design_lowpass(
 def decimation_taps(factor: int, derivative: int) -> tuple[np.ndarray, int]:
     """Taps of the decimation, and their half length in whole decimated samples.
 
-    Parameters
-    ----------
-    factor : int
-        Decimation factor.
-    derivative : int
-        0, 1 or 2.
-
-    Returns
-    -------
-    taps : ndarray, shape (2 half + 1,)
-        Impulse response at a decimated rate of 1 Hz.
-    half : int
-        Half length in recorded samples.
-
-    Examples
-    --------
-    >>> taps, half = decimation_taps(10, 0)
-    >>> taps.size == 2 * half + 1, half % 10
-    (True, 0)
+    Shapes: returns taps (2 half + 1,).
     """
     # Design at unit identification rate, so that one cached design serves every rate.
     taps, half = design_lowpass(float(factor), PASSBAND, STOPBAND, derivative)
@@ -161,23 +99,7 @@ def decimation_taps(factor: int, derivative: int) -> tuple[np.ndarray, int]:
 
 
 def decimation_margin(factor: int) -> int:
-    """Recorded samples that the widest decimation kernel needs on either side of a decimated sample.
-
-    Parameters
-    ----------
-    factor : int
-        Decimation factor.
-
-    Returns
-    -------
-    int
-        Half length of the kernel in recorded samples.
-
-    Examples
-    --------
-    >>> decimation_margin(10) % 10
-    0
-    """
+    """Recorded samples that the widest decimation kernel needs on either side of a decimated sample."""
     return decimation_taps(check_integer("decimation", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR), 1)[1]
 
 
@@ -188,38 +110,7 @@ def decimate(
 
     The kernel is flat to 0.38 and stops at 0.50 of the decimated rate; its derivatives are exact.
 
-    Parameters
-    ----------
-    x : array_like, shape (N,) or (channels, N)
-        Recorded signals.
-    factor : int
-        Recorded samples per decimated sample.
-    first, count : int
-        Recorded index of the first decimated sample, and number of decimated samples. All of them have to lie
-        `decimation_margin` samples inside the record: edges are never padded.
-    rate : float
-        Sampling rate of `x` [Hz]; the unit of time of the derivative.
-    derivative : int
-        0, 1 or 2.
-
-    Returns
-    -------
-    ndarray, shape (count,) or (channels, count)
-        The signal at samples ``first + factor * arange(count)``.
-
-    Raises
-    ------
-    DataError
-        If the record is too short for these samples.
-    ValueError
-        For an argument of another type or out of its range.
-
-    Examples
-    --------
-    >>> t = np.arange(2000) / 1000.0
-    >>> v = decimate(t**2, 10, 500, 3, rate=1000.0, derivative=1)
-    >>> np.allclose(v, 2 * t[[500, 510, 520]])
-    True
+    Shapes: x (N,); returns (count,).
     """
     factor = check_integer("decimate", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR)
     first, count = check_integer("decimate", "first", first, "samples"), check_integer("decimate", "count", count)
@@ -243,23 +134,7 @@ def decimate(
 def convolve_strided(x: np.ndarray, taps: np.ndarray, start: int, stride: int, count: int) -> np.ndarray:
     """Samples of the convolution of one signal or of several: only those that need nothing beyond the ends.
 
-    Parameters
-    ----------
-    x : ndarray, shape (N,) or (channels, N)
-        Signals.
-    taps : ndarray, shape (M,)
-        Impulse response.
-    start, stride, count : int
-        First sample under the taps of the first result, step to those of the next one, and number of results.
-
-    Returns
-    -------
-    ndarray, shape (count,) or (channels, count)
-
-    Examples
-    --------
-    >>> convolve_strided(np.arange(6.0), np.array([1.0, -1.0]), 0, 2, 3).tolist()
-    [1.0, 1.0, 1.0]
+    Shapes: x (N,), taps (M,); returns (count,).
     """
     rows = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
     return _sum_products(rows, np.ascontiguousarray(taps[::-1]), start, stride, count).reshape(*x.shape[:-1], count)
@@ -292,22 +167,7 @@ def _sum_products(rows, weights, start, stride, count):
 def lowpass(x: ArrayLike, factor: int) -> np.ndarray:
     """The low-pass of `decimate` without the decimation; beyond its ends the signal is taken to equal its mean.
 
-    Parameters
-    ----------
-    x : array_like, shape (N,)
-        Recorded signal.
-    factor : int
-        Factor of the decimation.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Low-passed signal less its mean.
-
-    Examples
-    --------
-    >>> bool(np.abs(lowpass(np.ones(2000), 10)).max() < 1e-12)
-    True
+    Shapes: x (N,); returns (N,).
     """
     factor = check_integer("lowpass", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR)
     x = np.asarray(x, dtype=float)
@@ -318,21 +178,7 @@ def lowpass(x: ArrayLike, factor: int) -> np.ndarray:
 def convolve(x: np.ndarray, taps: np.ndarray) -> np.ndarray:
     """Full convolution of a long signal by Fourier transforms.
 
-    Parameters
-    ----------
-    x : ndarray, shape (N,)
-        Signal.
-    taps : ndarray, shape (M,)
-        Impulse response.
-
-    Returns
-    -------
-    ndarray, shape (N + M - 1,)
-
-    Examples
-    --------
-    >>> convolve(np.array([1.0, 2.0]), np.array([1.0, 1.0])).round(12).tolist()
-    [1.0, 3.0, 2.0]
+    Shapes: x (N,), taps (M,); returns (N + M - 1,).
     """
     length = x.size + taps.size - 1
     size = next_fast_len(length, real=True)

@@ -36,26 +36,7 @@ def _check_rate_and_delay(rate: float, delay: float) -> tuple[float, float]:
 
 
 def differentiation_margin(rate: float, delay: float = 0.0) -> tuple[int, int]:
-    """Recorded samples that `differentiate` needs before and after each sample of its result.
-
-    Parameters
-    ----------
-    rate : float
-        Sampling rate [Hz].
-    delay : float
-        Delay [s].
-
-    Returns
-    -------
-    before, after : int
-        `after` is negative where the delay is longer than the kernel reaches.
-
-    Examples
-    --------
-    >>> before, after = differentiation_margin(1000.0, 0.040)
-    >>> before - after
-    80
-    """
+    """Recorded samples that `differentiate` needs before and after each sample of its result."""
     rate, delay = _check_rate_and_delay(rate, delay)
     half = _velocity_taps(rate, 0.0)[1]
     whole = round(delay * rate)
@@ -67,32 +48,7 @@ def differentiate(x: ArrayLike, rate: float, delay: float = 0.0) -> np.ndarray:
 
     The delay need not be a whole number of samples: its fractional part is part of the kernel.
 
-    Parameters
-    ----------
-    x : array_like, shape (N,)
-        Signal at the recording rate.
-    rate : float
-        Sampling rate [Hz].
-    delay : float
-        Delay [s].
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Derivative [unit of x / s]. Samples nearer to an edge than `differentiation_margin` repeat the nearest
-        one at that distance.
-
-    Raises
-    ------
-    DataError
-        If the record is shorter than the kernel.
-
-    Examples
-    --------
-    >>> t = np.arange(1000) / 1000.0
-    >>> v = differentiate(np.sin(20 * t), 1000.0, delay=0.0405)
-    >>> np.allclose(v[500], 20 * np.cos(20 * (t[500] - 0.0405)), rtol=1e-4)
-    True
+    Shapes: x (N,); returns (N,).
     """
     rate, delay = _check_rate_and_delay(rate, delay)
     x = np.asarray(x, dtype=float)
@@ -112,26 +68,6 @@ def filter_kernels(rate: float, identification_rate: float, delay: float) -> dic
     """Kernels of `decimate` and `differentiate` as plain sums, for programs that do without them.
 
     Each signal at a recorded sample n is the sum of kernel · x(n - lag) over the lags.
-
-    Parameters
-    ----------
-    rate, identification_rate : float
-        Rates of the record and of the identification [Hz].
-    delay : float
-        Delay of the velocity [s].
-
-    Returns
-    -------
-    dict of str to ndarray
-        `decimation_kernel`, shape (3, taps): a row for the low-pass [1], its derivative [1/s] and its second one
-        [1/s²]; `velocity_kernel` [1/s], which delays; `decimation_lag` and `velocity_lag`, in recorded samples.
-
-    Examples
-    --------
-    >>> kernels = filter_kernels(1000.0, 100.0, 0.04)
-    >>> x, n = np.arange(2000.0) / 1000.0, 1000
-    >>> round(float(kernels["velocity_kernel"] @ x[n - kernels["velocity_lag"]]), 4)
-    1.0
     """
     rate, delay = _check_rate_and_delay(rate, delay)
     factor = decimation_factor(rate, identification_rate)

@@ -15,24 +15,7 @@ def lowpass_denominator(frequency: float, damping: float, pole: float | None = N
 
     .. math:: (s^2 + 2 \zeta \omega_n s + \omega_n^2) \, (s + p)
 
-    Parameters
-    ----------
-    frequency : float
-        Natural frequency ωn [rad/s].
-    damping : float
-        Damping ratio ζ [1].
-    pole : float, optional
-        Real pole p [rad/s]; second order by default.
-
-    Returns
-    -------
-    ndarray, shape (3,) or (4,)
-        Monic polynomial, constant term last.
-
-    Examples
-    --------
-    >>> lowpass_denominator(40.0, 0.8).tolist()
-    [1.0, 64.0, 1600.0]
+    Shapes: returns (3,).
     """
     denominator = np.array([1.0, 2 * damping * frequency, frequency**2])
     return denominator if pole is None else np.convolve(denominator, [1.0, pole])
@@ -41,21 +24,7 @@ def lowpass_denominator(frequency: float, damping: float, pole: float | None = N
 def companion(denominator: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """State-space form of a low-pass of unit gain whose state is its output with the derivatives of it.
 
-    Parameters
-    ----------
-    denominator : ndarray, shape (n + 1,)
-        Monic denominator of the transfer function, constant term last; the numerator is its constant term.
-
-    Returns
-    -------
-    A, B, C : ndarray, shape (n, n), (n, 1), (1, n)
-        Continuous system, dx/dt = A x + B u, y = C x.
-
-    Examples
-    --------
-    >>> A, B, C = companion(np.array([1.0, 64.0, 1600.0]))
-    >>> A.tolist(), B.ravel().tolist(), C.ravel().tolist()
-    ([[0.0, 1.0], [-1600.0, -64.0]], [0.0, 1600.0], [1.0, 0.0])
+    Shapes: denominator (n + 1,); returns A, B, C (n, n).
     """
     n = denominator.size - 1
     A = np.eye(n, k=1)
@@ -68,22 +37,7 @@ def companion(denominator: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
 def step_matrices(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     r"""Matrices of one step, :math:`x^+ = F x + G_0 u + G_1 u^+`, exact for inputs that are linear over it.
 
-    Parameters
-    ----------
-    A, B : ndarray, shape (n, n), (n, m)
-        Continuous system, dx/dt = A x + B u.
-    step : float
-        Length of the step [s].
-
-    Returns
-    -------
-    F, G0, G1 : ndarray, shape (n, n), (n, m), (n, m)
-
-    Examples
-    --------
-    >>> F, G0, G1 = step_matrices(np.zeros((1, 1)), np.eye(1), 0.2)
-    >>> F.item(), round(G0.item(), 12), round(G1.item(), 12)
-    (1.0, 0.1, 0.1)
+    Shapes: A, B (n, n); returns F, G0, G1 (n, n).
     """
     n, m = B.shape
     M = np.zeros((n + 2 * m, n + 2 * m))
@@ -108,23 +62,7 @@ def discretise_foh(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Discretise a system without feedthrough by a first-order hold: inputs are linear between samples.
 
-    Parameters
-    ----------
-    A, B, C : ndarray, shape (n, n), (n, m), (p, n)
-        Continuous system, dx/dt = A x + B u, y = C x.
-    step : float
-        Sampling interval [s].
-
-    Returns
-    -------
-    A, B, C, D : ndarray, shape (n, n), (n, m), (p, n), (p, m)
-        Discrete system; its state is the continuous state less the contribution of the present input.
-
-    Examples
-    --------
-    >>> A, B, C, D = discretise_foh(np.zeros((1, 1)), np.eye(1), np.eye(1), 0.2)
-    >>> [round(matrix.item(), 12) for matrix in (A, B, C, D)]
-    [1.0, 0.2, 1.0, 0.1]
+    Shapes: A, B, C (n, n); returns A, B, C, D (n, n).
     """
     F, before, now = step_matrices(A, B, step)
     return F, F @ now + before, C, C @ now

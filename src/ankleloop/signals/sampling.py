@@ -19,30 +19,7 @@ RATE_TOLERANCE = 1e-3  # two statements of one sampling rate may differ by this 
 
 
 def parse_rate(value: ArrayLike, *, source: str) -> float:
-    """Convert a sampling rate to a positive float.
-
-    Parameters
-    ----------
-    value : array_like
-        A single number [Hz].
-    source : str
-        Name of the data in error messages.
-
-    Returns
-    -------
-    float
-        Sampling rate [Hz].
-
-    Raises
-    ------
-    DataError
-        If it is not a single number between 0.001 and 1e9 Hz.
-
-    Examples
-    --------
-    >>> parse_rate([1000], source="trial")
-    1000.0
-    """
+    """Convert a sampling rate to a positive float."""
     try:
         number = np.asarray(value).item()
         rate = np.nan if isinstance(number, bool) else float(number)
@@ -59,27 +36,7 @@ def parse_rate(value: ArrayLike, *, source: str) -> float:
 def compute_rate(time: np.ndarray, *, source: str, name: str = "time") -> float:
     """Compute the sampling rate of regular times.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Times of the samples [s].
-    source, name : str
-        Names of the data and of the times in error messages.
-
-    Returns
-    -------
-    float
-        Sampling rate [Hz].
-
-    Raises
-    ------
-    DataError
-        For a single sample, a time that is not finite, a gap, a duplicate or jitter; the message names the sample.
-
-    Examples
-    --------
-    >>> compute_rate(np.arange(1000) / 1000.0, source="trial")
-    1000.0
+    Shapes: time (N,).
     """
     if time.size < 2:
         raise DataError(f"{source}: {name} has {time.size} sample: a trial needs at least 2.")
@@ -94,36 +51,7 @@ def compute_rate_of_parts(
     source: str,
     name: str = "time",
 ) -> float:
-    """Compute the sampling rate of regular times that are read in parts: the same rate, and the same faults.
-
-    Parameters
-    ----------
-    parts : callable
-        Reads the times from the first to the last and returns them in parts [s]. It is called once, and
-        twice more if a step differs much from the mean.
-    size : int
-        Number of all times, at least 2.
-    ends : tuple of float
-        First and last time [s].
-    source, name : str
-        Names of the data and of the times in error messages.
-
-    Returns
-    -------
-    float
-        Sampling rate [Hz].
-
-    Raises
-    ------
-    DataError
-        As `compute_rate`. In more than 20,000,000 times the usual step is the median of a regular choice of steps.
-
-    Examples
-    --------
-    >>> time = np.arange(1000) / 500.0
-    >>> compute_rate_of_parts(lambda: np.array_split(time, 7), 1000, (time[0], time[-1]), source="trial.h5")
-    500.0
-    """
+    """Compute the sampling rate of regular times that are read in parts: the same rate, and the same faults."""
     mean = (ends[1] - ends[0]) / (size - 1)
     end, faults, first, deviation = 0, 0, -1, 0.0
     for start, times in _join(parts()):
@@ -195,24 +123,7 @@ def _irregularity(time, mean):
 
 
 def check_same_rate(stated_rate: float, measured_rate: float, *, source: str, name: str = "time") -> None:
-    """Refuse a stated sampling rate that contradicts the times.
-
-    Parameters
-    ----------
-    stated_rate, measured_rate : float
-        Sampling rate as stated, and as computed from the times [Hz].
-    source, name : str
-        Names of the data and of the times in error messages.
-
-    Raises
-    ------
-    DataError
-        If they differ by more than a thousandth.
-
-    Examples
-    --------
-    >>> check_same_rate(1000.0, 1000.5, source="trial")
-    """
+    """Refuse a stated sampling rate that contradicts the times."""
     if abs(measured_rate - stated_rate) > RATE_TOLERANCE * stated_rate:
         raise DataError(
             f"{source}: the sampling rate is stated as {stated_rate:.9g} Hz, but {name} runs at {measured_rate:.9g} "
@@ -221,36 +132,14 @@ def check_same_rate(stated_rate: float, measured_rate: float, *, source: str, na
 
 
 def format_samples(count: int) -> str:
-    """Number of samples in words.
-
-    Examples
-    --------
-    >>> format_samples(1), format_samples(2)
-    ('1 sample', '2 samples')
-    """
+    """Number of samples in words."""
     return f"{count} sample" + ("s" if count != 1 else "")
 
 
 def match_times(grid: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Samples that two regular series of times of one rate have in common.
 
-    Parameters
-    ----------
-    grid : ndarray, shape (N,)
-        Times of the first series [s].
-    time : ndarray, shape (M,)
-        Times of the second one [s].
-
-    Returns
-    -------
-    rows, common : ndarray of int, shape (K,)
-        Numbers of the common samples in the first series and in the second one.
-
-    Examples
-    --------
-    >>> rows, common = match_times(np.array([0.2, 0.3, 0.4]), np.array([0.1, 0.2, 0.3]))
-    >>> rows.tolist(), common.tolist()
-    ([0, 1], [1, 2])
+    Shapes: grid (N,), time (M,); returns rows, common (K,).
     """
     tolerance = 0.25 * (grid[-1] - grid[0]) / max(grid.size - 1, 1)
     rows = np.searchsorted(grid, time - tolerance)

@@ -71,14 +71,7 @@ class Band:
     def transform(self, x: ArrayLike) -> np.ndarray:
         """Fourier transform of tapered records less their means.
 
-        Parameters
-        ----------
-        x : array_like, shape (..., N)
-            Records.
-
-        Returns
-        -------
-        ndarray of complex, shape (..., frequencies)
+        Shapes: x (..., N); returns (..., frequencies).
         """
         x = np.asarray(x, dtype=float)
         return np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)[..., self._selection]
@@ -97,31 +90,12 @@ class Band:
     def smooth(self, power: np.ndarray, resolution: float) -> np.ndarray:
         """Smooth a periodogram over a width in frequency.
 
-        Parameters
-        ----------
-        power : ndarray, shape (frequencies,)
-            Squared magnitudes.
-        resolution : float
-            Width of the smoothing [Hz].
-
-        Returns
-        -------
-        ndarray, shape (frequencies,)
+        Shapes: power (frequencies,); returns (frequencies,).
         """
         return smooth(power, resolution * self.samples / self.rate)
 
     def smoothing_variance(self, resolution: float) -> float:
-        """Variance of a smoothed periodogram over its square.
-
-        Parameters
-        ----------
-        resolution : float
-            Width of the smoothing [Hz].
-
-        Returns
-        -------
-        float
-        """
+        """Variance of a smoothed periodogram over its square."""
         window = _window(resolution * self.samples / self.rate, self.frequency.size)
         return float(self.correlation * np.sum(window**2))
 
@@ -129,21 +103,7 @@ class Band:
 def segment_spectra(x: ArrayLike, length: int, step: int) -> np.ndarray:
     """Fourier transforms of segments of a record, each less its mean and under a Hann window.
 
-    Parameters
-    ----------
-    x : array_like, shape (N,)
-        The record.
-    length, step : int
-        Length of the segments, and from the start of one to that of the next.
-
-    Returns
-    -------
-    ndarray of complex, shape (segments, length // 2 + 1)
-
-    Examples
-    --------
-    >>> segment_spectra(np.ones(100), 20, 10).shape
-    (9, 11)
+    Shapes: x (N,); returns (segments, length // 2 + 1).
     """
     length = check_integer("segment_spectra", "length", length, "samples", ge=1)
     step = check_integer("segment_spectra", "step", step, "samples", ge=1)
@@ -154,21 +114,7 @@ def segment_spectra(x: ArrayLike, length: int, step: int) -> np.ndarray:
 def smooth(power: np.ndarray, width: float) -> np.ndarray:
     """Smooth a periodogram with a Hann window; it is mirrored at its ends.
 
-    Parameters
-    ----------
-    power : ndarray, shape (F,)
-        Squared magnitudes.
-    width : float
-        Half length of the window, in frequencies; 4 at least.
-
-    Returns
-    -------
-    ndarray, shape (F,)
-
-    Examples
-    --------
-    >>> smooth(np.ones(50), 8.0).round(12).tolist() == [1.0] * 50
-    True
+    Shapes: power (F,); returns (F,).
     """
     window = _window(width, power.size)
     return np.convolve(np.pad(power, window.size // 2, mode="reflect"), window, mode="valid")

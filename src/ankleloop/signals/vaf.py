@@ -21,25 +21,6 @@ def confidence_margin(sd: ArrayLike, n: ArrayLike, level: float = 0.95) -> np.nd
     r"""Half width of the confidence interval of a mean over independent trials.
 
     .. math:: t_{(1 + level) / 2, \, n - 1} \; sd / \sqrt{n}
-
-    Parameters
-    ----------
-    sd : float or array_like
-        Standard deviation of the sample.
-    n : int or array_like
-        Number of trials; with a single one the interval is not defined (nan).
-    level : float
-        Confidence.
-
-    Returns
-    -------
-    ndarray
-        In the unit of `sd`; 0-D for a single one.
-
-    Examples
-    --------
-    >>> round(float(confidence_margin(1.0, 100)), 4)
-    0.1984
     """
     level = check_number("confidence_margin", "level", level, gt=0, lt=1)
     sd, n = np.asarray(sd, dtype=float), np.asarray(n)
@@ -163,23 +144,7 @@ def long_run_variance(x: ArrayLike, lags: int) -> float:
 
     The kernel is Bartlett's, which never gives a negative variance (Newey and West 1987).
 
-    Parameters
-    ----------
-    x : array_like, shape (N,)
-        The signal; its mean is removed.
-    lags : int
-        Longest lag L at which it may be correlated.
-
-    Returns
-    -------
-    float
-        In the squared unit of `x`.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(0).standard_normal(20_000)
-    >>> bool(abs(long_run_variance(np.convolve(x, [1.0, 1.0]), 50) - 4.0) < 0.4)
-    True
+    Shapes: x (N,).
     """
     x = np.asarray(x, dtype=float)
     return _sum_covariances(x - np.mean(x), _width(x.size, lags))
@@ -200,51 +165,13 @@ def vaf_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> tuple[
 
     over the length of the record.
 
-    Parameters
-    ----------
-    measured, estimated : array_like, shape (N,)
-        Signal and estimate, in the same unit.
-    lags : int
-        Samples over which their squares may be correlated; a second of them is ample for a joint.
-
-    Returns
-    -------
-    low, high : float
-        Ends of the interval [%].
-
-    Raises
-    ------
-    DataError
-        As `vaf` does.
-
-    Examples
-    --------
-    >>> y, e = np.random.default_rng(0).standard_normal((2, 5000))
-    >>> low, high = vaf_interval(y + 0.3 * e, y, 100)
-    >>> low < 100 * (1 - 0.09 / 1.09) < high
-    True
+    Shapes: measured, estimated (N,).
     """
     return vaf_with_interval(measured, estimated, lags)[1:]
 
 
 def vaf_with_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> tuple[float, float, float]:
-    """VAF with its 95 % interval, in one pass over the signals.
-
-    Parameters
-    ----------
-    measured, estimated, lags
-        As `vaf_interval` takes them.
-
-    Returns
-    -------
-    vaf, low, high : float
-        VAF and the ends of its interval [%].
-
-    Raises
-    ------
-    DataError
-        As `vaf` does.
-    """
+    """VAF with its 95 % interval, in one pass over the signals."""
     signal, estimate = _as_signals(measured, estimated)
     error, variance, spread = _finite_variances(signal, estimate, _width(signal.size, lags))
     if error == 0.0:

@@ -40,22 +40,7 @@ class DiscreteFilter(NamedTuple):
 def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
     """Denominator of the Bessel low-pass of unit gain.
 
-    Parameters
-    ----------
-    order : int
-        Order of the filter.
-    cutoff : float
-        -3 dB frequency [rad/s].
-
-    Returns
-    -------
-    ndarray, shape (order + 1,)
-        Monic polynomial, constant term last.
-
-    Examples
-    --------
-    >>> bessel_denominator(1, 5.0).round(12).tolist()
-    [1.0, 5.0]
+    Shapes: returns (order + 1,).
     """
     # Reverse Bessel polynomial, lowest power first.
     powers = range(order + 1)
@@ -79,16 +64,7 @@ def antialias_denominator(cutoff: float) -> np.ndarray:
 def run_filter(A, B, C, D, u):
     """Output of a single-input filter from rest, for each of several signals.
 
-    Parameters
-    ----------
-    A, B, C, D : ndarray, shape (n, n), (n,), (n,), float
-        Discrete filter.
-    u : ndarray, shape (signals, N)
-        Inputs.
-
-    Returns
-    -------
-    ndarray, shape (signals, N)
+    Shapes: A, B, C, D (n, n), u (signals, N); returns (signals, N).
     """
     n = B.size
     y = np.empty(u.shape)
@@ -121,18 +97,7 @@ def _antialias_filter(cutoff: float, rate: float, hold: str) -> DiscreteFilter:
 def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", "foh"]) -> np.ndarray:
     """Pass external signals through the anti-aliasing filter of the recorder, exactly; unchanged if it has none.
 
-    Parameters
-    ----------
-    x : ndarray, shape (N,) or (trials, N)
-        Signals at the recording rate.
-    settings : SimulationSettings
-        Settings of the simulation.
-    hold : {"zoh", "foh"}
-        Zero-order hold for a signal that is constant over each sample, first-order hold for one that is linear.
-
-    Returns
-    -------
-    ndarray, shape of `x`
+    Shapes: x (N,).
     """
     if settings.antialias_cutoff is None:
         return x
@@ -142,23 +107,7 @@ def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", 
 
 @lru_cache
 def voluntary_filter(rate: float, cutoff: float) -> tuple[DiscreteFilter, int, float]:
-    """Second-order Bessel low-pass in discrete time, by the bilinear transform with prewarped cutoff.
-
-    Parameters
-    ----------
-    rate : float
-        Sampling rate [Hz].
-    cutoff : float
-        -3 dB frequency [Hz].
-
-    Returns
-    -------
-    system : DiscreteFilter
-    warmup : int
-        Samples until the filter has settled.
-    deviation : float
-        Standard deviation of its output for white noise of unit variance.
-    """
+    """Second-order Bessel low-pass in discrete time, by the bilinear transform with prewarped cutoff."""
     double = 2.0 * rate
     _, slope, constant = bessel_denominator(2, double * np.tan(np.pi * cutoff / rate))
     a = np.array(

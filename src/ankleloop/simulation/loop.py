@@ -164,17 +164,7 @@ def _add_filters(
 
 
 def build_loop(settings: SimulationSettings) -> Loop:
-    """Discretise the loop over one recorded sample.
-
-    Parameters
-    ----------
-    settings : SimulationSettings
-        Settings of the simulation.
-
-    Returns
-    -------
-    Loop
-    """
+    """Discretise the loop over one recorded sample."""
     ranges = _varying_range(settings)
     if settings.variation is not None:
         largest = parameter_ranges(settings)["gain"][1]

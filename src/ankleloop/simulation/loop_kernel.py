@@ -144,24 +144,7 @@ def run_loop(
 ) -> tuple[np.ndarray, int]:
     """Run the loop from rest.
 
-    Parameters
-    ----------
-    loop : Loop
-        The loop from `build_loop`.
-    settings : SimulationSettings
-        The settings it was built from.
-    command, noise, voluntary : ndarray, shape (N,) or (trials, N)
-        Command [rad] and noise [N·m], constant over each recorded sample; voluntary torque [N·m], linear over it.
-    variation : sequence of Trajectories
-        K, B and G in the middle of each recorded sample, of each trial or of all trials alike, where `variation` of the
-        settings is set.
-
-    Returns
-    -------
-    record : ndarray, shape (3, N) or (3, trials, N)
-        Position [rad], intrinsic torque [N·m] and reflex torque [N·m] as the recorder samples them.
-    divergence : int
-        Sample at which the position of a trial passes its limit, or -1.
+    Shapes: command, noise, voluntary (N,); returns record (3, N).
     """
     steps_of_delay = settings.delay * settings.integration_rate
     whole = int(np.floor(steps_of_delay + 1e-9))

@@ -204,37 +204,7 @@ class SimulationSettings(Options):
 
     @classmethod
     def parse(cls, owner: str, /, *, load: Sequence[float] | None = None, **values: Any) -> Self:
-        """Check settings and fill in the defaults; the three parameters of the load may come together.
-
-        Parameters
-        ----------
-        owner : str
-            Function that takes the settings, for error messages.
-        load : sequence of float, optional
-            Inertia [kg·m²], viscosity [N·m·s/rad] and stiffness [N·m/rad] of the load; settings by name override it.
-        **values
-            Settings by name.
-
-        Returns
-        -------
-        SimulationSettings
-
-        Raises
-        ------
-        TypeError
-            For a name that is not a setting.
-        ValueError
-            For a value out of its bounds; the message names it, its bound and its unit.
-
-        Examples
-        --------
-        >>> SimulationSettings.parse("simulate", load=(0.1, 10.0, 100.0)).load_viscosity
-        10.0
-        >>> SimulationSettings.parse("simulate", load_inertia=0.0)
-        Traceback (most recent call last):
-          ...
-        ValueError: simulate: load_inertia must be between 1e-6 and 1e6 kg·m², got 0.0.
-        """
+        """Check settings and fill in the defaults; the three parameters of the load may come together."""
         if load is None:
             return super().parse(owner, **values)
         try:

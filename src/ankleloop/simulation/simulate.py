@@ -85,34 +85,7 @@ def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None
 def simulate_trials(
     seeds: Iterable[int | np.random.SeedSequence], *, load: Sequence[float] | None = None, **settings: Any
 ) -> Iterator[xr.Dataset]:
-    """Simulate trials that differ in their seeds alone, several in one pass.
-
-    Parameters
-    ----------
-    seeds : iterable of int or numpy.random.SeedSequence
-        Seed of each trial; it gives the same bits as `simulate` does.
-    load, **settings
-        As `simulate` takes them.
-
-    Yields
-    ------
-    xarray.Dataset
-        A trial.
-
-    Raises
-    ------
-    UnstableLoopError
-        If the loop diverges.
-    TypeError
-        For a name that is not a setting.
-    ValueError
-        For a value out of its bounds.
-
-    Examples
-    --------
-    >>> [trial.attrs["seed"] for trial in simulate_trials([3, 4], duration=2.0)]
-    [3, 4]
-    """
+    """Simulate trials that differ in their seeds alone, several in one pass."""
     all_settings = SimulationSettings.parse("simulate", load=load, **settings)
     size = _count_bytes(all_settings)
     remedy = "take a shorter duration or settling, a lower recording_rate, or a higher voluntary_cutoff or noise_rate"

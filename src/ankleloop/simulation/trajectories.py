@@ -76,26 +76,7 @@ class Course:
 
 
 def draw_course(settings: SimulationSettings, rng: np.random.Generator) -> Course:
-    """Draw durations of cycles and the scheduling variable of a trial.
-
-    Parameters
-    ----------
-    settings : SimulationSettings
-        Settings of the simulation.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    Course
-        Cycles of one duration begin at time 0, others within the settling time.
-
-    Examples
-    --------
-    >>> course = draw_course(SimulationSettings(cycle_duration=2.0, duration=5.0), np.random.default_rng(1))
-    >>> course.onsets.tolist()
-    [-6.0, -4.0, -2.0, 0.0, 2.0, 4.0, 6.0]
-    """
+    """Draw durations of cycles and the scheduling variable of a trial."""
     angles = rng.uniform(0.0, 2.0 * np.pi, 2)
     mean, jitter = settings.cycle_duration, settings.cycle_jitter
     before = int(np.ceil(settings.settling / mean - 1e-9))
@@ -108,39 +89,14 @@ def draw_course(settings: SimulationSettings, rng: np.random.Generator) -> Cours
 def trajectories(course: Course, time: np.ndarray) -> Trajectories:
     """K, B and G at some times.
 
-    Parameters
-    ----------
-    course : Course
-        Course of the trial.
-    time : ndarray, shape (N,)
-        Times [s]; the record begins at 0.
-
-    Returns
-    -------
-    Trajectories
-
-    Examples
-    --------
-    >>> settings = SimulationSettings(variation="cycle", stiffness=100.0, stiffness_table=(80.0, 120.0))
-    >>> trajectories(draw_course(settings, np.random.default_rng(1)), np.array([0.0, 0.35, 0.7])).stiffness.round(9)
-    array([ 80., 100., 120.])
+    Shapes: time (N,).
     """
     place = course.place(time)
     return Trajectories(*(_profile(course.settings, name, place) for name in PARAMETERS))
 
 
 def parameter_ranges(settings: SimulationSettings) -> dict[str, tuple[float, float]]:
-    """Smallest and largest value of stiffness, viscosity and gain, by name.
-
-    Parameters
-    ----------
-    settings : SimulationSettings
-        Settings of the simulation.
-
-    Returns
-    -------
-    dict of str to tuple of float
-    """
+    """Smallest and largest value of stiffness, viscosity and gain, by name."""
     ranges = {}
     for name, setting in PARAMETERS.items():
         mean, share, table = getattr(settings, setting), *_variation(settings, name)

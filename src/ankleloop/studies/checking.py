@@ -37,34 +37,7 @@ class ConfigError(ValueError):
 
 
 def check(model: type[Options], values: Mapping[str, Any], *place: str) -> Any:
-    """Check values and fill in the defaults.
-
-    Parameters
-    ----------
-    model : type of Options
-        What the values are of.
-    values : mapping
-        Values by key.
-    *place : str
-        For error messages: what the values are part of, and the keys under which they stand there.
-
-    Returns
-    -------
-    Options
-
-    Raises
-    ------
-    ConfigError
-        For an unknown or missing key, or a value out of its range; the message names the key.
-
-    Examples
-    --------
-    >>> from ankleloop.studies.config import FigureSettings
-    >>> check(FigureSettings, {"length": -1}, "config", "figure")
-    Traceback (most recent call last):
-      ...
-    ankleloop.studies.checking.ConfigError: config → figure → length [s]: must be above 0, got -1.
-    """
+    """Check values and fill in the defaults."""
     try:
         return model.model_validate(values)
     except ValidationError as error:
@@ -73,24 +46,7 @@ def check(model: type[Options], values: Mapping[str, Any], *place: str) -> Any:
 
 
 def expand_path(text: str, place: str) -> Path:
-    """A path of the configuration, with environment variables and ~ replaced.
-
-    Parameters
-    ----------
-    text : str
-        The path; $NAME and ${NAME} stand for environment variables, $$ for a dollar sign, ~ for the home folder.
-    place : str
-        Where it stands, for the error message.
-
-    Returns
-    -------
-    pathlib.Path
-
-    Raises
-    ------
-    ConfigError
-        If an environment variable is not set, or is empty.
-    """
+    """A path of the configuration, with environment variables and ~ replaced."""
 
     def read_variable(match: re.Match[str]) -> str:
         name = match[1] or match[2]

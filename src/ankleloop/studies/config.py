@@ -249,13 +249,7 @@ class RecordingsStudy(Options):
 
 
 def check_recording_names(key: str, names: Collection[str]) -> None:
-    """Refuse names of recordings whose results would have the same paths.
-
-    Raises
-    ------
-    ValueError
-        If names differ in capitals only, or one is the name of the page of another.
-    """
+    """Refuse names of recordings whose results would have the same paths."""
     _check_cases(key, names)
     for name in names:
         if f"{name}.html" in names:

@@ -43,31 +43,7 @@ DECIMAL = re.compile(r"[-+]?(0|[1-9][0-9]*)|[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][
 
 
 def check_config_file(path: str | os.PathLike[str]) -> None:
-    r"""Refuse a file in which YAML would lose or change something: a key that stands twice, the subject 012.
-
-    Parameters
-    ----------
-    path : path-like
-        YAML or JSON file.
-
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read, is not UTF-8, has mistakes of syntax, has a key twice, a key or a number that YAML
-        reads otherwise than it is written, a date, a tag, or aliases that repeat more than a million values. The
-        message names the file and the line.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder, "config.yaml")
-    ...     _ = path.write_text("run: [table1]\nrun: [table2]\n")
-    ...     check_config_file(path)
-    Traceback (most recent call last):
-      ...
-    ankleloop.studies.checking.ConfigError: ...config.yaml: the key 'run' in line 2 stands in line 1, too.
-    """
+    r"""Refuse a file in which YAML would lose or change something: a key that stands twice, the subject 012."""
     text = read_text(path)
     if _is_json(path, text):
         return
@@ -87,13 +63,7 @@ def check_config_file(path: str | os.PathLike[str]) -> None:
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """Text of a file in UTF-8, with or without byte order mark.
-
-    Raises
-    ------
-    ConfigError
-        If it cannot be read, or is not UTF-8.
-    """
+    """Text of a file in UTF-8, with or without byte order mark."""
     try:
         content = Path(path).read_bytes()
     except (OSError, ValueError) as error:
@@ -109,20 +79,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 
 def find_key(keys: Sequence[str], paths: Sequence[str | os.PathLike[str]]) -> str:
-    """File and line of a key of the configuration, for error messages.
-
-    Parameters
-    ----------
-    keys : sequence of str
-        Keys that lead to it, from the top level.
-    paths : sequence of path-like
-        Files of the configuration, each of which overrides those before it.
-
-    Returns
-    -------
-    str
-        Where the longest part of these keys stands that any file has, in the last such file; empty if none has any.
-    """
+    """File and line of a key of the configuration, for error messages."""
     best, place = 0, ""
     for path in paths:
         try:

@@ -35,28 +35,7 @@ Runs = dict[str, Callable[[], Any]]
 
 
 def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
-    """Measure time and memory of two methods on some trials, and the ranks that decide on their form.
-
-    Parameters
-    ----------
-    trials : iterable of xarray.Dataset
-        Trials with a reference.
-    options : mapping of str to mapping
-        Options of `pr-moesp` and of `eiv-moesp` by name, as `ankleloop.identify` takes them; defaults for all others.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `quantity`, `value`, `n` (trials), and `low` and `high`, the ends of the 95 % interval of a mean over
-        trials. Of each method rows of instruments, time [ms] and peak memory [MB]; ratios of the two (EIV-MOESP over
-        PR-MOESP: geometric mean over the trials); numbers of block rows and directions. Trials that a method cannot
-        identify are left out.
-
-    Raises
-    ------
-    DataError
-        If there is no trial that both methods identify.
-    """
+    """Measure time and memory of two methods on some trials, and the ranks that decide on their form."""
     models = {method: MoespOptions.parse(method, **options.get(method, {})) for method in COMPARED}
     times: dict[str, list[float]] = {method: [] for method in COMPARED}
     memory: dict[str, list[float]] = {method: [] for method in COMPARED}

@@ -11,24 +11,7 @@ __all__ = ["describe_error", "locate_errors"]
 
 
 def describe_error(error: BaseException) -> str:
-    """The message of an error in one line, with its type where that says more than the message, or what to do.
-
-    Parameters
-    ----------
-    error : BaseException
-        The error.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> describe_error(DataError("the record is too short"))
-    'the record is too short'
-    >>> describe_error(KeyError("delay"))
-    "KeyError: 'delay'"
-    """
+    """The message of an error in one line, with its type where that says more than the message, or what to do."""
     kind, text = type(error).__name__, str(error)
     if hasattr(error, "ename") and hasattr(error, "evalue"):  # of a notebook: that in its cell
         kind, text = error.ename, error.evalue
@@ -45,22 +28,7 @@ def describe_error(error: BaseException) -> str:
 
 @contextmanager
 def locate_errors(place: str) -> Iterator[None]:
-    """Note on every error of the block where it was: job, file, study, point, trial or method.
-
-    Parameters
-    ----------
-    place : str
-        The place.
-
-    Examples
-    --------
-    >>> try:
-    ...     with locate_errors("study table1"), locate_errors("trial 3"):
-    ...         raise ArithmeticError("overflow")
-    ... except ArithmeticError as error:
-    ...     error.__notes__
-    ['trial 3', 'study table1']
-    """
+    """Note on every error of the block where it was: job, file, study, point, trial or method."""
     try:
         yield
     except Exception as error:

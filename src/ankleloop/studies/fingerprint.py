@@ -33,16 +33,6 @@ def fingerprint(*scripts: str | os.PathLike[str]) -> str:
 
     A module is reached by an import, at the top or within a function, or by its full name as a string, as
     `importlib.import_module` takes it. With a module go the data folders beside it, those without modules.
-
-    Parameters
-    ----------
-    *scripts : path-like
-        Python files or notebooks.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
     """
     digest = hashlib.sha256()
     for path in sorted(reached_files(*scripts)):
@@ -51,18 +41,7 @@ def fingerprint(*scripts: str | os.PathLike[str]) -> str:
 
 
 def reached_files(*scripts: str | os.PathLike[str]) -> set[Path]:
-    """Library files that scripts, notebooks or modules reach, directly or through other modules.
-
-    Parameters
-    ----------
-    *scripts : path-like
-        Python files or notebooks.
-
-    Returns
-    -------
-    set of pathlib.Path
-        Modules, and the package data beside them; a script is not among them, unless another one reaches it.
-    """
+    """Library files that scripts, notebooks or modules reach, directly or through other modules."""
     modules: set[Path] = set()
     remaining = {file for script in scripts for file in _references(Path(script))}
     while remaining:

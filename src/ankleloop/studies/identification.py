@@ -43,24 +43,7 @@ def identify_chunk(
     precision: str = "double",
     failures: Literal["stop", "count"] = "count",
 ) -> None:
-    """Identify the trials of a chunk by every method, score the estimates, and write all to files.
-
-    Parameters
-    ----------
-    path : path-like
-        Trial file of the chunk.
-    trials : mapping of str to sequence of int, optional
-        Trials of the chunk, as `ankleloop.records.trial_files.load_chunks` takes them; by default all of the file.
-    files, study, points, methods, against, precision, failures
-        As of `identify_trials`.
-
-    Raises
-    ------
-    ValueError, ArithmeticError
-        If a method cannot identify a trial, and failures stop; its notes name study, point, trial, method and file.
-    DataError
-        If the trial file is missing or damaged, or a file cannot be written.
-    """
+    """Identify the trials of a chunk by every method, score the estimates, and write all to files."""
     prepared = _read_trials(path, trials, points, identification_grids(points, methods))
     with locate_errors(str(path)):
         identify_trials(
@@ -84,39 +67,6 @@ def identify_trials(
     Points of one condition share its trials. A method whose options are the same at several of them identifies each
     trial once. Rows of the tables are ordered by point, then by method, then by trial. All of them wait in temporary
     files beside those that are written, so that memory does not grow with the trials.
-
-    Parameters
-    ----------
-    trials : iterator of tuple
-        Each prepared trial, or the one that could not be simulated, with its condition and its number there.
-    files : mapping of str to path-like
-        Files to write, which replace others of their names:
-
-        - `estimates`: NetCDF, a group for each method that could identify any trial; left out, estimates are not kept;
-        - `scores`: CSV, VAF with its interval, a row for each trial, method and torque;
-        - `parameters`: CSV, estimated parameters and diagnostics, a row for each trial and method.
-    study : str
-        Name of the study, for the tables.
-    points : mapping of str to mapping
-        For each condition its points by name, each with the `values` that make it, which are columns of the tables,
-        and its `options` by the name of a method, which override those of the method.
-    methods : mapping of str to mapping
-        By the name that tables use, the `method` and its `options`, as `ankleloop.identify` takes them.
-    against : {"measured"}, optional
-        As of `ankleloop.evaluate`.
-    precision : {"double", "single"}
-        Floating-point numbers of the estimated torques.
-    failures : {"stop", "count"}
-        What a trial that a method cannot identify or whose estimate cannot be scored does: raise its error, or count as
-        a result, with the error in the column `failure` of the parameters and no scores. So does a trial that could not
-        be simulated. Mistakes in the program, such as a `TypeError`, are raised in any case.
-
-    Raises
-    ------
-    ValueError, ArithmeticError
-        If a method cannot identify a trial, and failures stop; its notes name study, point, trial and method.
-    DataError
-        If a file cannot be written.
     """
     results = _ChunkResults(study, points, methods, precision, files)
     variants = {condition: _list_variants(alike, methods) for condition, alike in points.items()}
@@ -254,23 +204,7 @@ def _read_trials(
 
 
 def identification_grids(points: Points, methods: Methods) -> list[tuple[float, float]]:
-    """Identification rates [Hz] and delays [s] of those methods that have both.
-
-    Parameters
-    ----------
-    points, methods
-        As of `identify_trials`.
-
-    Returns
-    -------
-    list of (float, float)
-
-    Examples
-    --------
-    >>> points = {"only": {"only": {"values": {}, "options": {}}}}
-    >>> identification_grids(points, {"riv": {"method": "riv", "options": {"delay": 0.05}}})
-    [(100.0, 0.05)]
-    """
+    """Identification rates [Hz] and delays [s] of those methods that have both."""
     defaults = {name: method_options(method["method"]) | method["options"] for name, method in methods.items()}
     varied = [defaults]
     for alike in points.values():

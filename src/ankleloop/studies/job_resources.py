@@ -29,22 +29,7 @@ class JobResources(NamedTuple):
 
 
 def describe_chunk(study: Study, rule: str, chunk: int) -> JobResources:
-    """Resources of the job of a chunk.
-
-    Parameters
-    ----------
-    study : Study
-        Its study.
-    rule : {"simulate", "identify", "sweep", "recordings"}
-        What the job does: `simulate` makes a trial file, `identify` identifies trials of one, and `sweep` does both
-        without a file.
-    chunk : int
-        Number of the chunk, or of the trial file.
-
-    Returns
-    -------
-    JobResources
-    """
+    """Resources of the job of a chunk."""
     if isinstance(study, RecordedStudy):
         return _describe_recordings(study, chunk)
     assert isinstance(study, SimulatedStudy)
@@ -63,16 +48,7 @@ def describe_chunk(study: Study, rule: str, chunk: int) -> JobResources:
 
 
 def describe_tables(studies: Iterable[Study]) -> JobResources:
-    """Resources of a job that reads the tables of some studies: a notebook, the ledger, the article.
-
-    Parameters
-    ----------
-    studies : iterable of Study
-
-    Returns
-    -------
-    JobResources
-    """
+    """Resources of a job that reads the tables of some studies: a notebook, the ledger, the article."""
     rows = sum(_rows(study) for study in studies)
     return JobResources(resources.report_memory(rows), resources.report_seconds(rows))
 

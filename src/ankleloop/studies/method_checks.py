@@ -18,22 +18,7 @@ REFERENCES = ("reference", "position")  # variables of a simulated trial that ma
 
 
 def find_fault(method: MethodSettings, duration: float, rate: float) -> str:
-    """Why a method cannot identify any simulated trial of some length and rate.
-
-    Parameters
-    ----------
-    method : MethodSettings
-        The method with its options.
-    duration : float
-        Length of the trials [s].
-    rate : float
-        Their sampling rate [Hz].
-
-    Returns
-    -------
-    str
-        A sentence; empty if nothing speaks against it.
-    """
+    """Why a method cannot identify any simulated trial of some length and rate."""
     options = method.fixed_options
     reference = METHODS[method.method].reference(method.options)
     if reference is not None and reference not in REFERENCES:

@@ -37,29 +37,7 @@ class ChunkSize(NamedTuple):
 
 
 def fit_size(cost: float, budget: float, trials: int, most: int | None = None) -> ChunkSize:
-    """Size of a chunk that takes about as much as a budget.
-
-    Parameters
-    ----------
-    cost : float
-        Cost of a trial, such as its time [s].
-    budget : float
-        What a chunk may cost, of the same unit.
-    trials : int
-        Trials of each condition.
-    most : int, optional
-        Most trials in a chunk.
-
-    Returns
-    -------
-    ChunkSize
-        Powers of two, but for a chunk with all trials of its conditions.
-
-    Examples
-    --------
-    >>> fit_size(0.05, 60.0, 100), fit_size(0.05, 1.0, 100)
-    (ChunkSize(trials=100, conditions=8), ChunkSize(trials=16, conditions=1))
-    """
+    """Size of a chunk that takes about as much as a budget."""
     count = 2 ** max(0, round(math.log2(max(budget / cost, 1.0))))
     if most is not None:
         count = min(count, _power_of_two(most))
@@ -69,28 +47,7 @@ def fit_size(cost: float, budget: float, trials: int, most: int | None = None) -
 
 
 def divide_points(count: int, cost: float, budget: float) -> list[tuple[int, int] | None]:
-    """Divide the points of a condition that are too many for a job.
-
-    Parameters
-    ----------
-    count : int
-        Points of the condition.
-    cost : float
-        Cost of all trials of the condition, at one of its points.
-    budget : float
-        What a chunk may cost, of the same unit.
-
-    Returns
-    -------
-    list of (int, int), or None
-        First and last point (without the last) of each part; None for all of them. Parts have a power of two of
-        points, and not so few that most of a job would be what the points share.
-
-    Examples
-    --------
-    >>> divide_points(100, 0.5, 20.0), divide_points(16, 10.0, 20.0)
-    ([(0, 32), (32, 64), (64, 96), (96, 100)], [None])
-    """
+    """Divide the points of a condition that are too many for a job."""
     size = max(2 ** max(0, round(math.log2(max(budget / cost, 1.0)))), LEAST_POINTS)
     if count <= size:
         return [None]
@@ -100,28 +57,7 @@ def divide_points(count: int, cost: float, budget: float) -> list[tuple[int, int
 def divide_trials(
     parts: Iterable[tuple[Hashable, PointTrials]], size: Callable[[str], ChunkSize]
 ) -> list[tuple[Hashable, Chunk]]:
-    """Divide trials into chunks, in one pass.
-
-    Parameters
-    ----------
-    parts : iterable of (hashable, PointTrials)
-        Trials of each condition, with a label that all of a chunk have in common.
-    size : callable
-        From the name of a condition to the size of its chunks.
-
-    Returns
-    -------
-    list of (hashable, list of PointTrials)
-        Labels and chunks, in the order of their first trials.
-
-    Examples
-    --------
-    >>> parts = [(0, PointTrials("a", 0, 3)), (0, PointTrials("b", 0, 3))]
-    >>> [(part.condition, part.first, part.stop) for _, (part,) in divide_trials(parts, lambda condition: ChunkSize(2))]
-    [('a', 0, 2), ('a', 2, 3), ('b', 0, 2), ('b', 2, 3)]
-    >>> len(divide_trials(parts, lambda condition: ChunkSize(3, 2)))
-    1
-    """
+    """Divide trials into chunks, in one pass."""
     chunks: list[tuple[Hashable, Chunk]] = []
     current: dict[Hashable, Chunk] = {}
     for label, part in parts:

@@ -97,26 +97,7 @@ class Design(Options):
 
 
 def list_values(parameter: Parameter, values: Any, place: tuple[str, ...]) -> list[Any]:
-    """Values of a parameter of a grid.
-
-    Parameters
-    ----------
-    parameter : Parameter
-        The parameter.
-    values : list or mapping
-        Its values, or a range of them.
-    place : tuple of str
-        Keys that lead to it, for messages.
-
-    Returns
-    -------
-    list
-
-    Raises
-    ------
-    ConfigError
-        If they are neither, or there are none.
-    """
+    """Values of a parameter of a grid."""
     if isinstance(values, Mapping):
         _check_number(parameter, place)
         value_range: ValueRange = check(ValueRange, values, "config", *place, parameter.column)
@@ -133,27 +114,7 @@ def list_values(parameter: Parameter, values: Any, place: tuple[str, ...]) -> li
 
 
 def draw_points(design: Design, parameters: Mapping[str, Parameter], place: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Points of a random design.
-
-    Parameters
-    ----------
-    design : Design
-        The design.
-    parameters : mapping of str to Parameter
-        Its parameters by column.
-    place : tuple of str
-        Keys that lead to them, for messages.
-
-    Returns
-    -------
-    list of dict
-        Values by column. Those of more points begin with those of fewer in a Sobol design alone.
-
-    Raises
-    ------
-    ConfigError
-        For limits of a parameter that is no number, or limits that are none.
-    """
+    """Points of a random design."""
     import numpy as np
     from scipy.stats import qmc
 

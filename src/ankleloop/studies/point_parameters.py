@@ -62,13 +62,7 @@ class Parameter(NamedTuple):
         return NoneType in self.types or None in self.types
 
     def normalise(self, value: Any) -> Any:
-        """A value as the model has it, so that 13 and 13.0, 0.0 and -0.0 make one point with one name and one seed.
-
-        Raises
-        ------
-        ValueError
-            If it is a list or a mapping.
-        """
+        """A value as the model has it, so that 13 and 13.0, 0.0 and -0.0 make one point with one name and one seed."""
         value = as_plain(value)
         if isinstance(value, (list, tuple, Mapping)):
             raise ValueError(f"{self.column}: each value must be a single one, got {show_value(value)}")
@@ -87,24 +81,6 @@ def find_parameters(
     """What the names in `points` stand for.
 
     A name is that of a setting, or else that of an option, of every method that has it; `METHOD.option` is that of one.
-
-    Parameters
-    ----------
-    names : list of str
-        Names.
-    methods : mapping of str to MethodSettings
-        Methods of the study.
-    place : tuple of str
-        Keys that lead to them, for messages.
-
-    Returns
-    -------
-    dict of str to Parameter
-
-    Raises
-    ------
-    ConfigError
-        For a name that is neither, an option that is fixed or selected as well, and one that has two names.
     """
     parameters = {name: _find_parameter(name, methods, place) for name in names}
     owners: dict[tuple[str, str], str] = {}

@@ -30,27 +30,7 @@ class PointTable(Options):
 
 
 def read_points(path: Path, find: Find) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Read a table of points.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        CSV file, or Parquet file (`.parquet`).
-    find : callable
-        From the names of the columns to their parameters; it refuses unknown ones.
-
-    Yields
-    ------
-    place : str
-        Table and line, or row, of the point.
-    values : dict of str to object
-        Values by column; `null` in a cell of a CSV file is None.
-
-    Raises
-    ------
-    ConfigError
-        For a table that cannot be read, without rows, or with an empty cell; the message names line and column.
-    """
+    """Read a table of points."""
     if not os.path.exists(path):
         raise ConfigError(f"there is no table {os.path.abspath(path)}.")
     rows = _parquet_rows(path, find) if path.suffix == ".parquet" else _csv_rows(path, find)

@@ -69,46 +69,12 @@ class Points(NamedTuple):
 
 
 def point_name(values: Mapping[str, Any]) -> str:
-    """Name of a point in tables, from the values that make it, in any order.
-
-    Examples
-    --------
-    >>> point_name({"reflex_gain": 13.0, "closed_loop": True})
-    'closed_loop=True,reflex_gain=13.0'
-    """
+    """Name of a point in tables, from the values that make it, in any order."""
     return ",".join(f"{name}={value}" for name, value in sorted(values.items())) or "only"
 
 
 def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Mapping[str, MethodSettings]) -> Points:
-    """Points of a study, checked: names, types and bounds of every value, and what values may not go together.
-
-    Parameters
-    ----------
-    study : str
-        Name of the study.
-    entry : mapping or list
-        Key `points` of the configuration: lists or ranges of values by name, all combinations of which are points; a
-        design; a table; or a list of points.
-    shared : SimulationSettings
-        Settings of every trial that a point does not change.
-    methods : mapping of str to MethodSettings
-        Methods of the study.
-
-    Returns
-    -------
-    Points
-
-    Raises
-    ------
-    ConfigError
-        The message names the key, or line and column of the table.
-
-    Examples
-    --------
-    >>> points = list_points("mine", {"reflex_gain": [8, 12]}, SimulationSettings(), {})
-    >>> [point.name for point in points.points]
-    ['reflex_gain=8.0', 'reflex_gain=12.0']
-    """
+    """Points of a study, checked: names, types and bounds of every value, and what values may not go together."""
     return _PointList(("studies", study, "points"), shared, methods).read(entry)
 
 

@@ -49,25 +49,7 @@ class Provenance:
 
 
 def read_provenance(root: str | os.PathLike[str]) -> Provenance:
-    """Read version, commit, packages and machine.
-
-    Parameters
-    ----------
-    root : path-like
-        Folder of the repository.
-
-    Returns
-    -------
-    Provenance
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     provenance = read_provenance(folder)
-    >>> provenance.commit, provenance.packages["numpy"] >= "2"
-    ('', True)
-    """
+    """Read version, commit, packages and machine."""
     commit = _ask_git(root, "rev-parse", "HEAD") if os.path.exists(os.path.join(root, ".git")) else ""
     changed = bool(commit) and bool(_ask_git(root, "status", "--porcelain", "--untracked-files=no"))
     names = {d.metadata["Name"]: d.version for d in metadata.distributions() if d.metadata["Name"]}
@@ -82,47 +64,13 @@ def read_provenance(root: str | os.PathLike[str]) -> Provenance:
 
 
 def save_provenance(provenance: Provenance, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write version, commit, packages and machine to a file.
-
-    Parameters
-    ----------
-    provenance : Provenance
-        What is written.
-    path : path-like
-        The JSON file to write.
-    overwrite : bool
-        Whether to replace a file of this name.
-
-    Raises
-    ------
-    DataError
-        If the file exists, or cannot be written.
-    """
+    """Write version, commit, packages and machine to a file."""
     with atomic_file(path, overwrite=overwrite) as partial:
         partial.write_text(json.dumps(asdict(provenance), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def load_provenance(path: str | os.PathLike[str]) -> Provenance:
-    """Read what `save_provenance` has written.
-
-    Parameters
-    ----------
-    path : path-like
-        The JSON file.
-
-    Returns
-    -------
-    Provenance
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> provenance = Provenance("1.0", "", False, "3.11.2", "Linux on x86_64", {"numpy": "2.1"})
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_provenance(provenance, f"{folder}/provenance.json")
-    ...     load_provenance(f"{folder}/provenance.json") == provenance
-    True
-    """
+    """Read what `save_provenance` has written."""
     return Provenance(**json.loads(Path(path).read_text(encoding="utf-8")))
 
 

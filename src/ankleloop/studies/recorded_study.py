@@ -22,13 +22,7 @@ class RecordedStudy(Study):
 
     @cached_property
     def recordings(self) -> dict[str, list[Recording]]:
-        """Files of each recording by its name: one, or those of the trials that are merged.
-
-        Raises
-        ------
-        ConfigError
-            If there are none, or the table that lists them has a mistake.
-        """
+        """Files of each recording by its name: one, or those of the trials that are merged."""
         recordings = {name: [recording] for name, recording in self.settings.files.items()}
         if self.settings.table:
             path = expand_path(self.settings.table, f"study {self.name}: the table of its recordings")
@@ -61,23 +55,11 @@ class RecordedStudy(Study):
 
     @cached_property
     def folder(self) -> Path:
-        """Folder of the files.
-
-        Raises
-        ------
-        ConfigError
-            If it is named by an environment variable that is not set, or is empty.
-        """
+        """Folder of the files."""
         return expand_path(self.settings.folder, f"study {self.name}: the folder of its recordings")
 
     def check_files(self) -> None:
-        """Refuse a folder that does not exist or has none of the files, and paths that Snakemake cannot use.
-
-        Raises
-        ------
-        ConfigError
-            The message names the folder.
-        """
+        """Refuse a folder that does not exist or has none of the files, and paths that Snakemake cannot use."""
         keys = ("studies", self.name, "folder")
         folder = Path(os.path.abspath(self.folder))
         place = f"study {self.name}: the folder of its recordings, {folder},"

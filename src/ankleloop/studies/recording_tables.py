@@ -31,25 +31,7 @@ class _Row(Recording):
 
 
 def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -> dict[str, list[Recording]]:
-    """Read a table of recordings.
-
-    Parameters
-    ----------
-    path : path-like
-        CSV file.
-    defaults : mapping
-        Values for every recording that does not give its own.
-
-    Returns
-    -------
-    dict of str to list of Recording
-        Files of each recording by its name: one, or those of the trials that are merged.
-
-    Raises
-    ------
-    ConfigError
-        If there is no table, or a row has a mistake; the message names the table and the line.
-    """
+    """Read a table of recordings."""
     path = Path(path)
     if not os.path.exists(path):
         raise ConfigError(f"there is no table {os.path.abspath(path)}.")

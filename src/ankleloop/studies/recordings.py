@@ -40,33 +40,6 @@ def analyse_recordings(
 
     A recording that cannot be used, that fails numerically, or whose process is killed, has a page that says so; all
     others go on.
-
-    Parameters
-    ----------
-    points : mapping of str to mapping
-        Mapping of each recording by its name, with `paths` and `parts`, those of all its files.
-    methods : mapping of str to mapping
-        Methods by key, with label, options and selection.
-    folder : path-like
-        Folder of the pages, in which each recording has a folder of its estimates.
-    window : mapping
-        `start` and `length` [s] of the torques that figures show.
-    index : str, optional
-        Path of the page that lists all results, relative to the pages.
-
-    Yields
-    ------
-    name : str
-        Name of the recording.
-    table : pandas.DataFrame
-        Its rows of the table of parameters.
-    refusals : list of str
-        Why it was refused, if it was.
-
-    Raises
-    ------
-    Exception
-        Mistakes in the program, such as a `TypeError`; their notes name the recording.
     """
     job = _Job(Path(folder), methods, window, index)
     with Worker(job.analyse) as worker:

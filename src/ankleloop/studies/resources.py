@@ -41,50 +41,13 @@ MEASURED_METHODS = sorted(_STEPS - {"simulated", "prepared"})
 
 
 def simulation_seconds(samples: float) -> float:
-    """Time of the processor for the simulation of a trial, and for writing it [s].
-
-    Parameters
-    ----------
-    samples : float
-        Recorded samples of the trial, its duration times its recording rate.
-
-    Returns
-    -------
-    float
-
-    Examples
-    --------
-    >>> 0.0 < simulation_seconds(10_000) < simulation_seconds(60_000)
-    True
-    """
+    """Time of the processor for the simulation of a trial, and for writing it [s]."""
     seconds = _MEASURED["seconds"]
     return seconds["simulated trial"] + seconds["simulated sample"] * samples
 
 
 def identification_seconds(samples: float, methods: Methods, recording_rate: float = 1000.0) -> float:
-    """Time of the processor for the identification of a trial by some methods, and for its scores [s].
-
-    Parameters
-    ----------
-    samples : float
-        Recorded samples of the trial, its duration times its recording rate.
-    methods : mapping of str to mapping
-        By any name the `method` and its `options`. The measured options are the defaults; block rows and the
-        identification rate change the time as they did in the measurement.
-    recording_rate : float
-        Recording rate of the trial [Hz].
-
-    Returns
-    -------
-    float
-
-    Examples
-    --------
-    >>> moesp = {"PR": {"method": "pr-moesp", "options": {"block_rows": 15}}}
-    >>> wide = {"PR": {"method": "pr-moesp", "options": {"block_rows": 30}}}
-    >>> 0.0 < identification_seconds(50_000, moesp) < identification_seconds(50_000, wide)
-    True
-    """
+    """Time of the processor for the identification of a trial by some methods, and for its scores [s]."""
     seconds = _MEASURED["seconds"]
     time = seconds["prepared trial"] + seconds["prepared sample"] * samples
     return time + sum(_method_seconds(samples / recording_rate, **method) for method in methods.values())
@@ -104,159 +67,47 @@ def _method_seconds(duration: float, method: str, options: Mapping[str, Any] = {
 
 
 def simulation_memory(samples: float) -> float:
-    """Memory of a job that simulates, however many trials it simulates [MB].
-
-    Parameters
-    ----------
-    samples : float
-        Recorded samples of its longest trial.
-
-    Returns
-    -------
-    float
-
-    Examples
-    --------
-    >>> 100 < simulation_memory(10_000) < simulation_memory(1_000_000)
-    True
-    """
+    """Memory of a job that simulates, however many trials it simulates [MB]."""
     memory = _MEASURED["memory"]
     return memory["simulate"] + memory["simulated sample"] * samples
 
 
 def identification_memory(samples: float, trials: int, methods: float) -> float:
-    """Memory of a job that identifies [MB].
-
-    Parameters
-    ----------
-    samples : float
-        Recorded samples of its longest trial.
-    trials : int
-        Trials of its chunk.
-    methods : float
-        Estimates of a trial, whose torques are kept; 0 where only scores and parameters are.
-
-    Returns
-    -------
-    float
-
-    Examples
-    --------
-    >>> 100 < identification_memory(50_000, 10, 2) < identification_memory(50_000, 500, 5)
-    True
-    """
+    """Memory of a job that identifies [MB]."""
     memory = _MEASURED["memory"]
     read = memory["identified sample"] * samples * min(trials, READ_TRIALS)
     return memory["identify"] + read + memory["sample of an estimate"] * samples * trials * methods
 
 
 def recording_seconds(recordings: int) -> float:
-    """Time for the analysis and the pages of some recordings of a laboratory [s].
-
-    Parameters
-    ----------
-    recordings : int
-
-    Returns
-    -------
-    float
-    """
+    """Time for the analysis and the pages of some recordings of a laboratory [s]."""
     return START_SECONDS + _MEASURED["seconds"]["recording"] * recordings
 
 
 def recording_memory(largest: int) -> float:
-    """Memory of a job that analyses recordings, one after the other [MB].
-
-    Parameters
-    ----------
-    largest : int
-        Size of its largest recording, all of its files together [bytes].
-
-    Returns
-    -------
-    float
-    """
+    """Memory of a job that analyses recordings, one after the other [MB]."""
     memory = _MEASURED["memory"]
     return memory["recordings"] + memory["byte of a recording"] * largest
 
 
 def report_memory(estimates: int) -> float:
-    """Memory of a job that reads the tables of a study: its notebook, the ledger, the article [MB].
-
-    Parameters
-    ----------
-    estimates : int
-        Rows of the tables of parameters: trials times methods.
-
-    Returns
-    -------
-    float
-
-    Examples
-    --------
-    >>> 100 < report_memory(100) < report_memory(10_000_000)
-    True
-    """
+    """Memory of a job that reads the tables of a study: its notebook, the ledger, the article [MB]."""
     memory = _MEASURED["memory"]
     return memory["report"] + memory["row of a table"] * estimates
 
 
 def report_seconds(estimates: int) -> float:
-    """Time of a job that reads the tables of a study [s].
-
-    Parameters
-    ----------
-    estimates : int
-        Rows of the tables of parameters: trials times methods.
-
-    Returns
-    -------
-    float
-    """
+    """Time of a job that reads the tables of a study [s]."""
     seconds = _MEASURED["seconds"]
     return seconds["report"] + seconds["row of a table"] * estimates
 
 
 def requested_mb(memory: float, attempt: int) -> int:
-    """Memory that a job asks a scheduler for, with that of Snakemake, and twice as much at each new attempt [MB].
-
-    Parameters
-    ----------
-    memory : float
-        Memory that it should take [MB].
-    attempt : int
-        Number of the attempt, from 1.
-
-    Returns
-    -------
-    int
-
-    Examples
-    --------
-    >>> requested_mb(400, 1) > 600, requested_mb(400, 3) == 4 * requested_mb(400, 1)
-    (True, True)
-    """
+    """Memory that a job asks a scheduler for, with that of Snakemake, and twice as much at each new attempt [MB]."""
     total = SPARE_MEMORY * memory + SNAKEMAKES * _MEASURED["memory"]["snakemake"]
     return 100 * math.ceil(total / 100) * 2 ** (attempt - 1)
 
 
 def requested_minutes(seconds: float, attempt: int) -> int:
-    """Time that a job asks a scheduler for, and twice as much at each new attempt [min].
-
-    Parameters
-    ----------
-    seconds : float
-        Time of the processor that it should take [s].
-    attempt : int
-        Number of the attempt, from 1.
-
-    Returns
-    -------
-    int
-
-    Examples
-    --------
-    >>> requested_minutes(60, 1), requested_minutes(60, 2)
-    (14, 28)
-    """
+    """Time that a job asks a scheduler for, and twice as much at each new attempt [min]."""
     return math.ceil(SPARE_MINUTES + SPARE_TIME * seconds / 60) * 2 ** (attempt - 1)

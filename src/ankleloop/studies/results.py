@@ -59,26 +59,7 @@ def report_parameters(
     figure_stem: str,
     table_file: str = "",
 ) -> dict[str, Any]:
-    """Parameters of the notebook of a study; every notebook takes the same, that of a sweep two more.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    files : mapping of str to iterable of str
-        Chunk files of its `trials`, `estimates`, `scores` and `parameters`; recordings have parameters alone.
-    published : str
-        Folder of the numbers of the paper.
-    table_stem, figure_stem : str
-        Paths of the table and of the figures to write, without suffix and without the name of the figure.
-    table_file : str
-        Table of all trials; empty for recordings.
-
-    Returns
-    -------
-    dict
-        The notebook of a sweep has the values of its points in the table of its trials, not in `points`.
-    """
+    """Parameters of the notebook of a study; every notebook takes the same, that of a sweep two more."""
     parameters = {
         "study": study.name,
         "kind": study.kind,
@@ -103,21 +84,7 @@ def report_parameters(
 def article_parameters(
     studies: Sequence[SimulatedStudy], files: Mapping[str, Mapping[str, Any]], **shared: Any
 ) -> dict[str, Any]:
-    """Parameters of the notebook of the article.
-
-    Parameters
-    ----------
-    studies : sequence of SimulatedStudy
-        Studies of the article.
-    files : mapping of str to mapping
-        Files of each study by name.
-    **shared
-        Files of all of them: `verification`, `economy` and `diagrams`.
-
-    Returns
-    -------
-    dict
-    """
+    """Parameters of the notebook of the article."""
     return {
         "title": "Closed-loop identification of ankle dynamics: a replication",
         "studies": {

@@ -40,27 +40,7 @@ NO_NUMBER = "–"
 def collect_results(
     folder: Path, logs: Path, studies: Mapping[str, Mapping[str, Any]], provenance: Provenance, *, has_article: bool
 ) -> Results:
-    """Collect what a run has made.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Folder of the results; what is not there is left out.
-    logs : pathlib.Path
-        Folder of the logs, with benchmark files.
-    studies : mapping of str to mapping
-        For each study its `title`, `kind`, number of `points` and of `methods`, and of a simulation `trials` and
-        `seed`; of recordings both are None.
-    provenance : Provenance
-        Version, commit and packages.
-    has_article : bool
-        Whether the run makes ledger and article; those of an earlier run are left out.
-
-    Returns
-    -------
-    Results
-        All paths are relative to the folder.
-    """
+    """Collect what a run has made."""
     times = read_run_times(logs)
     links = {text: path for text, path in LINKS.items() if (folder / path).exists()}
     # The pages of the index itself are made with it.
@@ -83,18 +63,7 @@ def collect_results(
 
 
 def read_tables(folder: Path) -> dict[str, pd.DataFrame]:
-    """Tables of a run as text, short enough for a page.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Folder of the results.
-
-    Returns
-    -------
-    dict of str to pandas.DataFrame
-        Tables by their names; numbers have five digits. The tables of all trials are left out.
-    """
+    """Tables of a run as text, short enough for a page."""
     paths = [path for path in sorted((folder / "tables").glob("*.csv")) if not path.stem.endswith(HIDDEN)]
     return {path.stem: _format_table(pd.read_csv(path)) for path in paths}
 

@@ -20,30 +20,7 @@ __all__ = ["describe_article", "read_run"]
 def read_run(
     config: Mapping[str, Any], paths: Sequence[str | os.PathLike[str]], command_line: Mapping[str, Any] | None = None
 ) -> tuple[Config, dict[str, Study]]:
-    """Read the configuration of a run, and refuse what a job would refuse.
-
-    Parameters
-    ----------
-    config : mapping
-        The configuration, merged of its files.
-    paths : sequence of path-like
-        These files, each of which overrides those before it.
-    command_line : mapping, optional
-        Keys at the top level that the command line overrides, with their values.
-
-    Returns
-    -------
-    config : Config
-        The configuration with all defaults.
-    studies : dict of str to Study
-        Its studies by name.
-
-    Raises
-    ------
-    ConfigError
-        For mistakes of the configuration, and for recordings without files; the message names the key, and file and
-        line where it stands.
-    """
+    """Read the configuration of a run, and refuse what a job would refuse."""
     command_line = command_line or {}
     for key, value in command_line.items():
         if value is None:  # of an empty variable of the shell; no names would mean all studies

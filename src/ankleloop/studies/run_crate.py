@@ -31,26 +31,7 @@ def write_crate(
     provenance: Provenance,
     seeds: Mapping[str, int],
 ) -> None:
-    """Write the metadata of a run beside its results.
-
-    Parameters
-    ----------
-    folder : path-like
-        Folder of the results, which is that of the crate.
-    outputs : iterable of path-like
-        Results in this folder; of a folder all files are listed.
-    configuration : path-like
-        The whole configuration of the run, in this folder.
-    provenance : Provenance
-        Version, commit, packages and machine.
-    seeds : mapping of str to int
-        Seed of each simulated study.
-
-    Raises
-    ------
-    DataError
-        If the metadata cannot be written.
-    """
+    """Write the metadata of a run beside its results."""
     from rocrate.rocrate import ROCrate  # here: a package of the workflow, which the library does without
 
     folder = Path(folder)

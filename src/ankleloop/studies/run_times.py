@@ -14,19 +14,7 @@ COLUMNS = {"s": "seconds", "cpu_time": "cpu_seconds", "max_rss": "memory"}
 
 
 def read_run_times(folder: str | os.PathLike[str]) -> pd.DataFrame:
-    """Read the benchmark files of a run.
-
-    Parameters
-    ----------
-    folder : path-like
-        Folder of the logs: `RULE.tsv`, `RULE/STUDY.tsv` or `RULE/STUDY/CHUNK.tsv`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each job: `rule`, `study` (empty for jobs of several studies), `seconds`, `cpu_seconds`, `memory`
-        [MB] and `end`, the time at which the file was written [s since 1970]; empty without files.
-    """
+    """Read the benchmark files of a run."""
     folder = Path(folder)
     rows = []
     for path in sorted(folder.rglob("*.tsv")):
@@ -41,27 +29,7 @@ def read_run_times(folder: str | os.PathLike[str]) -> pd.DataFrame:
 
 
 def summarise_run_times(times: pd.DataFrame, by: str) -> pd.DataFrame:
-    """Sums over jobs.
-
-    Parameters
-    ----------
-    times : pandas.DataFrame
-        From `read_run_times`.
-    by : {"rule", "study"}
-        What the jobs of a row share.
-
-    Returns
-    -------
-    pandas.DataFrame
-        `by`, `jobs`, `seconds`, `longest` [s], `cpu_seconds`, `memory` of the largest job [MB]; the longest sum first.
-
-    Examples
-    --------
-    >>> rows = [("identify", "table1", 2.0, 1.5, 300.0, 0.0), ("identify", "table2", 4.0, 3.5, 200.0, 0.0)]
-    >>> times = pd.DataFrame(rows, columns=["rule", "study", "seconds", "cpu_seconds", "memory", "end"])
-    >>> summarise_run_times(times, "rule").values.tolist()
-    [['identify', 2, 6.0, 4.0, 5.0, 300.0]]
-    """
+    """Sums over jobs."""
     sums = times.groupby(by, sort=True).agg(
         jobs=("seconds", "size"),
         seconds=("seconds", "sum"),
@@ -73,26 +41,7 @@ def summarise_run_times(times: pd.DataFrame, by: str) -> pd.DataFrame:
 
 
 def measure_span(times: pd.DataFrame) -> tuple[datetime, datetime, float] | None:
-    """When jobs ran, and how long.
-
-    Parameters
-    ----------
-    times : pandas.DataFrame
-        From `read_run_times`.
-
-    Returns
-    -------
-    first, last : datetime.datetime
-        Start of the first job and end of the last one.
-    duration : float
-        Time during which at least one job ran [s]: the pause between two runs does not count. None without jobs.
-
-    Examples
-    --------
-    >>> times = pd.DataFrame({"seconds": [10.0, 10.0, 5.0], "end": [10.0, 15.0, 100.0]})
-    >>> measure_span(times)[2]
-    20.0
-    """
+    """When jobs ran, and how long."""
     if times.empty:
         return None
     intervals = sorted(zip(times["end"] - times["seconds"], times["end"], strict=True))

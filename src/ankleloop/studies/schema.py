@@ -17,19 +17,7 @@ PATH = Path("workflow/schemas/config.schema.json")
 
 
 def schema_text() -> str:
-    """The JSON schema of the configuration: every key with its description, unit, default and bounds.
-
-    Returns
-    -------
-    str
-        JSON.
-
-    Examples
-    --------
-    >>> schema = json.loads(schema_text())
-    >>> schema["$defs"]["SimulationSettings"]["properties"]["delay"]["unit"]
-    's'
-    """
+    """The JSON schema of the configuration: every key with its description, unit, default and bounds."""
     schema = _tidy(Config.model_json_schema())
     header = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "ankleloop configuration"}
     return json.dumps({**header, **schema}, indent=2, ensure_ascii=False) + "\n"

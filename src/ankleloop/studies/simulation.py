@@ -32,35 +32,7 @@ def simulate_chunk(
     precision: str = "double",
     failures: Literal["stop", "count"] = "count",
 ) -> list[FailedTrial]:
-    """Simulate the trials of a chunk, and write them to one file as they are made.
-
-    Parameters
-    ----------
-    path : path-like
-        File to write; a file of this name is replaced.
-    study : str
-        Name of the study.
-    seed : int
-        Seed of the study.
-    points : mapping of str to mapping
-        For each condition its `settings`, and the trials of it that the chunk holds: from `first` to `stop`, without
-        `stop`.
-    precision : {"double", "single"}
-        Floating-point numbers on disk.
-    failures : {"stop", "count"}
-        What a trial that cannot be simulated does, because its loop is unstable: raise its error, so that there is no
-        file, or leave its reason in the file, and let all others go on.
-
-    Returns
-    -------
-    list of FailedTrial
-        Trials that could not be simulated.
-
-    Raises
-    ------
-    ValueError, ArithmeticError
-        If a trial cannot be simulated, and failures stop; the message names study, point and trial.
-    """
+    """Simulate the trials of a chunk, and write them to one file as they are made."""
     failed: list[FailedTrial] = []
     index = [(point, number) for point, part in points.items() for number in range(part["first"], part["stop"])]
     with locate_errors(str(path)):
@@ -75,25 +47,7 @@ def simulate_points(
     failed: list[FailedTrial],
     failures: Literal["stop", "count"] = "count",
 ) -> Trials:
-    """Simulate trials one after the other.
-
-    Parameters
-    ----------
-    study, seed, points, failures
-        As of `simulate_chunk`.
-    failed : list of FailedTrial
-        Trials that could not be simulated are appended to it.
-
-    Yields
-    ------
-    xarray.Dataset or FailedTrial
-        The next trial, in the order of the points and of the numbers.
-
-    Raises
-    ------
-    ValueError, ArithmeticError
-        As by `simulate_chunk`.
-    """
+    """Simulate trials one after the other."""
     trials = (trial for point, part in points.items() for trial in _simulate_point(seed, study, point, part, failures))
     yield from _list_failures(trials, failed)
 

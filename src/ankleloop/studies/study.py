@@ -36,13 +36,7 @@ class SimulatedStudy(Study):
 
     @property
     def point_list(self) -> list[Point]:
-        """Points with their values.
-
-        Raises
-        ------
-        ConfigError
-            For a mistake in the points; the message names the key, or line and column of their table.
-        """
+        """Points with their values."""
         return self._points.points
 
     @property
@@ -134,15 +128,7 @@ class SimulatedStudy(Study):
         return int(self._chunks[chunk][0][0])
 
     def simulated_points(self, chunk: int, *, stored: bool = False) -> dict[str, dict[str, Any]]:
-        """Conditions of a chunk, or of a trial file, with their settings and the trials that are simulated.
-
-        Parameters
-        ----------
-        chunk : int
-            Number of the chunk, or of the trial file.
-        stored : bool
-            Whether it is that of a trial file.
-        """
+        """Conditions of a chunk, or of a trial file, with their settings and the trials that are simulated."""
         parts = (self.trial_chunks if stored else self.chunks)[chunk]
         return {
             part.condition: {"settings": self.conditions[part.condition], "first": part.first, "stop": part.stop}
@@ -287,25 +273,7 @@ def _file_label(settings: Mapping[str, Any]) -> tuple[Any, ...]:
 
 
 def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
-    """Check a configuration, fill in its defaults, and build its studies.
-
-    Parameters
-    ----------
-    config : mapping
-        The configuration, as its files give it; it is not changed.
-
-    Returns
-    -------
-    config : Config
-        The configuration with all defaults.
-    studies : dict of str to Study
-        Its studies by name.
-
-    Raises
-    ------
-    ConfigError
-        For an unknown or missing key, or a value out of its range; the message names the key.
-    """
+    """Check a configuration, fill in its defaults, and build its studies."""
     checked = check(Config, config, "config")
     studies: dict[str, Study] = {
         name: SimulatedStudy(name, settings) if isinstance(settings, SimulationStudy) else RecordedStudy(name, settings)

@@ -16,18 +16,7 @@ MOST_POINTS = 1000  # of a notebook that has a line of its table, or a curve, fo
 
 
 def check_uses(study: SimulatedStudy) -> None:
-    """Refuse a method, a window of figures or a notebook for which the points of a study leave nothing.
-
-    Parameters
-    ----------
-    study : SimulatedStudy
-        The study.
-
-    Raises
-    ------
-    ConfigError
-        The message names the key.
-    """
+    """Refuse a method, a window of figures or a notebook for which the points of a study leave nothing."""
     _check_methods(study)
     _check_kept(study)
     figure = study.settings.figure

@@ -41,31 +41,6 @@ def sweep_chunk(
 
     The numbers are those of `simulate_chunk` followed by `identify_chunk`, to the last bit: with single precision the
     samples are rounded as they would be in a trial file.
-
-    Parameters
-    ----------
-    files : mapping of str to path-like
-        Files to write, as of `ankleloop.studies.identification.identify_trials`.
-    study : str
-        Name of the study.
-    seed : int
-        Seed of the study.
-    conditions : mapping of str to mapping
-        Conditions with their `settings` and trials, as `points` of `simulate_chunk`.
-    points, methods, against, precision, failures
-        As of `ankleloop.studies.identification.identify_trials`.
-
-    Returns
-    -------
-    list of FailedTrial
-        Trials that could not be simulated.
-
-    Raises
-    ------
-    ValueError, ArithmeticError
-        If a trial cannot be simulated or identified, and failures stop.
-    DataError
-        If a file cannot be written.
     """
     failed: list[FailedTrial] = []
     simulated = simulate_points(study, seed, conditions, failed, failures)

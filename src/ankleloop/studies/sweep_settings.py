@@ -66,32 +66,7 @@ def check_sweep(
     methods: Collection[str],
     against: Literal["measured"] | None = None,
 ) -> None:
-    """Refuse pictures of what a study does not have.
-
-    Parameters
-    ----------
-    sweep : SweepSettings
-        What is to be shown.
-    varied : collection of str
-        Settings and options that differ between the points of the study, as its tables name them.
-    methods : collection of str
-        Names of its methods.
-    against : {"measured"}, optional
-        What the study scores torques against.
-
-    Raises
-    ------
-    ValueError
-        If a method or an axis is unknown, a VAF is not among the scores, or there is nothing to draw over; the message
-        names the key.
-
-    Examples
-    --------
-    >>> check_sweep(SweepSettings(axes=["voluntry"]), ["voluntary"], ["riv"])
-    Traceback (most recent call last):
-      ...
-    ValueError: axes: there is no varied parameter 'voluntry' (did you mean 'voluntary'?); there are voluntary
-    """
+    """Refuse pictures of what a study does not have."""
     if not varied:
         raise ValueError("no setting and no option differs between the points: give points more than one value")
     _check_list("methods", sweep.methods or (), "method", methods)

@@ -49,15 +49,7 @@ class TableRows:
         self._places: dict[Any, array[int]] = {}  # 8 bytes for each row
 
     def add(self, group: Any, row: Mapping[str, Any]) -> None:
-        """Add a row to a group.
-
-        Parameters
-        ----------
-        group : hashable
-            The group.
-        row : mapping of str to object
-            Values by column.
-        """
+        """Add a row to a group."""
         self._columns |= dict.fromkeys(row)
         self._places.setdefault(group, array("q")).append(self._file.tell())
         pickle.dump(dict(row), self._file)
@@ -66,13 +58,6 @@ class TableRows:
         """Write a CSV file; it appears when it is complete, and replaces one of its name.
 
         Numbers are written with all of their digits; missing values and nan are empty.
-
-        Parameters
-        ----------
-        path : path-like
-            The file.
-        groups : iterable of hashable
-            Order of the groups; within each of them rows have the order in which they were added.
         """
         end = self._file.tell()
         with atomic_file(path, overwrite=True) as partial, open(partial, "w", newline="", encoding="utf-8") as file:

@@ -18,27 +18,7 @@ NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"  # Python also tak
 
 
 def read_rows(path: Path, *, empty_cells: bool = False) -> Iterator[tuple[int, dict[str, str]]]:
-    """Line and cells of each row, as text without spaces around it; empty rows are left out.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        CSV file in UTF-8 whose first row names the columns.
-    empty_cells : bool
-        Whether rows have their empty cells, as ""; otherwise these are left out.
-
-    Yields
-    ------
-    line : int
-        Line in the file, from 1, in which the row ends.
-    cells : dict of str to str
-        Cells by column.
-
-    Raises
-    ------
-    ConfigError
-        For a file that cannot be read or is no CSV, and rows that do not fit the header; the message names the line.
-    """
+    """Line and cells of each row, as text without spaces around it; empty rows are left out."""
     text = read_text(path)
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     keys: list[str] = []
@@ -66,13 +46,7 @@ def read_rows(path: Path, *, empty_cells: bool = False) -> Iterator[tuple[int, d
 
 
 def check_columns(place: str, keys: list[str]) -> None:
-    """Refuse columns of one name.
-
-    Raises
-    ------
-    ConfigError
-        The message names the place and the column.
-    """
+    """Refuse columns of one name."""
     for key, count in Counter(keys).items():
         if key and count > 1:
             raise ConfigError(f"{place}: {count} columns are called {key!r}.")

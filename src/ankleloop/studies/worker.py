@@ -52,25 +52,7 @@ class Worker:
         self._end()
 
     def call(self, *args: Any) -> Any:
-        """Call the function.
-
-        Parameters
-        ----------
-        *args
-            Its arguments.
-
-        Returns
-        -------
-        object
-            Its result.
-
-        Raises
-        ------
-        WorkerKilledError
-            If the process was killed; the next call begins a new one.
-        Exception
-            Errors of the function.
-        """
+        """Call the function."""
         if sys.platform != "linux":
             return self._function(*args)
         pipe = self._pipe or self._start()

@@ -36,18 +36,7 @@ def expect_accuracy(inputs: np.ndarray, window: int, rank_tolerance: float) -> b
     Where all inputs are in a narrow band, the first windows of their sum show that they are not, in a small part of the
     time of `project_gram`.
 
-    Parameters
-    ----------
-    inputs : ndarray, shape (N, m)
-        The inputs.
-    window : int
-        Samples of a column of the Hankel matrices.
-    rank_tolerance : float
-        As `project_gram` takes it.
-
-    Returns
-    -------
-    bool
+    Shapes: inputs (N, m).
     """
     if rank_tolerance**2 >= window * ROUNDING:  # directions below the tolerance do not count, however inaccurate
         return True
@@ -62,22 +51,7 @@ def project_gram(
 ) -> Projection | None:
     """The same as `ankleloop.subspace.projection.project`, from the inner products of the rows.
 
-    Parameters
-    ----------
-    gram : ndarray, shape (k, k)
-        Inner products of the rows of U, Z and Y, each less its mean.
-    sizes, columns, form, rank_tolerance, order
-        As `project` takes them.
-
-    Returns
-    -------
-    Projection or None
-        None where squared data are not accurate enough.
-
-    Raises
-    ------
-    DataError
-        If there are too few instruments for the order.
+    Shapes: gram (k, k).
     """
     m, k = np.cumsum(sizes)
     step = _project_ordinary if form == "ordinary" else _project_correlation
@@ -120,18 +94,7 @@ def _project_ordinary(
 def _bound_error(inputs: _RowSpace, weights: np.ndarray, coefficients: np.ndarray) -> float:
     """Effect of rounding on the inner products of the fit by the instruments.
 
-    Parameters
-    ----------
-    inputs : _RowSpace
-        Future inputs.
-    weights : ndarray, shape (m, z + k)
-        Coefficients of the inputs in their fit of instruments and outputs, or a bound of their sizes.
-    coefficients : ndarray, shape (z, k)
-        Coefficients of the instruments in their fit of the outputs, both beside the inputs.
-
-    Returns
-    -------
-    float
+    Shapes: weights (m, z + k), coefficients (z, k).
     """
     z, k = coefficients.shape
     # Sizes of the coefficients of all rows in the fit, and in the outputs less their fit by the inputs.

@@ -66,22 +66,7 @@ class HankelFactor(HankelProducts):
     def matrix(self, rows: np.ndarray | None = None, count: int | None = None) -> np.ndarray:
         """The factor of the samples added so far.
 
-        Parameters
-        ----------
-        rows : ndarray of int, optional
-            Rows of the Hankel matrix to take, in this order; all by default.
-        count : int, optional
-            Rows of the factor to compute; all by default.
-
-        Returns
-        -------
-        ndarray, shape (count, rows)
-            Upper triangular. Row i of the Hankel matrix holds channel i % channels at lag i // channels.
-
-        Raises
-        ------
-        DataError
-            If the record is shorter than a single column.
+        Shapes: returns (count, rows).
         """
         head, tail = self._edges()
         rows = np.arange(head.size + head.shape[1]) if rows is None else rows
@@ -206,17 +191,7 @@ def factor_products(high, low, count):
 
     A row that depends on those before it is left with rounding alone. It is set to zero.
 
-    Parameters
-    ----------
-    high, low : ndarray, shape (k, k)
-        Inner products, and what they round away: upper triangles.
-    count : int
-        Rows of the factor to compute.
-
-    Returns
-    -------
-    ndarray, shape (count, k)
-        Upper triangular.
+    Shapes: high, low (k, k); returns (count, k).
     """
     n = len(high)
     stride = (n + LANES - 1) // LANES * LANES  # so that every row consists of whole vectors
@@ -255,14 +230,7 @@ def factor_products(high, low, count):
 def combine_factors(factors: Sequence[np.ndarray]) -> np.ndarray:
     """Triangular factor of all columns, from those of several records.
 
-    Parameters
-    ----------
-    factors : sequence of ndarray, shape (k, k)
-        The factors; none is changed.
-
-    Returns
-    -------
-    ndarray, shape (k, k)
+    Shapes: factors (k, k); returns (k, k).
     """
     if len(factors) == 1:
         return factors[0]
@@ -275,15 +243,6 @@ def combine_factors(factors: Sequence[np.ndarray]) -> np.ndarray:
 def update_factor(factor: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Triangular factor of the rows of a factor and of more rows.
 
-    Parameters
-    ----------
-    factor : ndarray, shape (k, k)
-        Upper triangular; it is overwritten.
-    rows : ndarray, shape (n, k)
-        More rows; overwritten where they are column-major.
-
-    Returns
-    -------
-    ndarray, shape (k, k)
+    Shapes: factor (k, k), rows (n, k); returns (k, k).
     """
     return lapack.dtpqrt(0, min(BLOCK, len(factor)), factor, rows, overwrite_a=1, overwrite_b=1)[0]

@@ -38,10 +38,7 @@ class HankelProducts(ABC):
     def add(self, chunk: np.ndarray) -> None:
         """Add the next samples of the record.
 
-        Parameters
-        ----------
-        chunk : ndarray, shape (N, channels)
-            The samples that follow those added before.
+        Shapes: chunk (N, channels).
         """
         x = chunk if self._tail is None else np.concatenate([self._tail, chunk])
         columns = x.shape[0] - self.block_rows + 1
@@ -106,20 +103,7 @@ class HankelGram(HankelProducts):
     def matrix(self, rows: np.ndarray | None = None) -> np.ndarray:
         """The Gram matrix of the samples added so far.
 
-        Parameters
-        ----------
-        rows : ndarray of int, optional
-            Rows of the Hankel matrix to take, in this order; all by default.
-
-        Returns
-        -------
-        ndarray, shape (rows, rows)
-            Row i of the Hankel matrix holds channel i % channels at lag i // channels. Products beyond `lags` are nan.
-
-        Raises
-        ------
-        DataError
-            If the record is shorter than a single column.
+        Shapes: returns (rows, rows).
         """
         head, tail = self._edges()
         shifts = np.vstack([np.zeros(head.shape[1]), tail - head])

@@ -90,22 +90,7 @@ class HankelRows:
         return channels**2 * self.window * columns
 
     def count_columns(self, lengths: Sequence[int]) -> int:
-        """Columns of the Hankel matrices of all records.
-
-        Parameters
-        ----------
-        lengths : sequence of int
-            Samples of each record.
-
-        Returns
-        -------
-        int
-
-        Raises
-        ------
-        DataError
-            If there are fewer columns than rows.
-        """
+        """Columns of the Hankel matrices of all records."""
         columns = sum(max(0, length - self.window + 1) for length in lengths)
         if columns < self.total:
             raise DataError(

@@ -63,18 +63,7 @@ class InputMatrices:
 def simulate_states(A, drive, x0):
     """States of x(t+1) = A x(t) + drive(t).
 
-    Parameters
-    ----------
-    A : ndarray, shape (n, n)
-        State matrix.
-    drive : ndarray, shape (N, n)
-        B u(t).
-    x0 : ndarray, shape (n,)
-        Initial state.
-
-    Returns
-    -------
-    ndarray, shape (N, n)
+    Shapes: A (n, n), drive (N, n), x0 (n,); returns (N, n).
     """
     samples, n = drive.shape
     states = np.empty((samples, n))
@@ -130,18 +119,7 @@ def continue_response(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Output of a state-space model, and the state that follows, for a record that comes in chunks.
 
-    Parameters
-    ----------
-    A, B, C, D, u
-        As `simulate_response` takes them.
-    x0 : ndarray, shape (n,)
-        State at the first sample.
-
-    Returns
-    -------
-    y : ndarray, shape (N, p)
-    x : ndarray, shape (n,)
-        State after the last sample.
+    Shapes: x0 (n,); returns y (N, p), x (n,).
     """
     drive = np.ascontiguousarray(u @ B.T)
     states = simulate_states(np.ascontiguousarray(A), drive, x0)
@@ -216,15 +194,7 @@ class OutputRegression:
         The response to a column of B is a row C (q - A)⁻¹ u(t) for each input and output, which follows from the row
         before: n numbers instead of the n² of a state for each entry.
 
-        Parameters
-        ----------
-        chunks : iterable of ndarray, shape (N, m) each
-            The inputs.
-
-        Yields
-        ------
-        ndarray, shape (N * p, unknowns)
-            Memory that the next chunk uses again.
+        Shapes: chunks (N, m); returns (N * p, unknowns).
         """
         A, C = self.A, self.C
         p = len(C)
@@ -250,19 +220,7 @@ class OutputRegression:
         return np.hstack([np.concatenate(common), linalg.block_diag(*individual)])
 
     def unpack(self, solution: Solution, records: int = 1) -> InputMatrices:
-        """Sort the unknowns into matrices.
-
-        Parameters
-        ----------
-        solution : tuple
-            Unknowns, rank and condition.
-        records : int
-            Number of records.
-
-        Returns
-        -------
-        InputMatrices
-        """
+        """Sort the unknowns into matrices."""
         theta, rank, condition = solution
         p, n = self.C.shape
         d, b, rest = np.split(theta, self.edges)
@@ -351,25 +309,7 @@ def solve_regression(
 ) -> InputMatrices:
     """B, D, x0 and offset of records that have been checked.
 
-    Parameters
-    ----------
-    regression : OutputRegression
-        The regression.
-    inputs, outputs : sequence of ndarray, shape (N, m), (N, p) each
-        The records.
-    instrument_inputs : sequence of ndarray, shape (N, m) each, or None
-        Predicted noise-free inputs; None for least squares.
-    rank_tolerance : float
-        As `estimate_input_matrices` takes it.
-
-    Returns
-    -------
-    InputMatrices
-
-    Raises
-    ------
-    DataError
-        If there are fewer samples than unknowns.
+    Shapes: inputs, outputs (N, m), instrument_inputs (N, m).
     """
     if instrument_inputs is None and len(inputs) == 1:
         solution = _solve_normal_equations(regression, inputs[0], outputs[0], rank_tolerance)
@@ -421,21 +361,7 @@ def _solve_instruments(phi: np.ndarray, target: np.ndarray, psi: np.ndarray, ran
 def solve_least_squares(phi: np.ndarray, target: np.ndarray, rank_tolerance: float) -> Solution:
     """Least squares from columns that are scaled to unit norm.
 
-    Parameters
-    ----------
-    phi : ndarray, shape (N, k)
-        Regressors, or a triangular factor of them.
-    target : ndarray, shape (N,)
-        Signal that they explain.
-    rank_tolerance : float
-        Directions below this fraction of the largest one are left out.
-
-    Returns
-    -------
-    theta : ndarray, shape (k,)
-    rank : int
-    condition : float
-        Ratio of the largest to the smallest singular value that counts.
+    Shapes: phi (N, k), target (N,); returns theta (k,).
     """
     scale = _column_norms(phi)
     return _solve(phi / scale, target, scale, rank_tolerance)

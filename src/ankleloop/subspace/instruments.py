@@ -23,29 +23,7 @@ INSTRUMENT_SIGNALS: dict[Instruments, tuple[str, ...]] = {
 
 
 def select_channels(instruments: Instruments, sizes: tuple[int, int, int]) -> np.ndarray:
-    """Select the channels that instruments consist of, from records of inputs, outputs and reference side by side.
-
-    Parameters
-    ----------
-    instruments : {"none", "past-input", "past-input-output", "past-reference"}
-        Instrumental variables.
-    sizes : tuple of int
-        Numbers of inputs, outputs and references; 0 references where there is none.
-
-    Returns
-    -------
-    ndarray of int
-
-    Raises
-    ------
-    DataError
-        If the instruments need a reference and there is none.
-
-    Examples
-    --------
-    >>> select_channels("past-reference", (2, 1, 1)).tolist()
-    [3]
-    """
+    """Select the channels that instruments consist of, from records of inputs, outputs and reference side by side."""
     signals = INSTRUMENT_SIGNALS[instruments]
     if "reference" in signals and not sizes[2]:
         raise DataError("past-reference instruments need a reference: pass the external command of the loop.")
@@ -59,24 +37,7 @@ def fit_reference_response(
 
     The leads are needed because zero-phase filters leak the future into the past.
 
-    Parameters
-    ----------
-    signals : sequence of ndarray, shape (N, m) each
-        Signals of each record.
-    references : sequence of ndarray, shape (N, q) each
-        External reference of each record.
-    leads, lags : int
-        Samples ahead of and behind the present.
-
-    Returns
-    -------
-    ndarray, shape (leads + lags + 1, q, m)
-        Response from `leads` samples ahead to `lags` samples behind.
-
-    Raises
-    ------
-    DataError
-        If the record is too short for so many leads and lags.
+    Shapes: signals (N, m), references (N, q); returns (leads + lags + 1, q, m).
     """
     taps, q = leads + lags + 1, references[0].shape[1]
     columns = sum(max(0, record.shape[0] - taps + 1) for record in references)
@@ -99,30 +60,7 @@ def predict_from_reference(
 ) -> list[np.ndarray]:
     """Predict signals from leads and lags of the reference: the prediction is free of noise that is fed back.
 
-    Parameters
-    ----------
-    signals : sequence of ndarray, shape (N, m) each
-        Signals of each record, of zero mean.
-    references : sequence of ndarray, shape (N, q) each
-        External reference of each record; it counts as zero beyond its ends.
-    leads, lags : int
-        Samples ahead of and behind the present.
-
-    Returns
-    -------
-    list of ndarray, shape (N, m) each
-
-    Raises
-    ------
-    DataError
-        If the record is too short for so many leads and lags.
-
-    Examples
-    --------
-    >>> r = np.random.default_rng(0).standard_normal((400, 1))
-    >>> u = np.vstack([np.zeros((1, 1)), r[:-1]])
-    >>> bool(np.abs(predict_from_reference([u], [r])[0] - u).max() < 0.1)
-    True
+    Shapes: signals (N, m), references (N, q); returns (N, m).
     """
     response = fit_reference_response(signals, references, leads, lags)
     taps = response[::-1].reshape(-1, response.shape[2])

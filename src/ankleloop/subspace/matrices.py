@@ -40,24 +40,7 @@ class Matrices:
     input_delays: Sequence[float] | None = None
 
     def select_inputs(self, inputs: np.ndarray) -> Matrices:
-        """The model with some of its inputs only.
-
-        Parameters
-        ----------
-        inputs : ndarray
-            Mask or indices.
-
-        Returns
-        -------
-        Matrices
-            With the names and delays of these inputs.
-
-        Examples
-        --------
-        >>> unit = np.eye(2)
-        >>> Matrices(unit, unit, unit, unit, names=(("u", "v"), ("x", "y"))).select_inputs(np.array([1])).names
-        (('v',), ('x', 'y'))
-        """
+        """The model with some of its inputs only."""
         names = None if self.names is None else (_select(self.names[0], inputs), self.names[1])
         delays = None if self.input_delays is None else _select(self.input_delays, inputs)
         return Matrices(self.A, self.B[:, inputs], self.C, self.D[:, inputs], self.dt, names, delays)
@@ -65,20 +48,7 @@ class Matrices:
     def frequency_response(self, z: np.ndarray) -> np.ndarray:
         """Response of the first output to each input.
 
-        Parameters
-        ----------
-        z : ndarray of complex, shape (F,)
-            Points of the z-plane, exp(iω dt).
-
-        Returns
-        -------
-        ndarray of complex, shape (F, m)
-
-        Examples
-        --------
-        >>> unit = np.eye(1)
-        >>> Matrices(0.5 * unit, unit, unit, 0 * unit).frequency_response(np.ones(1)).real.tolist()
-        [[2.0]]
+        Shapes: z (F,); returns (F, m).
         """
         shifted = z[:, None, None] * np.eye(len(self.A)) - self.A
         row = np.broadcast_to(self.C[0][:, None], (z.size, len(self.A), 1))
@@ -86,18 +56,7 @@ class Matrices:
         return rows[..., 0] @ self.B + self.D[0]
 
     def state_space(self) -> StateSpace:
-        """The model as an object that simulates, plots and connects.
-
-        Returns
-        -------
-        control.StateSpace
-
-        Examples
-        --------
-        >>> unit = np.eye(1)
-        >>> Matrices(0.5 * unit, unit, unit, 0 * unit, dt=0.01).state_space().poles().tolist()
-        [(0.5+0j)]
-        """
+        """The model as an object that simulates, plots and connects."""
         from control import StateSpace  # here, because importing it takes longer than an identification
 
         inputs, outputs = self.names if self.names is not None else (None, None)

@@ -79,30 +79,7 @@ def project(
     ``"correlation"``: :math:`Y_f Z^T` without the row space of :math:`U_f Z^T`, the form of EIV-MOESP (Chou and
     Verhaegen 1997). It is consistent in closed loop when the instruments are uncorrelated with the future noise.
 
-    Parameters
-    ----------
-    R : ndarray, shape (k, k)
-        Triangular factor of the Hankel rows of future inputs U, instruments Z and future outputs Y; where there are
-        instruments, the rows of U and Z are enough.
-    sizes : tuple of int
-        Rows of U and of Z; Z may have none.
-    columns : int
-        Columns of the Hankel matrices.
-    form : {"ordinary", "correlation"}
-        Form of the projection.
-    rank_tolerance : float
-        Singular values below this fraction of the largest one are rounding.
-    order : int
-        Order of the model; the instruments need at least that many directions beside the inputs.
-
-    Returns
-    -------
-    Projection
-
-    Raises
-    ------
-    DataError
-        If there are too few instruments for the order.
+    Shapes: R (k, k).
     """
     step = _project_ordinary if form == "ordinary" else _project_correlation
     residual, ranks, condition = step(R, sizes, rank_tolerance, order)
@@ -196,20 +173,7 @@ def subtract_fit(matrix: np.ndarray, others: np.ndarray, rank_tolerance: float) 
 
     It takes half the time of a basis of the columns.
 
-    Parameters
-    ----------
-    matrix, others : ndarray, shape (rows, k), (rows, l)
-        The columns.
-    rank_tolerance : float
-        Singular values below this fraction of the largest one are rounding.
-
-    Returns
-    -------
-    residual : ndarray, shape (rows, l)
-    rank : int
-        How many columns count.
-    condition : float
-        Ratio of their largest to smallest singular value.
+    Shapes: matrix, others (rows, k); returns residual (rows, l).
     """
     solution, _, rank, values = np.linalg.lstsq(matrix, others, rcond=rank_tolerance)
     condition = float(values[0] / values[rank - 1]) if rank else np.inf
@@ -221,22 +185,7 @@ def decompose_residual(
 ) -> Projection:
     """Decompose the matrix whose left singular vectors show the extended observability matrix.
 
-    Parameters
-    ----------
-    residual : ndarray, shape (block_rows * p, k)
-        The matrix.
-    ranks : tuple of int
-        Ranks of inputs and of instruments.
-    condition : float
-        Condition of the inputs.
-    columns : int
-        Columns of the Hankel matrices.
-    form : {"ordinary", "correlation"}
-        Form of the projection.
-
-    Returns
-    -------
-    Projection
+    Shapes: residual (block_rows * p, k).
     """
     left, values = _decompose_left(residual)
     # So that they do not grow with the record: a root mean square, or a correlation.

@@ -9,24 +9,7 @@ __all__ = ["choose_order", "realise"]
 
 
 def choose_order(singular_values: np.ndarray, largest: int) -> int:
-    """Order at the largest drop between consecutive singular values.
-
-    Parameters
-    ----------
-    singular_values : ndarray
-        In descending order.
-    largest : int
-        Largest order to consider.
-
-    Returns
-    -------
-    int
-
-    Examples
-    --------
-    >>> choose_order(np.array([5.0, 3.0, 0.01, 0.009]), largest=3)
-    2
-    """
+    """Order at the largest drop between consecutive singular values."""
     values = singular_values[: largest + 1]
     return int(np.argmax(values[:-1] / np.maximum(values[1:], np.finfo(float).tiny))) + 1
 
@@ -39,23 +22,7 @@ def realise(
     Where least squares gives an unstable A, the shifted matrix is extended by a block of zeros instead: with
     orthonormal columns, A is then a contraction (Maciejowski 1995, Guaranteed stability with subspace methods).
 
-    Parameters
-    ----------
-    observability : ndarray, shape (block_rows * p, k)
-        Orthonormal columns, the first `order` of which are used.
-    outputs : int
-        p.
-    order : int
-        n.
-
-    Returns
-    -------
-    A : ndarray, shape (n, n)
-    C : ndarray, shape (p, n)
-    poles : ndarray, shape (n,)
-        Eigenvalues of A.
-    unstable_radius : float or None
-        Spectral radius of the unstable A that had to be replaced; None if least squares gave a stable one.
+    Shapes: observability (block_rows * p, k); returns A (n, n), C (p, n), poles (n,).
     """
     columns = observability[:, :order]
     A = _solve_least_squares(columns[:-outputs], columns[outputs:])

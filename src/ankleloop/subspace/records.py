@@ -28,47 +28,14 @@ SMALLEST, LARGEST = 1e-100, 1e100  # standard deviations whose squares neither v
 
 
 def are_merged(x: Any) -> bool:
-    """Whether a signal is a list of records: its items are two-dimensional.
-
-    Parameters
-    ----------
-    x : array_like or list
-        The signal.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a signal is a list of records: its items are two-dimensional."""
     return isinstance(x, (list, tuple)) and len(x) > 0 and all(np.ndim(record) == 2 for record in x)
 
 
 def list_records(x: Any, merged: bool | None = None, name: str = "signal") -> list[np.ndarray]:
     """List the records of a signal as two-dimensional arrays.
 
-    Parameters
-    ----------
-    x : array_like, shape (N,) or (N, m), or list of those
-        One record, or several.
-    merged : bool, optional
-        Whether x is a list of records. By default it is, if its items are two-dimensional.
-    name : str
-        Signal, for the error.
-
-    Returns
-    -------
-    list of ndarray, shape (N, m) each
-
-    Raises
-    ------
-    DataError
-        If there are no records, they are not real numbers, or they differ in their number of channels.
-
-    Examples
-    --------
-    >>> [record.shape for record in list_records([np.zeros((4, 2)), np.zeros((3, 2))])]
-    [(4, 2), (3, 2)]
-    >>> [record.shape for record in list_records([1.0, 2.0, 3.0])]
-    [(3, 1)]
+    Shapes: x (N,); returns (N, m).
     """
     merged = are_merged(x) if merged is None else merged
     if merged and not isinstance(x, (list, tuple)):
@@ -90,14 +57,7 @@ def list_records(x: Any, merged: bool | None = None, name: str = "signal") -> li
 def remove_means(records: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Remove from every record the means of its channels.
 
-    Parameters
-    ----------
-    records : sequence of ndarray, shape (N, m) each
-        The records.
-
-    Returns
-    -------
-    list of ndarray
+    Shapes: records (N, m).
     """
     return [_remove_means(np.ascontiguousarray(record))[0] for record in records]
 
@@ -107,26 +67,7 @@ def scale_records(
 ) -> tuple[list[np.ndarray], np.ndarray]:
     """Remove the means of every record and scale each channel to unit variance over all records.
 
-    Parameters
-    ----------
-    records : sequence of ndarray, shape (N, m) each
-        The records.
-    name : str
-        Signal, for the error.
-    scaling, subtract_means : bool
-        False leaves out the one or the other.
-
-    Returns
-    -------
-    list of ndarray
-        The records.
-    ndarray, shape (m,)
-        Number by which each channel was divided, its standard deviation.
-
-    Raises
-    ------
-    DataError
-        If a channel is constant, has a value that is not finite, or is too small or too large to be squared.
+    Shapes: records (N, m); returns (m,).
     """
     samples = sum(record.shape[0] for record in records)
     deviations, means, squares = zip(*(_remove_means(np.ascontiguousarray(record)) for record in records), strict=True)
@@ -176,17 +117,7 @@ def _are_usable(scale, means):
 def refuse_constant(scale: np.ndarray, size: np.ndarray, name: str) -> None:
     """Refuse channels that deviate from their mean by rounding alone.
 
-    Parameters
-    ----------
-    scale, size : ndarray, shape (m,)
-        Standard deviation and magnitude of the mean of each channel.
-    name : str
-        Signal, for the error.
-
-    Raises
-    ------
-    DataError
-        For the first such channel.
+    Shapes: scale, size (m,).
     """
     constant = scale <= ROUNDING * size
     if constant.any():
@@ -196,17 +127,7 @@ def refuse_constant(scale: np.ndarray, size: np.ndarray, name: str) -> None:
 def refuse_range(scale: np.ndarray, name: str) -> None:
     """Refuse channels whose squares overflow or vanish.
 
-    Parameters
-    ----------
-    scale : ndarray, shape (m,)
-        Standard deviation of each channel.
-    name : str
-        Signal, for the error.
-
-    Raises
-    ------
-    DataError
-        For the first such channel.
+    Shapes: scale (m,).
     """
     faults = np.flatnonzero(~((scale >= SMALLEST) & (scale <= LARGEST)))
     if faults.size:
@@ -228,20 +149,7 @@ def _refuse_not_finite(records: Sequence[np.ndarray], name: str) -> None:
 def merge_hankel(records: Sequence[np.ndarray], first: int, rows: int, window: int) -> np.ndarray:
     """Hankel matrices of all records side by side.
 
-    Parameters
-    ----------
-    records : sequence of ndarray, shape (N, m) each
-        The records; those that are too short for a single column are left out.
-    first : int
-        Sample in the upper left corner.
-    rows : int
-        Block rows.
-    window : int
-        Samples of a record that make one column of all Hankel matrices that belong together.
-
-    Returns
-    -------
-    ndarray, shape (rows * m, columns of all records)
+    Shapes: records (N, m); returns (rows * m, columns of all records).
     """
     parts = [
         block_hankel(record, first, rows, record.shape[0] - window + 1).T
