@@ -35,12 +35,6 @@ class Control:
         Scale of its range.
     choices : tuple
         Values of what is no number.
-
-    Examples
-    --------
-    >>> gain = next(control for control in SIMULATION_CONTROLS if control.name == "reflex_gain")
-    >>> gain.kind, gain.low, gain.high
-    ('number', 0.0, 40.0)
     """
 
     name: str

@@ -48,11 +48,6 @@ class Fit:
         Poles of the reflex dynamics at the identification rate.
     intervals : dict of str to tuple of float
         95 % intervals of K, B, I and the parameters of the reflex: the method's own, or those of a bootstrap.
-
-    Examples
-    --------
-    >>> Fit("riv", refusal="order must be one of 2 or 3; got 4.").remark
-    'order must be one of 2 or 3; got 4.'
     """
 
     method: str
@@ -89,11 +84,6 @@ class Result:
         True poles of the reflex.
     seconds : dict of str to float
         Processor time of each step.
-
-    Examples
-    --------
-    >>> Result(None, None, "the closed loop is unstable").fits
-    []
     """
 
     settings: SimulationSettings | None
@@ -114,13 +104,6 @@ class Experiment:
         Seed of perturbation, voluntary torque and noise.
     duration : float
         Length of the record [s].
-
-    Examples
-    --------
-    >>> from ankleloop.exploration.controls import default_values
-    >>> result = Experiment().run(*default_values())
-    >>> [round(fit.vaf["intrinsic"]) for fit in result.fits]
-    [100, 100]
     """
 
     def __init__(self, seed: int = 1, duration: float = DURATION) -> None:

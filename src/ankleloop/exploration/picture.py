@@ -45,15 +45,6 @@ class Picture:
 
     `update` moves what is drawn; `png` gives the picture as bytes. The axes, their labels and the truth are drawn by
     the style of all figures.
-
-    Examples
-    --------
-    >>> from ankleloop.exploration.controls import default_values
-    >>> from ankleloop.exploration.experiment import Experiment
-    >>> picture = Picture()
-    >>> picture.update(Experiment().run(*default_values()))
-    >>> picture.png()[:4]
-    b'\x89PNG'
     """
 
     def __init__(self) -> None:

@@ -22,12 +22,6 @@ class Splines:
         Whether 1 is the same place as 0.
     degree : {3, 0}
         Cubic splines, or indicators.
-
-    Examples
-    --------
-    >>> splines = Splines(6, periodic=True)
-    >>> splines(np.linspace(0.0, 1.0, 5)).sum(axis=1).round(12).tolist()
-    [1.0, 1.0, 1.0, 1.0, 1.0]
     """
 
     size: int

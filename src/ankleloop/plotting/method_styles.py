@@ -32,11 +32,6 @@ class MethodStyle:
         Whether the symbol is filled.
     dashes : tuple of float
         Lengths of dashes and gaps in line widths; empty for a solid line.
-
-    Examples
-    --------
-    >>> MethodStyle("#0072B2", "o", filled=False).symbol["markerfacecolor"]
-    'white'
     """
 
     colour: str

@@ -27,11 +27,6 @@ class Panel:
         True value, which is drawn as a line.
     limits : tuple of float or None
         Limits of the axis of the quantity.
-
-    Examples
-    --------
-    >>> Panel("K [N·m/rad]", "closed loop", truth=150.0).label
-    'K [N·m/rad]'
     """
 
     label: str

@@ -87,12 +87,6 @@ class DataFigure(Figure):
 
     `data` is a tidy table whose units are in the names of its columns or in a column `unit`; `save_figure` writes it
     beside the picture. A diagram has none.
-
-    Examples
-    --------
-    >>> figure = DataFigure(figsize=(inches(ONE_COLUMN), 2.0))
-    >>> figure.data is None
-    True
     """
 
     data: pd.DataFrame | None = None

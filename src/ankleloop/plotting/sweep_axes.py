@@ -40,14 +40,6 @@ class SweepAxis:
         Its distinct values: numbers in their order, then None, flags and texts as the points have them.
     words : mapping
         Words for values that are no numbers, where they have any.
-
-    Examples
-    --------
-    >>> axis = SweepAxis.of("voluntary", "voluntary torque [1]", [0.1, 1.0, 10.0, 0.1])
-    >>> axis.kind, axis.places([1.0, 10.0]).tolist()
-    ('log', [1.0, 10.0])
-    >>> SweepAxis.of("snr_db", "SNR [dB]", [10.0, None, 20.0]).texts
-    ['10', '20', 'none']
     """
 
     name: str

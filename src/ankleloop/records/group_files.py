@@ -30,16 +30,6 @@ class Fields:
         The file and the group, for messages.
     values : mapping of str to object
         Arrays, numbers and texts.
-
-    Examples
-    --------
-    >>> fields = Fields("e.nc, group model", {"A": [[0.5]], "kind": "state-space"})
-    >>> fields.array("A", 1, 1).tolist(), fields.text("kind")
-    ([[0.5]], 'state-space')
-    >>> fields.number("delay")
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: e.nc, group model: there is no 'delay': the file is damaged, or of another origin.
     """
 
     source: str

@@ -22,14 +22,7 @@ FORM = "pairs of a name in the trial and the variable of the file, as {'ankle_an
 
 
 class ReadingOptions(Options):
-    """How the variables of a file become the channels of a trial: their names, units and signs.
-
-    Examples
-    --------
-    >>> options = ReadingOptions.parse("trial.mat", position="angle", position_unit="deg", torque_sign=-1)
-    >>> options.channels, options.factor("torque")
-    ({'position': 'angle', 'torque': 'torque'}, -1.0)
-    """
+    """How the variables of a file become the channels of a trial: their names, units and signs."""
 
     position: str = option("position", "name of the position variable in the file")
     torque: str = option("torque", "name of the torque variable in the file")

@@ -19,15 +19,6 @@ class Sink(io.RawIOBase):
     ----------
     path : pathlib.Path
         The file, which must not exist.
-
-    Examples
-    --------
-    >>> with Sink(Path("/dev/full")) as sink:
-    ...     _ = sink.write(b"lost")
-    ...     sink.check()
-    Traceback (most recent call last):
-      ...
-    FileExistsError: [Errno 17] File exists: '/dev/full'
     """
 
     def __init__(self, path: Path) -> None:

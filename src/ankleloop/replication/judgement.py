@@ -63,13 +63,6 @@ class Mean:
         Its standard error.
     freedom : float
         Degrees of freedom; a mean with less than one has no interval.
-
-    Examples
-    --------
-    >>> Mean.of([90.0, 92.0]).text
-    '91 ± 13'
-    >>> Mean.of([90.0]).interval()
-    (nan, nan)
     """
 
     value: float

@@ -49,13 +49,6 @@ class SimulationSettings(Options):
     They come in groups: the joint with its intrinsic stiffness (Eq. 16) and its reflex (Eq. 2, 17), how K, B and G vary
     within the record, the load H_imp(s) = 1 / (I_L s² + B_L s + K_L), the actuator that turns the command into a
     position, the perturbation, the disturbances, the recorder and the run.
-
-    Examples
-    --------
-    >>> SimulationSettings(reflex_gain=20.0).reflex_gain
-    20.0
-    >>> SimulationSettings.unit("omega_n")
-    'rad/s'
     """
 
     # Intrinsic stiffness: TQ_I = K·P + B·Ṗ + I·P̈.

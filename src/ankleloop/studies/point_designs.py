@@ -20,15 +20,7 @@ DIGITS = 12  # of the values of a range, so that 3 · 0.1 is 0.3; those of a des
 
 
 class ValueRange(Options):
-    """Values between two limits, both of which belong to them.
-
-    Examples
-    --------
-    >>> ValueRange(start=10, stop=30, step=10).values
-    [10.0, 20.0, 30.0]
-    >>> ValueRange(start=1, stop=100, count=3, scale="logarithmic").values
-    [1.0, 10.0, 100.0]
-    """
+    """Values between two limits, both of which belong to them."""
 
     start: float = option(description="first value")
     stop: float = option(description="last value, where the step leads to it")

@@ -23,13 +23,7 @@ SCORES = {
 
 
 class SweepSettings(Options):
-    """Pictures of a study whose points differ in settings of the simulation or options of methods.
-
-    Examples
-    --------
-    >>> SweepSettings(quantities=["vaf_reflex_true", "K_error"], difference=["riv", "pr-moesp"]).difference
-    ['riv', 'pr-moesp']
-    """
+    """Pictures of a study whose points differ in settings of the simulation or options of methods."""
 
     quantities: Names | None = option(
         None,

@@ -27,19 +27,6 @@ class TableRows:
         The first columns, which the table has even without rows.
     folder : path-like, optional
         Folder of the temporary file; by default that of the system.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> rows = TableRows(["trial"])
-    >>> rows.add("riv", {"trial": 0, "K": 150.0})
-    >>> rows.add("pr-moesp", {"trial": 0, "G": float("nan")})
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     rows.write(f"{folder}/table.csv", ["pr-moesp", "riv"])
-    ...     print(open(f"{folder}/table.csv").read().strip())
-    trial,K,G
-    0,,
-    0,150.0,
     """
 
     def __init__(self, columns: Sequence[str] = (), folder: str | os.PathLike[str] | None = None) -> None:

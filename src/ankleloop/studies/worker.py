@@ -30,12 +30,6 @@ class Worker:
     ----------
     function : callable
         The function; its arguments and results are pickled.
-
-    Examples
-    --------
-    >>> with Worker(divmod) as worker:
-    ...     worker.call(7, 2)
-    (3, 1)
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:

@@ -36,17 +36,6 @@ class HankelFactor(HankelProducts):
         As `HankelProducts` takes them.
     subtract_means : bool
         Whether each row is less its mean.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(0).standard_normal((50, 1))
-    >>> factor = HankelFactor(3)
-    >>> for chunk in np.array_split(x, 4):
-    ...     factor.add(chunk)
-    >>> H = np.lib.stride_tricks.sliding_window_view(x[:, 0], 3).T
-    >>> R = factor.matrix()
-    >>> bool(np.allclose(R.T @ R, 48 * np.cov(H, bias=True)))
-    True
     """
 
     def __init__(

@@ -79,16 +79,6 @@ class HankelGram(HankelProducts):
     ----------
     block_rows, lags
         As `HankelProducts` takes them.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(0).standard_normal((50, 1))
-    >>> gram = HankelGram(3)
-    >>> for chunk in np.array_split(x, 4):
-    ...     gram.add(chunk)
-    >>> H = np.lib.stride_tricks.sliding_window_view(x[:, 0], 3).T
-    >>> bool(np.allclose(gram.matrix(), 48 * np.cov(H, bias=True)))
-    True
     """
 
     def __init__(self, block_rows: int, lags: Sequence[int] | np.ndarray | None = None) -> None:
