@@ -166,7 +166,8 @@ def measure_coverage():
         "Incomplete models": "what the same fit gives on a record 100 times as long",
     }
     return {
-        title: f"Share of the 95 % intervals of `riv`, the delay being known, that hold {target[title]}. {note}\n\n{table}"
+        title: "Share of the 95 % intervals of `riv`, the delay being known, that hold "
+        f"{target[title]}. {note}\n\n{table}"
         for title, table in sections.items()
     }
 

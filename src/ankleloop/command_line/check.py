@@ -75,10 +75,10 @@ def check_file(path: Path, reading: Reading) -> tuple[xr.Dataset | None, Check]:
 
 def announce_compilation() -> None:
     """Say so where the kernels have not been compiled yet, which takes as long as many identifications."""
-    from ankleloop.joint.check_kernels import scan_samples
     from ankleloop.kernels import is_kept
+    from ankleloop.records.validation import largest_change
 
-    if not is_kept(scan_samples):
+    if not is_kept(largest_change):
         echo("The first use compiles the numerical kernels: up to a minute, once.", err=True)
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankleloop.joint.check_kernels import scan_samples
 from ankleloop.joint.findings import CHANNEL_UNITS, Finding
 from ankleloop.joint.prepared import PreparedTrial
 
@@ -34,12 +33,16 @@ def _reach(rate: float) -> int:
     return max(1, round(SPIKE * rate))
 
 
-def _scan(x: np.ndarray, rate: float) -> tuple[float, float, int]:
-    """Squares of the highest peak of a channel and of the usual highest one of a part, and how many samples repeat.
+def _scan(x: np.ndarray, rate: float) -> tuple[float, float]:
+    """Squares of the highest peak of a channel and of the usual highest one of a part.
 
-    Where a channel stands still or is clipped, values come again at once; noise leaves hardly any that do.
+    The product of the changes before and after a sample is positive at a peak.
     """
-    return scan_samples(x, _reach(rate), min(max(int(x.size / rate), PARTS[0]), PARTS[1]))
+    reach, parts = _reach(rate), min(max(int(x.size / rate), PARTS[0]), PARTS[1])
+    here = x[reach:-reach]
+    products = (here - x[: -2 * reach]) * (here - x[2 * reach :])
+    peaks = np.array([part.max(initial=0.0) for part in np.array_split(products, parts)])
+    return float(peaks.max()), float(np.median(peaks[peaks > 0.0])) if peaks.any() else 0.0
 
 
 def _stands_out(largest: float, usual: float) -> bool:
@@ -168,7 +171,7 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     The height of a peak is the geometric mean of the two changes from 3 ms before it and to 3 ms after it; it is
     compared with the median of the largest peaks of ten parts of the record.
     """
-    largest, usual, _ = _scan(np.ascontiguousarray(trial.samples(name)), trial.rate)
+    largest, usual = _scan(trial.samples(name), trial.rate)
     return _find_spike(trial, name, largest, usual)
 
 

@@ -9,14 +9,6 @@ from math import inf, sqrt
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.joint.check_kernels import (
-    correlate_reference,
-    displace_products,
-    has_directions,
-    multiply_deviations,
-    regress_last,
-    spread_from_first,
-)
 from ankleloop.joint.findings import CHANNEL_UNITS, Finding
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.reference_projection import unseen_share
@@ -41,6 +33,7 @@ __all__ = [
     "check_velocity",
     "fit_stiffness_by_instruments",
     "motion_products",
+    "multiply_deviations",
     "reference_correlations",
     "regress_torque",
 ]
@@ -64,7 +57,7 @@ NOISE_SHARE = 0.15  # of the velocity's power: from about there on the reflex ga
 NOISE_SEGMENT = 0.5  # s
 COPY = 1e-6  # share of a channel that its copy leaves
 TINY = np.finfo(float).tiny
-DEPENDENT = 1e-12  # determinant of scaled equations, and singular value in units of the largest one
+DEPENDENT = 1e-12  # singular value of scaled equations, in units of the largest one
 EXCITED = 1e-6  # of the largest eigenvalue of the velocity's Hankel products
 SAMPLED = 200  # samples, about, for a standard deviation; an odd number apart, which few frequencies divide
 
@@ -86,14 +79,15 @@ class MotionProducts:
         self.recorded = {name: np.ascontiguousarray(trial.samples(name)) for name in ("position", "torque")}
         self.rate, self.grid = trial.rate, grid
         self.decimated = (*trial.motion(grid), trial.channel("torque", grid))
-        self.means, self.products = multiply_deviations(tuple(map(np.ascontiguousarray, self.decimated)))
+        self.products = multiply_deviations(self.decimated)
         # Standard deviations of position and torque.
         self.deviations = tuple(sqrt(self.products[k, k] / grid.samples) for k in (0, MOTION))
 
     @property
     def signals(self) -> np.ndarray:
         """Position, velocity, acceleration and torque, each less its mean, shape (4, N)."""
-        return np.stack(self.decimated) - self.means[:, None]
+        signals = np.stack(self.decimated)
+        return signals - signals.mean(axis=1, keepdims=True)
 
     @property
     def stiffness(self) -> np.ndarray:
@@ -115,14 +109,17 @@ def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
     return trial.memoise(("motion products", grid), lambda: MotionProducts(trial, grid))
 
 
+def multiply_deviations(signals: Sequence[np.ndarray]) -> np.ndarray:
+    """Inner products of signals (N,), each less its mean, shape (signals, signals)."""
+    deviations = np.stack([x - x.mean() for x in signals])
+    return deviations @ deviations.T
+
+
 def regress_torque(products: np.ndarray) -> tuple[np.ndarray, float]:
     """Least squares of the torque on signals that differ in unit; what the data do not show is zero.
 
-    Shapes: products (n + 1, n + 1); returns coefficients (n,).
+    Shapes: products (n + 1, n + 1); returns coefficients (n,), and the share of the variance that they explain.
     """
-    values, explained = regress_last(products, DEPENDENT)
-    if explained >= 0.0:
-        return values, explained
     normal, right = products[:-1, :-1], products[:-1, -1]
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), TINY))
     values = scale * np.linalg.lstsq(normal * scale[:, None] * scale, right * scale, rcond=DEPENDENT)[0]
@@ -141,7 +138,7 @@ def check_scale(motion: MotionProducts) -> Finding:
             )
             return Finding("scale", "refused", text)
         x = motion.recorded[name]
-        if deviation < BAND_SHARE * sqrt(spread_from_first(x, x.size // SAMPLED | 1)):
+        if deviation < BAND_SHARE * sqrt(np.mean((x[:: x.size // SAMPLED | 1] - x[0]) ** 2)):
             highest = PASSBAND * motion.rate / motion.grid.factor
             text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
             return Finding("scale", "refused", text)
@@ -270,6 +267,22 @@ def check_relation(motion: MotionProducts) -> Finding:
     return Finding("relation", "ok", f"{text}.")
 
 
+def _hankel_products(x: np.ndarray, rows: int) -> np.ndarray:
+    """Products of the rows of the Hankel matrix of a signal (N,), shape (rows, rows), without its columns.
+
+    Each is that of the rows before, with one product more and one less.
+    """
+    columns = x.size - rows + 1
+    first, products = np.correlate(x, x[:columns], mode="valid"), np.empty((rows, rows))
+    for lag in range(rows):
+        early, late = x[: rows - lag - 1], x[columns : columns + rows - lag - 1]
+        changes = late * x[columns + lag :][: late.size] - early * x[lag:][: early.size]
+        diagonal = first[lag] + np.concatenate([[0.0], np.cumsum(changes)])
+        place = np.arange(rows - lag)
+        products[place, place + lag] = products[place + lag, place] = diagonal
+    return products
+
+
 def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: int) -> Finding:
     """Rank of the velocity's Hankel matrix: a movement of q sinusoids is exciting of order 2 q.
 
@@ -282,16 +295,7 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
         return Finding("excitation", "refused", text)
     # Decimation leaves the uppermost part of the band empty, which limits the rank of any movement.
     attainable = int(np.floor(2 * PASSBAND * rows))
-    ok = Finding("excitation", "ok", f"persistent for order {order} and {block_rows} block rows.")
-    trace = rows * sum(float(velocity @ velocity) for velocity in velocities)  # not below the largest eigenvalue
-    longest = max(velocities, key=len)
-    if has_directions(np.ascontiguousarray(longest), rows, attainable, EXCITED * trace):
-        return ok
-    products = np.zeros((rows, rows))
-    for velocity in velocities:
-        if velocity.size >= rows:
-            first = np.correlate(velocity, velocity[: velocity.size - rows + 1], mode="valid")
-            products += displace_products(first[None], np.ascontiguousarray(velocity))
+    products = sum(_hankel_products(velocity, rows) for velocity in velocities if velocity.size >= rows)
     values = np.linalg.eigvalsh(products)[::-1]
     rank = int(np.count_nonzero(values > EXCITED * values[0]))
     if rank < attainable:
@@ -301,7 +305,7 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
             f"the movement excites {rank} of {attainable} directions that {block_rows} block rows and order {order} "
             "need: perturb with a pseudorandom sequence, or take fewer block rows.",
         )
-    return ok
+    return Finding("excitation", "ok", f"persistent for order {order} and {block_rows} block rows.")
 
 
 def check_reference(records: Sequence[Regressors]) -> Finding:
@@ -332,9 +336,10 @@ def reference_correlations(motion: MotionProducts, reference: np.ndarray) -> tup
     lead, lag = round(LEAD * rate), round(LAG * rate)
     if reference.size - lead - lag < 2:
         return 0.0, 0.0, 0.0
-    signals = tuple(np.ascontiguousarray(motion.decimated[k]) for k in (0, MOTION))
-    means = motion.means[[0, MOTION]]
-    energy, products, largest = correlate_reference(np.ascontiguousarray(reference), signals, means, lead, lag)
+    reference = reference - reference.mean()
+    position, torque = motion.signals[0], motion.signals[MOTION]
+    energy = float(reference @ reference)
     energies = energy * motion.products.diagonal()[[0, MOTION]]
-    position, torque = products**2 / energies
-    return float(largest**2 / energies[0]), float(position), float(torque)
+    at_once = np.array([reference @ position, reference @ torque]) ** 2 / energies
+    shifted = np.correlate(position, reference[lead : reference.size - lag], mode="valid")
+    return float(np.max(shifted**2) / energies[0]), float(at_once[0]), float(at_once[1])

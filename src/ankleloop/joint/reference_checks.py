@@ -8,9 +8,8 @@ from math import sqrt
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.joint.check_kernels import multiply_deviations, unexplained_share
 from ankleloop.joint.findings import Finding
-from ankleloop.joint.movement_checks import motion_products, regress_torque
+from ankleloop.joint.movement_checks import motion_products, multiply_deviations, regress_torque
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Grid
 from ankleloop.signals.decimation import decimate
@@ -95,8 +94,7 @@ def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
     """Whether the reference and its derivatives explain more of the torque than the position and its derivatives."""
     samples, torque = trial.samples(name), trial.channel("torque", grid)
     derivatives = [decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)]
-    _, products = multiply_deviations((*derivatives, torque))
-    return regress_torque(products)[1] > motion_products(trial, grid).explained
+    return regress_torque(multiply_deviations((*derivatives, torque)))[1] > motion_products(trial, grid).explained
 
 
 def check_filtered_torque(trial: PreparedTrial, name: str, delay: float = 0.04) -> Finding:
@@ -143,5 +141,11 @@ def _unexplained_share(signals: Sequence[np.ndarray], y: np.ndarray, leads: int,
     shifts = leads + lags + 1
     rows = min(y.size - shifts + 1, ROWS_PER_LAG * shifts * len(signals))
     first = (y.size - shifts + 1 - rows) // 2
-    part = np.stack([signal[first : first + rows + shifts - 1] for signal in signals], axis=1)
-    return unexplained_share(part, y[first + lags : first + lags + rows], RIDGE)
+    shifted = [signal[first + k : first + k + rows] for signal in signals for k in range(shifts)]
+    lagged, target = np.stack([x - x.mean() for x in shifted]), y[first + lags : first + lags + rows]
+    target = target - target.mean()
+    energy, power = float(target @ target), np.repeat([np.var(signal) for signal in signals], shifts)
+    if not energy > 0.0:
+        return 1.0
+    gram, products = lagged @ lagged.T + np.diag(RIDGE * rows * power), lagged @ target
+    return 1.0 - float(products @ np.linalg.lstsq(gram, products, rcond=None)[0]) / energy

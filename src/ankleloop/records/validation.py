@@ -167,12 +167,12 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     Shapes: position (N,).
     """
     half = min(speed_margin(rate), (position.size - 1) // 2)
-    sample, change = _largest_change(np.ascontiguousarray(position), half)
+    sample, change = largest_change(np.ascontiguousarray(position), half)
     return sample, change * rate
 
 
 @kernel()
-def _largest_change(position, half):
+def largest_change(position, half):
     """Sample with the largest change per sample, between the means of `half` samples on each side, and that change.
 
     With `half` 0, in a record of two samples, it is the difference of the neighbours.
