@@ -23,7 +23,8 @@ def build(kind, folder, source=ROOT):
 def unpack(sdist, folder):
     """Unpack a source distribution; the folder of its source tree."""
     with tarfile.open(sdist) as archive:
-        archive.extractall(folder, filter="data")
+        archive.extraction_filter = getattr(tarfile, "data_filter", None)  # not before Python 3.11.4
+        archive.extractall(folder)
     return folder / sdist.name.removesuffix(".tar.gz")
 
 
