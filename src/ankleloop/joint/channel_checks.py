@@ -28,28 +28,6 @@ SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
 SPIKE_SIZE = 0.5  # standard deviations of the channel
 
 
-def _reach(rate: float) -> int:
-    """Samples on either side with which a spike is compared."""
-    return max(1, round(SPIKE * rate))
-
-
-def _scan(x: np.ndarray, rate: float) -> tuple[float, float]:
-    """Squares of the highest peak of a channel and of the usual highest one of a part.
-
-    The product of the changes before and after a sample is positive at a peak.
-    """
-    reach, parts = _reach(rate), min(max(int(x.size / rate), PARTS[0]), PARTS[1])
-    here = x[reach:-reach]
-    products = (here - x[: -2 * reach]) * (here - x[2 * reach :])
-    peaks = np.array([part.max(initial=0.0) for part in np.array_split(products, parts)])
-    return float(peaks.max()), float(np.median(peaks[peaks > 0.0])) if peaks.any() else 0.0
-
-
-def _stands_out(largest: float, usual: float) -> bool:
-    """Whether a peak is no usual one, from their squares."""
-    return largest > SPIKE_EXCESS**2 * usual
-
-
 def check_clipping(trial: PreparedTrial, name: str) -> Finding:
     """A channel that stays at its largest or smallest value has reached the end of its range."""
     x = trial.samples(name)
@@ -171,19 +149,18 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     The height of a peak is the geometric mean of the two changes from 3 ms before it and to 3 ms after it; it is
     compared with the median of the largest peaks of ten parts of the record.
     """
-    largest, usual = _scan(trial.samples(name), trial.rate)
-    return _find_spike(trial, name, largest, usual)
-
-
-def _find_spike(trial: PreparedTrial, name: str, largest: float, usual: float) -> Finding:
-    ok = Finding(f"spikes of the {name}", "ok", f"no peak of {1000 * SPIKE:g} ms stands out.")
-    if not _stands_out(largest, usual):
-        return ok
-    x, reach, height = trial.samples(name), _reach(trial.rate), np.sqrt(largest)
-    if not height > SPIKE_SIZE * float(np.std(x)):
-        return ok
+    x, ok = trial.samples(name), Finding(f"spikes of the {name}", "ok", f"no peak of {1000 * SPIKE:g} ms stands out.")
+    reach = max(1, round(SPIKE * trial.rate))
     here = x[reach:-reach]
-    sample = int(np.argmax((here - x[: -2 * reach]) * (here - x[2 * reach :]))) + reach
+    products = (here - x[: -2 * reach]) * (here - x[2 * reach :])  # positive at a peak
+    parts = min(max(int(x.size / trial.rate), PARTS[0]), PARTS[1])
+    peaks = np.array([part.max(initial=0.0) for part in np.array_split(products, parts)])
+    largest = float(peaks.max())
+    usual = float(np.median(peaks[peaks > 0.0])) if largest > 0.0 else 0.0
+    height = np.sqrt(largest)
+    if not largest > SPIKE_EXCESS**2 * usual or not height > SPIKE_SIZE * float(np.std(x)):
+        return ok
+    sample = int(np.argmax(products)) + reach
     excess = f", {height / np.sqrt(usual):.2g} times as high as other peaks of this length" if usual > 0 else ""
     text = (
         f"the {name} has a spike of about {height:.2g} {CHANNEL_UNITS[name]} at "

@@ -63,10 +63,10 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     """Check the data of an identification.
 
     The checks are: scale, clipping, stretches at rest, filled gaps and spikes of position and torque; noise of the
-    velocity and bandwidth of the torque; whether the torque has to do
-    with the movement, and opposes it; whether the position is ahead of the reference, as it is where the two were
-    exchanged; persistent excitation; and, if it is used, the strength of the reference, and whether it is the torque or
-    a filter of it. They are those of `ankleloop.recordings.checks.check_trial` that cost little.
+    velocity and bandwidth of the torque; whether the torque has to do with the movement, and opposes it; whether the
+    position is ahead of the reference, as it is where the two were exchanged; persistent excitation; and, if it is
+    used, the strength of the reference, and whether it is the torque or a filter of it. They are those of
+    `ankleloop.recordings.checks.check_trial` that cost little.
     """
     warnings = []
     for number, trial in enumerate(trials, 1):

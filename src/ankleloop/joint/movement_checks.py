@@ -76,7 +76,7 @@ class MotionProducts:
     def __init__(self, trial: PreparedTrial, grid: Grid) -> None:
         # The trial holds these products: if they held it, all of its signals would stay until the garbage collector
         # runs.
-        self.recorded = {name: np.ascontiguousarray(trial.samples(name)) for name in ("position", "torque")}
+        self.recorded = {name: trial.samples(name) for name in ("position", "torque")}
         self.rate, self.grid = trial.rate, grid
         self.decimated = (*trial.motion(grid), trial.channel("torque", grid))
         self.products = multiply_deviations(self.decimated)
@@ -337,7 +337,7 @@ def reference_correlations(motion: MotionProducts, reference: np.ndarray) -> tup
     if reference.size - lead - lag < 2:
         return 0.0, 0.0, 0.0
     reference = reference - reference.mean()
-    position, torque = motion.signals[0], motion.signals[MOTION]
+    position, *_, torque = motion.signals
     energy = float(reference @ reference)
     energies = energy * motion.products.diagonal()[[0, MOTION]]
     at_once = np.array([reference @ position, reference @ torque]) ** 2 / energies

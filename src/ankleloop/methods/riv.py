@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-import numpy as np
-
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
-from ankleloop.methods.riv_alternatives import add_alternatives, find_alternatives, is_stretch_delay
-from ankleloop.methods.riv_covariance import RivCovariance, asymptotic_covariance, choose_covariance
+from ankleloop.methods.riv_alternatives import add_alternatives, find_alternatives, is_stretch_delay, last_error
+from ankleloop.methods.riv_covariance import RivCovariance, choose_covariance
 from ankleloop.methods.riv_equations import MOTION, RivEquations
 from ankleloop.methods.riv_intervals import estimate_errors, estimate_intervals, parameter_values, reflex_path
 from ankleloop.methods.riv_search import RivSolution, solve
@@ -154,8 +152,7 @@ def _shows_delay(solution: RivSolution) -> bool:
         return False
     if parameter_values(solution.point.equations, solution.point.parameters)["G"] < 0.0:
         return False
-    error = np.sqrt(asymptotic_covariance(solution.point, solution.free)[-1, -1])
-    return bool(error < CERTAIN_DELAY)
+    return last_error(solution) < CERTAIN_DELAY
 
 
 def _estimate(trial: PreparedTrial, solution: RivSolution, options: RivOptions, assumptions: list[str]) -> Estimate:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -15,7 +15,16 @@ from ankleloop.methods.riv_intervals import parameter_values
 from ankleloop.methods.riv_search import RivSolution, solve
 from ankleloop.quantities import QUANTITIES
 
-__all__ = ["Alternative", "add_alternatives", "find_alternatives", "is_significant", "is_stretch_delay"]
+__all__ = [
+    "Alternative",
+    "add_alternatives",
+    "compute_shifts",
+    "find_alternatives",
+    "format_shifts",
+    "is_significant",
+    "is_stretch_delay",
+    "last_error",
+]
 
 SIGNIFICANT = 4.5  # standard errors
 ONE_SIDED = ("high-pass", "friction", "compression")  # the opposite is no effect of an instrument
@@ -90,14 +99,23 @@ def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) ->
             intervals[name] = (min(low, moved), max(high, moved))
     large = next(filter(_is_large, shown), None)
     if large is not None:
-        moves = ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in large.shifts.items())
         warnings.append(
             f"the model lacks something that depends on the movement. {large.text[0].upper()}{large.text[1:]} explains "
-            f"much of it and moves {moves}: {EFFECTS[large.effect][2]}."
+            f"much of it and moves {format_shifts(large.shifts)}: {EFFECTS[large.effect][2]}."
         )
     rows = [{"effect": a.text, "score": a.score, "shifts": a.shifts} for a in shown]
     diagnostics = {**estimate.diagnostics, "alternatives": rows, "warnings": warnings}
     return replace(estimate, intervals=intervals, diagnostics=diagnostics)
+
+
+def compute_shifts(first: Mapping[str, float], second: Mapping[str, float]) -> dict[str, float]:
+    """How far K, B, I and G move from some values to others, over what they were; those that both have."""
+    return {name: second[name] / first[name] - 1.0 for name in "KBIG" if first.get(name) and name in second}
+
+
+def format_shifts(shifts: Mapping[str, float]) -> str:
+    """Shifts in words."""
+    return ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in shifts.items())
 
 
 def is_stretch_delay(delay: float) -> bool:
@@ -143,19 +161,19 @@ def _free_effect(effect: str, solution: RivSolution, max_iterations: int, tolera
     score = step / error
     if not is_significant(Alternative(effect, step, score, {})):
         return None
-    for _ in range(1 if effect == "compression" else ROUNDS):  # a cube is no more than the direction of a saturation
+    for number in range(1 if effect == "compression" else ROUNDS):  # a cube is but the direction of a saturation
+        if number:
+            step, _ = _step(freed, *_rows(effect, freed.point, origin))
         value += step
         equations = copy(origin)
         equations.torque = _correct(effect, freed.point, origin, value)
         freed = solve(equations, freed.point.parameters, max_iterations, tolerance)
-        step, _ = _step(freed, *_rows(effect, freed.point, origin))
     return Alternative(effect, value, score, _compare(solution, freed))
 
 
 def _compare(solution: RivSolution, freed: RivSolution) -> dict[str, float]:
-    """How far K, B, I and G move from one solution to another, over what they were."""
-    first, second = (parameter_values(part.point.equations, part.point.parameters) for part in (solution, freed))
-    return {name: second[name] / first[name] - 1.0 for name in "KBIG" if first[name]}
+    """How far K, B, I and G move from one solution to another."""
+    return compute_shifts(*(parameter_values(p.equations, p.parameters) for p in (solution.point, freed.point)))
 
 
 def _rows(effect: str, point: RivPoint, origin: RivEquations) -> tuple[np.ndarray, np.ndarray]:
@@ -200,7 +218,7 @@ def _free_delay(solution: RivSolution, max_iterations: int, tolerance: float) ->
     freed = solve(equations, solution.point.parameters, max_iterations, tolerance)
     if not freed.converged or not is_stretch_delay(freed.delay):
         return None
-    score = freed.point.parameters.shift / _last_error(freed)
+    score = freed.point.parameters.shift / last_error(freed)
     return Alternative("delay", freed.delay, score, _compare(solution, freed))
 
 
@@ -212,10 +230,10 @@ def _free_order(solution: RivSolution, max_iterations: int, tolerance: float) ->
     freed = solve(equations, start, max_iterations, tolerance)
     if not freed.converged or "pole" in freed.held:
         return None
-    pole, score = freed.point.parameters.dynamics.pole or np.inf, 1.0 / _last_error(freed)
+    pole, score = freed.point.parameters.dynamics.pole or np.inf, 1.0 / last_error(freed)
     return Alternative("order", pole, score, _compare(solution, freed))
 
 
-def _last_error(solution: RivSolution) -> float:
+def last_error(solution: RivSolution) -> float:
     """Standard error of the last unknown."""
     return float(np.sqrt(asymptotic_covariance(solution.point, solution.free)[-1, -1]))

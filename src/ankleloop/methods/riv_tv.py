@@ -20,9 +20,9 @@ from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.joint.time_varying_splines import Splines
 from ankleloop.joint.time_varying_trajectories import describe_schedule, trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
-from ankleloop.methods.riv_alternatives import Alternative, add_alternatives, is_significant
+from ankleloop.methods.riv_alternatives import Alternative, add_alternatives, compute_shifts, is_significant
 from ankleloop.methods.riv_equations import DELAY_LIMITS
-from ankleloop.methods.time_varying_alternatives import find_time_varying_alternatives, mean_parameters
+from ankleloop.methods.time_varying_alternatives import find_time_varying_alternatives
 from ankleloop.methods.time_varying_bands import TimeVaryingCovariance, covariance, trajectory, variation_p
 from ankleloop.methods.time_varying_checks import check_course, check_perturbation, instrument_strength
 from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations
@@ -144,12 +144,46 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     position that movement and reference explain. What repeats with the cycle is taken out of torque, regressors and
     instruments. Frequencies are weighted by the inverse of the noise spectrum, and places by that of its level.
 
+    Parameters
+    ----------
+    trial : PreparedTrial
+        The trial.
+    options : RivTvOptions
+        The options.
+
+    Returns
+    -------
+    Estimate
+        `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness` and
+        `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: rounds, converged, cycles (or segments
+        that count as independent), intervals (their kind), variation_p (probability of a variation as large, were K, B
+        or G constant), instrument_strength (smallest canonical correlation of instruments and regressors),
+        perturbation_share (share of the perturbation that does not repeat with the cycle), outside (share of the
+        samples whose scheduling variable lies beyond its fitted range, the 2nd to the 98th percentile; they count as
+        its ends), penalties, freedom (effective number of parameters of each trajectory), excitation (information about
+        each over its mean, at the places of the trajectories), torque_lag, noise_frequency [Hz] and noise_spectrum
+        [(N·m)²/Hz], and alternatives as of `ankleloop.methods.riv.identify_riv`.
+
+    Raises
+    ------
+    DataError
+        If there are too few cycles, the perturbation is locked to the cycle, or the record is unusable.
+
     References
     ----------
     D. L. Guarin, R. E. Kearney, "Estimation of time-varying, intrinsic and reflex dynamic joint stiffness during
     movement", Frontiers in Computational Neuroscience 11, 51, 2017. S. N. Wood, M. Fasiolo, "A generalized
     Fellner-Schall method for smoothing parameter optimization", Biometrics 73(4), 1071-1081, 2017. D. Staiger,
     J. H. Stock, "Instrumental variables regression with weak instruments", Econometrica 65(3), 557-586, 1997.
+
+    Examples
+    --------
+    >>> from ankleloop.methods.registry import identify
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> trial = simulate(seed=1, duration=30.0, variation="cycle", stiffness_variation=0.4)
+    >>> estimate = identify(trial, "riv-tv", cycle_onsets="phase")
+    >>> bool(abs(float(estimate.trajectories["K"].sel(phase=0.5)) - 210.0) < 30.0)
+    True
     """
     equations = _set_up(trial, options)
     share = check_perturbation(equations.inputs)
@@ -166,8 +200,7 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
 
 def _free_delay(alternative: Alternative, solution: TimeVaryingSolution, freed: TimeVaryingSolution) -> Alternative:
     """What an estimated delay does to the means of K, B, I and G."""
-    first, second = (mean_parameters(part) for part in (solution, freed))
-    shifts = {name: second[name] / first[name] - 1.0 for name in first}
+    shifts = compute_shifts(*(part.equations.means(part.parameters.linear) for part in (solution, freed)))
     return replace(alternative, value=freed.equations.delay + freed.parameters.shift, shifts=shifts)
 
 
@@ -287,16 +320,14 @@ def _means(
 ) -> tuple[dict[str, float], dict[str, float], dict[str, tuple[float, float]]]:
     """Means of K, B, G and I over the record, dynamics and delay of the reflex, and intervals of them."""
     equations, parameters = solution.equations, solution.parameters
-    course, bases = equations.inputs.course, equations.bases
-    values, margins = {}, {}
-    for name, splines, block in zip("KBGI", bases.all, bases.blocks, strict=True):
-        weights = splines(course.place[course.rows]).mean(axis=0)[None]
-        values[name] = float((weights @ parameters.linear[block])[0])
-        margins[name] = float(bands.margin(weights, block)[0])
-    unit = np.ones((1, 1))
+    bases, values = equations.bases, equations.means(parameters.linear)
+    margins = {
+        name: float(bands.margin(weights[None], block)[0])
+        for name, weights, block in zip("KBGI", equations.mean_weights, bases.blocks, strict=True)
+    }
     values |= {"delay": equations.delay + parameters.shift, **parameters.dynamics.values}
     for k, name in enumerate(equations.names, bases.size):
-        margins[name] = float(bands.margin(unit, slice(k, k + 1))[0])
+        margins[name] = float(bands.margin(np.ones((1, 1)), slice(k, k + 1))[0])
     intervals = {}
     for name, margin in margins.items():
         if name in LOGARITHMIC:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.fft import irfft
 
-from ankleloop.methods.riv_alternatives import Alternative
+from ankleloop.methods.riv_alternatives import Alternative, compute_shifts
 from ankleloop.methods.riv_equations import solve_scaled
 from ankleloop.methods.time_varying_search import TimeVaryingSolution
 
-__all__ = ["find_time_varying_alternatives", "mean_parameters"]
+__all__ = ["find_time_varying_alternatives"]
 
 EFFECTS = ("lag", "high-pass", "friction", "compression", "direction", "delay")
 
@@ -24,7 +22,7 @@ def find_time_varying_alternatives(solution: TimeVaryingSolution) -> list[Altern
     weight = e.weight(noise)
     whiten = e.whitener(weight, e.level(noise, weight))
     scale = np.sqrt(solution.variance * (1.0 + e.smoothing_variance))
-    alternatives, first = [], mean_parameters(solution)
+    alternatives = []
     estimated = {"delay": e.estimate_delay, "lag": e.estimate_lag}
     for effect in (name for name in EFFECTS if not estimated.get(name)):
         regressor, instrument = (whiten(row[None])[0] for row in _rows(effect, solution))
@@ -33,22 +31,10 @@ def find_time_varying_alternatives(solution: TimeVaryingSolution) -> list[Altern
         score = side / (scale * np.linalg.norm(e.colour(instrument[None], residual)))
         step = side / (instrument @ regressor)
         moved = -step * (inverse @ (system.instruments @ regressor))
-        second = mean_parameters(
-            replace(solution, parameters=replace(solution.parameters, linear=linear + moved[: linear.size]))
-        )
-        shifts = {name: second[name] / first[name] - 1.0 for name in first}
+        shifts = compute_shifts(e.means(linear), e.means(linear + moved[: linear.size]))
         value = e.delay + solution.parameters.shift + step if effect == "delay" else step
         alternatives.append(Alternative(effect, float(value), float(score), shifts))
     return alternatives
-
-
-def mean_parameters(solution: TimeVaryingSolution) -> dict[str, float]:
-    """Means of K, B, I and G over the record."""
-    bases, place = solution.equations.bases, solution.equations.inputs.course.place[solution.equations.rows]
-    pairs = zip("KBGI", bases.all, bases.blocks, strict=True)
-    return {
-        name: float(splines(place).mean(axis=0) @ solution.parameters.linear[block]) for name, splines, block in pairs
-    }
 
 
 def _rows(effect: str, solution: TimeVaryingSolution) -> tuple[np.ndarray, np.ndarray]:

@@ -199,6 +199,17 @@ class TimeVaryingEquations:
         poles = ("omega_n", "zeta", "pole")[: self.order]
         return (*poles, *(("delay",) if self.estimate_delay else ()), *lag)
 
+    @cached_property
+    def mean_weights(self) -> list[np.ndarray]:
+        """Weights of the splines of K, B, G and I in their means over the record."""
+        place = self.inputs.course.place[self.rows]
+        return [splines(place).mean(axis=0) for splines in self.bases.all]
+
+    def means(self, linear: np.ndarray) -> dict[str, float]:
+        """Means of K, B, G and I over the record, of their coefficients."""
+        parts = zip("KBGI", self.mean_weights, self.bases.blocks, strict=True)
+        return {name: float(weights @ linear[block]) for name, weights, block in parts}
+
     def _motion_spectra(self, motion: np.ndarray) -> np.ndarray:
         position, velocity, acceleration = motion
         columns = np.vstack([self.place[0].T * position, self.place[1].T * velocity, self.place[3].T * acceleration])

@@ -17,6 +17,7 @@ from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.registry import find_method, identify
+from ankleloop.methods.riv_alternatives import compute_shifts, format_shifts
 from ankleloop.methods.selection import check_selection
 from ankleloop.recordings.checks import Check, check_trial
 from ankleloop.recordings.comparison import UnseenTorque, unseen_torque
@@ -187,30 +188,24 @@ def _describe_assumptions(
     trials: list[PreparedTrial], estimate: Estimate, specification: Mapping[str, Any]
 ) -> list[str]:
     """What an estimate takes for granted, with what another delay would do, and what it lacks."""
-    diagnostics = estimate.diagnostics
+    diagnostics, delay = estimate.diagnostics, estimate.reflex["delay"]
     texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
+    others: dict[str, dict[str, Any]] = {}
     if "delay" not in estimate.intervals:
-        try:
-            options = {**specification.get("options", {}), "delay": estimate.reflex["delay"] + OTHER_DELAY}
-            other = _identify_all(trials, specification["method"], **options)[0]
-            texts.append(f"A delay of {1000 * OTHER_DELAY:g} ms more would move {_describe_shifts(estimate, other)}.")
-        except DataError as error:
-            texts.append(f"What another delay would do cannot be told: {error}")
+        others[f"A delay of {1000 * OTHER_DELAY:g} ms more"] = {"delay": delay + OTHER_DELAY}
     if any("polynomial" in text for text in texts):
-        rectified = {**specification.get("options", {}), "delay": estimate.reflex["delay"], "basis": "rectifier"}
-        other = _identify_all(trials, specification["method"], **rectified)[0]
-        texts.append(f"A rectifier in place of the polynomial would move {_describe_shifts(estimate, other)}.")
+        others["A rectifier in place of the polynomial"] = {"delay": delay, "basis": "rectifier"}
+    values = {**estimate.stiffness, **estimate.reflex}
+    for name, changes in others.items():
+        try:
+            other = _identify_all(trials, specification["method"], **specification.get("options", {}) | changes)[0]
+            shifts = compute_shifts(values, {**other.stiffness, **other.reflex})
+            texts.append(f"{name} would move {format_shifts(shifts)}.")
+        except DataError as error:
+            texts.append(f"What it would do cannot be told ({name}): {error}")
     for row in diagnostics.get("alternatives", ()):
-        moves = ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in row["shifts"].items())
-        texts.append(f"With {row['effect']} in the model it would move {moves}.")
+        texts.append(f"With {row['effect']} in the model it would move {format_shifts(row['shifts'])}.")
     return [text[0].upper() + text[1:] for text in texts]
-
-
-def _describe_shifts(first: Estimate, second: Estimate) -> str:
-    """How far K, B, I and G of a second estimate are from those of a first one."""
-    before, after = ({**estimate.stiffness, **estimate.reflex} for estimate in (first, second))
-    shared = [name for name in "KBIG" if before.get(name) and name in after]
-    return ", ".join(f"{name} by {100 * (after[name] / before[name] - 1):+.2g} %" for name in shared)
 
 
 def _check_options(specification: Mapping[str, Any]) -> None:
