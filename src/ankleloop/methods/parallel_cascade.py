@@ -19,7 +19,7 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import Method, check_lags, delay_option, rate_option
 from ankleloop.options import Options, option
-from ankleloop.subspace.hankel_gram import HankelGram
+from ankleloop.subspace.hankel import HankelGram
 
 __all__ = ["METHODS", "ParallelCascadeOptions", "identify_parallel_cascade"]
 

@@ -1,14 +1,21 @@
-"""Block Hankel matrices (Eq. 15)."""
+"""Block Hankel matrices (Eq. 15): their Gram matrix by displacement, and their columns some at a time."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ankleloop.arguments import check_integer
 from ankleloop.errors import DataError
+from ankleloop.kernels import kernel
 
-__all__ = ["block_hankel"]
+__all__ = ["HankelGram", "HankelRows", "block_hankel", "generate_columns"]
+
+COLUMNS = 1024  # at a time
+SUM = 256  # products: sums of sums round less than one long sum
 
 
 def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarray:
@@ -55,3 +62,205 @@ def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarra
     # Column-major, so that its transpose goes into least squares without a copy.
     windows = np.lib.stride_tricks.sliding_window_view(x[first : first + rows + columns - 1], rows, axis=0)
     return windows.transpose(0, 2, 1).reshape(columns, rows * x.shape[1]).T
+
+
+def generate_columns(chunks: Iterable[np.ndarray], window: int, rows: np.ndarray) -> Iterator[np.ndarray]:
+    """Columns of some rows of the Hankel matrix of a record that comes in chunks, some columns at a time.
+
+    Shapes: chunks (N, m), rows (k,); returns (columns, k).
+    """
+    rest: np.ndarray | None = None
+    for chunk in chunks:
+        x = chunk if rest is None else np.concatenate([rest, chunk])
+        count = max(0, len(x) - window + 1)
+        lags, channels = np.divmod(rows, x.shape[1])
+        for start in range(0, count, COLUMNS):
+            columns = min(COLUMNS, count - start)
+            piece = np.ascontiguousarray(x[start : start + columns + window - 1].T)
+            shifts = np.lib.stride_tricks.sliding_window_view(piece, columns, axis=1)
+            yield shifts[channels, lags].T  # column-major, as factorisations take it
+        rest = x[count:]
+
+
+class HankelGram:
+    r"""Gram matrix H Hᵀ of the Hankel matrix of one record, each row less its mean, accumulated over chunks.
+
+    Rows of a Hankel matrix are shifts of one signal. So the products of each pair of block rows follow from those of
+    the pair before, by the samples that enter and leave the window of n columns,
+
+    .. math:: G_{i+1,j+1} = G_{i,j} + w(i+n)\, w(j+n)^T - w(i)\, w(j)^T,
+
+    and only the products with the first block row take sums over the record (Mastronardi, Kressner, Sima, Van Dooren
+    and Van Huffel, "A fast algorithm for subspace state-space system identification via exploitation of the
+    displacement structure", J. Comput. Appl. Math. 132, 71-81, 2001).
+
+    Parameters
+    ----------
+    window : int
+        Block rows.
+    lags : ndarray of int, optional
+        For each channel, up to how many block rows later its products with other rows are computed; the rest is nan.
+    subtract_means : bool
+        Whether each row is less its mean.
+    """
+
+    def __init__(self, window: int, lags: np.ndarray | None = None, *, subtract_means: bool = True) -> None:
+        self.window, self.lags, self.subtract_means = window, lags, subtract_means
+        self.columns = 0
+        self._head = self._tail = np.empty((0, 0))
+        self._products: np.ndarray | float = 0.0
+        self._sums: np.ndarray | float = 0.0
+
+    def add(self, chunk: np.ndarray) -> None:
+        """Add the next samples of the record.
+
+        Shapes: chunk (N, m).
+        """
+        x = np.concatenate([self._tail, chunk]) if self._tail.size else chunk
+        columns = max(0, len(x) - self.window + 1)
+        if columns and not self.columns:
+            self._head = x[: self.window - 1].copy()
+        self._tail = x[columns:].copy()
+        self.columns += columns
+        self._sums = self._sums + x[:columns].sum(axis=0)
+        lags = np.full(x.shape[1], self.window) if self.lags is None else self.lags
+        self._products = self._products + _sum_lagged_products(np.ascontiguousarray(x), columns, lags, self.window)
+
+    def matrix(self) -> np.ndarray:
+        """The Gram matrix of the samples added so far, shape (window * m, window * m).
+
+        Raises
+        ------
+        DataError
+            If there are fewer samples than one column has.
+        """
+        if not self.columns:
+            raise DataError(f"the record is shorter than the {self.window} samples of one Hankel column.")
+        gram = _displace_products(self._products, self._head.ravel(), self._tail.ravel())
+        if not self.subtract_means:
+            return gram
+        shifts = np.cumsum(self._tail - self._head, axis=0)
+        means = np.concatenate([self._sums, (self._sums + shifts).ravel()]) / np.sqrt(self.columns)
+        return gram - np.outer(means, means)
+
+
+# Contraction lets the compiler use fused multiply-adds; sums are not reordered.
+@kernel(fastmath={"contract"})
+def _sum_lagged_products(x, columns, lags, window):
+    """Products with the first block row: sums over t of x(t) times x(t) … x(t + lags - 1); beyond the lags nan.
+
+    Samples follow each other in memory, so those of all lags are one row of numbers.
+    """
+    channels = x.shape[1]
+    flat, width = x.ravel(), window * channels
+    sums, part = np.zeros((channels, width)), np.empty((channels, width))
+    # Four columns at a time, because sums are then loaded and stored a fourth as often.
+    for start in range(0, columns, SUM):
+        part[:] = 0.0
+        stop = min(start + SUM, columns)
+        whole = stop - (stop - start) % 4
+        for t in range(start, whole, 4):
+            at = t * channels
+            row, second = flat[at : at + width], flat[at + channels : at + channels + width]
+            third, fourth = flat[at + 2 * channels :][:width], flat[at + 3 * channels :][:width]
+            for i in range(channels):
+                a, b, c, d = row[i], second[i], third[i], fourth[i]
+                for k in range(lags[i] * channels):
+                    part[i, k] += a * row[k] + b * second[k] + c * third[k] + d * fourth[k]
+        for t in range(whole, stop):
+            row = flat[t * channels : t * channels + width]
+            for i in range(channels):
+                for k in range(lags[i] * channels):
+                    part[i, k] += row[i] * row[k]
+        sums += part
+    for i in range(channels):
+        sums[i, lags[i] * channels :] = np.nan
+    return sums
+
+
+@kernel()
+def _displace_products(products, head, tail):
+    """Gram matrix row by row: each row follows from that of the block row before by displacement."""
+    channels, width = products.shape
+    gram = np.empty((width, width))
+    gram[:channels] = products
+    for i in range(channels, width):
+        last = gram[i - channels]
+        before, after = head[i - channels], tail[i - channels]
+        for j in range(i - channels, width - channels):
+            gram[i, j + channels] = last[j] + after * tail[j] - before * head[j]
+    for i in range(width):
+        gram[i, :i] = gram[:i, i]
+    return gram
+
+
+@dataclass(frozen=True)
+class HankelRows:
+    """Rows of future inputs U, instruments Z and future outputs Y, which a projection takes.
+
+    They are taken from records that hold inputs, outputs and, possibly, a reference side by side.
+
+    Parameters
+    ----------
+    inputs, outputs : int
+        Numbers of channels.
+    instruments : ndarray of int
+        Channels that the instruments consist of.
+    block_rows : int
+        Block rows of the future.
+    past, leads : int
+        Block rows of the instruments before the future and within it.
+    """
+
+    inputs: int
+    outputs: int
+    instruments: np.ndarray
+    block_rows: int
+    past: int
+    leads: int
+
+    @property
+    def channels(self) -> int:
+        """Channels of the records: the reference is among them only where the instruments consist of it."""
+        return max(self.inputs + self.outputs, int(self.instruments.max(initial=-1)) + 1)
+
+    @property
+    def window(self) -> int:
+        """Samples that one column reaches over."""
+        return self.past + self.block_rows
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Rows of U and of Z."""
+        return self.inputs * self.block_rows, self.instruments.size * (self.past + self.leads)
+
+    @property
+    def total(self) -> int:
+        """Rows of U, Z and Y."""
+        return sum(self.sizes) + self.outputs * self.block_rows
+
+    @property
+    def indices(self) -> np.ndarray:
+        """Rows of U, Z and Y in the Hankel matrix of all channels over the window."""
+        starts = self.channels * np.arange(self.window)
+        future, instruments = starts[self.past :], starts[: self.past + self.leads]
+        u, y = np.arange(self.inputs), self.inputs + np.arange(self.outputs)
+        parts = (future, u), (instruments, self.instruments), (future, y)
+        return np.concatenate([np.add.outer(rows, channels).ravel() for rows, channels in parts])
+
+    def start_gram(self, *, subtract_means: bool = True) -> HankelGram:
+        """Start the Gram matrix of a record, with the products that the rows need."""
+        lags = np.full(self.channels, self.block_rows)
+        lags[self.instruments] = self.window  # they reach into the past, all other channels into the future alone
+        return HankelGram(self.window, lags, subtract_means=subtract_means)
+
+    def count_columns(self, lengths: Sequence[int]) -> int:
+        """Columns of the Hankel matrices of all records."""
+        columns = sum(max(0, length - self.window + 1) for length in lengths)
+        if columns < self.total:
+            raise DataError(
+                f"the record of {' + '.join(map(str, lengths))} samples is shorter than its Hankel window: "
+                f"{self.total} Hankel rows need at least {self.total + self.window - 1} samples. Record longer, or use "
+                "fewer block_rows or instrument_rows."
+            )
+        return columns

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
 from ankleloop.arguments import check_flag, check_number, show_value
 from ankleloop.errors import DataError
@@ -19,20 +18,16 @@ from ankleloop.subspace.records import are_merged, list_records
 __all__ = [
     "InputMatrices",
     "OutputRegression",
-    "Solution",
     "continue_response",
     "estimate_input_matrices",
     "simulate_response",
-    "simulate_states",
-    "solve_least_squares",
     "solve_regression",
+    "update_factor",
 ]
 
-CHUNK = 1024  # samples
-NEGLIGIBLE = 1e-200  # size of a response that has died away; smaller numbers slow the arithmetic down
-LEAST_RATIO = 1e-4  # of singular values, for which normal equations keep eight digits
+BLOCK = 16  # columns of a panel: narrow ones leave most of the work to matrix products
 
-Solution = tuple[np.ndarray, int, float]  # unknowns, rank and condition of a regression
+Chunks = Iterable[tuple[np.ndarray, np.ndarray]]  # inputs and outputs of a record, some samples at a time
 
 
 @dataclass(frozen=True)
@@ -60,10 +55,10 @@ class InputMatrices:
 
 
 @kernel()
-def simulate_states(A, drive, x0):
-    """States of x(t+1) = A x(t) + drive(t).
+def _simulate_states(A, drive, x0):
+    """States of x(t+1) = A x(t) + drive(t), and the one that follows.
 
-    Shapes: A (n, n), drive (N, n), x0 (n,); returns (N, n).
+    Shapes: A (n, n), drive (N, n), x0 (n,); returns (N, n), (n,).
     """
     samples, n = drive.shape
     states = np.empty((samples, n))
@@ -76,7 +71,7 @@ def simulate_states(A, drive, x0):
                 total += A[i, j] * x[j]
             x_next[i] = total
         x, x_next = x_next, x
-    return states
+    return states, x
 
 
 def simulate_response(
@@ -121,50 +116,12 @@ def continue_response(
 
     Shapes: x0 (n,); returns y (N, p), x (n,).
     """
-    drive = np.ascontiguousarray(u @ B.T)
-    states = simulate_states(np.ascontiguousarray(A), drive, x0)
-    return states @ C.T + u @ D.T, A @ states[-1] + drive[-1]
-
-
-# Contraction lets the compiler use fused multiply-adds; sums are not reordered.
-@kernel(fastmath={"contract"})
-def _propagate_rows(A, u, c, states, out):
-    """Rows v(t+1) = v(t) A + u(t) c of some inputs side by side into `out`; `states` become those that follow.
-
-    The first entry of all rows comes first, then the second one: the innermost loops run over the inputs.
-    """
-    n, count = A.shape[0], u.shape[1]
-    for t in range(out.shape[0]):
-        row = out[t]
-        for k in range(n * count):
-            row[k] = states[k]
-        for k in range(n):
-            for j in range(count):
-                total = c[k] * u[t, j]
-                for i in range(n):
-                    total += A[i, k] * row[i * count + j]
-                states[k * count + j] = total
-
-
-@kernel()
-def _fill_regressors(A, C, u, dynamic_inputs, offset, states, regressors):
-    """Responses of every output to each unknown; `states`, free and forced, become those that follow."""
-    samples, inputs = u.shape
-    (p, n), (free, forced) = C.shape, states
-    d_end = inputs * p
-    b_end = d_end + forced.shape[1]
-    no_input = np.zeros((samples, 1))
-    for i in range(p):
-        for t in range(samples):
-            for k in range(inputs):
-                regressors[t, i, k * p + i] = u[t, k]
-            regressors[t, i, b_end + n + i] = offset
-        _propagate_rows(A, dynamic_inputs, C[i], forced[i], regressors[:, i, d_end:b_end])
-        _propagate_rows(A, no_input, C[i], free[i], regressors[:, i, b_end : b_end + n])
+    states, x = _simulate_states(np.ascontiguousarray(A), np.ascontiguousarray(u @ B.T), x0)
+    return states @ C.T + u @ D.T, x
 
 
 class OutputRegression:
-    """Regression of the outputs on their responses to the entries of D and B, the initial state and the offset.
+    """Regression of the outputs on their responses to the entries of D and B, the initial states and the offsets.
 
     Parameters
     ----------
@@ -174,64 +131,67 @@ class OutputRegression:
         Number of inputs m.
     dynamic : array_like of bool, shape (m,), optional
         Inputs that drive the state; all, by default.
+    records : int
+        Records, each with an initial state and an offset of its own.
     offsets : bool
-        False takes the offset of every output to be zero: its column, too.
+        False takes all offsets to be zero: their columns, too.
     """
 
     def __init__(
-        self, A: np.ndarray, C: np.ndarray, inputs: int, dynamic: ArrayLike | None = None, *, offsets: bool = True
+        self,
+        A: np.ndarray,
+        C: np.ndarray,
+        inputs: int,
+        dynamic: ArrayLike | None = None,
+        records: int = 1,
+        *,
+        offsets: bool = True,
     ) -> None:
-        self.offset = 1.0 if offsets else 0.0
-        self.A, self.C, self.inputs = np.ascontiguousarray(A), np.ascontiguousarray(C), inputs
+        self.A, self.C, self.inputs, self.records, self.offsets = A, C, inputs, records, offsets
         self.dynamic = np.arange(inputs) if dynamic is None else _list_dynamic(dynamic, inputs)
         p, n = C.shape
-        self.edges = [inputs * p, inputs * p + n * self.dynamic.size]  # the unknowns of D end here, and those of B
-        self.unknowns = self.edges[1] + n + p
+        self.edges = inputs * p, inputs * p + n * self.dynamic.size  # the unknowns of D end here, and those of B
+        self.unknowns = self.edges[1] + records * (n + p)
 
-    def generate_regressors(self, chunks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
-        """Responses of every output to each unknown, for one record chunk by chunk.
+    def generate(self, chunks: Chunks, record: int = 0) -> Iterator[np.ndarray]:
+        """Responses of every output to each unknown, and the outputs in the last column, chunk by chunk of a record.
 
         The response to a column of B is a row C (q - A)⁻¹ u(t) for each input and output, which follows from the row
         before: n numbers instead of the n² of a state for each entry.
 
-        Shapes: chunks (N, m); returns (N * p, unknowns).
+        Shapes: returns (N * p, unknowns + 1).
         """
-        A, C = self.A, self.C
-        p = len(C)
-        d_end, b_end = self.edges
-        # Free and forced responses at the first sample of a chunk: C Aᵗ, and the rows of all dynamic inputs.
-        free, forced = C.copy(), np.zeros((p, b_end - d_end))
-        memory = np.zeros((0, p, self.unknowns))  # zero between the outputs
-        for u in chunks:
-            if len(u) > len(memory):
-                memory = np.zeros((len(u), p, self.unknowns))
-            phi, u = memory[: len(u)], np.ascontiguousarray(u)
-            dynamic_inputs = u if self.dynamic.size == self.inputs else np.ascontiguousarray(u[:, self.dynamic])
-            _fill_regressors(A, C, u, dynamic_inputs, self.offset, (free, forced), phi)
-            free[np.abs(free) < NEGLIGIBLE] = 0.0
-            yield phi.reshape(-1, self.unknowns)
-
-    def merge_regressors(self, records: Sequence[np.ndarray]) -> np.ndarray:
-        """Regressors of all records: D and B are common to them, initial state and offset belong to one each."""
-        parts = [next(self.generate_regressors([record])) for record in records]
-        if len(parts) == 1:
-            return parts[0]
-        common, individual = zip(*(np.split(part, self.edges[1:], axis=1) for part in parts), strict=True)
-        return np.hstack([np.concatenate(common), linalg.block_diag(*individual)])
-
-    def unpack(self, solution: Solution, records: int = 1) -> InputMatrices:
-        """Sort the unknowns into matrices."""
-        theta, rank, condition = solution
         p, n = self.C.shape
-        d, b, rest = np.split(theta, self.edges)
+        d_end, b_end = self.edges
+        start, transposed = b_end + record * (n + p), np.ascontiguousarray(self.A.T)
+        free, forced = list(self.C), [[np.zeros(n)] * self.dynamic.size for _ in range(p)]
+        for u, y in chunks:
+            rows = np.zeros((self.unknowns + 1, len(u), p))
+            rows[-1] = y
+            for i, row in enumerate(self.C):
+                rows[i:d_end:p, :, i] = u.T
+                for j, k in enumerate(self.dynamic):
+                    response, forced[i][j] = _simulate_states(transposed, u[:, k, None] * row, forced[i][j])
+                    rows[d_end + j : b_end : self.dynamic.size, :, i] = response.T
+                response, free[i] = _simulate_states(transposed, np.zeros((len(u), n)), free[i])
+                rows[start : start + n, :, i] = response.T
+                rows[start + n + i, :, i] = self.offsets
+            yield rows.reshape(len(rows), -1).T
+
+    def unpack(self, theta: np.ndarray, rank: int, condition: float) -> InputMatrices:
+        """B, D, initial states and offsets from the unknowns of all records."""
+        p, n = self.C.shape
+        d_end, b_end = self.edges
         B = np.zeros((n, self.inputs))
-        B[:, self.dynamic] = b.reshape(n, self.dynamic.size)
-        rest = rest.reshape((records, n + p) if records > 1 else n + p)
-        return InputMatrices(B, d.reshape(self.inputs, p).T, rest[..., :n], rest[..., n:], rank, condition)
+        B[:, self.dynamic] = theta[d_end:b_end].reshape(n, -1)
+        D = theta[:d_end].reshape(-1, p).T
+        rest = theta[b_end:].reshape(self.records, n + p)
+        rest = rest[0] if self.records == 1 else rest
+        return InputMatrices(B, D, rest[..., :n], rest[..., n:], rank, condition)
 
 
 def _list_dynamic(dynamic: ArrayLike, inputs: int) -> np.ndarray:
-    """Numbers of the inputs that drive the state."""
+    """Inputs that drive the state, from a flag for each."""
     flags = dynamic if isinstance(dynamic, np.ndarray) else np.array(dynamic, dtype=object)
     if flags.shape != (inputs,) or not all(isinstance(flag, (bool, np.bool_)) for flag in flags):
         raise ValueError(f"dynamic must be {inputs} flags, True or False for each input, got {show_value(dynamic)}.")
@@ -296,84 +256,45 @@ def estimate_input_matrices(
     instruments = None
     if instrument_inputs is not None:
         instruments = list_records(instrument_inputs, merged, "instrument_inputs")
-    regression = OutputRegression(A, C, inputs[0].shape[1], dynamic, offsets=offsets)
-    return solve_regression(regression, inputs, outputs, instruments, rank_tolerance)
+    regression = OutputRegression(A, C, inputs[0].shape[1], dynamic, len(inputs), offsets=offsets)
+    records = ([pair] for pair in zip(inputs, outputs, strict=True))
+    return solve_regression(regression, records, instruments, rank_tolerance)
 
 
 def solve_regression(
-    regression: OutputRegression,
-    inputs: Sequence[np.ndarray],
-    outputs: Sequence[np.ndarray],
-    instrument_inputs: Sequence[np.ndarray] | None,
-    rank_tolerance: float,
+    regression: OutputRegression, records: Iterable[Chunks], instruments: list[np.ndarray] | None, rank_tolerance: float
 ) -> InputMatrices:
-    """B, D, x0 and offset of records that have been checked.
+    """B, D, x0 and offset of checked records, by a triangular factor of their regressors or with instruments.
 
-    Shapes: inputs, outputs (N, m), instrument_inputs (N, m).
+    Shapes: instruments (N, m).
     """
-    if instrument_inputs is None and len(inputs) == 1:
-        solution = _solve_normal_equations(regression, inputs[0], outputs[0], rank_tolerance)
-        if solution is not None:
-            return regression.unpack(solution)
-    phi = regression.merge_regressors(inputs)
-    if phi.shape[0] < phi.shape[1]:
-        raise DataError(f"{phi.shape[0]} samples cannot determine {phi.shape[1]} entries of B, D, x0: record longer.")
-    target = np.concatenate([record.reshape(-1) for record in outputs])
-    if instrument_inputs is None:
-        solution = solve_least_squares(phi, target, rank_tolerance)
-    else:
-        psi = regression.merge_regressors(instrument_inputs)
-        solution = _solve_instruments(phi, target, psi, rank_tolerance)
-    return regression.unpack(solution, len(inputs))
+    size = regression.unknowns + 1
+    factor, products, squares, samples = np.zeros((size, size), order="F"), np.zeros((size - 1, size)), 0.0, 0
+    for number, chunks in enumerate(records):
+        for rows in regression.generate(chunks, number):
+            samples += len(rows)
+            if instruments is not None:
+                y = np.zeros((len(instruments[number]), len(regression.C)))
+                psi = next(regression.generate([(instruments[number], y)], number))[:, :-1]
+                products, squares = products + psi.T @ rows, squares + np.sum(psi**2, axis=0)
+            factor = update_factor(factor, rows)
+    if samples < regression.unknowns:
+        raise DataError(f"{samples} samples cannot determine {size - 1} entries of B, D, x0: record longer.")
+    scale = _replace_zeros(np.linalg.norm(factor[:, :-1], axis=0))
+    if instruments is not None:
+        factor[:-1] = products / _replace_zeros(np.sqrt(squares))[:, None]
+    theta, _, rank, values = np.linalg.lstsq(factor[:-1, :-1] / scale, factor[:-1, -1], rcond=rank_tolerance)
+    return regression.unpack(theta / scale, int(rank), float(values[0] / values[rank - 1]) if rank else np.inf)
 
 
-def _solve_normal_equations(
-    regression: OutputRegression, u: np.ndarray, y: np.ndarray, rank_tolerance: float
-) -> Solution | None:
-    """Unknowns, rank and condition for one record; None where squares are not accurate enough.
-
-    The regressors are not kept: they are computed and used chunk by chunk, because a chunk stays in the cache.
-    """
-    chunks = [slice(start, start + CHUNK) for start in range(0, len(u), CHUNK)]
-    gram: Any = 0.0
-    right: Any = 0.0
-    for chunk, phi in zip(chunks, regression.generate_regressors(u[chunk] for chunk in chunks), strict=True):
-        gram = gram + blas.dsyrk(1.0, phi.T)  # its upper triangle
-        right = right + y[chunk].reshape(-1) @ phi
-    scale = np.sqrt(np.diag(gram))
-    if scale.size > y.size or not scale.all():
-        return None
-    values, vectors, info = lapack.dsyevd(gram / (scale[:, None] * scale))  # of the upper triangle
-    # Squares lose twice the digits that the condition takes.
-    if info or not values[0] > max(LEAST_RATIO, 2.0 * rank_tolerance) ** 2 * values[-1]:
-        return None
-    theta = vectors @ ((vectors.T @ (right / scale)) / values)
-    return theta / scale, len(values), float(np.sqrt(values[-1] / values[0]))
-
-
-def _solve_instruments(phi: np.ndarray, target: np.ndarray, psi: np.ndarray, rank_tolerance: float) -> Solution:
-    """Unknowns, rank and condition from the normal equations with instruments psi."""
-    scale, psi_scale = _column_norms(phi), _column_norms(psi)
-    left, right = (psi.T @ phi) / np.outer(psi_scale, scale), (psi.T @ target) / psi_scale
-    return _solve(left, right, scale, rank_tolerance)
-
-
-def solve_least_squares(phi: np.ndarray, target: np.ndarray, rank_tolerance: float) -> Solution:
-    """Least squares from columns that are scaled to unit norm.
-
-    Shapes: phi (N, k), target (N,); returns theta (k,).
-    """
-    scale = _column_norms(phi)
-    return _solve(phi / scale, target, scale, rank_tolerance)
-
-
-def _solve(phi: np.ndarray, target: np.ndarray, scale: np.ndarray, rank_tolerance: float) -> Solution:
-    theta, _, rank, values = linalg.lstsq(phi, target, cond=rank_tolerance, lapack_driver="gelsd")
-    return theta / scale, int(rank), float(values[0] / values[rank - 1]) if rank else np.inf
-
-
-def _column_norms(phi: np.ndarray) -> np.ndarray:
+def _replace_zeros(norms: np.ndarray) -> np.ndarray:
     """Norms of columns, 1 for columns of zeros."""
-    norms = np.linalg.norm(phi, axis=0)
-    norms[norms == 0] = 1.0
-    return norms
+    return np.where(norms == 0.0, 1.0, norms)
+
+
+def update_factor(factor: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Triangular factor of the rows of a factor and of more rows, which it overwrites.
+
+    Shapes: factor (k, k), rows (n, k); returns (k, k).
+    """
+    return lapack.dtpqrt(0, min(BLOCK, len(factor)), factor, rows, overwrite_a=1, overwrite_b=1)[0]

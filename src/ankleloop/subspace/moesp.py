@@ -1,8 +1,7 @@
 """The MOESP family on any linear data set.
 
 One body serves all: members of the family differ in their instruments and their projection, and data come from a source
-in memory or in chunks. A source has its `sizes`, `scales`, `open_loop` and `input_matrices`, and three operations:
-`compute_gram`, `factor_rows` and `estimate_input_matrices`.
+in memory or in chunks.
 """
 
 from __future__ import annotations
@@ -17,22 +16,19 @@ from numpy.typing import ArrayLike
 
 from ankleloop.arguments import check_memory, show_value
 from ankleloop.options import show_fields
-from ankleloop.subspace.chunk_source import Chunk, ChunkSource
-from ankleloop.subspace.gram_projection import project_gram
-from ankleloop.subspace.hankel_rows import HankelRows
+from ankleloop.subspace.hankel import HankelRows
 from ankleloop.subspace.instruments import select_channels
 from ankleloop.subspace.matrices import Matrices
-from ankleloop.subspace.memory_source import MemorySource
 from ankleloop.subspace.options import MemoryOptions, SubspaceOptions
-from ankleloop.subspace.projection import Projection, project
+from ankleloop.subspace.projection import Projection, project_correlation, project_factor, project_gram
 from ankleloop.subspace.realisation import choose_order, realise
+from ankleloop.subspace.sources import Chunk, ChunkSource, MemorySource, Source
 
 if TYPE_CHECKING:
     from control import StateSpace
 
 __all__ = ["SubspaceEstimate", "moesp", "moesp_chunks"]
 
-Source = MemorySource | ChunkSource
 UNSTABLE = (
     "least squares gave an unstable A (spectral radius {radius:.4f}) at order {order}; it was replaced by a guaranteed "
     "stable one. Lower the order or change block_rows, and do not trust these poles."
@@ -115,7 +111,7 @@ def moesp(
     instruments : {"none", "past-input", "past-input-output", "past-reference"}
         Instrumental variables.
     projection : {"ordinary", "correlation"}
-        Form of the projection, see `ankleloop.subspace.projection.project`.
+        Form of the projection, see `ankleloop.subspace.projection`.
     reference : array_like, shape (N,) or (N, q), or list of those, optional
         External reference of the loop.
     dt : float
@@ -262,9 +258,9 @@ def _select_rows(source: Source, options: SubspaceOptions) -> HankelRows:
 
 def _project(source: Source, rows: HankelRows, options: SubspaceOptions) -> tuple[Projection, str]:
     """Projection of the Hankel rows from inner products, or else from a triangular factor; and which of the two."""
-    gram, columns = source.compute_gram(rows)
-    arguments = rows.sizes, columns, options.projection, options.rank_tolerance, options.least_order
-    projection = None if gram is None else project_gram(gram, *arguments)
-    if projection is None:
-        return project(source.factor_rows(rows), *arguments), "qr"
-    return projection, "gram"
+    gram = source.compute_gram(rows)
+    arguments = rows.sizes, rows.count_columns(source.lengths), options.rank_tolerance, options.least_order
+    if options.projection == "correlation":
+        return project_correlation(gram, *arguments), "gram"
+    projection = project_gram(gram, *arguments)
+    return (projection, "gram") if projection else (project_factor(source.factor_rows(rows), *arguments), "qr")

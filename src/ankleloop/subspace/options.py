@@ -74,12 +74,6 @@ class MemoryOptions(SubspaceOptions):
     input_matrices: Literal["least-squares", "instruments"] = option(
         "least-squares", "how B and D are estimated; with instruments, the inputs are predicted from the reference"
     )
-    compression: Literal["gram", "qr"] = option(
-        "gram",
-        "how the Hankel matrices are compressed by their displacement structure: to inner products of their rows, or "
-        'to the factor R of a QR factorisation; "gram" goes over to "qr" where rounding of the squares would count, or '
-        'where it takes no longer, and states it in `diagnostics["compression"]`',
-    )
     scaling: bool = option(
         True,
         "divide every channel by its standard deviation; without it the rank policy and the correlation form depend on "
@@ -88,5 +82,5 @@ class MemoryOptions(SubspaceOptions):
     offsets: bool = option(
         True,
         "remove means, and estimate an offset of each output; without it the data must be deviations from an "
-        "equilibrium, and are compressed by a QR factorisation",
+        "equilibrium",
     )

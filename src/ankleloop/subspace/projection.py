@@ -10,10 +10,8 @@ scaled to unit variance: a direction counts if its singular value is above `rank
   left without the inputs, in the correlation form all of it. Nothing may be left, so less than `LEAST_TOLERANCE` of the
   largest one never counts.
 
-Both routes (this module and `gram_projection`) follow it.
-
-This module takes a triangular factor of the Hankel rows, which is accurate whatever their condition. `gram_projection`
-gives the same projection faster, from inner products.
+Inner products of the rows are fast, and squaring costs half of the digits. Where these would count, the ordinary form
+takes a triangular factor of the rows instead; the correlation form consists of inner products in any case.
 """
 
 from __future__ import annotations
@@ -24,23 +22,13 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ankleloop.errors import DataError
-from ankleloop.kernels import kernel
-from ankleloop.subspace.options import ProjectionForm
 
-__all__ = [
-    "LEAST_TOLERANCE",
-    "Projection",
-    "check_instrument_rank",
-    "check_instrument_rows",
-    "decompose_residual",
-    "project",
-    "subtract_fit",
-]
+__all__ = ["Projection", "project_correlation", "project_factor", "project_gram"]
 
 LEAST_TOLERANCE = 1e-12  # of the directions of instruments: rounding of the rows
-ACCURACY = 1e-7  # of squared singular values
-SMALL = 24  # rows: singular vectors of so few take no longer than inner products and their eigenvectors
-LONG = 1.5  # times as long as high: then a triangular factor of a matrix takes less time than its singular vectors
+ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
+ACCURACY = 1e-4  # of squared singular values; a bound that adds magnitudes, a hundred times the size of the errors
+MARGIN = 10.0  # between an eigenvalue and its rounding
 
 
 @dataclass(frozen=True)
@@ -52,12 +40,11 @@ class Projection:
     observability : ndarray, shape (block_rows * p, k)
         Left singular vectors: the first n span the extended observability matrix.
     singular_values : ndarray, shape (k,)
-        They show the order.
+        They show the order; a root mean square, or a correlation.
     input_rank, instrument_rank : int
         Directions that count by the rank policy.
     condition : float
-        Ratio of the largest to the smallest singular value of the input directions that count; by `gram_projection` and
-        where all count, an estimate of it from norms.
+        Ratio of the largest to the smallest singular value of the input directions that count.
     """
 
     observability: np.ndarray
@@ -67,161 +54,135 @@ class Projection:
     condition: float
 
 
-def project(
-    R: np.ndarray, sizes: tuple[int, int], columns: int, form: ProjectionForm, rank_tolerance: float, order: int
-) -> Projection:
-    r"""Remove the future inputs from the future outputs, in the directions of the instruments.
+def project_gram(
+    gram: np.ndarray, sizes: tuple[int, int], columns: int, rank_tolerance: float, order: int
+) -> Projection | None:
+    r"""Future outputs without the future inputs, in the directions of the instruments, from inner products of the rows.
 
-    ``"ordinary"``: :math:`Y_f \Pi^\perp_{U_f}` in the row space of :math:`Z \Pi^\perp_{U_f}`, the factorisation of
-    PI-MOESP with any instruments in the place of past inputs (without instruments: all of
-    :math:`Y_f \Pi^\perp_{U_f}`, as in ordinary MOESP). In closed loop its term :math:`E_f U_f^T` does not vanish.
+    :math:`Y_f \Pi^\perp_{U_f}` in the row space of :math:`Z \Pi^\perp_{U_f}`, the factorisation of PI-MOESP with any
+    instruments in the place of past inputs (without instruments: all of :math:`Y_f \Pi^\perp_{U_f}`, as in ordinary
+    MOESP). In closed loop its term :math:`E_f U_f^T` does not vanish. None where rounding of the squares would count.
 
-    ``"correlation"``: :math:`Y_f Z^T` without the row space of :math:`U_f Z^T`, the form of EIV-MOESP (Chou and
-    Verhaegen 1997). It is consistent in closed loop when the instruments are uncorrelated with the future noise.
-
-    Shapes: R (k, k).
-    """
-    step = _project_ordinary if form == "ordinary" else _project_correlation
-    residual, ranks, condition = step(R, sizes, rank_tolerance, order)
-    return decompose_residual(residual, ranks, condition, columns, form)
-
-
-def _project_ordinary(
-    R: np.ndarray, sizes: tuple[int, int], rank_tolerance: float, order: int
-) -> tuple[np.ndarray, tuple[int, int], float]:
-    """The matrix to decompose, the ranks of inputs and instruments, and the condition of the inputs.
-
-    R is triangular: beside the inputs there are the directions of their own rows that do not count, and the rows below.
+    Shapes: gram (k, k), its rows those of U, Z and Y.
     """
     m, z = sizes
-    others, input_rank, condition = _find_other_directions(R[:m, :m], rank_tolerance)
-    residual = np.vstack([others.T @ R[:m, m:], R[m:, m:]]) if input_rank < m else R[m:, m:]
+    inputs = _find_directions(gram[:m, :m], rank_tolerance)
+    if inputs is None:
+        return None
+    directions, condition, largest = inputs
+    components = directions.T @ gram[:m, m:]
+    residual = gram[m:, m:] - components.T @ components
+    weights = directions @ components  # coefficients of the fit by the inputs, by which their rounding is multiplied
+    output_size = np.sum(weights[:, z:] ** 2) + len(gram) - m - z
     if z == 0:
-        return residual.T, (input_rank, 0), condition
-    residual = residual[: m - input_rank + z]  # of more rows, only the outputs have components
-    # Relative to the instruments before the inputs were removed, because the residual may be nothing but rounding.
-    instruments = R[: m + z, m : m + z]
+        values, vectors = np.linalg.eigh(residual)
+        if not ROUNDING * largest * output_size <= min(ACCURACY * values[-order], values[0]):
+            return None
+        return Projection(vectors[:, ::-1], np.sqrt(values[::-1] / columns), directions.shape[1], 0, condition)
     tolerance = max(rank_tolerance, LEAST_TOLERANCE)
-    if input_rank == m and _bound_smallest_value(residual[:, :z]) > tolerance * np.linalg.norm(instruments):
-        check_instrument_rank(z, order)
-        return residual[:, z:].T, (m, z), condition
-    directions = _find_directions(residual[:, :z], instruments, tolerance)
-    check_instrument_rank(directions.shape[1], order)
-    return (directions.T @ residual[:, z:]).T, (input_rank, directions.shape[1]), condition
+    instruments = _find_directions(residual[:z, :z], tolerance, gram[m : m + z, m : m + z])
+    if instruments is None:
+        return None
+    _check_rank(instruments[0].shape[1], order)
+    fit = instruments[0].T @ residual[:z, z:]
+    coefficients = instruments[0] @ fit
+    projection = _decompose(fit.T, (directions.shape[1], instruments[0].shape[1]), condition, np.sqrt(columns))
+    fit_size = np.sum((weights[:, :z] @ coefficients) ** 2) + np.sum(coefficients**2)
+    error = ROUNDING * largest * (fit_size + 2.0 * np.sqrt(fit_size * output_size))
+    return projection if error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2 else None
 
 
-def _project_correlation(
-    R: np.ndarray, sizes: tuple[int, int], rank_tolerance: float, order: int
-) -> tuple[np.ndarray, tuple[int, int], float]:
-    """The matrix to decompose, the ranks of inputs and instruments, and the condition of the inputs."""
-    r_u, r_z, r_y = np.split(R, np.cumsum(sizes), axis=1)
-    check_instrument_rows(r_z.shape[1], r_u.shape[1], order)
-    residual, input_rank, condition = subtract_fit(r_z.T @ r_u, r_z.T @ r_y, rank_tolerance)
-    values = np.linalg.svd(r_z[: sum(sizes)], compute_uv=False)
-    rank = int(np.sum(values > max(rank_tolerance, LEAST_TOLERANCE) * values[0]))
-    return residual.T, (input_rank, rank), condition
-
-
-def _find_other_directions(matrix: np.ndarray, rank_tolerance: float) -> tuple[np.ndarray, int, float]:
-    """Unit directions of a square matrix that do not count, the number of those that do, and their condition."""
-    smallest, largest = _bound_smallest_value(matrix), np.linalg.norm(matrix)
-    if smallest > max(rank_tolerance, LEAST_TOLERANCE) * largest:
-        return matrix[:, :0], len(matrix), 1.0 / float(lapack.dtrcon(matrix)[0])
-    left, values, _ = np.linalg.svd(matrix)
-    rank = int(np.sum(values > rank_tolerance * values[0]))
-    return left[:, rank:], rank, float(values[0] / values[rank - 1]) if rank else np.inf
-
-
-def _bound_smallest_value(matrix: np.ndarray) -> float:
-    """A number that the smallest singular value of a triangular matrix is not below: singular values take long."""
-    inverse, info = lapack.dtrtri(matrix)
-    return 0.0 if info else 1.0 / np.sqrt(_sum_squares_below(inverse)[0])
-
-
-@kernel()
-def _sum_squares_below(matrix):
-    """Sums of the squares in each row of the upper triangle and all rows below it; the lower triangle is not read."""
-    rows, columns = matrix.shape
-    sums, total = np.empty(rows), 0.0
-    for i in range(rows - 1, -1, -1):
-        for j in range(i, columns):
-            total += matrix[i, j] ** 2
-        sums[i] = total
-    return sums
-
-
-def _find_directions(matrix: np.ndarray, total: np.ndarray, tolerance: float) -> np.ndarray:
-    """Unit directions of columns whose singular values are above a fraction of the largest one of `total`.
-
-    A pivoted QR factorisation takes an eighth of the time of singular vectors. It is enough where its bounds leave no
-    doubt of the rank: no singular value that counts is below those of the upper left triangle, none that does not is
-    above the norm of what lies below.
-    """
-    squares = np.einsum("ij,ij->j", total, total)
-    low, high = tolerance * np.sqrt(squares.max()), tolerance * np.sqrt(squares.sum())  # bounds of the limit
-    packed, _, tau, _, _ = lapack.dgeqp3(matrix)
-    below = _sum_squares_below(packed[: len(tau)])
-    rank = int(np.count_nonzero(below > low**2))
-    if rank and _bound_smallest_value(packed[:rank, :rank]) > high:
-        return lapack.dorgqr(packed[:, :rank], tau[:rank])[0]
-    left, values, _ = np.linalg.svd(matrix, full_matrices=False)
-    return left[:, : int(np.sum(values > tolerance * np.linalg.norm(total, 2)))]
-
-
-def subtract_fit(matrix: np.ndarray, others: np.ndarray, rank_tolerance: float) -> tuple[np.ndarray, int, float]:
-    """Subtract from other columns their least-squares fit by the columns of a matrix that count.
-
-    It takes half the time of a basis of the columns.
-
-    Shapes: matrix, others (rows, k); returns residual (rows, l).
-    """
-    solution, _, rank, values = np.linalg.lstsq(matrix, others, rcond=rank_tolerance)
-    condition = float(values[0] / values[rank - 1]) if rank else np.inf
-    return others - matrix @ solution, int(rank), condition
-
-
-def decompose_residual(
-    residual: np.ndarray, ranks: tuple[int, int], condition: float, columns: int, form: ProjectionForm
+def project_factor(
+    factor: np.ndarray, sizes: tuple[int, int], columns: int, rank_tolerance: float, order: int
 ) -> Projection:
-    """Decompose the matrix whose left singular vectors show the extended observability matrix.
+    """The same from a triangular factor R of the rows, RᵀR = H Hᵀ, accurate whatever their condition.
 
-    Shapes: residual (block_rows * p, k).
+    Shapes: factor (k, k).
     """
-    left, values = _decompose_left(residual)
-    # So that they do not grow with the record: a root mean square, or a correlation.
-    values = values / (np.sqrt(columns) if form == "ordinary" else columns)
-    return Projection(left, values, *ranks, condition)
+    m, z = sizes
+    tolerance = max(rank_tolerance, LEAST_TOLERANCE)
+    limits = tolerance * np.linalg.norm(factor[:m, :m]), tolerance * np.linalg.norm(factor[:, m : m + z])
+    if z >= order and _bound(factor[:m, :m]) > limits[0] and _bound(factor[m : m + z, m : m + z]) > limits[1]:
+        condition = 1.0 / float(lapack.dtrcon(factor[:m, :m])[0])
+        return _decompose(factor[m : m + z, m + z :].T, (m, z), condition, np.sqrt(columns))
+    left, values, _ = np.linalg.svd(factor[:m, :m])
+    rank = int(np.sum(values > rank_tolerance * values[0]))
+    condition = float(values[0] / values[rank - 1]) if rank else np.inf
+    # Beside the inputs there are the directions of their own rows that do not count, and the rows below.
+    residual = np.vstack([left[:, rank:].T @ factor[:m, m:], factor[m:, m:]])
+    if z == 0:
+        return _decompose(residual.T, (rank, 0), condition, np.sqrt(columns))
+    # Relative to the instruments before the inputs were removed, because the residual may be nothing but rounding.
+    limit = tolerance * np.linalg.norm(factor[:, m : m + z], 2)
+    left, values, _ = np.linalg.svd(residual[:, :z], full_matrices=False)
+    directions = left[:, values > limit]
+    _check_rank(directions.shape[1], order)
+    return _decompose(residual[:, z:].T @ directions, (rank, directions.shape[1]), condition, np.sqrt(columns))
 
 
-def _decompose_left(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Left singular vectors and singular values; from inner products, in half of the time, where rounding allows it."""
-    rows, columns = matrix.shape
-    if SMALL < rows <= columns:
-        squares, vectors = np.linalg.eigh(matrix @ matrix.T)
-        if squares[0] > rows * np.finfo(float).eps / ACCURACY * squares[-1]:
-            return vectors[:, ::-1], np.sqrt(squares[::-1])
-    if columns > LONG * rows:
-        # The right singular vectors are of no use: the triangular factor has all else.
-        matrix = np.linalg.qr(matrix.T, mode="r").T  # type: ignore[attr-defined]  # an array in this mode
-    left, values, _, info = lapack.dgesdd(matrix, full_matrices=0)
-    if info:
-        raise np.linalg.LinAlgError("the singular values of the projection did not converge")
-    return left, values
+def project_correlation(
+    gram: np.ndarray, sizes: tuple[int, int], columns: int, rank_tolerance: float, order: int
+) -> Projection:
+    r""":math:`Y_f Z^T` without the row space of :math:`U_f Z^T`, the form of EIV-MOESP (Chou and Verhaegen 1997).
+
+    It is consistent in closed loop when the instruments are uncorrelated with the future noise.
+
+    Shapes: gram (k, k), its rows those of U, Z and Y.
+    """
+    m, z = sizes
+    if z < m + order:
+        raise DataError(
+            f"the correlation form has {z} rows of instruments, but needs at least {m + order} (inputs times block "
+            "rows, plus the order): with fewer, nothing but rounding is left. Raise instrument_rows."
+        )
+    inputs, outputs = gram[m : m + z, :m], gram[m : m + z, m + z :]
+    solution, _, rank, values = np.linalg.lstsq(inputs, outputs, rcond=rank_tolerance)
+    condition = float(values[0] / values[rank - 1]) if rank else np.inf
+    squares = np.linalg.eigvalsh(gram[m : m + z, m : m + z])
+    instrument_rank = int(np.sum(squares > max(rank_tolerance**2, z * ROUNDING) * squares[-1]))
+    return _decompose((outputs - inputs @ solution).T, (int(rank), instrument_rank), condition, columns)
 
 
-def check_instrument_rank(rank: int, order: int) -> None:
+def _bound(factor: np.ndarray) -> float:
+    """A number that the smallest singular value of a triangular matrix is not below: singular values take long."""
+    inverse, info = lapack.dtrtri(factor)
+    return 0.0 if info else 1.0 / float(np.linalg.norm(np.triu(inverse)))
+
+
+def _find_directions(
+    gram: np.ndarray, rank_tolerance: float, total: np.ndarray | None = None
+) -> tuple[np.ndarray, float, float] | None:
+    """Coefficients of unit directions of rows that count, shape (m, k), their condition, and the largest eigenvalue.
+
+    None if rounding leaves open which directions count, by the largest eigenvalue of `gram` or of `total`.
+    """
+    bound = np.abs(gram if total is None else total).sum(axis=0).max()  # of the largest eigenvalue
+    certain = max(MARGIN * len(gram) * ROUNDING, rank_tolerance**2) * bound
+    factor, info = lapack.dpotrf(gram)
+    inverse = lapack.dtrtri(factor)[0] if not info else factor
+    if not info and certain * np.sum(np.triu(inverse) ** 2) < 1.0:  # then all count, and eigenvectors take longer
+        return inverse, float(np.sqrt(np.linalg.norm(gram, 1) / lapack.dpocon(factor, 1.0)[0])), bound
+    values, vectors = np.linalg.eigh(gram)
+    largest = values[-1] if total is None else np.linalg.eigvalsh(total)[-1]
+    count = int(np.sum(values > rank_tolerance**2 * largest))
+    certain = MARGIN * len(gram) * ROUNDING * largest
+    if not count:
+        return np.empty((len(gram), 0)), np.inf, float(values[-1])
+    if values[-count] < certain or (rank_tolerance**2 * largest < certain and count < len(values)):
+        return None
+    return vectors[:, -count:] / np.sqrt(values[-count:]), float(np.sqrt(values[-1] / values[-count])), float(largest)
+
+
+def _decompose(residual: np.ndarray, ranks: tuple[int, int], condition: float, scale: float) -> Projection:
+    """Decompose the matrix whose left singular vectors show the extended observability matrix."""
+    left, values, _ = np.linalg.svd(residual, full_matrices=False)
+    return Projection(left, values / scale, *ranks, condition)
+
+
+def _check_rank(rank: int, order: int) -> None:
     """Refuse instruments that leave fewer directions than the order."""
     if rank < order:
         raise DataError(
             f"the instruments have rank {rank} beside the future inputs, but order {order} needs at least {order}: "
             "use more instrument_rows, a richer reference, or a lower order."
-        )
-
-
-def check_instrument_rows(rows: int, inputs: int, order: int) -> None:
-    """Refuse a correlation form in which the projection would leave nothing but rounding."""
-    if rows < inputs + order:
-        raise DataError(
-            f"the correlation form has {rows} rows of instruments, but needs at least {inputs + order} (inputs times "
-            "block rows, plus the order): with fewer, nothing but rounding is left. Raise instrument_rows."
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import lapack
 
 __all__ = ["choose_order", "realise"]
 
@@ -22,35 +21,15 @@ def realise(
     Where least squares gives an unstable A, the shifted matrix is extended by a block of zeros instead: with
     orthonormal columns, A is then a contraction (Maciejowski 1995, Guaranteed stability with subspace methods).
 
-    Shapes: observability (block_rows * p, k); returns A (n, n), C (p, n), poles (n,).
+    Shapes: observability (block_rows * p, k); returns A (n, n), C (p, n), poles (n,), and the spectral radius of an
+    unstable A that was replaced.
     """
     columns = observability[:, :order]
-    A = _solve_least_squares(columns[:-outputs], columns[outputs:])
-    poles = _find_eigenvalues(A)
+    C, shifted = columns[:outputs], columns[outputs:]
+    A = np.linalg.lstsq(columns[:-outputs], shifted, rcond=None)[0]
+    poles = np.linalg.eigvals(A)
     radius = float(np.max(np.abs(poles)))
-    C = columns[:outputs]
     if radius < 1.0:
         return A, C, poles, None
-    shifted = np.vstack([columns[outputs:], np.zeros((outputs, order))])
-    A = columns.T @ shifted
-    return A, C, _find_eigenvalues(A), radius
-
-
-# For matrices of so few rows, most of the time of NumPy's functions is not LAPACK's.
-def _solve_least_squares(matrix: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Least-squares solution, of least norm where columns depend on each other."""
-    rows, columns = matrix.shape
-    tolerance = max(rows, columns) * np.finfo(float).eps
-    work = 2 * columns + max(3 * columns + 1, target.shape[1]) + columns
-    _, solution, _, _, info = lapack.dgelsy(matrix, target, np.zeros(columns, dtype=np.int32), tolerance, work)
-    if info:
-        raise np.linalg.LinAlgError(f"DGELSY ended with info {info}")
-    return solution[:columns]
-
-
-def _find_eigenvalues(matrix: np.ndarray) -> np.ndarray:
-    """Eigenvalues; complex only where any of them is."""
-    real, imaginary, _, _, info = lapack.dgeev(matrix, compute_vl=0, compute_vr=0)
-    if info:
-        raise np.linalg.LinAlgError("the eigenvalues of A did not converge")
-    return real + 1j * imaginary if imaginary.any() else real
+    A = columns.T @ np.vstack([shifted, np.zeros((outputs, order))])
+    return A, C, np.linalg.eigvals(A), radius

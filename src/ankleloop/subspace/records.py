@@ -9,7 +9,6 @@ import numpy as np
 
 from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
-from ankleloop.kernels import kernel
 from ankleloop.signals.arrays import as_real
 from ankleloop.subspace.hankel import block_hankel
 
@@ -59,7 +58,7 @@ def remove_means(records: Sequence[np.ndarray]) -> list[np.ndarray]:
 
     Shapes: records (N, m).
     """
-    return [_remove_means(np.ascontiguousarray(record))[0] for record in records]
+    return [record - record.mean(axis=0) for record in records]
 
 
 def scale_records(
@@ -69,49 +68,18 @@ def scale_records(
 
     Shapes: records (N, m); returns (m,).
     """
-    samples = sum(record.shape[0] for record in records)
-    deviations, means, squares = zip(*(_remove_means(np.ascontiguousarray(record)) for record in records), strict=True)
-    scale = np.sqrt(sum(squares) / max(samples, 1))
-    if not _are_usable(scale, np.array(means)):
-        _refuse_not_finite(records, name)
-        varies = np.any([np.ptp(record, axis=0) > 0 for record in records if len(record)], axis=0)
-        refuse_range(np.where(varies | (scale > SMALLEST), scale, 1.0), name)
-        refuse_constant(scale, np.abs(means).max(axis=0), name)
-    if not scaling:
-        scale = np.ones_like(scale)
-    if not subtract_means:
-        return [record / scale for record in records], scale
-    for deviation in deviations:
-        deviation /= scale
-    return list(deviations), scale
-
-
-@kernel(error_model="numpy")
-def _remove_means(record):
-    """A record less the means of its channels, those means, and the sums of squares about them."""
-    samples, channels = record.shape
-    means, squares, deviation = np.zeros(channels), np.zeros(channels), np.empty((samples, channels))
-    for t in range(samples):
-        for c in range(channels):
-            means[c] += record[t, c]
-    means /= samples
-    for t in range(samples):
-        for c in range(channels):
-            deviation[t, c] = record[t, c] - means[c]
-            squares[c] += deviation[t, c] ** 2
-    return deviation, means, squares
-
-
-@kernel()
-def _are_usable(scale, means):
-    """Whether all channels vary by more than rounding, and their squares neither vanish nor overflow."""
-    for c in range(scale.size):
-        if not (SMALLEST <= scale[c] <= LARGEST):  # nan, too
-            return False
-        for k in range(len(means)):
-            if scale[c] <= ROUNDING * abs(means[k, c]):
-                return False
-    return True
+    refuse_not_finite(records, name)
+    deviations = remove_means(records)
+    with np.errstate(over="ignore"):
+        squares = sum(np.einsum("tc,tc->c", deviation, deviation) for deviation in deviations)
+    scale = np.sqrt(squares / max(sum(map(len, records)), 1))
+    size = np.max([np.abs(record.mean(axis=0)) for record in records], axis=0)
+    if not np.all(scale > np.maximum(SMALLEST, ROUNDING * size)) or scale.max() > LARGEST:
+        varies = np.any([np.ptp(record, axis=0) > 0 for record in records], axis=0)
+        refuse_range(np.where(varies, scale, 1.0), name)
+        refuse_constant(scale, size, name)
+    divisor = scale if scaling else np.ones_like(scale)
+    return [record / divisor for record in (deviations if subtract_means else records)], divisor
 
 
 def refuse_constant(scale: np.ndarray, size: np.ndarray, name: str) -> None:
@@ -137,13 +105,13 @@ def refuse_range(scale: np.ndarray, name: str) -> None:
         )
 
 
-def _refuse_not_finite(records: Sequence[np.ndarray], name: str) -> None:
+def refuse_not_finite(records: Sequence[np.ndarray], name: str, first: int = 0) -> None:
+    """Refuse numbers that are not finite; the samples count from a first one."""
     for k, record in enumerate(records):
-        faults = np.argwhere(~np.isfinite(record))
-        if faults.size:
-            t, channel = faults[0]
+        if not np.isfinite(record).all():
+            t, channel = np.argwhere(~np.isfinite(record))[0]
             number = f" of record {k}" if len(records) > 1 else ""
-            raise DataError(f"{name} {channel} is not finite at sample {t}{number}: cut or repair the record.")
+            raise DataError(f"{name} {channel} is not finite at sample {first + t}{number}: cut or repair the record.")
 
 
 def merge_hankel(records: Sequence[np.ndarray], first: int, rows: int, window: int) -> np.ndarray:

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop.errors import DataError
-from ankleloop.subspace.hankel_gram import HankelGram
+from ankleloop.subspace.hankel import HankelGram, block_hankel, generate_columns
 
 
 def multiply_rows(x, rows):
@@ -51,11 +51,19 @@ def test_products_beyond_the_lags_are_nan():
                 assert gram[i, j] == pytest.approx(expected[i, j], abs=1e-10)
 
 
-def test_rows_in_any_order_and_repeated():
-    x = np.random.default_rng(2).standard_normal((60, 2))
-    gram = accumulate(x, 4, [x])
-    for rows in (np.array([5, 0, 7, 2]), np.array([5, 0, 5, 2, 2])):
-        np.testing.assert_array_equal(gram.matrix(rows), gram.matrix()[np.ix_(rows, rows)])
+def test_means_may_stay():
+    x = np.random.default_rng(0).standard_normal((60, 2)) + 5.0
+    gram = HankelGram(3, subtract_means=False)
+    gram.add(x)
+    H = block_hankel(x, 0, 3, 58)
+    np.testing.assert_allclose(gram.matrix(), H @ H.T, rtol=1e-12)
+
+
+@pytest.mark.parametrize("size", [3, 50, 5000])
+def test_columns_do_not_depend_on_the_chunks(size):
+    x = np.random.default_rng(2).standard_normal((3000, 2))
+    columns = np.concatenate(list(generate_columns((x[k : k + size] for k in range(0, 3000, size)), 7, np.arange(14))))
+    np.testing.assert_array_equal(columns, block_hankel(x, 0, 7, 2994).T)
 
 
 def test_a_record_without_a_single_column_is_refused():

@@ -1,12 +1,16 @@
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ankleloop import simulate
 from ankleloop.errors import DataError
+from ankleloop.joint.prepared import prepare
+from ankleloop.subspace import moesp, simulate_response
 from ankleloop.subspace.hankel import block_hankel
-from ankleloop.subspace.projection import _find_directions
-from ankleloop.subspace.projection import project as project_factor
+from ankleloop.subspace.projection import project_correlation, project_factor, project_gram
 
 TOLERANCE = 1e-8
 
@@ -17,8 +21,16 @@ def factor_rows(*matrices):
     return np.linalg.qr((rows - rows.mean(axis=1, keepdims=True)).T, mode="r")
 
 
+def compute_gram(*matrices):
+    rows = np.vstack([X - X.mean(axis=1, keepdims=True) for X in matrices])
+    return rows @ rows.T
+
+
 def project(U, Y, Z, form, rank_tolerance, order):
-    return project_factor(factor_rows(U, Z, Y), (len(U), len(Z)), U.shape[1], form, rank_tolerance, order)
+    arguments = (len(U), len(Z)), U.shape[1], rank_tolerance, order
+    if form == "correlation":
+        return project_correlation(compute_gram(U, Z, Y), *arguments)
+    return project_factor(factor_rows(U, Z, Y), *arguments)
 
 
 def remove_rows(X, U):
@@ -225,16 +237,89 @@ def test_the_error_states_the_rows_that_the_correlation_form_needs(order):
         project(U, Y, Z[1:], "correlation", TOLERANCE, order)
 
 
-@settings(deadline=None, max_examples=100)
-@given(size=st.integers(2, 30), rank=st.integers(1, 30), spread=st.floats(0.0, 8.0), seed=st.integers(0, 2**32 - 1))
-def test_directions_that_count_are_those_of_the_singular_vectors(size, rank, spread, seed):
-    rank = min(rank, size)
+# --- inner products
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    u_rows=st.integers(1, 8),
+    y_rows=st.integers(2, 5),
+    z_rows=st.integers(0, 14),
+    small=st.floats(-13.0, 0.0),
+    tolerance=st.sampled_from([1e-3, 1e-5, 1e-8, 0.0]),
+)
+def test_inner_products_give_the_projection_of_a_factor_or_none(seed, u_rows, y_rows, z_rows, small, tolerance):
+    """Also where squares hide a direction that a factor shows."""
     rng = np.random.default_rng(seed)
-    left, right = (np.linalg.qr(rng.standard_normal((size, size)))[0] for _ in range(2))
-    values = np.concatenate([10.0 ** -np.linspace(0.0, spread, rank), np.full(size - rank, 1e-15)])
-    matrix = left * values @ right
-    directions = _find_directions(matrix, matrix, 1e-12)
-    assert directions.shape == (size, rank)
-    np.testing.assert_allclose(directions.T @ directions, np.eye(rank), atol=1e-13)
-    np.testing.assert_allclose(directions @ directions.T, left[:, :rank] @ left[:, :rank].T, atol=1e-4)
-    np.testing.assert_allclose(directions @ (directions.T @ matrix), matrix, atol=1e-13)
+    U, Z, Y = (rng.standard_normal((rows, 300)) for rows in (u_rows, z_rows, y_rows))
+    U[-1] = U[0] + 10.0**small * U[-1]
+    arguments = (u_rows, z_rows), 300, tolerance, 1
+    try:
+        expected = project_factor(factor_rows(U, Z, Y), *arguments)
+    except DataError:
+        return
+    projection = project_gram(compute_gram(U, Z, Y), *arguments)
+    if projection is None:
+        assert small < -3.0
+        return
+    if not 0.1 < 10.0**small / max(tolerance, 1e-12) < 10.0:  # at the tolerance the draw decides
+        assert (projection.input_rank, projection.instrument_rank) == (expected.input_rank, expected.instrument_rank)
+        size = min(len(projection.singular_values), len(expected.singular_values))
+        np.testing.assert_allclose(
+            projection.singular_values[:size], expected.singular_values[:size], rtol=1e-4, atol=1e-7
+        )
+
+
+def test_a_rank_that_depends_on_rounding_gives_none():
+    U, Y, Z = random_matrices(np.random.default_rng(0), 5, 3, 4, 400)
+    U[4] = U[0] + 1e-8 * U[4]
+    assert project_gram(compute_gram(U, Z, Y), (5, 4), 400, 1e-8, 1) is None
+
+
+@pytest.mark.parametrize("noise", [{}, {"snr_db": None, "voluntary": 0.0, "reflex_gain": 20.0}])
+@pytest.mark.parametrize("basis", ["chebyshev", "rectifier"])
+def test_inner_products_suffice_for_the_regressors_of_the_paper(basis, noise, monkeypatch):
+    """Rank deficient by construction: both routes agree far below the noise."""
+    part = prepare(simulate(seed=5, **noise)).regressors(
+        delay=0.04, basis=basis, degree=5, identification_rate=100.0, reference="reference"
+    )
+    arguments = {"reference": part.reference, "dynamic": part.reflex, "rank_tolerance": 1e-5}
+
+    def identify():
+        return moesp(part.inputs, part.torque, 15, 2, "past-reference", regression_tolerance=1e-3, **arguments)
+
+    estimate = identify()
+    monkeypatch.setattr(sys.modules[moesp.__module__], "project_gram", lambda *_: None)
+    expected = identify()
+    assert (estimate.diagnostics["compression"], expected.diagnostics["compression"]) == ("gram", "qr")
+    assert estimate.diagnostics["rank"] == expected.diagnostics["rank"] < part.inputs.shape[1] * 15
+    D, expected_D = estimate.matrices.D[0], expected.matrices.D[0]
+    np.testing.assert_allclose(D[:3], expected_D[:3], rtol=1e-6)  # K, B, I
+    np.testing.assert_allclose(D[3:], expected_D[3:], atol=5e-6 * np.abs(expected_D[3:]).max())
+    np.testing.assert_allclose(estimate.singular_values[:2], expected.singular_values[:2], rtol=5e-6)
+
+
+def simulate_coloured(seed, pole, noise, samples=1200):
+    """Two inputs through three equal poles, and two noisy outputs of order 2."""
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal((samples + 500, 2))
+    for _ in range(3):
+        for t in range(1, len(u)):
+            u[t] += pole * u[t - 1]
+    A, B, C = np.array([[0.7, 0.4], [-0.4, 0.7]]), rng.standard_normal((2, 2)), rng.standard_normal((2, 2))
+    y = simulate_response(A, B, C, np.zeros((2, 2)), u[500:])
+    return u[500:], y + noise * y.std(axis=0) * rng.standard_normal(y.shape)
+
+
+@pytest.mark.parametrize("instruments", ["none", "past-input", "past-input-output"])
+def test_inner_products_are_used_only_where_they_are_accurate(instruments, monkeypatch):
+    """Inputs that are harder and harder to tell apart: both routes occur, and where squares are used they agree."""
+    cases = [(pole, noise) for pole in (0.0, 0.8, 0.995) for noise in (1e-1, 1e-3, 1e-6)]
+    data = [simulate_coloured(seed, pole, noise) for seed, (pole, noise) in enumerate(cases)]
+    estimates = [moesp(u, y, 12, 2, instruments) for u, y in data]
+    monkeypatch.setattr(sys.modules[moesp.__module__], "project_gram", lambda *_: None)
+    for estimate, (u, y) in zip(estimates, data, strict=True):
+        poles = [np.sort_complex(model.diagnostics["poles"]) for model in (estimate, moesp(u, y, 12, 2, instruments))]
+        np.testing.assert_allclose(*poles, atol=1e-6)
+    assert {estimate.diagnostics["compression"] for estimate in estimates} == {"gram", "qr"}

@@ -42,10 +42,9 @@ GAIN = C @ np.linalg.solve(np.eye(2) - A, B) + D
 
 @pytest.mark.parametrize("instruments", ["none", "past-input", "past-input-output"])
 @pytest.mark.parametrize("scaling", [True, False])
-@pytest.mark.parametrize("compression", ["gram", "qr"])
-def test_units_of_the_data_are_kept(u, instruments, scaling, compression):
+def test_units_of_the_data_are_kept(u, instruments, scaling):
     units = np.array([2.0, 0.1])
-    estimate = moesp(u * units, simulate(u), 6, 2, instruments, scaling=scaling, compression=compression)
+    estimate = moesp(u * units, simulate(u), 6, 2, instruments, scaling=scaling)
     assert pole_error(estimate) < 1e-6
     np.testing.assert_allclose(gain(estimate) * units, GAIN, atol=1e-6)
 
@@ -72,7 +71,6 @@ def test_without_offsets_the_data_must_have_none(u, instruments):
     assert pole_error(exact) < 1e-8
     np.testing.assert_allclose(gain(exact), GAIN, atol=1e-8)
     np.testing.assert_allclose(exact.initial_state, 0.0, atol=1e-8)
-    assert exact.diagnostics["compression"] == "qr"
     shifted = simulate(u, offset=5.0)
     assert pole_error(moesp(u, shifted, 6, 2, instruments)) < 1e-8
     assert np.abs(gain(moesp(u, shifted, 6, 2, instruments, offsets=False)) - GAIN).max() > 0.1

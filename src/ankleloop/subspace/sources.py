@@ -1,0 +1,254 @@
+"""Where the data of an identification come from: records in memory, or one that comes in chunks."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ankleloop.arguments import show_value
+from ankleloop.errors import DataError
+from ankleloop.subspace.hankel import HankelRows, generate_columns
+from ankleloop.subspace.input_matrices import InputMatrices, OutputRegression, solve_regression, update_factor
+from ankleloop.subspace.instruments import predict_from_reference
+from ankleloop.subspace.options import MemoryOptions, SubspaceOptions
+from ankleloop.subspace.records import (
+    are_merged,
+    list_records,
+    refuse_constant,
+    refuse_not_finite,
+    refuse_range,
+    remove_means,
+    scale_records,
+)
+
+__all__ = ["Chunk", "ChunkSource", "MemorySource", "Source"]
+
+Chunk = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # inputs, outputs and reference
+
+
+class Source(ABC):
+    """Records of inputs, outputs and reference side by side, each channel without its mean and of variance 1."""
+
+    options: SubspaceOptions
+    sizes: tuple[int, int, int]  # channels of inputs, outputs and reference
+    scales: tuple[np.ndarray, np.ndarray]  # by which inputs and outputs were divided
+    dynamic: ArrayLike | None = None
+    lengths: list[int]  # samples of each record
+    input_matrices = "least-squares"
+    offsets = True
+    open_loop = False
+
+    @abstractmethod
+    def generate_records(self, channels: int) -> Iterator[Iterable[np.ndarray]]:
+        """The first channels of each record, in chunks."""
+
+    @abstractmethod
+    def compute_gram(self, rows: HankelRows) -> np.ndarray:
+        """Inner products of the Hankel rows."""
+
+    def predict_inputs(self) -> list[np.ndarray] | None:
+        """Instruments for the regression of B and D."""
+        return None
+
+    def factor_rows(self, rows: HankelRows) -> np.ndarray:
+        """Triangular factor of the Hankel rows, each less its mean over each record unless offsets are zero."""
+        total = np.zeros((rows.total, rows.total), order="F")
+        for record in self.generate_records(rows.channels):
+            # A row of ones before all others takes the means.
+            factor = np.zeros((rows.total + 1, rows.total + 1), order="F")
+            for columns in generate_columns(record, rows.window, rows.indices):
+                ones = np.full((1, len(columns)), float(self.offsets))
+                factor = update_factor(factor, np.concatenate([ones, columns.T]).T)
+            total = update_factor(total, factor[1:, 1:].copy(order="F"))
+        return total
+
+    def estimate_input_matrices(self, A: np.ndarray, C: np.ndarray) -> InputMatrices:
+        """B, D, initial states and offsets."""
+        m, p, _ = self.sizes
+        regression = OutputRegression(A, C, m, self.dynamic, len(self.lengths), offsets=self.offsets)
+        records = (((x[:, :m], x[:, m:]) for x in record) for record in self.generate_records(m + p))
+        return solve_regression(regression, records, self.predict_inputs(), self.options.regression_tolerance)
+
+
+class MemorySource(Source):
+    """One record or merged records in memory.
+
+    Parameters
+    ----------
+    u, y, reference, dynamic, predicted_inputs
+        As `ankleloop.subspace.moesp.moesp` takes them.
+    options : MemoryOptions
+        Options of the identification.
+
+    Raises
+    ------
+    DataError
+        If records differ in length, or a channel is constant or not finite.
+    """
+
+    def __init__(
+        self, u: Any, y: Any, reference: Any, dynamic: ArrayLike | None, predicted_inputs: Any, options: MemoryOptions
+    ) -> None:
+        self.options, self.scaling, self.offsets = options, options.scaling, options.offsets
+        self.dynamic, self.input_matrices, self._predicted = dynamic, options.input_matrices, predicted_inputs
+        self.merged = are_merged(u)
+        inputs, outputs = list_records(u, self.merged, "input"), list_records(y, self.merged, "output")
+        references = [] if reference is None else list_records(reference, self.merged, "reference")
+        if predicted_inputs is not None and options.input_matrices != "instruments":
+            raise ValueError(
+                "predicted_inputs are instruments for B and D: use input_matrices='instruments' with them."
+            )
+        self.lengths = [len(record) for record in inputs]
+        self._check_lengths(outputs, "output")
+        self.inputs, u_scale = self._scale(inputs, "input")
+        self.outputs, y_scale = self._scale(outputs, "output")
+        self.scales, self._references = (u_scale, y_scale), references
+        if references:
+            self._check_lengths(references, "reference")
+            self.open_loop = options.instruments == "past-reference" and all(map(np.array_equal, references, inputs))
+        self.sizes = u_scale.size, y_scale.size, references[0].shape[1] if references else 0
+
+    @cached_property
+    def references(self) -> list[np.ndarray]:
+        """Reference of each record, scaled; of no records where there is none."""
+        return self.inputs if self.open_loop else self._scale(self._references, "reference")[0]
+
+    def generate_records(self, channels: int) -> Iterator[Iterable[np.ndarray]]:
+        """The first channels of each record, in one chunk."""
+        signals = [self.inputs, self.outputs]
+        if channels > sum(self.sizes[:2]):
+            signals.append(self.references)
+        for parts in zip(*signals, strict=True):
+            yield [np.concatenate(parts, axis=1)]
+
+    def compute_gram(self, rows: HankelRows) -> np.ndarray:
+        """Inner products of the Hankel rows of all records that are long enough."""
+        total = np.zeros((rows.total, rows.total))
+        for (record,) in self.generate_records(rows.channels):
+            if len(record) >= rows.window:
+                gram = rows.start_gram(subtract_means=self.offsets)
+                gram.add(record)
+                total += gram.matrix()[np.ix_(rows.indices, rows.indices)]
+        return total
+
+    def predict_inputs(self) -> list[np.ndarray] | None:
+        """Noise-free predictions of the inputs in their scale, where they serve as instruments."""
+        if self.input_matrices != "instruments":
+            return None
+        if self._predicted is not None:
+            predicted = list_records(self._predicted, self.merged, "predicted_inputs")
+            self._check_lengths(predicted, "predicted_inputs")
+            if predicted[0].shape[1] != self.sizes[0]:
+                raise DataError(
+                    f"{self.sizes[0]} inputs, {predicted[0].shape[1]} predicted_inputs: pass a prediction of each."
+                )
+            predicted = remove_means(predicted) if self.offsets else predicted
+            return [record / self.scales[0] for record in predicted]
+        if not self._references:
+            raise DataError("input_matrices='instruments' needs a reference: pass the external command of the loop.")
+        return predict_from_reference(self.inputs, self.references)
+
+    def _scale(self, records: list[np.ndarray], name: str) -> tuple[list[np.ndarray], np.ndarray]:
+        """Records without their means, of unit variance; and the number by which each channel was divided."""
+        return scale_records(records, name, scaling=self.scaling, subtract_means=self.offsets)
+
+    def _check_lengths(self, others: list[np.ndarray], name: str) -> None:
+        """Refuse signals whose records do not have the lengths of the inputs."""
+        if len(others) != len(self.lengths):
+            raise DataError(f"{len(self.lengths)} records of inputs, {len(others)} of the {name}: give one for each.")
+        for k, (length, other) in enumerate(zip(self.lengths, others, strict=True)):
+            if len(other) != length:
+                number = f" in record {k}" if len(others) > 1 else ""
+                raise DataError(
+                    f"{length} samples of inputs, {len(other)} of the {name}{number}: cut them to one length."
+                )
+
+
+class ChunkSource(Source):
+    """A record that is read again for each pass, in constant memory; its moments are known after the first pass.
+
+    Parameters
+    ----------
+    chunks, dynamic
+        As `ankleloop.subspace.moesp.moesp_chunks` takes them.
+    options : SubspaceOptions
+        Options of the identification.
+
+    Raises
+    ------
+    DataError
+        If the record has no chunks, or a channel is constant or not finite.
+    """
+
+    def __init__(
+        self, chunks: Callable[[], Iterable[Chunk]], dynamic: ArrayLike | None, options: SubspaceOptions
+    ) -> None:
+        self._chunks, self.dynamic, self.options, self.lengths = chunks, dynamic, options, [0]
+        if not callable(chunks):
+            raise TypeError(
+                f"moesp_chunks: chunks must be a function that returns an iterator, got {show_value(chunks)}."
+            )
+        first = next(iter(chunks()), None)
+        if first is None:
+            raise DataError("the record has no chunks.")
+        u, y, reference = first
+        self.sizes = u.shape[1], y.shape[1], 0 if reference is None else reference.shape[1]
+        start = _stack_channels(first)
+        refuse_not_finite([start], "channel")
+        with np.errstate(over="ignore"):  # of what is refused
+            # Moments of the first chunk, until those of the record are known.
+            self.mean, deviation = start.mean(axis=0), start.std(axis=0)
+        self.scale = np.where(np.ptp(start, axis=0) > 0.0, deviation, 1.0)
+        for name, part in self._groups():
+            refuse_range(self.scale[part], name)
+
+    @property
+    def scales(self) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[override]  # known after the first pass
+        """Scales of inputs and outputs."""
+        m, p, _ = self.sizes
+        return self.scale[:m], self.scale[m : m + p]
+
+    def generate_records(self, channels: int) -> Iterator[Iterable[np.ndarray]]:
+        """The first channels of the record, in chunks, scaled by the moments that are known so far."""
+        yield (x[:, :channels] for x in self._scale_chunks())
+
+    def _scale_chunks(self) -> Iterator[np.ndarray]:
+        samples = 0
+        for chunk in self._chunks():
+            x = _stack_channels(chunk)
+            refuse_not_finite([x], "channel", samples)
+            samples += len(x)
+            yield (x - self.mean) / self.scale
+
+    def compute_gram(self, rows: HankelRows) -> np.ndarray:
+        """First pass: inner products of the Hankel rows, and the length and the moments of the record."""
+        gram = rows.start_gram()
+        width = sum(self.sizes)
+        sums, squares, samples = np.zeros(width), np.zeros(width), 0
+        for x in self._scale_chunks():
+            gram.add(x[:, : rows.channels])
+            sums, squares, samples = sums + x.sum(axis=0), squares + np.sum(x**2, axis=0), samples + len(x)
+        self.lengths = [samples]
+        rows.count_columns(self.lengths)
+        shift = sums / samples
+        deviation = np.sqrt(np.maximum(squares / samples - shift**2, 0.0))
+        self.mean, self.scale = self.mean + shift * self.scale, self.scale * deviation
+        for name, part in self._groups():
+            refuse_constant(self.scale[part], np.abs(self.mean[part]), name)
+            refuse_range(self.scale[part], name)
+        row_scale = deviation[rows.indices % rows.channels]
+        return gram.matrix()[np.ix_(rows.indices, rows.indices)] / np.outer(row_scale, row_scale)
+
+    def _groups(self) -> Iterator[tuple[str, slice]]:
+        """Names of the signals and their channels side by side."""
+        edges = np.cumsum([0, *self.sizes])
+        yield from zip(("input", "output", "reference"), map(slice, edges, edges[1:]), strict=True)
+
+
+def _stack_channels(chunk: Chunk) -> np.ndarray:
+    return np.column_stack([part for part in chunk if part is not None])
