@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankleloop.kernels import kernel
-from ankleloop.signals.discretisation import companion, discretise_foh, lowpass_denominator
+from ankleloop.signals.statespace import companion, discretise_foh, lowpass_denominator
 
 __all__ = ["ReflexDynamics", "fit_dynamics"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankleloop.simulation.filters import run_filter, voluntary_filter
+from ankleloop.simulation.filters import voluntary_filter
 
 __all__ = ["draw_noise", "draw_prbs", "draw_pulses", "draw_voluntary_torque"]
 
@@ -37,7 +37,7 @@ def draw_voluntary_torque(rng: np.random.Generator, samples: int, rate: float, c
     Shapes: returns (samples,).
     """
     system, warmup, deviation = voluntary_filter(rate, cutoff)
-    return run_filter(*system, rng.standard_normal((1, warmup + samples)))[0, warmup:] / deviation
+    return system.run(rng.standard_normal(warmup + samples))[warmup:] / deviation
 
 
 def draw_noise(rng: np.random.Generator, samples: int, hold: int) -> np.ndarray:

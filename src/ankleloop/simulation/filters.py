@@ -1,31 +1,24 @@
-"""Bessel filters of the experiment: anti-aliasing filter of the recorder, and low-pass of the voluntary torque.
-
-They are designed here, because importing a filter library takes longer than simulating fifty trials.
-"""
+"""Bessel filters of the experiment: anti-aliasing filter of the recorder, and low-pass of the voluntary torque."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from math import factorial
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ankleloop.kernels import kernel
-from ankleloop.signals.discretisation import companion, discretise_foh, step_matrices
+from ankleloop.signals.statespace import companion, discretise_foh, simulate_states, step_matrices
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = [
-    "DiscreteFilter",
-    "antialias",
-    "antialias_denominator",
-    "bessel_denominator",
-    "run_filter",
-    "voluntary_filter",
-]
+__all__ = ["DiscreteFilter", "antialias", "antialias_denominator", "bessel_denominator", "voluntary_filter"]
 
-ANTIALIAS_ORDER = 4
 VOLUNTARY_WARMUP = 5.0  # periods of its cutoff until the low-pass of the voluntary torque has settled
+# Upper poles of Bessel low-passes whose -3 dB frequency is 1 rad/s, those of `scipy.signal.besselap(n, norm="mag")`:
+# importing that takes longer than simulating fifty trials.
+POLES = {
+    2: (-1.1016013305921608 + 0.636009824757034j,),
+    4: (-0.995208764350272 + 1.257105739454664j, -1.3700678305514422 + 0.41024971749375155j),
+}
 
 
 class DiscreteFilter(NamedTuple):
@@ -36,52 +29,27 @@ class DiscreteFilter(NamedTuple):
     C: np.ndarray
     D: float
 
+    def run(self, u: np.ndarray) -> np.ndarray:
+        """Output from rest.
+
+        Shapes: u (N,); returns (N,).
+        """
+        states, _ = simulate_states(self.A, u[:, None] * self.B, np.zeros(self.B.size))
+        return states @ self.C if self.D == 0.0 else states @ self.C + self.D * u
+
 
 def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
-    """Denominator of the Bessel low-pass of unit gain.
+    """Denominator of the Bessel low-pass of order 2 or 4 with a -3 dB frequency [rad/s].
 
     Shapes: returns (order + 1,).
     """
-    # Reverse Bessel polynomial, lowest power first.
-    powers = range(order + 1)
-    theta = [factorial(2 * order - k) / (2.0 ** (order - k) * factorial(k) * factorial(order - k)) for k in powers]
-    # |θ(iω)|² - 2 θ(0)² as a polynomial of ω: its positive root is the -3 dB frequency.
-    axis = np.array(theta) * 1j ** np.arange(order + 1)
-    power = np.convolve(axis, axis.conj()).real
-    power[0] -= 2.0 * theta[0] ** 2
-    roots = np.roots(power[::-1])
-    edge = roots[(abs(roots.imag) < 1e-9 * abs(roots)) & (roots.real > 0)].real.min()
-    coefficients = np.array(theta) * (edge / cutoff) ** np.arange(order + 1)
-    return (coefficients / coefficients[-1])[::-1]
+    poles = cutoff * np.array(POLES[order])
+    return np.poly(np.concatenate([poles, poles.conj()])).real
 
 
 def antialias_denominator(cutoff: float) -> np.ndarray:
-    """Denominator of the anti-aliasing filter with a -3 dB frequency [Hz], shape (5,); see `bessel_denominator`."""
-    return bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff)
-
-
-@kernel()
-def run_filter(A, B, C, D, u):
-    """Output of a single-input filter from rest, for each of several signals.
-
-    Shapes: A, B, C, D (n, n), u (signals, N); returns (signals, N).
-    """
-    n = B.size
-    y = np.empty(u.shape)
-    x, x_next = np.empty(n), np.empty(n)
-    for k in range(u.shape[0]):
-        x[:] = 0.0
-        for t in range(u.shape[1]):
-            output = D * u[k, t]
-            for i in range(n):
-                output += C[i] * x[i]
-                state = B[i] * u[k, t]
-                for j in range(n):
-                    state += A[i, j] * x[j]
-                x_next[i] = state
-            y[k, t] = output
-            x[:] = x_next
-    return y
+    """Denominator of the anti-aliasing filter with a -3 dB frequency [Hz], shape (5,)."""
+    return bessel_denominator(4, 2 * np.pi * cutoff)
 
 
 @lru_cache
@@ -89,9 +57,9 @@ def _antialias_filter(cutoff: float, rate: float, hold: str) -> DiscreteFilter:
     A, B, C = companion(antialias_denominator(cutoff))
     if hold == "foh":
         A, B, C, D = discretise_foh(A, B, C, 1.0 / rate)
-        return DiscreteFilter(np.ascontiguousarray(A), B[:, 0].copy(), C[0].copy(), float(D[0, 0]))
+        return DiscreteFilter(np.ascontiguousarray(A), B[:, 0], C[0], float(D[0, 0]))
     F, before, now = step_matrices(A, B, 1.0 / rate)
-    return DiscreteFilter(np.ascontiguousarray(F), (before + now)[:, 0].copy(), C[0].copy(), 0.0)
+    return DiscreteFilter(np.ascontiguousarray(F), (before + now)[:, 0], C[0], 0.0)
 
 
 def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", "foh"]) -> np.ndarray:
@@ -102,7 +70,7 @@ def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", 
     if settings.antialias_cutoff is None:
         return x
     system = _antialias_filter(settings.antialias_cutoff, settings.recording_rate, hold)
-    return run_filter(*system, np.ascontiguousarray(np.atleast_2d(x))).reshape(x.shape)
+    return np.stack([system.run(row) for row in np.atleast_2d(x)]).reshape(x.shape)
 
 
 @lru_cache
@@ -117,5 +85,5 @@ def voluntary_filter(rate: float, cutoff: float) -> tuple[DiscreteFilter, int, f
     A = np.array([[-a[1], 1.0], [-a[2], 0.0]])
     system = DiscreteFilter(A, b[1:] - a[1:] * b[0], np.array([1.0, 0.0]), float(b[0]))
     warmup = int(np.ceil(VOLUNTARY_WARMUP * rate / cutoff))
-    response = run_filter(*system, np.eye(1, 2 * warmup + 1))
+    response = system.run(np.eye(1, 2 * warmup + 1)[0])
     return system, warmup, float(np.linalg.norm(response))

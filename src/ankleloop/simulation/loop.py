@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ankleloop.signals.discretisation import companion, lowpass_denominator, step_matrices
+from ankleloop.signals.statespace import companion, lowpass_denominator, step_matrices
 from ankleloop.simulation.filters import antialias_denominator
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import parameter_ranges

@@ -12,7 +12,7 @@ from scipy.linalg import lapack
 
 from ankleloop.arguments import check_flag, check_number, show_value
 from ankleloop.errors import DataError
-from ankleloop.kernels import kernel
+from ankleloop.signals.statespace import simulate_states
 from ankleloop.subspace.records import are_merged, list_records
 
 __all__ = [
@@ -52,26 +52,6 @@ class InputMatrices:
     offset: np.ndarray
     rank: int
     condition: float
-
-
-@kernel()
-def _simulate_states(A, drive, x0):
-    """States of x(t+1) = A x(t) + drive(t), and the one that follows.
-
-    Shapes: A (n, n), drive (N, n), x0 (n,); returns (N, n), (n,).
-    """
-    samples, n = drive.shape
-    states = np.empty((samples, n))
-    x, x_next = x0.copy(), np.empty(n)
-    for t in range(samples):
-        states[t] = x
-        for i in range(n):
-            total = drive[t, i]
-            for j in range(n):
-                total += A[i, j] * x[j]
-            x_next[i] = total
-        x, x_next = x_next, x
-    return states, x
 
 
 def simulate_response(
@@ -116,7 +96,7 @@ def continue_response(
 
     Shapes: x0 (n,); returns y (N, p), x (n,).
     """
-    states, x = _simulate_states(np.ascontiguousarray(A), np.ascontiguousarray(u @ B.T), x0)
+    states, x = simulate_states(np.ascontiguousarray(A), np.ascontiguousarray(u @ B.T), x0)
     return states @ C.T + u @ D.T, x
 
 
@@ -171,9 +151,9 @@ class OutputRegression:
             for i, row in enumerate(self.C):
                 rows[i:d_end:p, :, i] = u.T
                 for j, k in enumerate(self.dynamic):
-                    response, forced[i][j] = _simulate_states(transposed, u[:, k, None] * row, forced[i][j])
+                    response, forced[i][j] = simulate_states(transposed, u[:, k, None] * row, forced[i][j])
                     rows[d_end + j : b_end : self.dynamic.size, :, i] = response.T
-                response, free[i] = _simulate_states(transposed, np.zeros((len(u), n)), free[i])
+                response, free[i] = simulate_states(transposed, np.zeros((len(u), n)), free[i])
                 rows[start : start + n, :, i] = response.T
                 rows[start + n + i, :, i] = self.offsets
             yield rows.reshape(len(rows), -1).T

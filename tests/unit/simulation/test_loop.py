@@ -11,7 +11,7 @@ from ankleloop import simulate
 from ankleloop.joint.prepared import prepare
 from ankleloop.simulation.filters import antialias
 from ankleloop.simulation.loop import build_loop
-from ankleloop.simulation.loop_kernel import FEWEST, LANES, run_loop
+from ankleloop.simulation.loop_kernel import run_loop
 from ankleloop.simulation.settings import SimulationSettings
 
 RATE = 1000.0
@@ -167,47 +167,26 @@ def several_trials(trials, frames=400):
     )
 
 
-@pytest.mark.parametrize("trials", [1, FEWEST - 1, FEWEST, LANES - 1, LANES, LANES + 1, LANES + FEWEST, 2 * LANES + 3])
 @pytest.mark.parametrize(
     "parameters",
-    [
-        {},
-        {"pole": 50.0, "delay": 0.03125, "reflex_threshold": 0.1},
-        {"stiffness_drift": 0.3, "duration": 0.4, "settling": 0.0},
-        {"antialias_cutoff": None, "closed_loop": False},
-    ],
-    ids=["default", "third order", "drift", "no recorder filter"],
+    [{}, {"pole": 50.0, "delay": 0.03125, "reflex_threshold": 0.1}, {"antialias_cutoff": None, "closed_loop": False}],
+    ids=["default", "third order", "no recorder filter"],
 )
-def test_trials_side_by_side_have_the_bits_of_each_alone(trials, parameters):
+def test_several_trials_have_the_bits_of_each_alone(parameters):
     settings = SimulationSettings(reflex_gain=13.0, **parameters)
-    loop, external = build_loop(settings), several_trials(trials)
-    quiet = external[0], *(np.zeros_like(signal) for signal in external[1:])
-    for signals in (external, quiet):  # without disturbances the product has fewer columns
-        record, divergence = run_loop(loop, settings, *signals)
-        assert record.shape == (3, trials, external[0].shape[1])
-        assert divergence == -1
-        for trial in range(trials):
-            alone, _ = run_loop(loop, settings, *(signal[trial] for signal in signals))
-            np.testing.assert_array_equal(record[:, trial], alone)
+    loop, external = build_loop(settings), several_trials(3)
+    record, divergence = run_loop(loop, settings, *external)
+    assert record.shape == (3, 3, external[0].shape[1])
+    assert divergence == -1
+    for trial in range(3):
+        alone, _ = run_loop(loop, settings, *(signal[trial] for signal in external))
+        np.testing.assert_array_equal(record[:, trial], alone)
 
 
-@pytest.mark.parametrize("trials", [FEWEST, LANES + FEWEST])
-def test_trials_side_by_side_against_an_adaptive_solver(trials):
-    settings = SimulationSettings(reflex_gain=13.0, integration_rate=4e4)
-    external = several_trials(trials)
-    # The solver takes noise and command that are constant over its segments.
-    external = external[0], np.repeat(external[1][:, ::10], 10, axis=1), external[2]
-    record, _ = run_loop(build_loop(settings), settings, *external)
-    last = trials - 1
-    expected = AdaptiveSolution(settings, *(signal[last] for signal in external)).run()
-    error = np.max(np.abs(record[:, last] - expected), axis=1) / np.max(np.abs(expected), axis=1)
-    assert np.all(error < 1e-5)
-
-
-@pytest.mark.parametrize("trial", [0, FEWEST, LANES + 2])
+@pytest.mark.parametrize("trial", [0, 2])
 def test_the_divergence_of_one_trial_of_several_is_seen(trial):
     settings = SimulationSettings(position_limit=0.5)
-    external = several_trials(LANES + FEWEST)
+    external = several_trials(3)
     assert run_loop(build_loop(settings), settings, *external)[1] == -1
     external[0][trial, 100:] = 5.0
     assert 100 <= run_loop(build_loop(settings), settings, *external)[1] < 400

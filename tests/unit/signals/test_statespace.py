@@ -5,7 +5,7 @@ import pytest
 from scipy import signal as sps
 from scipy.integrate import solve_ivp
 
-from ankleloop.signals.discretisation import companion, discretise_foh, lowpass_denominator, step_matrices
+from ankleloop.signals.statespace import companion, discretise_foh, lowpass_denominator, step_matrices
 
 
 @pytest.mark.parametrize("pole", [None, 30.0])

@@ -1,11 +1,13 @@
-"""Low-pass filters as state-space systems, and exact discretisation for inputs that are linear between samples."""
+"""Low-pass filters as state-space systems, their exact discretisation, and the recursion of their states."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy import linalg
 
-__all__ = ["companion", "discretise_foh", "lowpass_denominator", "step_matrices"]
+from ankleloop.kernels import kernel
+
+__all__ = ["companion", "discretise_foh", "lowpass_denominator", "simulate_states", "step_matrices"]
 
 LARGEST = 1e12  # entry of a matrix whose exponential needs no balancing
 
@@ -66,3 +68,23 @@ def discretise_foh(
     """
     F, before, now = step_matrices(A, B, step)
     return F, F @ now + before, C, C @ now
+
+
+@kernel()
+def simulate_states(A: np.ndarray, drive: np.ndarray, x0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """States of x(t+1) = A x(t) + drive(t), and the one that follows.
+
+    Shapes: A (n, n), drive (N, n), x0 (n,); returns (N, n), (n,).
+    """
+    samples, n = drive.shape
+    states = np.empty((samples, n))
+    x, x_next = x0.copy(), np.empty(n)
+    for t in range(samples):
+        states[t] = x
+        for i in range(n):
+            total = drive[t, i]
+            for j in range(n):
+                total += A[i, j] * x[j]
+            x_next[i] = total
+        x, x_next = x_next, x
+    return states, x
