@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import os
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache
-from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["is_kept", "kernel"]
+__all__ = ["kernel"]
 
 log = logging.getLogger(__name__)
 
@@ -45,12 +42,6 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         return compiled
 
     return compile_function
-
-
-def is_kept(function: Callable[..., Any]) -> bool:
-    """Whether machine code of a kernel is in a file, so that this process does not compile it anew."""
-    files = getattr(getattr(function, "_cache", None), "_cache_file", None)
-    return files is not None and os.path.exists(files._index_path)
 
 
 @cache
@@ -92,25 +83,11 @@ class _KernelFiles(IndexDataCacheFile):
 
     def save(self, key: Any, data: Any) -> None:
         """Write the code, and then the index that names it."""
-        name = self._name_file(key)
+        content = repr((self._version, self._source_stamp, key))
+        name = self._data_name_pattern.format(number=int(hashlib.sha256(content.encode()).hexdigest()[:15], 16))
         self._save_data(name, data)
-        present = os.path.exists(self._index_path)
         try:
             names = self._load_index()
         except Exception:  # damaged
             names = {}
-        if present and not names:
-            self._remove_others(name)
         self._save_index(names | {key: name})
-
-    def _name_file(self, key: Any) -> str:
-        content = repr((self._version, self._source_stamp, key))
-        return self._data_name_pattern.format(number=int(hashlib.sha256(content.encode()).hexdigest()[:15], 16))
-
-    def _remove_others(self, name: str) -> None:
-        """Remove the files of an older source."""
-        pattern = self._data_name_pattern.replace("{number:d}", "*").replace("[", "[[]")
-        for path in Path(self._cache_path).glob(pattern):
-            if path.name != name:
-                with suppress(OSError):
-                    os.unlink(path)

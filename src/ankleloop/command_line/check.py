@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from ankleloop.recordings.checks import Check
 
-__all__ = ["announce_compilation", "check", "check_file", "show_reading"]
+__all__ = ["check", "check_file", "show_reading"]
 
 EPILOG = """\b
 Examples:
@@ -62,7 +62,6 @@ def check_file(path: Path, reading: Reading) -> tuple[xr.Dataset | None, Check]:
     from ankleloop.recordings.usual_methods import usual_methods
     from ankleloop.recordings.variation import check_course
 
-    announce_compilation()
     methods = usual_methods(reference=reading.recording.reference is not None)
     try:
         mapping = reading.recording.model_dump()
@@ -71,15 +70,6 @@ def check_file(path: Path, reading: Reading) -> tuple[xr.Dataset | None, Check]:
         return trial, replace(result, findings=[*result.findings, *check_course(trial, mapping)])
     except NUMERICAL_ERRORS as error:
         return None, refuse_recording(error).check
-
-
-def announce_compilation() -> None:
-    """Say so where the kernels have not been compiled yet, which takes as long as many identifications."""
-    from ankleloop.kernels import is_kept
-    from ankleloop.records.validation import largest_change
-
-    if not is_kept(largest_change):
-        echo("The first use compiles the numerical kernels: up to a minute, once.", err=True)
 
 
 def show_reading(path: Path, reading: Reading, trial: xr.Dataset | None = None) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ankleloop.command_line.check import announce_compilation, show_reading
+from ankleloop.command_line.check import show_reading
 from ankleloop.command_line.outputs import check_outputs
 from ankleloop.command_line.reading import Reading, map_file, name_recording, reading_options
 from ankleloop.command_line.terminal import COLOURS, echo, format_table, name_options, show_next, show_progress
@@ -87,7 +87,6 @@ def identify_recording(
     name = name_recording(path)
     study = _make_study(path, reading, name, tuple(methods))
     outputs = _check_outputs(folder, name, path, overwrite=overwrite)
-    announce_compilation()
     window = study.settings.figure.model_dump(include={"start", "length"})
     with tempfile.TemporaryDirectory(prefix="ankleloop-") as temporary:
         results = Path(temporary)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ankleloop.kernels import kernel
 from ankleloop.signals.statespace import companion, discretise_foh, lowpass_denominator
 
 __all__ = ["ReflexDynamics", "fit_dynamics"]
@@ -72,87 +71,52 @@ class ReflexDynamics:
 def fit_dynamics(
     response: np.ndarray, s: np.ndarray, weight: np.ndarray, order: int = 2
 ) -> tuple[float, ReflexDynamics, float]:
-    r"""Low-pass that is closest to a frequency response, and its gain.
+    r"""Low-pass that is closest to a frequency response, its gain, and the share of the response that it explains.
 
     .. math:: \min_{G, \omega_n, \zeta, (p)} \sum_f w(f) \, |H(f) - G \, H_0(f; \omega_n, \zeta, p)|^2
 
+    By the method of Levenberg and Marquardt from the best of some starts. Symmetric secant updates add the curvature
+    that the slopes do not show; poor fits converge by them.
+
     Shapes: response (F,), s (F,), weight (F,).
     """
-    weight = weight / np.sum(weight * np.abs(response) ** 2)
-    starts = np.array([list(dynamics.values.values()) for dynamics in ReflexDynamics.grid(order)])
-    values, gain, residual = _search(starts, s.imag.copy(), weight, np.ascontiguousarray(response, dtype=complex))
-    return float(gain), ReflexDynamics(*values.tolist()), float(1.0 - residual)
-
-
-@kernel()
-def _search(starts, omega, weight, target):
-    """Parameters, gain and residual, from the best of some starts (Levenberg and Marquardt).
-
-    Symmetric secant updates add the curvature that the slopes do not show; poor fits converge by them.
-    """
-    values = starts[0]
-    gain, residual, normal, descent = _project_gain(values, omega, weight, target)
-    for start in starts[1:]:
-        trial = _project_gain(start, omega, weight, target)
-        if trial[1] < residual:
-            values, (gain, residual, normal, descent) = start, trial
+    root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
+    target = root * response
+    starts = ReflexDynamics.grid(order)
+    dynamics = starts[int(np.argmin([_project_gain(start, s, root, target)[1] for start in starts]))]
+    gain, residual, normal, descent = _project_gain(dynamics, s, root, target)
     damping, curvature = 1e-6, np.zeros_like(normal)
     for _ in range(MAX_ITERATIONS):
         hessian = normal + curvature
         if np.linalg.eigvalsh(hessian)[0] <= 0:
-            hessian = normal.copy()
-        for i in range(values.size):
-            hessian[i, i] += damping * (normal[i, i] + 1e-30)
-        step = np.linalg.solve(hessian, descent)
-        candidate = values * np.exp(np.minimum(np.maximum(step, -1.0), 1.0))
-        trial = _project_gain(candidate, omega, weight, target)
-        if trial[1] <= residual and candidate.min() > 1.0 / LARGEST and candidate.max() < LARGEST:
+            hessian = normal
+        step = np.linalg.solve(hessian + damping * np.diag(normal.diagonal() + 1e-30), descent)
+        candidate = dynamics.scale(np.clip(step, -1.0, 1.0))
+        trial = _project_gain(candidate, s, root, target)
+        sizes = list(candidate.values.values())
+        if trial[1] <= residual and min(sizes) > 1.0 / LARGEST and max(sizes) < LARGEST:
             defect = descent - trial[3] - (trial[2] + curvature) @ step
             size = defect @ step
             if abs(size) > 1e-8 * np.sqrt((defect @ defect) * (step @ step)):
                 curvature = curvature + np.outer(defect, defect) / size
-            values, (gain, residual, normal, descent) = candidate, trial
+            dynamics, (gain, residual, normal, descent) = candidate, trial
             damping = max(damping / 10.0, 1e-12)
         else:
             damping, curvature = 10.0 * damping, np.zeros_like(curvature)
         if np.max(np.abs(step)) < STEP_TOLERANCE or damping > 1e9:
             break
-    return values, gain, residual
+    return gain, dynamics, 1.0 - residual
 
 
-@kernel()
-def _project_gain(values, omega, weight, target):
+def _project_gain(
+    dynamics: ReflexDynamics, s: np.ndarray, root: np.ndarray, target: np.ndarray
+) -> tuple[float, float, np.ndarray, np.ndarray]:
     """Gain, residual, and normal equations of the slopes: the gain is projected out (Golub and Pereyra 1973)."""
-    n, size = values.size, omega.size
-    square, damping = values[0] ** 2, 2.0 * values[0] * values[1]
-    shape, slopes = np.empty(size, dtype=np.complex128), np.empty((n, size), dtype=np.complex128)
-    energy, product = 0.0, 0.0
-    for f in range(size):
-        s = 1j * omega[f]
-        denominator = s * s + damping * s + square
-        h = square / denominator
-        if n == 3:
-            h = h * values[2] / (s + values[2])
-            slopes[2, f] = h * s / (s + values[2])
-        slopes[0, f] = h * (2.0 - (damping * s + 2.0 * square) / denominator)
-        slopes[1, f] = -h * damping * s / denominator
-        shape[f] = h
-        energy += weight[f] * (h.real**2 + h.imag**2)
-        product += weight[f] * (h.real * target[f].real + h.imag * target[f].imag)
-    gain, residual = product / energy, 0.0
-    aligned, descent, normal = np.zeros(n), np.zeros(n), np.zeros((n, n))
-    for f in range(size):
-        h, error = shape[f], target[f] - gain * shape[f]
-        residual += weight[f] * (error.real**2 + error.imag**2)
-        for i in range(n):
-            a = slopes[i, f]
-            aligned[i] += weight[f] * (a.real * h.real + a.imag * h.imag)
-            descent[i] += weight[f] * (a.real * error.real + a.imag * error.imag)
-            for j in range(i + 1):
-                b = slopes[j, f]
-                normal[i, j] += weight[f] * (a.real * b.real + a.imag * b.imag)
-    for i in range(n):
-        for j in range(i + 1):
-            value = gain**2 * (normal[i, j] - aligned[i] * aligned[j] / energy) + descent[i] * descent[j] / energy
-            normal[i, j], normal[j, i] = value, value
-    return gain, residual, normal, gain * descent
+    shape, slopes = dynamics.response(s)
+    rows = root * np.array([shape, *slopes])
+    products = (rows.conj() @ np.vstack([rows, target]).T).real
+    energy, gain = float(products[0, 0]), float(products[0, -1] / products[0, 0])
+    aligned, descent = products[1:, 0], products[1:, -1] - gain * products[1:, 0]
+    normal = gain**2 * (products[1:, 1:-1] - np.outer(aligned, aligned) / energy) + np.outer(descent, descent) / energy
+    error = target - gain * rows[0]
+    return gain, float(np.vdot(error, error).real), normal, gain * descent

@@ -11,7 +11,6 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis
 from ankleloop.joint.dynamics import ReflexDynamics, fit_dynamics
-from ankleloop.kernels import kernel
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
 from ankleloop.subspace.matrices import Matrices
@@ -72,17 +71,13 @@ class StaticNonlinearity:
         return float(gains[best]), float(grid[best]), float(explained[best] / (deviation @ deviation))
 
 
-@kernel()
-def _fit_ramps(velocity, deviation, thresholds):
+def _fit_ramps(velocity: np.ndarray, deviation: np.ndarray, thresholds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Gain of the ramp that is closest to a curve less its mean, at each threshold, and the energy it explains."""
-    gains, explained = np.empty(thresholds.size), np.empty(thresholds.size)
-    for k in range(thresholds.size):
-        ramp = np.maximum(velocity - thresholds[k], 0.0)
-        ramp -= ramp.mean()
-        product, energy = np.sum(ramp * deviation), np.sum(ramp * ramp)
-        gains[k] = product / energy if energy > 0 else 0.0
-        explained[k] = gains[k] * product
-    return gains, explained
+    ramps = np.maximum(velocity - thresholds[:, None], 0.0)
+    ramps -= ramps.mean(axis=1, keepdims=True)
+    products, energies = ramps @ deviation, np.sum(ramps**2, axis=1)
+    gains = products / np.where(energies > 0.0, energies, np.inf)
+    return gains, gains * products
 
 
 @dataclass(frozen=True)
@@ -166,13 +161,18 @@ class DriveSpectra:
     def _bins(self) -> tuple[np.ndarray, np.ndarray]:
         band = _band(len(self._drive), self._rate)
         width = max(1, round(BIN * len(self._drive) / self._rate))
-        try:
-            return _sum_bins(band.transform(self._drive.T), band.frequency, width)
-        except ZeroDivisionError:
+        spectra = band.transform(self._drive.T)
+        energy = np.sum(np.abs(spectra) ** 2, axis=1)
+        if not energy.all():
             raise DataError(
                 "an input of the reflex path is zero throughout, as the rectified velocity is where the velocity is "
                 "never positive: check the sign of the position, or record stretches in both directions."
-            ) from None
+            )
+        starts = np.arange(0, spectra.shape[1], width)
+        products = np.einsum("if,jf->ijf", spectra.conj(), spectra).real
+        weight = np.sum(np.abs(spectra) ** 2 / energy[:, None], axis=0)
+        centres = np.add.reduceat(weight * band.frequency, starts) / np.add.reduceat(weight, starts)
+        return centres, np.moveaxis(np.add.reduceat(products, starts, axis=2), 2, 0)
 
     @property
     def s(self) -> np.ndarray:
@@ -197,31 +197,6 @@ class DriveSpectra:
 @lru_cache(maxsize=8)
 def _band(samples: int, rate: float) -> Band:
     return Band(samples, rate, LOWEST, PASSBAND * rate)
-
-
-@kernel()
-def _sum_bins(spectra, frequency, width):
-    channels, lines = spectra.shape
-    bins = -(-lines // width)
-    energy = np.zeros(channels)
-    for k in range(channels):
-        for f in range(lines):
-            energy[k] += abs(spectra[k, f]) ** 2
-    power, centres = np.zeros((bins, channels, channels)), np.zeros(bins)
-    for b in range(bins):
-        weights = 0.0
-        for f in range(b * width, min((b + 1) * width, lines)):
-            weight = 0.0
-            for i in range(channels):
-                for j in range(i + 1):
-                    power[b, i, j] += (spectra[i, f] * spectra[j, f].conjugate()).real
-                weight += abs(spectra[i, f]) ** 2 / energy[i]
-            weights += weight
-            centres[b] += weight * frequency[f]
-        centres[b] /= weights
-        for i in range(channels):
-            power[b, :i, i] = power[b, i, :i]
-    return centres, power
 
 
 def separate_model(matrices: Matrices, spectra: DriveSpectra, basis: Basis, order: int = 2) -> ReflexPath:

@@ -8,7 +8,6 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.kernels import kernel
 from ankleloop.records.channel_units import check_unit
 from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
 
@@ -167,24 +166,11 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     Shapes: position (N,).
     """
     half = min(speed_margin(rate), (position.size - 1) // 2)
-    sample, change = largest_change(np.ascontiguousarray(position), half)
-    return sample, change * rate
-
-
-@kernel()
-def largest_change(position, half):
-    """Sample with the largest change per sample, between the means of `half` samples on each side, and that change.
-
-    With `half` 0, in a record of two samples, it is the difference of the neighbours.
-    """
-    sample, largest = 0, 0.0
-    span = half * (half + 1)  # the means lie half + 1 samples apart, and each is a sum over half samples
-    for k in range(max(half, 1), position.size - half):
-        change = 0.0 if half else position[k] - position[k - 1]
-        for lag in range(1, half + 1):
-            change += position[k + lag] - position[k - lag]
-        if not abs(change) <= largest:
-            sample, largest = k, abs(change)
-            if not largest < np.inf:  # the sum overflows
-                break
-    return sample, largest / max(span, 1)
+    if half:
+        middle = np.arange(half, position.size - half)
+        change = sum(position[middle + lag] - position[middle - lag] for lag in range(1, half + 1))
+    else:
+        middle, change = np.array([1]), np.diff(position)  # a record of two samples
+    sample = int(np.argmax(np.abs(change)))
+    # The means lie half + 1 samples apart, and each is a sum over half samples.
+    return int(middle[sample]), float(abs(change[sample])) * rate / max(half * (half + 1), 1)

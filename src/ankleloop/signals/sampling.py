@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
-from ankleloop.kernels import kernel
 
 __all__ = ["check_same_rate", "compute_rate", "compute_rate_of_parts", "format_samples", "match_times", "parse_rate"]
 
@@ -62,7 +61,7 @@ def compute_rate_of_parts(
             first = int(bad[0]) if bad.size and not faults else first
             faults += bad.size
         elif not faults:
-            deviation = max(deviation, _irregularity(times, mean))
+            deviation = max(deviation, float(np.max(np.abs(np.diff(times) - mean), initial=0.0)))
         end = start + times.size
     if faults:
         raise DataError(
@@ -111,15 +110,6 @@ def _check_steps(
 def _round_rate(rate: float) -> float:
     """Nine digits hide the rounding of times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001."""
     return float(f"{rate:.9g}")
-
-
-@kernel()
-def _irregularity(time, mean):
-    """Largest deviation of a step from their mean."""
-    largest = 0.0
-    for k in range(time.size - 1):
-        largest = max(largest, abs(time[k + 1] - time[k] - mean))
-    return largest
 
 
 def check_same_rate(stated_rate: float, measured_rate: float, *, source: str, name: str = "time") -> None:

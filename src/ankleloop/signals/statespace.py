@@ -80,8 +80,8 @@ def simulate_states(A: np.ndarray, drive: np.ndarray, x0: np.ndarray) -> tuple[n
     states = np.empty((samples, n))
     x, x_next = x0.copy(), np.empty(n)
     for t in range(samples):
-        states[t] = x
         for i in range(n):
+            states[t, i] = x[i]
             total = drive[t, i]
             for j in range(n):
                 total += A[i, j] * x[j]

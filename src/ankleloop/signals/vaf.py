@@ -8,7 +8,6 @@ from scipy import special
 
 from ankleloop.arguments import check_integer, check_number
 from ankleloop.errors import DataError
-from ankleloop.kernels import kernel
 from ankleloop.signals.arrays import as_real
 
 __all__ = ["TWO_SIDED", "confidence_margin", "long_run_variance", "vaf", "vaf_interval", "vaf_with_interval"]
@@ -105,36 +104,24 @@ def _check_variances(measured: np.ndarray, estimated: np.ndarray, error: float, 
         raise DataError("the measured signal is constant, so it has no variance to account for.")
 
 
-@kernel(error_model="numpy")
-def _variances(measured, estimated, width):
+def _variances(measured: np.ndarray, estimated: np.ndarray, width: int) -> tuple[float, float, float]:
     """Variances of the error and of the measured signal, and the long-run variance of the influence on their ratio."""
-    size = measured.size
-    mean, offset = measured.mean(), (measured - estimated).mean()
-    error, variance = 0.0, 0.0
-    for k in range(size):
-        error += (measured[k] - estimated[k] - offset) ** 2
-        variance += (measured[k] - mean) ** 2
-    error, variance = error / size, variance / size
-    influence = np.empty(size)
-    for k in range(size):
-        influence[k] = (measured[k] - estimated[k] - offset) ** 2 / error - (measured[k] - mean) ** 2 / variance
-    return error, variance, _sum_covariances(influence, width)
+    with np.errstate(all="ignore"):  # of signals that are refused
+        signal, error = measured - measured.mean(), measured - estimated
+        error = error - error.mean()
+        variances = error @ error / error.size, signal @ signal / signal.size
+        influence = error**2 / variances[0] - signal**2 / variances[1]
+        return *variances, _sum_covariances(influence, width)
 
 
-@kernel(error_model="numpy")
-def _sum_covariances(x, width):
+def _sum_covariances(x: np.ndarray, width: int) -> float:
     """Sum of covariances with the weights of Bartlett's kernel, from the squared sums over a moving window.
 
     Beyond its ends the signal is zero.
     """
-    total, window = 0.0, 0.0
-    for k in range(x.size + width - 1):
-        if k < x.size:
-            window += x[k]
-        if k >= width:
-            window -= x[k - width]
-        total += window**2
-    return total / (width * x.size)
+    sums = np.cumsum(np.concatenate([x, np.zeros(width - 1)]))
+    sums[width:] -= sums[:-width].copy()
+    return float(sums @ sums) / (width * x.size)
 
 
 def long_run_variance(x: ArrayLike, lags: int) -> float:

@@ -12,6 +12,7 @@ from ankleloop.simulation.settings import SimulationSettings
 
 __all__ = ["DiscreteFilter", "antialias", "antialias_denominator", "bessel_denominator", "voluntary_filter"]
 
+ANTIALIAS_ORDER = 4
 VOLUNTARY_WARMUP = 5.0  # periods of its cutoff until the low-pass of the voluntary torque has settled
 # Upper poles of Bessel low-passes whose -3 dB frequency is 1 rad/s, those of `scipy.signal.besselap(n, norm="mag")`:
 # importing that takes longer than simulating fifty trials.
@@ -49,7 +50,7 @@ def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
 
 def antialias_denominator(cutoff: float) -> np.ndarray:
     """Denominator of the anti-aliasing filter with a -3 dB frequency [Hz], shape (5,)."""
-    return bessel_denominator(4, 2 * np.pi * cutoff)
+    return bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff)
 
 
 @lru_cache

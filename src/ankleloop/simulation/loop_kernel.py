@@ -25,6 +25,7 @@ def _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limi
     command, noise, voluntary (N,), delay (steps of a sample, whole steps, rest of one), limits (threshold, position),
     record (3, N).
     """
+    # Numbers are copied one by one: numba takes seconds to compile what copies arrays.
     frames, inputs = command.size, 4
     steps, whole, fraction = delay
     threshold, limit = limits
@@ -38,10 +39,11 @@ def _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limi
         for j in range(steps + 1):
             at = start + j
             z[n + inputs + j] = gains[k] * ring[at if at < ring.size else at - ring.size]
-        if len(changes) > 0:
-            present[:] = matrix
-            for term in range(len(changes)):
-                present += factors[k, term] * changes[term]
+        for i in range(rows if len(changes) > 0 else 0):
+            for j in range(columns):
+                present[i, j] = matrix[i, j]
+                for term in range(len(changes)):
+                    present[i, j] += factors[k, term] * changes[term, i, j]
         for i in range(rows):
             total, row = 0.0, present[i]
             for j in range(columns):
@@ -51,7 +53,8 @@ def _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limi
             record[i, k] = out[n + steps + i]
         if not abs(record[0, k]) <= limit:
             return k
-        z[:n] = out[:n]
+        for i in range(n):
+            z[i] = out[i]
         for j in range(steps):
             now = out[n + j]
             delayed = fraction * velocity + (1.0 - fraction) * now  # the delay ends between two steps
@@ -85,8 +88,10 @@ def run_loop(
     record, divergence = np.empty((trials, len(loop.C), frames)), -1
     terms = [_variation_factors(loop, settings, frames, part) for part in (variation or (None,))]
     for trial, (factors, gains) in zip(range(trials), cycle(terms), strict=False):
-        rows = (signal[trial] for signal in signals)
-        divergence = _run(matrix, changes, factors, gains, *rows, delay, limits, record[trial])
+        drives = [signal[trial] for signal in signals]
+        divergence = _run(
+            matrix, changes, factors, gains, drives[0], drives[1], drives[2], delay, limits, record[trial]
+        )
         if divergence >= 0:
             break
     return np.moveaxis(record if np.ndim(command) > 1 else record[0], -2, 0), divergence

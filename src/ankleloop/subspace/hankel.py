@@ -153,10 +153,9 @@ def _sum_lagged_products(x, columns, lags, window):
     """
     channels = x.shape[1]
     flat, width = x.ravel(), window * channels
-    sums, part = np.zeros((channels, width)), np.empty((channels, width))
+    sums, part = np.zeros((channels, width)), np.zeros((channels, width))
     # Four columns at a time, because sums are then loaded and stored a fourth as often.
     for start in range(0, columns, SUM):
-        part[:] = 0.0
         stop = min(start + SUM, columns)
         whole = stop - (stop - start) % 4
         for t in range(start, whole, 4):
@@ -172,9 +171,10 @@ def _sum_lagged_products(x, columns, lags, window):
             for i in range(channels):
                 for k in range(lags[i] * channels):
                     part[i, k] += row[i] * row[k]
-        sums += part
-    for i in range(channels):
-        sums[i, lags[i] * channels :] = np.nan
+        for i in range(channels):
+            for k in range(width):
+                sums[i, k] += part[i, k] if k < lags[i] * channels else np.nan
+                part[i, k] = 0.0
     return sums
 
 
@@ -183,14 +183,11 @@ def _displace_products(products, head, tail):
     """Gram matrix row by row: each row follows from that of the block row before by displacement."""
     channels, width = products.shape
     gram = np.empty((width, width))
-    gram[:channels] = products
-    for i in range(channels, width):
-        last = gram[i - channels]
-        before, after = head[i - channels], tail[i - channels]
-        for j in range(i - channels, width - channels):
-            gram[i, j + channels] = last[j] + after * tail[j] - before * head[j]
     for i in range(width):
-        gram[i, :i] = gram[:i, i]
+        for j in range(i, width):
+            k, m = i - channels, j - channels  # one block row before
+            value = products[i, j] if k < 0 else gram[k, m] + tail[k] * tail[m] - head[k] * head[m]
+            gram[i, j], gram[j, i] = value, value
     return gram
 
 
