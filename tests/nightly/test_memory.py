@@ -24,7 +24,7 @@ simulate_chunk(f"{folder}/trials.nc", "s", 1, {"p": {"settings": settings, "firs
 """
 IDENTIFY = """
 from ankleloop.studies.identification import identify_chunk
-files = {"estimates": f"{folder}/e.nc", "scores": f"{folder}/s.csv", "parameters": f"{folder}/p.csv"}
+files = {"estimates": f"{folder}/e.parquet", "scores": f"{folder}/s.csv", "parameters": f"{folder}/p.csv"}
 methods = {
     "pr": {"method": "pr-moesp", "options": {"block_rows": 10}},
     "cascade": {"method": "parallel-cascade", "options": {"max_passes": 1}},

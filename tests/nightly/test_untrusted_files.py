@@ -13,7 +13,6 @@ import scipy.io
 
 from ankleloop import identify, load_estimate, load_trial, save_estimate, save_trial, simulate
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate_files import EstimateCollection, find_estimates, save_estimates
 from ankleloop.records import reading_process
 from ankleloop.records.checksums import LENGTH
 from ankleloop.records.reading_options import ReadingOptions
@@ -65,7 +64,6 @@ def files(tmp_path_factory):
     estimate = identify(trial, "pr-moesp")
     save_trial(trial, folder / "trial.nc")
     save_trials([trial, trial], folder / "trials.nc")
-    save_estimates({"m": EstimateCollection([estimate])}, folder / "estimates.nc")
     save_estimate(estimate, folder / "estimate.nc")
     save_estimate(estimate, folder / "estimate.mat")
     return {path.name: path.read_bytes()[: -LENGTH if path.suffix == ".nc" else None] for path in folder.iterdir()}
@@ -74,7 +72,6 @@ def files(tmp_path_factory):
 FILE_READERS = {
     "trial.nc": load_trial,
     "trials.nc": lambda path: list(load_trials(path)),
-    "estimates.nc": lambda path: find_estimates([path], "only", "m"),
     "estimate.nc": load_estimate,
     "estimate.mat": load_estimate,
 }

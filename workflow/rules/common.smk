@@ -131,7 +131,7 @@ def estimates_of(wildcards):
     study = study_of(wildcards)
     if isinstance(study, SimulatedStudy):
         has_files = study.settings.keep != "scores"
-        return chunk_files("estimates", study, "nc") if has_files else []
+        return chunk_files("estimates", study, "parquet") if has_files else []
     return f"results/reports/{study.name}"
 
 

@@ -4,7 +4,7 @@ rule identify:
     input:
         trials=trial_file_of,
     output:
-        estimates="results/estimates/{study}/{chunk}.nc",
+        estimates="results/estimates/{study}/{chunk}.parquet",
         scores="results/scores/{study}/{chunk}.csv",
         parameters="results/parameters/{study}/{chunk}.csv",
     log:

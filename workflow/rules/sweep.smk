@@ -28,7 +28,7 @@ rule sweep:
 
 use rule sweep as sweep_estimates with:
     output:
-        estimates="results/estimates/{study}/{chunk}.nc",
+        estimates="results/estimates/{study}/{chunk}.parquet",
         scores="results/scores/{study}/{chunk}.csv",
         parameters="results/parameters/{study}/{chunk}.csv",
     wildcard_constraints:

@@ -16,7 +16,7 @@ from ankleloop.joint.models import Model, ResponseModel, model_from_fields
 from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.joint.time_varying_trajectories import read_trajectories
 from ankleloop.joint.torques import TORQUES, torque_dataset
-from ankleloop.joint.typed_json import dump_values, extract_arrays, load_values
+from ankleloop.joint.typed_json import dump_values, load_values
 from ankleloop.quantities import QUANTITIES
 from ankleloop.records.group_files import Fields, read_groups, write_groups
 from ankleloop.records.readable_files import name_errors
@@ -26,7 +26,7 @@ __all__ = ["FORMAT", "VERSION", "load_estimate", "save_estimate"]
 
 FORMAT, VERSION = "ankleloop estimate", 1
 VARIABLE = "estimate"  # of a MATLAB file
-JSON = "json"  # variable of the diagnostics
+JSON = "json"  # the diagnostics
 
 # Dimensions, so that a product along the common one is a product of matrices: A.dot(x) is A x.
 DIMENSIONS: Mapping[str, tuple[str, ...]] = {
@@ -114,7 +114,7 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite
         "torque": estimate.torque[[*TORQUES]],
         **{group: _describe_parameters(values) for group, values in parameters.items()},
         "intervals": _describe_parameters(estimate.intervals, "end"),
-        "diagnostics": _describe_diagnostics(estimate.diagnostics),
+        "diagnostics": xr.Dataset(attrs={JSON: dump_values(estimate.diagnostics)}),
     }
     if estimate.predictor is not None:
         groups["model"] = _describe_model(estimate.predictor)
@@ -169,7 +169,7 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
         stiffness=_read_parameters(groups["stiffness"]),
         reflex=_read_parameters(groups["reflex"]),
         intervals=_read_intervals(intervals),
-        diagnostics=_read_diagnostics(groups["diagnostics"]),
+        diagnostics=load_values(groups["diagnostics"].text(JSON), groups["diagnostics"].source),
         predictor=predictor,
         trajectories=read_trajectories(groups["trajectories"]) if "trajectories" in groups else None,
     )
@@ -244,20 +244,3 @@ def _describe_model(model: Model) -> xr.Dataset:
     for name in variables.keys() & UNITS.keys():
         variables[name].attrs["units"] = UNITS[name]
     return xr.Dataset(variables, attrs=texts)
-
-
-def _describe_diagnostics(diagnostics: Mapping[str, Any]) -> xr.Dataset:
-    """Arrays as variables, all else as JSON, which holds the names, shapes and types of the arrays."""
-    arrays: dict[str, np.ndarray] = {JSON: np.empty(0)}
-    text = dump_values(extract_arrays(dict(diagnostics), "", arrays))
-    variables = {
-        name: xr.Variable([f"{name}_{axis}" for axis in range(array.ndim)], array) for name, array in arrays.items()
-    }
-    return xr.Dataset(variables | {JSON: xr.Variable((), text)})
-
-
-def _read_diagnostics(fields: Fields) -> dict[str, Any]:
-    try:
-        return load_values(fields.text(JSON), fields.values)
-    except DataError as cause:
-        raise DataError(f"{fields.source}: {cause}") from cause

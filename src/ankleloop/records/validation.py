@@ -165,12 +165,15 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
 
     Shapes: position (N,).
     """
+    if position.size < 2:
+        return 0, 0.0
     half = min(speed_margin(rate), (position.size - 1) // 2)
-    if half:
-        middle = np.arange(half, position.size - half)
-        change = sum(position[middle + lag] - position[middle - lag] for lag in range(1, half + 1))
-    else:
-        middle, change = np.array([1]), np.diff(position)  # a record of two samples
-    sample = int(np.argmax(np.abs(change)))
-    # The means lie half + 1 samples apart, and each is a sum over half samples.
-    return int(middle[sample]), float(abs(change[sample])) * rate / max(half * (half + 1), 1)
+    middle = np.arange(half, position.size - half)
+    with np.errstate(over="ignore", invalid="ignore"):  # of what is refused
+        if half:
+            change = sum(position[middle + lag] - position[middle - lag] for lag in range(1, half + 1))
+        else:
+            change = np.diff(position, prepend=position[:1])  # of two samples
+        sample = int(np.argmax(np.abs(change)))
+        # The means lie half + 1 samples apart, and each is a sum over half samples.
+        return int(middle[sample]), float(abs(change[sample])) * rate / max(half * (half + 1), 1)

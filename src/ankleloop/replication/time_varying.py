@@ -14,7 +14,7 @@ import xarray as xr
 from ankleloop.assessment.trajectory_scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.estimate_files import find_estimates
+from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.replication.captions import LOAD
 from ankleloop.replication.trial_counts import count_outcomes
 from ankleloop.signals.vaf import confidence_margin
@@ -77,7 +77,7 @@ def average_study(
     """Mean trajectories of every setting and method of a study."""
     parts = []
     for (point, settings), method in product(points.items(), methods):
-        table = average_trajectories(list(find_estimates(paths, point, method).values()), settings)
+        table = average_trajectories(list(load_estimates(paths, point, method).values()), settings)
         if len(table):
             parts.append(table.assign(point=point, method=method))
     if not parts:

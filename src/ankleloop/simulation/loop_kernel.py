@@ -16,7 +16,7 @@ __all__ = ["run_loop"]
 
 
 @kernel(fastmath={"contract", "reassoc"})
-def _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limits, record):
+def _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limits, record):  # noqa: C901
     """One matrix product for each recorded sample: next state, velocities within the sample, recorded signals.
 
     The result is the number of the sample at which the position passes its limit, or -1.

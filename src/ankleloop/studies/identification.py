@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 from ankleloop.assessment.scores import SCORE_COLUMNS, parameter_row, score_rows
 from ankleloop.errors import NUMERICAL_ERRORS
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.estimate_files import EstimateCollection, save_estimates
+from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.methods.registry import identify, method_options
 from ankleloop.records.trial_files import FailedTrial, load_chunks
@@ -127,9 +127,7 @@ class _ChunkResults:
         columns = ["study", "point", *self._varied, "method", "trial"]
         folder = Path(files["parameters"]).parent
         self._study, self._methods = study, list(methods)
-        self._estimates = {
-            name: EstimateCollection(precision=precision, folder=folder) for name in methods if "estimates" in files
-        }
+        self._estimates = EstimateTable(precision, folder) if "estimates" in files else None
         self._scores = TableRows([*columns, *SCORE_COLUMNS], folder)
         self._parameters = TableRows(columns, folder)
 
@@ -145,8 +143,8 @@ class _ChunkResults:
         parameters = {self._column(name): value for name, value in parameters.items()}
         for point in variant.points:
             row, group = self._row(point, variant.name, number), (point, variant.name)
-            if self._estimates:
-                self._estimates[variant.name].add(estimate, point, number)
+            if self._estimates is not None:
+                self._estimates.add(estimate, point=point, name=variant.name, number=number)
             for values in scores:
                 self._scores.add(group, {**row, **dict(zip(SCORE_COLUMNS, values, strict=True))})
             self._parameters.add(group, {**row, **parameters})
@@ -161,9 +159,8 @@ class _ChunkResults:
     def write(self, files: Mapping[str, PathLike]) -> None:
         """Write all files."""
         order = [(point, method) for point in self._values for method in self._methods]
-        if "estimates" in files:
-            present = {name: collection for name, collection in self._estimates.items() if len(collection)}
-            save_estimates(present, files["estimates"], overwrite=True)
+        if self._estimates is not None:
+            self._estimates.write(files["estimates"], overwrite=True)
         self._scores.write(files["scores"], order)
         self._parameters.write(files["parameters"], order)
 

@@ -1,13 +1,13 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
-import xarray as xr
 from value_comparison import assert_same_values
 
 from ankleloop import METHODS, DataError, identify, simulate
 from ankleloop.joint.estimate import TORQUES, Estimate, torque_dataset
-from ankleloop.joint.estimate_files import EstimateCollection, load_estimates, load_estimates_of, save_estimates
+from ankleloop.joint.estimate_files import EstimateTable, load_estimates
 
 
 def make_estimate(seed=0, samples=50, reflex=None, **fields):
@@ -29,12 +29,20 @@ def assert_same_torque(loaded, saved):
     assert loaded.torque.attrs["identification_rate"] == saved.torque.attrs["identification_rate"]
 
 
+def collect(index, precision="double"):
+    table = EstimateTable(precision)
+    for (point, number), estimate in index.items():
+        for name in ("x", "y"):
+            table.add(estimate, point=point, name=name, number=number)
+    return table
+
+
 def save(estimates, path, precision="double", **options):
-    save_estimates({"pr-moesp": EstimateCollection(estimates, precision)}, path, **options)
+    collect({("only", number): estimate for number, estimate in enumerate(estimates)}, precision).write(path, **options)
 
 
 def load(path):
-    return load_estimates(path, "pr-moesp")
+    return list(load_estimates([path], "only", "x").values())
 
 
 def test_estimates_whose_records_begin_at_different_samples(tmp_path):
@@ -79,30 +87,21 @@ def test_reflex_parameters_that_one_trial_lacks(tmp_path):
         assert [e.reflex for e in load(tmp_path / "estimates.nc")] == [e.reflex for e in estimates]
 
 
-def test_the_file_is_plain_netcdf_with_units(tmp_path):
-    save([make_estimate(diagnostics={"order": 2})], tmp_path / "estimates.nc")
-    with xr.open_dataset(tmp_path / "estimates.nc", engine="h5netcdf", group="pr-moesp") as data:
-        assert data["net"].dims == ("trial", "time")
-        assert data["net"].attrs["units"] == "N·m"
-        assert data["stiffness"].attrs["units"] == "N·m/rad, N·m·s/rad, kg·m²"
-        assert data["parameter"].values.tolist() == ["K", "B", "I"]
-        assert json.loads(data["diagnostics"].values[0]) == {"order": 2}
-        assert data.attrs["method"] == "pr-moesp"
+def test_the_file_is_a_plain_table(tmp_path):
+    save([make_estimate(diagnostics={"order": 2})], tmp_path / "0.parquet")
+    row = pd.read_parquet(tmp_path / "0.parquet").iloc[0]
+    assert (row["point"], row["name"], row["number"], row["method"]) == ("only", "x", 0, "pr-moesp")
+    assert json.loads(row["diagnostics"]) == {"order": 2}
+    assert row["net"].size == row["time"].size
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda path: path.unlink(), r"estimates.nc: there is no such file"),
-        (
-            lambda path: path.write_bytes(path.read_bytes()[:3000]),
-            r"estimates.nc: not a readable estimate file \(.*: delete it",
-        ),
-        (lambda path: path.write_text("torques"), r"estimates.nc: not a readable estimate file \(.*: delete it"),
-        (
-            lambda path: xr.Dataset({"net": 1.0}).to_netcdf(path, group="pr-moesp", engine="h5netcdf"),
-            r"estimates.nc: there is no variable 'diagnostics': identify again, or load another file",
-        ),
+        (lambda path: path.write_bytes(path.read_bytes()[:3000]), "not a readable estimate file .*: delete it"),
+        (lambda path: path.write_text("torques"), "not a readable estimate file .*: delete it"),
+        (lambda path: pd.DataFrame({"net": [1.0]}).to_parquet(path), "not a readable estimate file .*: delete it"),
     ],
     ids=["missing", "truncated", "text", "foreign"],
 )
@@ -111,49 +110,40 @@ def test_files_that_cannot_be_read_are_named(tmp_path, change, message):
     change(tmp_path / "estimates.nc")
     with pytest.raises(DataError, match=message):
         load(tmp_path / "estimates.nc")
-    with pytest.raises(DataError, match=message):
-        load_estimates_of([tmp_path / "estimates.nc"], "only", "pr-moesp")
-
-
-def test_another_group_is_refused(tmp_path):
-    save([make_estimate()], tmp_path / "estimates.nc")
-    with pytest.raises(DataError, match=r"estimates.nc: there is no group 'riv'; it has pr-moesp"):
-        load_estimates(tmp_path / "estimates.nc", "riv")
-
-
-def collect(index, precision="double"):
-    collection = EstimateCollection(precision=precision)
-    for seed, (point, number) in index.items():
-        collection.add(make_estimate(seed), point, number)
-    return collection
 
 
 def test_estimates_of_a_point_in_several_files(tmp_path):
-    files_of_study = {"0.nc": {0: ("a", 0), 1: ("a", 1), 2: ("b", 0)}, "1.nc": {3: ("b", 1), 4: ("b", 2)}}
-    for name, index in files_of_study.items():
-        save_estimates({"x": collect(index), "y": collect(index)}, tmp_path / name)
-    paths = [tmp_path / name for name in reversed(files_of_study)]
-    for point, seeds in (("a", (0, 1)), ("b", (2, 3, 4))):
-        for loaded, seed in zip(load_estimates_of(paths, point, "y"), seeds, strict=True):
+    seeds = {"0": {("a", 0): 0, ("a", 1): 1, ("b", 0): 2}, "1": {("b", 1): 3, ("b", 2): 4}}
+    for name, index in seeds.items():
+        collect({key: make_estimate(seed) for key, seed in index.items()}).write(tmp_path / name)
+    paths = [tmp_path / name for name in reversed(seeds)]
+    for point, expected in (("a", (0, 1)), ("b", (2, 3, 4))):
+        estimates = load_estimates(paths, point, "y")
+        assert list(estimates) == list(range(len(expected)))
+        for loaded, seed in zip(estimates.values(), expected, strict=True):
             assert_same_torque(loaded, make_estimate(seed))
-    with pytest.raises(DataError, match="no estimate file has the point 'c'"):
-        load_estimates_of(paths, "c", "x")
-    with pytest.raises(DataError, match="there are no estimates to save"):
-        save_estimates({"x": EstimateCollection()}, tmp_path / "none.nc")
-    assert not (tmp_path / "none.nc").exists()
+    assert load_estimates(paths, "c", "x") == {}
+
+
+def test_any_number_of_estimates(tmp_path):
+    save([make_estimate(seed) for seed in range(60)], tmp_path / "0")
+    assert [loaded.stiffness for loaded in load(tmp_path / "0")] == [make_estimate(k).stiffness for k in range(60)]
+    save([], tmp_path / "none")
+    assert load(tmp_path / "none") == []
 
 
 def test_single_precision_rounds_the_torques_alone(tmp_path):
-    save_estimates({"x": collect({0: ("a", 0)}, "single")}, tmp_path / "0.nc")
-    (loaded,), saved = load_estimates_of([tmp_path / "0.nc"], "a", "x"), make_estimate(0)
+    saved = make_estimate(0)
+    save([saved], tmp_path / "0", "single")
+    (loaded,) = load(tmp_path / "0")
     assert loaded.stiffness == saved.stiffness
     assert loaded.torque["net"].dtype == np.float64
     np.testing.assert_array_equal(loaded.torque["net"], saved.torque["net"].values.astype(np.float32))
     with pytest.raises(ValueError, match="unknown precision 'half'"):
-        EstimateCollection(precision="half")
+        EstimateTable("half")
 
 
 def test_the_same_estimates_give_the_same_file(tmp_path):
-    for name in ("a.nc", "b.nc"):
+    for name in ("a", "b"):
         save([make_estimate(diagnostics={"order": 2})], tmp_path / name)
-    assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()

@@ -165,11 +165,7 @@ def rewrite(path, change):
         (lambda g: g | {"model": g["model"].assign(A=np.nan * g["model"]["A"])}, r"group model: 'A' is not finite"),
         (lambda g: g | {"torque": g["torque"].drop_vars("reflex")}, r"group torque: there is no 'reflex'"),
         (
-            lambda g: g | {"diagnostics": g["diagnostics"].drop_vars("poles")},
-            r"group diagnostics: the values cannot be read \('poles'\)",
-        ),
-        (
-            lambda g: g | {"diagnostics": g["diagnostics"].assign(json="{")},
+            lambda g: g | {"diagnostics": g["diagnostics"].assign_attrs(json="{")},
             r"group diagnostics: the values cannot be read",
         ),
     ],

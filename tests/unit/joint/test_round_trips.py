@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 
 from ankleloop import identify, load_estimate, load_trial, new_trial, save_estimate, save_trial, simulate
 from ankleloop.joint.estimate import TORQUES, Estimate
-from ankleloop.joint.estimate_files import EstimateCollection, find_estimates, load_estimates, save_estimates
+from ankleloop.joint.estimate_files import EstimateTable, load_estimates
 from ankleloop.joint.torques import torque_dataset
 from ankleloop.records.group_files import read_groups, write_groups
 from ankleloop.records.trial_files import load_trials, save_trials
@@ -165,17 +165,18 @@ def test_an_estimate(tmp_path, fitted, suffix, data):
 @EXAMPLES
 @given(data=st.data())
 def test_estimates_of_a_chunk(tmp_path, fitted, data):
-    path = tmp_path / "x.nc"
+    path = tmp_path / "x.parquet"
     several = data.draw(st.lists(estimates(fitted), min_size=1, max_size=3))
-    several = [replace(e, diagnostics={"order": 2}) for e in several]  # arrays become lists here
-    collection = EstimateCollection()
+    table = EstimateTable()
     for number, estimate in enumerate(several):
-        collection.add(estimate, "a", number)
-    save_estimates({"x": collection, "y": EstimateCollection(several[:1])}, path, overwrite=True)
-    for loaded, saved in zip(load_estimates(path, "x"), several, strict=True):
-        assert_same_estimate(loaded, saved)
-    assert list(find_estimates([path], "a", "x")) == list(range(len(several)))
-    assert find_estimates([path], "a", "z") == {}
+        table.add(estimate, point="a", name="x", number=number)
+    table.add(several[0], point="a", name="y", number=0)
+    table.write(path, overwrite=True)
+    loaded = load_estimates([path], "a", "x")
+    assert list(loaded) == list(range(len(several)))
+    for number, saved in enumerate(several):
+        assert_same_estimate(loaded[number], saved)
+    assert load_estimates([path], "a", "z") == {}
 
 
 # --- Damaged files of the library

@@ -6,7 +6,7 @@ import xarray as xr
 
 from ankleloop import load_estimate, save_estimate
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.estimate_files import EstimateCollection, load_estimates, save_estimates
+from ankleloop.joint.estimate_files import EstimateTable, load_estimates
 from ankleloop.joint.time_varying_trajectories import trajectory_dataset
 from ankleloop.joint.torques import torque_dataset
 from ankleloop.plotting.trajectories import trajectories_figure
@@ -24,13 +24,15 @@ def make_estimate(dimension="schedule", **names):
 
 
 @pytest.mark.parametrize("names", [SCHEDULE, {"variable": "emg"}, {}])
-@pytest.mark.parametrize("suffix", [".nc", ".mat", "chunk.nc"])
+@pytest.mark.parametrize("suffix", [".nc", ".mat", ".parquet"])
 def test_files_keep_name_and_unit_of_the_schedule(tmp_path, suffix, names):
     estimate = make_estimate(**names)
     path = tmp_path / f"a{suffix}"
-    if suffix == "chunk.nc":
-        save_estimates({"riv-tv": EstimateCollection([estimate])}, path)
-        (loaded,) = load_estimates(path, "riv-tv")
+    if suffix == ".parquet":
+        table = EstimateTable()
+        table.add(estimate, point="only", name="riv-tv", number=0)
+        table.write(path)
+        loaded = load_estimates([path], "only", "riv-tv")[0]
     else:
         save_estimate(estimate, path)
         loaded = load_estimate(path)

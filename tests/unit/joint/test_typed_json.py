@@ -5,7 +5,7 @@ import pytest
 from value_comparison import assert_same_values
 
 from ankleloop.errors import DataError
-from ankleloop.joint.typed_json import LONG, dump_values, extract_arrays, load_values
+from ankleloop.joint.typed_json import dump_values, load_values
 
 VALUES = {
     "poles": np.array([0.7 + 0.1j, 0.7 - 0.1j]),
@@ -33,17 +33,7 @@ VALUES = {
 
 
 def test_values_survive_as_text():
-    assert_same_values(load_values(dump_values(VALUES)), VALUES)
-
-
-def test_values_survive_with_their_arrays_apart():
-    arrays = {"json": np.empty(0)}
-    text = dump_values(extract_arrays(VALUES, "", arrays))
-    assert all(name.isidentifier() and name.isascii() and len(name) < 60 for name in arrays)
-    assert {"nested_list_0_array", "nested_list_1_array", "json_"} < set(arrays)
-    assert "$array" in text
-    assert "0.7" not in text
-    assert_same_values(load_values(text, arrays), VALUES)
+    assert_same_values(load_values(dump_values(VALUES), "file"), VALUES)
 
 
 @pytest.mark.parametrize(
@@ -57,8 +47,6 @@ def test_values_survive_with_their_arrays_apart():
 def test_values_without_a_form_are_refused(value, message):
     with pytest.raises(TypeError, match=message):
         dump_values({"thing": value})
-    with pytest.raises(TypeError, match=message):
-        dump_values(extract_arrays({"thing": value}, "", {}))
 
 
 def long_array(dtype, shape):
@@ -79,10 +67,10 @@ def long_array(dtype, shape):
 @pytest.mark.parametrize(
     "dtype", ["bool", "int8", "uint16", "int64", "uint64", "float16", "float32", "float64", "complex64", "complex128"]
 )
-@pytest.mark.parametrize("shape", [(LONG - 1,), (LONG,), (100,), (3, 40), (2, 3, 4), (1, 50, 1)])
+@pytest.mark.parametrize("shape", [(100,), (3, 40), (1, 50, 1), (0, 3)])
 def test_long_arrays_come_back_as_they_were(dtype, shape):
     array = long_array(dtype, shape)
-    result = load_values(dump_values({"array": array}))["array"]
+    result = load_values(dump_values({"array": array}), "file")["array"]
     assert result.dtype == array.dtype
     assert result.shape == array.shape
     assert result.tobytes() == array.tobytes()
@@ -92,17 +80,11 @@ def test_long_arrays_come_back_as_they_were(dtype, shape):
 @pytest.mark.parametrize(
     "text",
     [
-        '{"$bytes": "AAAA',
         "",
-        '{"$bytes": "A"}',
-        '{"$bytes": "AAAAAAAA8D8*"}',
-        '{"$bytes": "AAAAAAAA"}',
-        '{"$bytes": 3}',
-        '{"$bytes": "AAAAAAAA8D8=", "shape": [2]}',
-        '{"$bytes": "AAAAAAAA8D8=", "dtype": "float65"}',
-        '{"$bytes": "AAAAAAAA8D8=", "dtype": "object"}',
-        '{"$bytes": "AAAAAAAA8D8=", "shape": "long"}',
-        '{"$array": [1.0, "x"]}',
+        '{"$array": [1.0, "x"], "dtype": "float64", "shape": [2]}',
+        '{"$array": [1.0], "dtype": "float65", "shape": [1]}',
+        '{"$array": [1.0], "dtype": "float64", "shape": [2]}',
+        '{"$array": [1.0], "dtype": "float64", "shape": "long"}',
         '{"$array": [[1.0], [1.0, 2.0]]}',
         '{"$array": "curve"}',
         '{"$array": ["x"], "dtype": "object"}',
@@ -112,5 +94,5 @@ def test_long_arrays_come_back_as_they_were(dtype, shape):
     ],
 )
 def test_damaged_text_is_refused(text):
-    with pytest.raises(DataError, match="the file that holds them is damaged"):
-        load_values(text)
+    with pytest.raises(DataError, match=r"file: the values cannot be read .*: the file is damaged"):
+        load_values(text, "file")

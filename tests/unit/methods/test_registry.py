@@ -6,7 +6,7 @@ import pytest
 
 import ankleloop
 from ankleloop import METHODS, evaluate, identify
-from ankleloop.joint.estimate_files import EstimateCollection, load_estimates, save_estimates
+from ankleloop.joint.estimate_files import EstimateTable, load_estimates
 from ankleloop.methods.moesp import MEMBERS
 
 WITHOUT_REFERENCE = ("eiv-moesp", "pi-moesp", "po-moesp", "moesp", "parallel-cascade")
@@ -48,8 +48,10 @@ def test_every_method_returns_a_valid_estimate(noisy, method, tmp_path):
     assert isinstance(estimate.diagnostics["warnings"], list)
     assert method in repr(estimate)
     assert "N·m/rad" in repr(estimate)
-    save_estimates({method: EstimateCollection([estimate])}, tmp_path / "estimate.nc")
-    assert load_estimates(tmp_path / "estimate.nc", method)[0].stiffness == estimate.stiffness
+    table = EstimateTable()
+    table.add(estimate, point="only", name=method, number=0)
+    table.write(tmp_path / "0.parquet")
+    assert load_estimates([tmp_path / "0.parquet"], "only", method)[0].stiffness == estimate.stiffness
 
     result = evaluate_vaf(noisy, estimate)
     assert result["net", "measured"] > 85.0

@@ -25,7 +25,7 @@ from ankleloop import (
     save_trial,
     simulate,
 )
-from ankleloop.joint.estimate_files import EstimateCollection, save_estimates
+from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.recordings.export import export_estimate
 from ankleloop.records import partial_files
 from ankleloop.records.files import (
@@ -76,6 +76,12 @@ def save_figure(path, **options):
     save_figure(Figure(), path.with_suffix(""), suffixes=[path.suffix], **options)
 
 
+def write_estimates(estimate, path, **options):
+    table = EstimateTable()
+    table.add(estimate, point="only", name="m", number=0)
+    table.write(path, **options)
+
+
 # Every function that writes: the name of its file, and the call with the trial, its estimate and the path.
 WRITERS = {
     "atomic_file": ("x.txt", lambda t, e, path, **o: write_text(path, **o)),
@@ -87,7 +93,7 @@ WRITERS = {
     "save_trials": ("x.nc", lambda t, e, path, **o: save_trials([t], path, **o)),
     "save_estimate.nc": ("x.nc", lambda t, e, path, **o: save_estimate(e, path, **o)),
     "save_estimate.mat": ("x.mat", lambda t, e, path, **o: save_estimate(e, path, **o)),
-    "save_estimates": ("x.nc", lambda t, e, path, **o: save_estimates({"m": EstimateCollection([e])}, path, **o)),
+    "estimate table": ("x.parquet", lambda t, e, path, **o: write_estimates(e, path, **o)),
     "export_estimate.csv": ("x.csv", lambda t, e, path, **o: export_estimate(e, path, **o)),
     "write_table": ("x.csv", lambda t, e, path, **o: write_table(t.to_dataframe().head(), path.with_suffix(""), **o)),
     "save_figure": ("x.png", lambda t, e, path, **o: save_figure(path, **o)),

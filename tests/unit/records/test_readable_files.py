@@ -10,7 +10,6 @@ import pytest
 
 from ankleloop import DataError, load_estimate, load_trial, save_estimate, save_trial, simulate
 from ankleloop.joint.estimate import Estimate, torque_dataset
-from ankleloop.joint.estimate_files import EstimateCollection, find_estimates, save_estimates
 from ankleloop.records import reading_process
 from ankleloop.records.checksums import LENGTH, append_checksum, has_right_checksum
 from ankleloop.records.readable_files import name_errors, readable_file
@@ -31,7 +30,6 @@ def whole(estimate, tmp_path_factory):
     trial = simulate(seed=1, duration=2.0)
     save_trial(trial, folder / "trial.nc")
     save_trials([trial, trial], folder / "trials.nc")
-    save_estimates({"m": EstimateCollection([estimate])}, folder / "estimates.nc")
     save_estimate(estimate, folder / "estimate.nc")
     save_estimate(estimate, folder / "estimate.mat")
     return {path.name: path.read_bytes() for path in folder.iterdir()}
@@ -40,7 +38,6 @@ def whole(estimate, tmp_path_factory):
 READERS = {
     "trial.nc": lambda path: [load_trial(path)],
     "trials.nc": lambda path: list(load_trials(path)),
-    "estimates.nc": lambda path: [estimate.torque for estimate in find_estimates([path], "only", "m").values()],
     "estimate.nc": lambda path: [load_estimate(path).torque],
     "estimate.mat": lambda path: [load_estimate(path).torque],
 }

@@ -10,7 +10,7 @@ import xarray as xr
 from ankleloop import DataError, simulate
 from ankleloop.assessment.trajectory_scores import score_trajectories, true_trajectories
 from ankleloop.joint.estimate import Estimate, torque_dataset
-from ankleloop.joint.estimate_files import EstimateCollection, save_estimates
+from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.replication.time_varying import (
     average_study,
     average_trajectories,
@@ -79,10 +79,11 @@ def test_places_that_some_trials_do_not_identify_count_fewer_trials():
 def test_a_study_without_trajectories_is_refused(tmp_path):
     estimate = make_estimate(np.zeros(101))
     constant = Estimate("riv", estimate.torque, None, {"K": 1.0}, {})
-    collection = EstimateCollection([constant])
-    save_estimates({"riv": collection}, tmp_path / "e.nc")
+    table = EstimateTable()
+    table.add(constant, point="only", name="riv", number=0)
+    table.write(tmp_path / "e.parquet")
     with pytest.raises(DataError, match="no estimate of the study has trajectories"):
-        average_study([tmp_path / "e.nc"], {"only": SETTINGS}, ["riv"])
+        average_study([tmp_path / "e.parquet"], {"only": SETTINGS}, ["riv"])
 
 
 def test_settings_are_told_by_what_differs():

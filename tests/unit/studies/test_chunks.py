@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from ankleloop import DataError, UnstableLoopError, evaluate, identify, simulate
-from ankleloop.joint.estimate_files import find_estimates, load_estimates, load_estimates_of
+from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.records.trial_files import load_chunks, load_trial_of
 from ankleloop.replication.results import read_results
 from ankleloop.replication.trial_counts import describe_failures
@@ -44,7 +44,7 @@ CHUNKS = {
 
 def identify_to(folder, path, study, points, methods, name="0", **options):
     """Identify a chunk; it gives the tables, as they are in their files, and the path of the estimates."""
-    files = {"estimates": folder / f"estimates-{name}.nc"}
+    files = {"estimates": folder / f"estimates-{name}.parquet"}
     files |= {table: folder / f"{table}-{name}.csv" for table in ("scores", "parameters")}
     identify_chunk(path, files, study, points, methods, **options)
     tables = {table: pd.read_csv(files[table], dtype={"warnings": object}) for table in ("scores", "parameters")}
@@ -107,8 +107,8 @@ def test_trials_and_estimates_are_found_in_their_files(results, chunks):
     for point in ("reflex_gain=10.0,voluntary=0.3", "reflex_gain=20.0,voluntary=0.0"):
         trial = load_trial_of(folder.glob("trials-*.nc"), point, 2)
         assert trial.attrs["seed"] == str(np.random.SeedSequence(trial_entropy(3, "small", point, 2)))
-        estimates = load_estimates_of(folder.glob("estimates-*.nc"), point, "pr")
-        assert [e.stiffness["K"] for e in estimates] == rows.loc[(point, "pr"), "K"].tolist()
+        estimates = load_estimates(folder.glob("estimates-*.parquet"), point, "pr")
+        assert [e.stiffness["K"] for e in estimates.values()] == rows.loc[(point, "pr"), "K"].tolist()
 
 
 def test_the_library_gives_the_same_without_the_workflow(results):
@@ -179,7 +179,11 @@ def test_a_failure_is_a_row_and_loses_no_other_result(chunk, expected, fail, rea
     pd.testing.assert_frame_equal(rows[~failed][expected.parameters.columns], expected.parameters[~failed])
     scores = expected.scores.merge(rows[~failed][key], on=key)
     pd.testing.assert_frame_equal(results.scores, scores)
-    assert [len(load_estimates(results.estimates, name)) for name in ("pr", "cascade")] == [4, 6]
+    counts = {
+        name: sum(len(load_estimates([results.estimates], point, name)) for point in points)
+        for name in ("pr", "cascade")
+    }
+    assert counts == {"pr": 4, "cascade": 6}
     sentence = describe_failures(rows)
     assert sentence.startswith("2 of 12 identifications failed; means leave them out. ")
     assert f"2 of them, such as pr at {points[0]}: {reason.rstrip('.')}" in sentence
@@ -192,11 +196,11 @@ def test_estimates_keep_the_number_of_their_trial(chunk, expected, fail, tmp_pat
     fail("pr-moesp", {1}, ERRORS["the record is too short"])
     results = identify_to(tmp_path, *chunk)
     first, second = chunk[2]
-    estimates = find_estimates([results.estimates], first, "pr")
+    estimates = load_estimates([results.estimates], first, "pr")
     assert {number: estimate.stiffness["K"] for number, estimate in estimates.items()} == {
         number: stiffness[first, number] for number in (0, 2)
     }
-    assert list(find_estimates([results.estimates], second, "pr")) == [0, 1, 2]
+    assert list(load_estimates([results.estimates], second, "pr")) == [0, 1, 2]
 
 
 def test_estimates_that_cannot_be_scored_are_failures(chunk, monkeypatch, tmp_path):
@@ -206,7 +210,7 @@ def test_estimates_that_cannot_be_scored_are_failures(chunk, monkeypatch, tmp_pa
     monkeypatch.setattr("ankleloop.studies.identification.score_rows", refuse)
     results = identify_to(tmp_path, *chunk)
     assert (results.parameters["failure"] == "nothing is left to score").all()
-    assert find_estimates([results.estimates], next(iter(chunk[2])), "pr") == {}
+    assert load_estimates([results.estimates], next(iter(chunk[2])), "pr") == {}
 
 
 def test_a_chunk_in_which_all_fails_has_rows_and_no_scores(chunk, expected, fail, tmp_path):
@@ -218,14 +222,13 @@ def test_a_chunk_in_which_all_fails_has_rows_and_no_scores(chunk, expected, fail
     empty = read_results([tmp_path / "scores-0.csv"])
     assert list(empty.columns) == list(expected.scores.columns)
     assert len(empty) == 0
-    with pytest.raises(DataError, match=r"no estimate file has the point .* by 'pr'"):
-        load_estimates_of([results.estimates], next(iter(points)), "pr")
+    assert load_estimates([results.estimates], next(iter(points)), "pr") == {}
 
 
 def test_estimates_of_other_chunks_are_read_where_a_method_failed_in_one(chunk, expected, fail, tmp_path):
     fail("pr-moesp", range(6), ERRORS["the record is too short"])
     results = identify_to(tmp_path, *chunk)
-    estimates = load_estimates_of([results.estimates, expected.estimates], next(iter(chunk[2])), "pr")
+    estimates = load_estimates([results.estimates, expected.estimates], next(iter(chunk[2])), "pr")
     assert len(estimates) == 3
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from ankleloop import DataError
-from ankleloop.joint.estimate_files import find_estimates
+from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.records.checksums import LENGTH
 from ankleloop.records.trial_files import load_trial_of
 from ankleloop.replication.results import read_results
@@ -12,7 +12,12 @@ from ankleloop.studies.identification import identify_chunk
 from ankleloop.studies.simulation import simulate_chunk
 
 METHODS = {"pr": {"method": "pr-moesp", "options": {"basis": "rectifier"}}}
-NAMES = {"trials": "trials.nc", "estimates": "estimates.nc", "scores": "scores.csv", "parameters": "parameters.csv"}
+NAMES = {
+    "trials": "trials.nc",
+    "estimates": "estimates.parquet",
+    "scores": "scores.csv",
+    "parameters": "parameters.csv",
+}
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +43,7 @@ def read(folder, kind):
         load_trial_of([path], "p", 1)
         identify(folder)
     elif kind == "estimates":
-        assert len(find_estimates([path], "p", "pr")) == 2
+        assert len(load_estimates([path], "p", "pr")) == 2
     else:
         read_results([path])
 

@@ -37,7 +37,7 @@ POINTS = {
 
 
 def files_in(folder, *names):
-    suffixes = {"estimates": "nc", "scores": "csv", "parameters": "csv"}
+    suffixes = {"estimates": "parquet", "scores": "csv", "parameters": "csv"}
     folder.mkdir()
     return {name: folder / f"{name}.{suffixes[name]}" for name in names}
 
