@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ankleloop.arguments import check_choice, check_flag, check_integer, check_number, check_text, show_value
+from ankleloop.arguments import check_choice, show_value
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.methods.method import Trial
+from ankleloop.methods.method import NOMINAL_DELAY, Trial
 from ankleloop.options import Options
 from ankleloop.records.trial import segment
 from ankleloop.signals.sampling import match_times
@@ -23,13 +23,12 @@ from ankleloop.signals.sampling import match_times
 __all__ = ["CRITERIA", "Selection", "check_candidates", "check_selection", "select_options"]
 
 CRITERIA = ("instrumental", "cross-validation")
-NOMINAL_DELAY = 0.04  # s
 SETTLING = 1.0  # s at either end of a test part
 SEGMENT = 2.0  # s over which losses are summed before their scatter is computed
 TERMS = 5  # spline terms of the delayed velocity among the instruments
 LAGS = 0.4  # s of these terms
 STEP = 0.02  # s between lags
-MOST_COMBINATIONS = 1000  # of candidates: each is a fit to every fold
+MOST_COMBINATIONS = 1000  # of candidates: each is a fit to both halves
 LEADS = 0.05  # s of the position, either way
 
 
@@ -59,31 +58,26 @@ class Selection:
 
 
 @dataclass(frozen=True)
-class _Fold:
-    """Parts of a record to fit to, each without a gap, the part to test on, and instruments at times of the latter."""
+class _Half:
+    """A half of a record to fit to, the other one to test on, and instruments at times of the latter."""
 
-    training: list[PreparedTrial]
+    training: PreparedTrial
     test: PreparedTrial
     instruments: tuple[np.ndarray, np.ndarray] | None
 
 
 def select_options(
     trial: Trial,
-    fit: Callable[..., Any],
+    fit: Callable[..., Estimate],
     candidates: Mapping[str, Sequence[Any]],
     *,
     criterion: str | None = None,
     reference: str = "reference",
     delay: float | None = NOMINAL_DELAY,
     identification_rate: float = 100.0,
-    folds: int = 2,
-    merges: bool = False,
     cycle_onsets: str | Sequence[float] | None = None,
 ) -> Selection:
-    r"""Choose options by the residual in parts of the record that were not fitted.
-
-    Each fold is predicted by one fit to all the others. With more than two folds, what is left of the record has a gap:
-    the parts before and after it are merged, which not every method does.
+    r"""Choose options by the residual in the half of the record that was not fitted.
 
     "cross-validation" counts the whole residual: the score is the net VAF. In closed loop that rewards a model for
     explaining torque by the movement which that very torque has caused, so with a reference only that part of the
@@ -103,11 +97,9 @@ def select_options(
     trial : xarray.Dataset or PreparedTrial
         The trial.
     fit : callable
-        ``fit(trial, **options)`` gives an `Estimate` that can predict; of a list of trials, which are merged, a list of
-        estimates with one model.
+        ``fit(trial, **options)`` gives an `Estimate` that can predict.
     candidates : dict of str to sequence
-        Values of each option; all combinations are tried, the last option varying fastest. Losses at different
-        identification rates cannot be compared.
+        Values of each option; all combinations are tried, the last option varying fastest.
     criterion : {"instrumental", "cross-validation"}, optional
         "instrumental" by default if the trial has the reference, and it is not the position.
     reference : str
@@ -116,10 +108,6 @@ def select_options(
         Reflex delay for the instruments [s]; None for 40 ms.
     identification_rate : float
         Rate of the identification [Hz].
-    folds : int
-        Parts of the record.
-    merges : bool
-        Whether `fit` takes a list of trials; without that there are two folds.
     cycle_onsets : str or sequence of float, optional
         Start of every cycle of the trial [s], or the variable that holds the phase, for a joint that changes with it.
 
@@ -130,11 +118,7 @@ def select_options(
     Raises
     ------
     DataError
-        If no candidate can be fitted, or the folds are too short to be scored.
-    ValueError
-        For an unknown criterion, no candidates or more than 1000 combinations of them, identification rates as
-        candidates, fewer than two folds, or more than two where trials are not merged; and for an argument of another
-        type or out of its range.
+        If no candidate can be fitted, or the halves are too short to be scored.
 
     Examples
     --------
@@ -145,16 +129,6 @@ def select_options(
     >>> select_options(trial, fit, {"basis": ["rectifier"], "order": [1, 2]}).chosen
     {'basis': 'rectifier', 'order': 2}
     """
-    candidates = check_candidates("candidates", candidates)
-    _check_arguments(candidates, folds, merges)
-    check_text("select_options", "reference", reference)
-    if delay is not None:
-        delay = check_number("select_options", "delay", delay, "s", ge=0, le=1)
-    identification_rate = check_number(
-        "select_options", "identification_rate", identification_rate, "Hz", ge=1, le=10000
-    )
-    if criterion is not None:
-        check_choice("select_options", "criterion", criterion, CRITERIA)
     record = prepare(trial).trial
     has_reference = reference in record and reference != "position"
     criterion = criterion or ("instrumental" if has_reference else "cross-validation")
@@ -163,7 +137,8 @@ def select_options(
             f"the instrumental criterion needs a reference, and the trial has no {reference!r} beside its position: "
             "use criterion='cross-validation'."
         )
-    parts = _folds(record, folds, reference if has_reference else None, delay, identification_rate)
+    delay = NOMINAL_DELAY if delay is None else delay
+    parts = _halve(record, reference if has_reference else None, delay, identification_rate)
     rows: list[dict[str, Any]] = []
     losses: list[np.ndarray | None] = []
     for values in itertools.product(*candidates.values()):
@@ -209,6 +184,10 @@ def check_selection(
         check_choice(owner, "criterion", criterion, (*CRITERIA, None))
         if not candidates:
             raise ValueError("criterion is that of a selection: name the options to choose from under select.")
+    if "identification_rate" in candidates:
+        raise ValueError(
+            "identification_rate cannot be selected: residuals at different rates contain different bands of noise."
+        )
     for name in sorted(set(options) & set(candidates)):
         raise TypeError(f"option {name!r} is given, and to be selected as well: choose one of the two.")
     model.parse(owner, **options)
@@ -217,42 +196,20 @@ def check_selection(
     return candidates
 
 
-def _check_arguments(candidates: Mapping[str, Sequence[Any]], folds: int, merges: bool) -> None:
-    if not candidates:
-        raise ValueError("candidates must have at least one option to choose from.")
-    check_integer("select_options", "folds", folds, ge=2, le=100)
-    check_flag("select_options", "merges", merges)
-    if folds > 2 and not merges:
-        raise ValueError(
-            f"with {folds} folds the fit has to merge the parts before and after a fold, which this method does not: "
-            "use two folds."
-        )
-    if "identification_rate" in candidates:
-        raise ValueError(
-            "identification_rate cannot be selected: residuals at different rates contain different bands of noise."
-        )
-
-
-def _folds(
-    record: xr.Dataset, folds: int, reference: str | None, delay: float | None, identification_rate: float
-) -> list[_Fold]:
+def _halve(record: xr.Dataset, reference: str | None, delay: float, identification_rate: float) -> list[_Half]:
     time, rate = record["time"].values, float(record.attrs["sampling_rate"])
-    edges = np.linspace(time[0], time[-1] + 1.0 / rate, folds + 1)
+    edges = np.linspace(time[0], time[-1] + 1.0 / rate, 3)
     shortest = 2.0 * SETTLING + SEGMENT
     if edges[1] - edges[0] < shortest:
         raise DataError(
-            f"the record of {edges[-1] - edges[0]:.3g} s makes {folds} folds of {edges[1] - edges[0]:.3g} s, but a "
-            f"selection needs folds of {shortest:g} s: use a longer record, or set the options."
+            f"the record of {edges[-1] - edges[0]:.3g} s makes halves of {edges[1] - edges[0]:.3g} s, but a selection "
+            f"needs halves of {shortest:g} s: use a longer record, or set the options."
         )
+    halves = [prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges)]
     parts = []
-    for low, high in itertools.pairwise(edges):
-        prepared = prepare(segment(record, low, high))
-        instruments = None
-        if reference is not None:
-            nominal = NOMINAL_DELAY if delay is None else delay
-            instruments = _instruments(prepared, reference, nominal, identification_rate)
-        others = [(start, stop) for start, stop in ((edges[0], low), (high, edges[-1])) if start < stop]
-        parts.append(_Fold([prepare(segment(record, *ends)) for ends in others], prepared, instruments))
+    for training, test in (halves[::-1], halves):
+        instruments = _instruments(test, reference, delay, identification_rate) if reference is not None else None
+        parts.append(_Half(training, test, instruments))
     return parts
 
 
@@ -280,36 +237,35 @@ def _project(grid: np.ndarray, instruments: np.ndarray, time: np.ndarray, signal
 
 
 def _losses(
-    folds: Sequence[_Fold],
-    fit: Callable[..., Any],
+    halves: Sequence[_Half],
+    fit: Callable[..., Estimate],
     options: Mapping[str, Any],
     cycle_onsets: str | Sequence[float] | None,
 ) -> tuple[dict[str, tuple[np.ndarray, float]], list[str]]:
     """Losses of a candidate in segments of time and the energy to explain, by criterion; and warnings of its fits."""
     results: dict[str, tuple[np.ndarray, float]] = {}
     warnings: list[str] = []
-    for fold in folds:
-        merged = len(fold.training) > 1
-        estimate: Estimate = fit(fold.training, **options)[0] if merged else fit(fold.training[0], **options)
+    for half in halves:
+        estimate = fit(half.training, **options)
         if estimate.trajectories is not None and "time" in estimate.trajectories.sizes:
             raise DataError(
                 "its parameters are functions of time, and those of one half are not those of the other: give "
                 "cycle_onsets or a schedule, or set the options without a selection."
             )
         warnings += estimate.fit_warnings  # those about the data concern all candidates alike
-        torque = estimate.predict(fold.test, cycle_onsets=cycle_onsets).torque
+        torque = estimate.predict(half.test, cycle_onsets=cycle_onsets).torque
         time, rate = torque["time"].values, torque.attrs["identification_rate"]
         scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
-        measured = fold.test.channel_at("torque", time, rate)
+        measured = half.test.channel_at("torque", time, rate)
         signals = np.stack([measured - torque["net"].values, measured])[:, scored]
         if not np.isfinite(signals).all():
             raise DataError("the prediction of unseen data is not finite.")
         signals -= signals.mean(axis=1, keepdims=True)
         explainable = {"cross-validation": signals}
-        if fold.instruments is not None:
-            explainable["instrumental"] = _project(*fold.instruments, time[scored], signals)
-        # Counted from the start of the fold, so that all candidates have the same segments.
-        start, stop = fold.test.samples("time")[[0, -1]]
+        if half.instruments is not None:
+            explainable["instrumental"] = _project(*half.instruments, time[scored], signals)
+        # Counted from the start of the half, so that all candidates have the same segments.
+        start, stop = half.test.samples("time")[[0, -1]]
         segments = ((time[scored] - start) / SEGMENT).astype(int)
         count = int((stop - start) / SEGMENT) + 1
         for name, (residual, target) in explainable.items():

@@ -159,25 +159,6 @@ def score_unseen(training, unseen, **options):
     return np.sum((residual - residual.mean()) ** 2), np.sum((measured - measured.mean()) ** 2)
 
 
-def test_each_of_three_folds_is_predicted_by_one_fit_to_the_two_others():
-    """The middle one by the two others, which are merged; the first and the last by the rest, which has no gap."""
-    trial = simulate(seed=4, duration=36.0)
-    candidates = {"basis": ["rectifier"], "order": [1, 2]}
-    selection = select_options(
-        trial, METHODS["pr-moesp"], candidates, criterion="cross-validation", folds=3, merges=True
-    )
-    first, middle, last = (segment(trial, low, low + 12.0) for low in (0.0, 12.0, 24.0))
-    folds = [
-        ([segment(trial, 12.0, 36.0)], first),
-        ([first, last], middle),
-        ([segment(trial, 0.0, 24.0)], last),
-    ]
-    for row in selection.candidates:
-        options = {name: row[name] for name in candidates}
-        residual, measured = np.sum([score_unseen(*fold, **options) for fold in folds], axis=0)
-        assert row["scores"]["cross-validation"] == pytest.approx(100.0 * (1.0 - residual / measured), rel=1e-9)
-
-
 def test_the_parts_of_a_record_are_prepared_once():
     trial, fits = simulate(seed=4, duration=24.0), []
 
@@ -191,11 +172,6 @@ def test_the_parts_of_a_record_are_prepared_once():
     assert fits[1] is fits[3] is fits[5]
 
 
-def test_more_than_two_folds_need_a_method_that_merges(clean):
-    with pytest.raises(ValueError, match=r"with 3 folds the fit has to merge .*: use two folds"):
-        select_options(clean, METHODS["riv"], {"order": [2]}, folds=3)
-
-
 def test_rates_are_not_compared(clean):
     with pytest.raises(ValueError, match="identification_rate cannot be selected"):
         identify(clean, "pr-moesp", select={"identification_rate": [100.0, 50.0]})
@@ -203,7 +179,7 @@ def test_rates_are_not_compared(clean):
 
 def test_folds_that_are_too_short_are_refused():
     with pytest.raises(
-        DataError, match=r"the record of 7 s makes 2 folds of 3.5 s, but a selection needs folds of 4 s"
+        DataError, match=r"the record of 7 s makes halves of 3.5 s, but a selection needs halves of 4 s"
     ):
         identify(simulate(seed=1, duration=7.0), "riv", select={"order": [2, 3]})
 
