@@ -124,8 +124,9 @@ def make_data(case):
 def cut_regressors(regressors, samples):
     """The first samples of regressors."""
     signals = {name: getattr(regressors, name)[:samples] for name in ("time", "torque", "reference")}
-    joint_inputs = replace(regressors.joint_inputs, values=regressors.inputs[:samples])
-    return replace(regressors, joint_inputs=joint_inputs, grid=regressors.grid._replace(samples=samples), **signals)
+    return replace(
+        regressors, inputs=regressors.inputs[:samples], grid=regressors.grid._replace(samples=samples), **signals
+    )
 
 
 def score_model(data, model):

@@ -54,7 +54,7 @@ class ModelInputs:
             regressors.delay if delay is None else float(delay),
             regressors.rate,
             regressors.grid.factor * regressors.rate,
-            regressors.joint_inputs.omitted_step,
+            regressors.omitted_step,
         )
 
     @property

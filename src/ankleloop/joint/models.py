@@ -107,7 +107,7 @@ class PhysicalModel:
 
     def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
         """Torques of a trial; the dynamics act at the recording rate."""
-        intrinsic = regressors.joint_inputs.centred[0] @ self.stiffness
+        intrinsic = regressors.centred[0] @ self.stiffness
         drive = self.coefficients @ self.inputs.basis(trial.velocity(self.inputs.delay))
         recorded = simulate_response(*self.dynamics.matrices(trial.rate), drive[:, None])[:, 0]
         reflex = decimate(recorded, *regressors.grid)
@@ -201,7 +201,7 @@ def simulate_torques(
 
     Shapes: initial_state (n,); returns (N,).
     """
-    motion, drive = regressors.joint_inputs.centred
+    motion, drive = regressors.centred
     paths = {}
     for name, u, mask, state in (
         ("intrinsic", motion, ~regressors.reflex, None),

@@ -12,7 +12,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
 from ankleloop.joint.reference_response import predict_from_reference
-from ankleloop.joint.regressors import Grid, InputStep, JointInputs, Regressors, decimation_grid, widen_grid
+from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid, widen_grid
 from ankleloop.records.validation import validate
 from ankleloop.signals.decimation import decimate, decimation_factor
 from ankleloop.signals.differentiation import differentiate
@@ -137,29 +137,6 @@ class PreparedTrial:
         """Position, velocity and acceleration, decimated: three arrays of shape (N,)."""
         return self.memoise(("motion", grid), lambda: _motion(self.samples("position"), grid, self.rate))
 
-    def inputs(
-        self,
-        delay: float,
-        basis: str | Basis,
-        degree: int,
-        identification_rate: float,
-        omitted_step: InputStep | None = None,
-    ) -> JointInputs:
-        """Inputs of the joint's model; a basis that is fitted already is taken as it is."""
-        grid = self.grid(identification_rate, delay)
-        terms = 1 if basis == "rectifier" else degree
-
-        def compute() -> JointInputs:
-            fitted = basis if isinstance(basis, Basis) else fit_basis(self.velocity(delay), basis, terms)
-            differences = omitted_step == "kernel-derivatives"
-            motion = _difference(self.samples("position"), grid, self.rate) if differences else self.motion(grid)
-            values = _stack_inputs(motion, self.velocity(delay), fitted, grid, omitted_step)
-            return JointInputs(values, fitted, delay, float(identification_rate), omitted_step)
-
-        if isinstance(basis, Basis):
-            return compute()
-        return self.memoise(("inputs", delay, basis, terms, grid, omitted_step), compute)
-
     def regressors(
         self,
         *,
@@ -210,14 +187,31 @@ class PreparedTrial:
                 " Give the command of the servo as reference, or reference='position' for an open-loop record."
             )
         grid = self.grid(identification_rate, delay)
-        return Regressors(
-            time=self.time[grid.first : grid.first + grid.factor * grid.samples : grid.factor],
-            joint_inputs=self.inputs(delay, basis, degree, identification_rate, omitted_step),
-            torque=self.channel("torque", grid),
-            reference=None if reference is None else self.channel(reference, grid),
-            reference_name=reference,
-            grid=grid,
-        )
+
+        def expand() -> tuple[Basis, np.ndarray]:
+            velocity = self.velocity(delay)
+            fitted = basis if isinstance(basis, Basis) else fit_basis(velocity, basis, degree)
+            differences = omitted_step == "kernel-derivatives"
+            motion = _difference(self.samples("position"), grid, self.rate) if differences else self.motion(grid)
+            return fitted, _stack_inputs(motion, velocity, fitted, grid, omitted_step)
+
+        def compute() -> Regressors:
+            fitted, inputs = expand() if isinstance(basis, Basis) else self.memoise(("inputs", *key), expand)
+            return Regressors(
+                time=self.time[grid.first : grid.first + grid.factor * grid.samples : grid.factor],
+                inputs=inputs,
+                torque=self.channel("torque", grid),
+                basis=fitted,
+                delay=delay,
+                rate=float(identification_rate),
+                grid=grid,
+                reference=None if reference is None else self.channel(reference, grid),
+                reference_name=reference,
+                omitted_step=omitted_step,
+            )
+
+        key = (delay, basis, 1 if basis == "rectifier" else degree, identification_rate, omitted_step)
+        return compute() if isinstance(basis, Basis) else self.memoise(("regressors", reference, *key), compute)
 
     def predict_inputs(self, regressors: Regressors) -> np.ndarray:
         """Inputs as they would be without fed-back torque: rebuilt from the position that the reference explains.
@@ -237,7 +231,7 @@ class PreparedTrial:
         DataError
             If there is no reference.
         """
-        name, inputs = regressors.reference_name, regressors.joint_inputs
+        name = regressors.reference_name
         if name is None:
             raise DataError("instruments are made of the reference, and the trial has none.")
         if name == "position":  # an open-loop record: the reference explains all of it
@@ -245,12 +239,12 @@ class PreparedTrial:
 
         def compute() -> np.ndarray:
             position = predict_from_reference(regressors.inputs[:, 0], self.samples(name), regressors.grid, self.rate)
-            velocity = differentiate(position, self.rate, inputs.delay)
-            derive = _difference if inputs.omitted_step == "kernel-derivatives" else _motion
+            velocity = differentiate(position, self.rate, regressors.delay)
+            derive = _difference if regressors.omitted_step == "kernel-derivatives" else _motion
             motion = derive(position, regressors.grid, self.rate)
-            return _stack_inputs(motion, velocity, inputs.basis, regressors.grid, inputs.omitted_step)
+            return _stack_inputs(motion, velocity, regressors.basis, regressors.grid, regressors.omitted_step)
 
-        return self.memoise(("predicted inputs", name, inputs), compute)
+        return self.memoise(("predicted inputs", regressors), compute)
 
 
 def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:

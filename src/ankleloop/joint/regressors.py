@@ -13,13 +13,11 @@ from ankleloop.joint.basis import Basis
 from ankleloop.joint.hammerstein import DriveSpectra
 from ankleloop.signals.decimation import decimation_factor, decimation_margin
 from ankleloop.signals.differentiation import differentiation_margin
-from ankleloop.subspace.records import remove_means
 
 __all__ = [
     "INTRINSIC_NAMES",
     "Grid",
     "InputStep",
-    "JointInputs",
     "Regressors",
     "decimation_grid",
     "recording_margins",
@@ -27,7 +25,6 @@ __all__ = [
 ]
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
-INTRINSIC_UNITS = ("rad", "rad/s", "rad/s²")
 # Steps of the processing that can be left out: derivatives of the decimation kernel instead of differences of the
 # decimated position, and basis functions before decimation instead of after it.
 InputStep = Literal["kernel-derivatives", "early-nonlinearity"]
@@ -71,96 +68,58 @@ def recording_margins(rate: float, factor: int, delay: float) -> tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class JointInputs:
-    """Inputs of the joint's model on one record.
+class Regressors:
+    """Inputs and output of an identification on one record.
 
     Parameters
     ----------
-    values : ndarray, shape (N, 3 + k)
+    time : ndarray, shape (N,)
+        Time in the record [s].
+    inputs : ndarray, shape (N, 3 + k)
         P, Ṗ, P̈ and the k basis functions of the delayed velocity.
+    torque : ndarray, shape (N,)
+        Measured net torque [N·m].
     basis : Basis
         Basis of the nonlinearity, with its scale or knots.
     delay : float
         Reflex delay [s].
     rate : float
         Identification rate [Hz].
+    grid : Grid
+        Recorded samples that were decimated.
+    reference : ndarray, shape (N,), or None
+        Reference of the loop [rad].
+    reference_name : str or None
+        Variable that serves as reference.
     omitted_step : {"kernel-derivatives", "early-nonlinearity"} or None
         Step of the processing that was left out.
     """
 
-    values: np.ndarray
+    time: np.ndarray
+    inputs: np.ndarray
+    torque: np.ndarray
     basis: Basis
     delay: float
     rate: float
+    grid: Grid
+    reference: np.ndarray | None = None
+    reference_name: str | None = None
     omitted_step: InputStep | None = None
 
     @cached_property
     def centred(self) -> list[np.ndarray]:
         """Inputs of the intrinsic and of the reflex path, less their means: shapes (N, 3) and (N, k)."""
-        return np.split(remove_means([self.values])[0], [len(INTRINSIC_NAMES)], axis=1)
+        return np.split(self.inputs - self.inputs.mean(axis=0), [len(INTRINSIC_NAMES)], axis=1)
 
     @cached_property
     def drive_spectra(self) -> DriveSpectra:
         """Spectra of the inputs of the reflex path."""
         return DriveSpectra(self.centred[1], self.rate)
 
-
-@dataclass(frozen=True, eq=False)
-class Regressors:
-    """Inputs and output of an identification.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Time in the record [s].
-    joint_inputs : JointInputs
-        Inputs of the joint's model.
-    torque : ndarray, shape (N,)
-        Measured net torque [N·m].
-    reference : ndarray, shape (N,), or None
-        Reference of the loop [rad].
-    reference_name : str or None
-        Variable that serves as reference.
-    grid : Grid
-        Recorded samples that were decimated.
-    """
-
-    time: np.ndarray
-    joint_inputs: JointInputs
-    torque: np.ndarray
-    reference: np.ndarray | None
-    reference_name: str | None
-    grid: Grid
-
-    @property
-    def inputs(self) -> np.ndarray:
-        """P, Ṗ, P̈ and the basis functions of the delayed velocity, shape (N, 3 + k)."""
-        return self.joint_inputs.values
-
-    @property
-    def basis(self) -> Basis:
-        """Basis of the nonlinearity."""
-        return self.joint_inputs.basis
-
-    @property
-    def delay(self) -> float:
-        """Reflex delay [s]."""
-        return self.joint_inputs.delay
-
-    @property
-    def rate(self) -> float:
-        """Identification rate [Hz]."""
-        return self.joint_inputs.rate
-
     @property
     def names(self) -> tuple[str, ...]:
         """Name of every input."""
         return (*INTRINSIC_NAMES, *self.basis.names)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Unit of every input."""
-        return (*INTRINSIC_UNITS, *self.basis.units)
 
     @property
     def reflex(self) -> np.ndarray:
@@ -172,6 +131,6 @@ class Regressors:
 
         Shapes: torque (M,).
         """
-        motion = remove_means([self.inputs[rows, : len(INTRINSIC_NAMES)]])[0]
-        values = np.linalg.lstsq(motion, torque - np.mean(torque), rcond=None)[0]
+        motion = self.inputs[rows, : len(INTRINSIC_NAMES)]
+        values = np.linalg.lstsq(motion - motion.mean(axis=0), torque - np.mean(torque), rcond=None)[0]
         return dict(zip("KBI", map(float, values), strict=True))

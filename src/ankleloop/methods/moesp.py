@@ -257,9 +257,9 @@ def direct_stiffness(model: Matrices) -> dict[str, float]:
 def separate_reflex(matrices: Matrices, regressors: Sequence[Regressors]) -> ReflexPath:
     """Nonlinearity and dynamics of the reflex path; the low-pass has a third pole where the model has three."""
     first = regressors[0]
-    spectra = first.joint_inputs.drive_spectra
+    spectra = first.drive_spectra
     if len(regressors) > 1:
-        drive = np.concatenate([part.joint_inputs.centred[1] for part in regressors])
+        drive = np.concatenate([part.centred[1] for part in regressors])
         spectra = DriveSpectra(drive, first.rate)
     order = 3 if len(matrices.A) == 3 else 2
     return separate_model(matrices.select_inputs(first.reflex), spectra, first.basis, order)

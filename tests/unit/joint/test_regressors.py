@@ -97,10 +97,9 @@ def test_the_grid_leaves_out_the_samples_that_filters_touch():
 def test_names_units_and_path_of_every_input(clean):
     regressors = prepare(clean).regressors(**OPTIONS | {"basis": "chebyshev", "degree": 2})
     assert regressors.names == ("position", "velocity", "acceleration", "chebyshev_1", "chebyshev_2")
-    assert regressors.units == ("rad", "rad/s", "rad/s²", "1", "1")
     assert regressors.reflex.tolist() == [False, False, False, True, True]
     assert (regressors.delay, regressors.rate) == (0.04, 100.0)
-    motion, drive = regressors.joint_inputs.centred
+    motion, drive = regressors.centred
     assert (motion.shape[1], drive.shape[1]) == (3, 2)
     np.testing.assert_allclose(np.hstack([motion, drive]).mean(axis=0), 0.0, atol=1e-9)
 
