@@ -41,7 +41,7 @@ def prepare_kernels(data, block_rows):
         x = (signals - mean) / deviation
         gram = hankel_rows.start_gram()
         gram.add(x)
-        columns = _project(gram.matrix()[np.ix_(indices, indices)], hankel_rows.sizes)[:, :n]
+        columns = _project(gram.matrix(indices), hankel_rows.sizes)[:, :n]
         np.linalg.eigvals(np.linalg.lstsq(columns[:-1], columns[1:], rcond=None)[0])
         solve_regression(regression, [[(x[:, :m], x[:, m : m + 1])]], None, 1e-10)
 

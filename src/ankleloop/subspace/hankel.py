@@ -126,8 +126,10 @@ class HankelGram:
         lags = np.full(x.shape[1], self.window) if self.lags is None else self.lags
         self._products = self._products + _sum_lagged_products(np.ascontiguousarray(x), columns, lags, self.window)
 
-    def matrix(self) -> np.ndarray:
-        """The Gram matrix of the samples added so far, shape (window * m, window * m).
+    def matrix(self, rows: np.ndarray | None = None) -> np.ndarray:
+        """The Gram matrix of the samples added so far, of all or some of its rows.
+
+        Shapes: rows (k,); returns (k, k).
 
         Raises
         ------
@@ -137,11 +139,11 @@ class HankelGram:
         if not self.columns:
             raise DataError(f"the record is shorter than the {self.window} samples of one Hankel column.")
         gram = _displace_products(self._products, self._head.ravel(), self._tail.ravel())
-        if not self.subtract_means:
-            return gram
         shifts = np.cumsum(self._tail - self._head, axis=0)
         means = np.concatenate([self._sums, (self._sums + shifts).ravel()]) / np.sqrt(self.columns)
-        return gram - np.outer(means, means)
+        if rows is not None:
+            gram, means = gram[np.ix_(rows, rows)], means[rows]
+        return gram - np.outer(means, means) if self.subtract_means else gram
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ankleloop.arguments import show_value
 from ankleloop.errors import DataError
-from ankleloop.subspace.hankel import HankelRows, generate_columns
+from ankleloop.subspace.hankel import COLUMNS, HankelRows, generate_columns
 from ankleloop.subspace.input_matrices import InputMatrices, OutputRegression, solve_regression, update_factor
 from ankleloop.subspace.instruments import predict_from_reference
 from ankleloop.subspace.options import MemoryOptions, SubspaceOptions
@@ -71,8 +71,13 @@ class Source(ABC):
         """B, D, initial states and offsets."""
         m, p, _ = self.sizes
         regression = OutputRegression(A, C, m, self.dynamic, len(self.lengths), offsets=self.offsets)
-        records = (((x[:, :m], x[:, m:]) for x in record) for record in self.generate_records(m + p))
-        return solve_regression(regression, records, self.predict_inputs(), self.options.regression_tolerance)
+        predicted = self.predict_inputs()
+        size = COLUMNS if predicted is None else max(self.lengths)  # samples at a time
+        records = (
+            ((x[k : k + size, :m], x[k : k + size, m:]) for x in record for k in range(0, len(x), size))
+            for record in self.generate_records(m + p)
+        )
+        return solve_regression(regression, records, predicted, self.options.regression_tolerance)
 
 
 class MemorySource(Source):
@@ -133,7 +138,7 @@ class MemorySource(Source):
             if len(record) >= rows.window:
                 gram = rows.start_gram(subtract_means=self.offsets)
                 gram.add(record)
-                total += gram.matrix()[np.ix_(rows.indices, rows.indices)]
+                total += gram.matrix(rows.indices)
         return total
 
     def predict_inputs(self) -> list[np.ndarray] | None:
@@ -242,7 +247,7 @@ class ChunkSource(Source):
             refuse_constant(self.scale[part], np.abs(self.mean[part]), name)
             refuse_range(self.scale[part], name)
         row_scale = deviation[rows.indices % rows.channels]
-        return gram.matrix()[np.ix_(rows.indices, rows.indices)] / np.outer(row_scale, row_scale)
+        return gram.matrix(rows.indices) / np.outer(row_scale, row_scale)
 
     def _groups(self) -> Iterator[tuple[str, slice]]:
         """Names of the signals and their channels side by side."""
