@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 from ankleloop import DataError, identify, new_trial, simulate
-from ankleloop.joint.channel_checks import check_spikes
-from ankleloop.joint.data_checks import DataUse, check_data
+from ankleloop.checks.channels import check_spikes
+from ankleloop.checks.data import DataUse, check_data
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.decimation import lowpass
 from ankleloop.simulation.settings import SimulationSettings

@@ -11,11 +11,11 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
-from ankleloop.joint.reference_response import predict_from_reference
 from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid, widen_grid
 from ankleloop.records.validation import validate
 from ankleloop.signals.decimation import decimate, decimation_factor
 from ankleloop.signals.differentiation import differentiate
+from ankleloop.signals.reference import predict_decimated
 
 __all__ = ["PreparedTrial", "fit_shared_basis", "prepare", "prepare_trials"]
 
@@ -238,7 +238,7 @@ class PreparedTrial:
             return regressors.inputs
 
         def compute() -> np.ndarray:
-            position = predict_from_reference(regressors.inputs[:, 0], self.samples(name), regressors.grid, self.rate)
+            position = predict_decimated(regressors.inputs[:, 0], self.samples(name), regressors.grid, self.rate)
             velocity = differentiate(position, self.rate, regressors.delay)
             derive = _difference if regressors.omitted_step == "kernel-derivatives" else _motion
             motion = derive(position, regressors.grid, self.rate)

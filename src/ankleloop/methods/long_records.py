@@ -12,9 +12,9 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.arguments import check_path
+from ankleloop.checks.data import check_data
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
-from ankleloop.joint.data_checks import check_data
 from ankleloop.joint.estimate import TORQUES, Estimate
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import StateSpaceModel
@@ -198,7 +198,7 @@ class _Chunks:
         return self.record.read(self.factor * start, self.factor * (stop - 1) + self.first + self._after + 1, channels)
 
     def check(self) -> list[str]:
-        """Warnings about the data (`ankleloop.joint.data_checks.check_data`), in parts that do not depend on chunks.
+        """Warnings about the data (`ankleloop.checks.data.check_data`), in parts that do not depend on chunks.
 
         A part of which nothing can be said is a warning; if the record is a single part, it is refused.
         """

@@ -10,11 +10,11 @@ from typing import Any, cast
 import xarray as xr
 
 from ankleloop.arguments import describe_limits
+from ankleloop.checks.data import DataUse, check_data
+from ankleloop.checks.repeated_trials import refuse_repeated_trials
 from ankleloop.errors import DataError
-from ankleloop.joint.data_checks import DataUse, check_data
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.repeated_trials import refuse_repeated_trials
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
 
@@ -142,7 +142,7 @@ class Method:
             For an option that the method does not have, or a value out of its range.
         DataError
             For a trial that the method cannot use, or that says nothing
-            (`ankleloop.joint.data_checks.check_data`), and for a list that has a record twice.
+            (`ankleloop.checks.data.check_data`), and for a list that has a record twice.
         """
         chosen = self.options.parse(f"method {self.name!r}", **options)
         if not isinstance(trial, (list, tuple)):

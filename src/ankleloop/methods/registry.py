@@ -112,7 +112,7 @@ def identify(
     DataError
         Without a method, for a trial without a reference; for a trial that the method cannot use, or that says nothing,
         such as one whose reference explains nothing of the position; and for a list that has a record twice. Faults
-        that leave an estimate are in ``diagnostics["warnings"]`` (`ankleloop.joint.data_checks.check_data`).
+        that leave an estimate are in ``diagnostics["warnings"]`` (`ankleloop.checks.data.check_data`).
 
     Examples
     --------

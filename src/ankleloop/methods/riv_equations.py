@@ -11,9 +11,9 @@ from scipy.linalg import lapack
 
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.reference_response import explained_share
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
 from ankleloop.signals.decimation import PASSBAND
+from ankleloop.signals.reference import explained_share
 from ankleloop.signals.spectra import Band
 
 __all__ = ["DELAY_LIMITS", "MOTION", "NOISE_RESOLUTION", "RivEquations", "RivParameters", "RivPoint", "solve_scaled"]

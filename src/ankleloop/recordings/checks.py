@@ -9,26 +9,26 @@ from typing import Any, cast
 import numpy as np
 import xarray as xr
 
-from ankleloop.errors import DataError
-from ankleloop.joint.data_checks import check_signals
-from ankleloop.joint.findings import VERDICTS, Finding, merge_findings
-from ankleloop.joint.movement_checks import (
+from ankleloop.checks.data import check_signals
+from ankleloop.checks.findings import VERDICTS, Finding, merge_findings
+from ankleloop.checks.loop import LARGEST_BIAS, FeedbackTest, feedback_test
+from ankleloop.checks.movement import (
     check_excitation,
     check_reference,
     check_sign,
     fit_stiffness_by_instruments,
 )
+from ankleloop.checks.paths import path_bias
+from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
+from ankleloop.checks.reference import find_reference_faults
+from ankleloop.checks.repeated_trials import refuse_repeated_trials
+from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.reference_checks import find_reference_faults
-from ankleloop.joint.reference_projection import project_on_reference
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
-from ankleloop.joint.repeated_trials import refuse_repeated_trials
 from ankleloop.methods.method import Trial, delay_option, rate_option
 from ankleloop.options import Options, option
-from ankleloop.recordings.findings import check_coherence, check_drift, check_length, estimate_spectra
-from ankleloop.recordings.loop_test import LARGEST_BIAS, FeedbackTest, feedback_test
-from ankleloop.recordings.path_correlation import path_bias
 from ankleloop.recordings.validity import describe_validity, valid_methods
+from ankleloop.signals.reference import project_on_reference
 
 __all__ = ["VERDICTS", "Check", "Finding", "check_trial"]
 
@@ -56,7 +56,7 @@ class Check:
     reference : bool
         Whether there is a usable reference.
     path_bias : float
-        How far K of a model without a reflex is off [%], see `ankleloop.recordings.path_correlation.path_bias`.
+        How far K of a model without a reflex is off [%], see `ankleloop.checks.paths.path_bias`.
     """
 
     findings: list[Finding]
@@ -110,7 +110,7 @@ def check_trial(
     much of the torque the movement explains; sign of the torque, coherence, persistent excitation for the given order
     and block rows, slow drift, whether there is a usable reference (not exchanged with the position, and no filter of
     the torque), whether the torque feeds back on the position, and which methods are therefore valid. Those that cost
-    little are made by every identification as well (`ankleloop.joint.data_checks.check_data`).
+    little are made by every identification as well (`ankleloop.checks.data.check_data`).
 
     Parameters
     ----------
@@ -216,7 +216,8 @@ def _check_signs(records: Sequence[Regressors], *, by_reference: bool) -> list[F
     signals = [channel - channel.mean(axis=0) for channel in channels]
     explained = signals
     if by_reference:
-        projection = project_on_reference(records, channels)
+        references = [record.reference for record in records if record.reference is not None]
+        projection = project_on_reference(references, channels, records[0].rate)
         parts = zip(projection.signals, projection.residuals, strict=True)
         signals, explained = projection.signals, [signal - residual for signal, residual in parts]
     return [

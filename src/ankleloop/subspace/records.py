@@ -10,12 +10,10 @@ import numpy as np
 from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
 from ankleloop.signals.arrays import as_real
-from ankleloop.subspace.hankel import block_hankel
 
 __all__ = [
     "are_merged",
     "list_records",
-    "merge_hankel",
     "refuse_constant",
     "refuse_range",
     "remove_means",
@@ -112,17 +110,3 @@ def refuse_not_finite(records: Sequence[np.ndarray], name: str, first: int = 0) 
             t, channel = np.argwhere(~np.isfinite(record))[0]
             number = f" of record {k}" if len(records) > 1 else ""
             raise DataError(f"{name} {channel} is not finite at sample {first + t}{number}: cut or repair the record.")
-
-
-def merge_hankel(records: Sequence[np.ndarray], first: int, rows: int, window: int) -> np.ndarray:
-    """Hankel matrices of all records side by side.
-
-    Shapes: records (N, m); returns (rows * m, columns of all records).
-    """
-    parts = [
-        block_hankel(record, first, rows, record.shape[0] - window + 1).T
-        for record in records
-        if record.shape[0] >= window
-    ]
-    # Column-major, so that its transpose goes into least squares without a copy.
-    return parts[0].T if len(parts) == 1 else np.concatenate(parts).T

@@ -144,7 +144,7 @@ def test_a_warning_about_the_data_does_not_hide_one_about_a_fit(trial):
 
 
 def test_each_check_is_made_once_for_all_methods(trial, monkeypatch):
-    from ankleloop.joint import data_checks
+    from ankleloop.checks import data as data_checks
 
     calls = []
 

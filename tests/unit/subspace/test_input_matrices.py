@@ -6,8 +6,9 @@ from hypothesis import strategies as st
 from scipy import signal as sps
 
 from ankleloop.errors import DataError
+from ankleloop.signals.reference import fit_lagged_response
 from ankleloop.subspace import estimate_input_matrices, simulate_response
-from ankleloop.subspace.instruments import fit_reference_response, predict_from_reference
+from ankleloop.subspace.instruments import predict_from_reference
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -224,10 +225,10 @@ def test_fit_reference_response_runs_from_the_furthest_lead_to_the_oldest_lag():
     taps = rng.standard_normal((4, 2, 3))  # two leads, the present, one lag; two references; three signals
     u = sum(np.roll(r, shift, axis=0) @ taps[k] for k, shift in enumerate((-2, -1, 0, 1)))
     u += [1.0, -2.0, 3.0]  # an offset, which no lag of the reference explains
-    estimate = fit_reference_response([u], [r], leads=2, lags=1)
+    estimate = fit_lagged_response([r], [u], leads=2, lags=1)
     assert estimate.shape == (4, 2, 3)
     np.testing.assert_allclose(estimate, taps, atol=1e-10)
-    longer = fit_reference_response([u], [r], leads=5, lags=4)
+    longer = fit_lagged_response([r], [u], leads=5, lags=4)
     np.testing.assert_allclose(longer[3:7], taps, atol=1e-10)
     np.testing.assert_allclose(np.delete(longer, range(3, 7), axis=0), 0.0, atol=1e-10)
 

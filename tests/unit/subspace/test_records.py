@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from ankleloop import DataError
 from ankleloop.subspace import moesp, simulate_response
-from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.instruments import predict_from_reference
-from ankleloop.subspace.records import list_records, merge_hankel, scale_records
+from ankleloop.subspace.records import list_records, scale_records
 
 A = np.array([[0.75, -0.37], [0.37, 0.75]])
 B = np.array([[1.0, 0.3], [-0.5, 0.8]])
@@ -99,16 +96,6 @@ def test_records_in_closed_loop_with_a_reference():
         np.sort_complex(estimate.model.poles()), np.sort_complex(np.linalg.eigvals(A)), atol=0.02
     )
     assert estimate.diagnostics["instrument_rows"] == 20
-
-
-@settings(max_examples=25, deadline=None)
-@given(lengths=st.lists(st.integers(8, 30), min_size=1, max_size=4), rows=st.integers(1, 4), first=st.integers(0, 3))
-def test_hankel_matrices_stand_side_by_side(lengths, rows, first):
-    rng = np.random.default_rng(0)
-    records = [rng.standard_normal((n, 2)) for n in lengths]
-    window = first + rows
-    expected = np.hstack([block_hankel(x, first, rows, len(x) - window + 1) for x in records])
-    np.testing.assert_array_equal(merge_hankel(records, first, rows, window), expected)
 
 
 def test_records_too_short_for_a_column_are_skipped():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ankleloop import identify, new_trial, simulate
+from ankleloop.checks.reference import check_exchange, check_filtered_torque, find_reference_faults
 from ankleloop.joint.prepared import prepare
-from ankleloop.joint.reference_checks import check_exchange, check_filtered_torque, find_reference_faults
 from ankleloop.signals.decimation import lowpass
 
 SETTINGS = {

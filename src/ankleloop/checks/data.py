@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ankleloop.errors import DataError
-from ankleloop.joint.channel_checks import CHANNEL_CHECKS
-from ankleloop.joint.findings import Finding
-from ankleloop.joint.movement_checks import (
+from ankleloop.checks.channels import CHANNEL_CHECKS
+from ankleloop.checks.findings import Finding
+from ankleloop.checks.movement import (
     CERTAIN,
     COPY,
     MOTION,
@@ -25,11 +24,12 @@ from ankleloop.joint.movement_checks import (
     motion_products,
     reference_correlations,
 )
+from ankleloop.checks.reference import find_reference_faults
+from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.reference_checks import find_reference_faults
-from ankleloop.joint.reference_projection import project_on_reference
 from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.records.validation import REQUIRED
+from ankleloop.signals.reference import project_on_reference
 
 __all__ = ["DataUse", "check_data", "check_signals"]
 
@@ -116,7 +116,8 @@ def _check_sign(trial: PreparedTrial, motion: MotionProducts, use: DataUse, refe
     record = _regressors(trial, use, reference)
     if check_reference([record]).verdict != "ok":
         return finding
-    projection = project_on_reference([record], [motion.signals.T])
+    assert record.reference is not None
+    projection = project_on_reference([record.reference], [motion.signals.T], record.rate)
     signals, explained = projection.signals[0], projection.signals[0] - projection.residuals[0]
     return check_sign(*fit_stiffness_by_instruments(signals[:, :MOTION], signals[:, MOTION], explained[:, :MOTION]))
 

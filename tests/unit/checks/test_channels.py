@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop import new_trial, simulate
-from ankleloop.joint.channel_checks import CHANNEL_CHECKS, check_clipping, check_gaps, check_rest, check_spikes
+from ankleloop.checks.channels import CHANNEL_CHECKS, check_clipping, check_gaps, check_rest, check_spikes
 from ankleloop.joint.prepared import prepare
 
 

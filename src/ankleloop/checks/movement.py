@@ -8,14 +8,14 @@ from math import inf, sqrt
 
 import numpy as np
 
+from ankleloop.checks.findings import CHANNEL_UNITS, Finding
 from ankleloop.errors import DataError
-from ankleloop.joint.findings import CHANNEL_UNITS, Finding
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.reference_projection import unseen_share
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Grid, Regressors
 from ankleloop.quantities import QUANTITIES
 from ankleloop.records.validation import REQUIRED
 from ankleloop.signals.decimation import PASSBAND
+from ankleloop.signals.reference import unseen_share
 from ankleloop.signals.spectra import segment_spectra
 
 __all__ = [
@@ -312,7 +312,8 @@ def check_reference(records: Sequence[Regressors]) -> Finding:
     """Whether the reference can serve as an instrument."""
     name = records[0].reference_name
     try:
-        share = unseen_share(records)
+        references = [record.reference for record in records if record.reference is not None]
+        share = unseen_share(references, [record.inputs[:, 0] for record in records], records[0].rate)
     except DataError as error:
         return Finding("reference", "warning", f"what {name} explains of the position cannot be told: {error}")
     text = f"{name} explains {100 * max(share, 0.0):.1f} % of the position in unseen halves"

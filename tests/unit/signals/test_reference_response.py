@@ -5,10 +5,10 @@ import pytest
 from scipy import signal as sps
 
 from ankleloop import DataError
-from ankleloop.joint.reference_response import (
+from ankleloop.signals.reference import (
     explained_share,
     fit_finite_response,
-    predict_from_reference,
+    predict_decimated,
 )
 
 
@@ -28,7 +28,7 @@ def test_the_prediction_keeps_the_delay_of_the_signal():
     source = sps.sosfiltfilt(sps.butter(4, 10.0, fs=1000.0, output="sos"), rng.standard_normal(40_000))
     delayed = np.roll(source, 70)
     grid = (10, 500, 3800)
-    prediction = predict_from_reference(delayed[500:38_500:10], source, grid, 1000.0)
+    prediction = predict_decimated(delayed[500:38_500:10], source, grid, 1000.0)
     middle = slice(2000, -3000)
     assert np.std((prediction - delayed + delayed.mean())[middle]) < 0.02 * np.std(delayed)
     share = explained_share(delayed[500:38_500:10], source[500:38_500:10], 100.0)

@@ -6,10 +6,10 @@ from scipy import signal as sps
 from scipy import stats
 
 from ankleloop import DataError, segment, simulate
+from ankleloop.checks.loop import LARGEST_BIAS, feedback_test
+from ankleloop.checks.paths import path_bias, stiffness_beside_reflex
 from ankleloop.joint.prepared import prepare
-from ankleloop.joint.reference_projection import project_on_reference, unseen_share
-from ankleloop.recordings.loop_test import LARGEST_BIAS, feedback_test
-from ankleloop.recordings.path_correlation import path_bias, stiffness_beside_reflex
+from ankleloop.signals.reference import project_on_reference, unseen_share
 
 ASSUMED = np.array([1.1, 7.1, 250.0])
 LOADS = {"assumed": ASSUMED, "light": (0.1, 10.0, 100.0), "stiff": 10 * ASSUMED, "stiffer": 100 * ASSUMED}
@@ -143,7 +143,7 @@ def test_projection_is_that_of_least_squares():
     """Against numpy's least squares with the leads and lags written out."""
     record = regressors(simulate(seed=1, duration=12.0))
     channels = np.column_stack([record.inputs[:, 0], record.torque])
-    projection = project_on_reference([record], [channels])
+    projection = project_on_reference([record.reference], [channels], record.rate)
     r = record.reference
     lagged = np.column_stack([r[80 - lag : r.size - 15 - lag] for lag in range(-15, 81)])
     lagged = lagged - lagged.mean(axis=0)
@@ -153,11 +153,16 @@ def test_projection_is_that_of_least_squares():
     assert projection.rank == np.linalg.matrix_rank(lagged, tol=1e-3 * np.linalg.norm(lagged, 2))
 
 
+def share(trial):
+    record = regressors(trial)
+    return unseen_share([record.reference], [record.inputs[:, 0]], record.rate)
+
+
 def test_share_of_the_position_that_the_reference_predicts():
     trial = simulate(seed=1)
-    assert unseen_share([regressors(trial)]) == pytest.approx(0.95, abs=0.02)
+    assert share(trial) == pytest.approx(0.95, abs=0.02)
     other = trial.assign(reference=trial["reference"].copy(data=simulate(seed=2)["reference"].values))
-    assert unseen_share([regressors(other)]) < 0.02
+    assert share(other) < 0.02
 
 
 def test_paths_are_correlated_by_a_prbs_and_not_by_pulses():

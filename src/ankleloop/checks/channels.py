@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankleloop.joint.findings import CHANNEL_UNITS, Finding
+from ankleloop.checks.findings import CHANNEL_UNITS, Finding
 from ankleloop.joint.prepared import PreparedTrial
 
 __all__ = ["CHANNEL_CHECKS", "check_clipping", "check_gaps", "check_rest", "check_spikes"]

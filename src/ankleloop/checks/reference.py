@@ -7,9 +7,9 @@ from math import sqrt
 
 import numpy as np
 
+from ankleloop.checks.findings import Finding
+from ankleloop.checks.movement import motion_products, multiply_deviations, regress_torque
 from ankleloop.errors import DataError
-from ankleloop.joint.findings import Finding
-from ankleloop.joint.movement_checks import motion_products, multiply_deviations, regress_torque
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Grid
 from ankleloop.signals.decimation import decimate

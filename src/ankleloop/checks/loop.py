@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from ankleloop.checks.paths import stiffness_beside_reflex
 from ankleloop.errors import DataError
-from ankleloop.joint.reference_projection import ReferenceProjection, project_on_reference
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
-from ankleloop.recordings.path_correlation import stiffness_beside_reflex
 from ankleloop.signals.decimation import PASSBAND
+from ankleloop.signals.reference import ReferenceProjection, project_on_reference
 from ankleloop.signals.spectra import segment_spectra
 
 __all__ = ["LARGEST_BIAS", "FeedbackTest", "feedback_test"]
@@ -149,7 +149,8 @@ def feedback_test(records: Sequence[Regressors]) -> FeedbackTest:
     """
     rate = records[0].rate
     channels = [np.column_stack([record.inputs[:, :MOTION], record.torque]) for record in records]
-    projection = project_on_reference(records, channels)
+    references = [record.reference for record in records if record.reference is not None]
+    projection = project_on_reference(references, channels, rate)
     length = round(SEGMENT * rate)
     segments = sum(len(part) // length for part in projection.signals)
     if segments < FEWEST:

@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 from ankleloop import new_trial, simulate
-from ankleloop.joint.movement_checks import (
+from ankleloop.checks.movement import (
     MotionProducts,
     check_bandwidth,
     check_excitation,

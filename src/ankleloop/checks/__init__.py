@@ -1,0 +1,1 @@
+"""Whether data can show what an identification asks of them."""
