@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -17,9 +17,7 @@ from ankleloop.signals.decimation import decimate, decimation_factor
 from ankleloop.signals.differentiation import differentiate
 from ankleloop.signals.reference import predict_decimated
 
-__all__ = ["PreparedTrial", "fit_shared_basis", "prepare", "prepare_trials"]
-
-SHARED_CHANNELS = ("torque", "reference", "torque_intrinsic", "torque_reflex")  # of every method and score
+__all__ = ["PreparedTrial", "fit_shared_basis", "prepare"]
 
 Value = TypeVar("Value")
 
@@ -272,32 +270,6 @@ def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
     ['riv', 'pr-moesp']
     """
     return trial if isinstance(trial, PreparedTrial) else PreparedTrial(trial)
-
-
-def prepare_trials(
-    trials: Sequence[xr.Dataset],
-    signals: Mapping[str, np.ndarray],
-    grids: Sequence[tuple[float, float]],
-) -> list[PreparedTrial]:
-    """Prepare valid trials of one length, and decimate each of their common channels in one pass.
-
-    Shapes: signals (trials, samples).
-    """
-    prepared = [PreparedTrial(trial, validated=True) for trial in trials]
-    for identification_rate, delay in grids:
-        grid = prepared[0].grid(identification_rate, delay)
-        wide = widen_grid(grid, prepared[0].time.size)
-        for name in SHARED_CHANNELS:
-            if name in signals:
-                _share(prepared, ("channel", name, wide), decimate(signals[name], *wide))
-        motion = _motion(signals["position"], grid, prepared[0].rate)
-        _share(prepared, ("motion", grid), [list(rows) for rows in zip(*motion, strict=True)])
-    return prepared
-
-
-def _share(prepared: Sequence[PreparedTrial], key: Hashable, values: Sequence[Any] | np.ndarray) -> None:
-    for trial, value in zip(prepared, values, strict=True):
-        trial._values[key] = value
 
 
 def fit_shared_basis(trials: Sequence[PreparedTrial], delay: float, kind: str, degree: int) -> Basis:

@@ -65,8 +65,6 @@ class TrialChunk:
         Point of the study to which each trial belongs.
     numbers : list of int
         Number of each trial at its point.
-    signals : mapping of str to ndarray, shape (trials, samples)
-        Variables by name, in double precision, a row for each trial; those that are constant are left out.
     failures : list of FailedTrial
         Trials of the same part of the file that could not be simulated.
     """
@@ -74,7 +72,6 @@ class TrialChunk:
     trials: list[xr.Dataset]
     points: list[str]
     numbers: list[int]
-    signals: Mapping[str, np.ndarray]
     failures: Sequence[FailedTrial] = ()
 
 
@@ -280,7 +277,7 @@ def _read_chunk(data: xr.Dataset, rows: slice, path: Path) -> TrialChunk:
     reasons = part[FAILURE].values.astype(str).tolist() if FAILURE in part else [""] * len(index)
     failures = [FailedTrial(*key, reason) for key, reason in zip(index, reasons, strict=True) if reason]
     if len(failures) == len(index):
-        return TrialChunk([], [], [], {}, failures)
+        return TrialChunk([], [], [], failures)
     if failures:
         part = part.isel(trial=[row for row, reason in enumerate(reasons) if not reason])
         index = [key for key, reason in zip(index, reasons, strict=True) if not reason]
@@ -298,4 +295,4 @@ def _read_chunk(data: xr.Dataset, rows: slice, path: Path) -> TrialChunk:
         trial = template.copy(data={**samples, **{name: values[row] for name, values in signals.items()}})
         trial.attrs = shared | json.loads(str(text))
         trials.append(validate(trial, source=f"{path}, trial {number} of {point}"))
-    return TrialChunk(trials, [point for point, _ in index], [number for _, number in index], signals, failures)
+    return TrialChunk(trials, [point for point, _ in index], [number for _, number in index], failures)

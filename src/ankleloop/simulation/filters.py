@@ -71,7 +71,7 @@ def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", 
     if settings.antialias_cutoff is None:
         return x
     system = _antialias_filter(settings.antialias_cutoff, settings.recording_rate, hold)
-    return np.stack([system.run(row) for row in np.atleast_2d(x)]).reshape(x.shape)
+    return system.run(x)
 
 
 @lru_cache

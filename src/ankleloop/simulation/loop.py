@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -163,6 +164,7 @@ def _add_filters(
     return _ContinuousModel(A, B, np.pad(velocity, (0, 2 * order)), C, np.zeros((3, B.shape[1])))
 
 
+@lru_cache(maxsize=4)
 def build_loop(settings: SimulationSettings) -> Loop:
     """Discretise the loop over one recorded sample."""
     ranges = _varying_range(settings)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import cycle
-
 import numpy as np
 
 from ankleloop.kernels import kernel
@@ -71,11 +68,11 @@ def run_loop(
     command: np.ndarray,
     noise: np.ndarray,
     voluntary: np.ndarray,
-    variation: Sequence[Trajectories] = (),
+    variation: Trajectories | None = None,
 ) -> tuple[np.ndarray, int]:
     """Run the loop from rest; the number is that of the sample at which the position passes its limit, or -1.
 
-    Shapes: command, noise, voluntary (N,) or (trials, N); returns record (3, N) or (3, trials, N).
+    Shapes: command, noise, voluntary (N,); returns record (3, N).
     """
     steps_of_delay = settings.delay * settings.integration_rate
     whole = int(np.floor(steps_of_delay + 1e-9))
@@ -83,18 +80,10 @@ def run_loop(
     limits = settings.reflex_threshold, settings.position_limit
     matrix = loop.matrix
     changes = np.empty((0, *matrix.shape)) if loop.changes is None else np.ascontiguousarray(loop.changes)
-    signals = [np.atleast_2d(np.asarray(signal, dtype=float)) for signal in (command, noise, voluntary)]
-    trials, frames = signals[0].shape
-    record, divergence = np.empty((trials, len(loop.C), frames)), -1
-    terms = [_variation_factors(loop, settings, frames, part) for part in (variation or (None,))]
-    for trial, (factors, gains) in zip(range(trials), cycle(terms), strict=False):
-        drives = [signal[trial] for signal in signals]
-        divergence = _run(
-            matrix, changes, factors, gains, drives[0], drives[1], drives[2], delay, limits, record[trial]
-        )
-        if divergence >= 0:
-            break
-    return np.moveaxis(record if np.ndim(command) > 1 else record[0], -2, 0), divergence
+    factors, gains = _variation_factors(loop, settings, command.size, variation)
+    record = np.empty((len(loop.C), command.size))
+    divergence = _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limits, record)
+    return record, divergence
 
 
 def _variation_factors(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
-from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,15 +15,13 @@ from ankleloop.options import show_fields
 from ankleloop.records.trial import new_trial
 from ankleloop.simulation.excitation import draw_noise, draw_prbs, draw_pulses, draw_voluntary_torque
 from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias
-from ankleloop.simulation.loop import Loop, build_loop
+from ankleloop.simulation.loop import build_loop
 from ankleloop.simulation.loop_kernel import run_loop
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import Course, Trajectories, draw_course, trajectories
 
-__all__ = ["simulate", "simulate_trials"]
+__all__ = ["simulate"]
 
-CHUNK = 16  # trials of one pass: more of them take memory and no less time
-CHUNK_MEMORY = 2**28  # bytes of one pass, where the trials are long
 HELD_VALUES = 100  # values of noise over which the anti-aliasing filter settles
 TRIAL_ARRAYS = 16  # arrays over all samples of a trial that are in memory at a time, at least
 
@@ -78,22 +75,10 @@ def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None
     >>> trial.sizes["time"]
     10000
     """
-    return next(simulate_trials([seed], load=load, **settings))
-
-
-@show_fields(SimulationSettings)
-def simulate_trials(
-    seeds: Iterable[int | np.random.SeedSequence], *, load: Sequence[float] | None = None, **settings: Any
-) -> Iterator[xr.Dataset]:
-    """Simulate trials that differ in their seeds alone, several in one pass."""
     all_settings = SimulationSettings.parse("simulate", load=load, **settings)
-    size = _count_bytes(all_settings)
     remedy = "take a shorter duration or settling, a lower recording_rate, or a higher voluntary_cutoff or noise_rate"
-    check_memory("simulate", size, remedy)
-    trials = min(CHUNK, max(1, int(CHUNK_MEMORY // size)))
-    loop, remaining = build_loop(all_settings), map(_check_seed, seeds)
-    while chunk := list(islice(remaining, trials)):
-        yield from _simulate_chunk(all_settings, loop, chunk)
+    check_memory("simulate", _count_bytes(all_settings), remedy)
+    return _simulate(all_settings, _check_seed(seed))
 
 
 def _count_bytes(settings: SimulationSettings) -> float:
@@ -120,56 +105,36 @@ class _Streams(NamedTuple):
 
 
 class _Disturbance(NamedTuple):
-    """A torque [N·m] that is fed back, and the same behind the anti-aliasing filter; shape (trials, samples)."""
+    """A torque [N·m] that is fed back, and the same behind the anti-aliasing filter; shape (samples,)."""
 
     torque: np.ndarray
     record: np.ndarray
 
 
-def _simulate_chunk(
-    settings: SimulationSettings, loop: Loop, seeds: Sequence[int | np.random.SeedSequence]
-) -> Iterator[xr.Dataset]:
-    """Simulate one trial for each seed, all of them in one pass over every signal."""
+def _simulate(settings: SimulationSettings, seed: int | np.random.SeedSequence) -> xr.Dataset:
     settling = round(settings.settling * settings.recording_rate)
     samples = settling + round(settings.duration * settings.recording_rate)
-    streams = [_open_streams(seed) for seed in seeds]
-    courses = [draw_course(settings, stream.course) for stream in streams] if _follows_course(settings) else []
+    streams = _open_streams(seed)
+    course = draw_course(settings, streams.course)
     time = np.arange(-settling, samples - settling) / settings.recording_rate
-    variation = _vary(settings, courses, time + 0.5 / settings.recording_rate)
-    command = _draw_commands(settings, streams, courses, time)
-    zeros = np.zeros(command.shape)
-    silence = _Disturbance(zeros, zeros)
-    response = _run_stable_loop(loop, settings, command, silence, silence, variation)
+    varies = settings.variation is not None
+    variation = trajectories(course, time + 0.5 / settings.recording_rate) if varies else None
+    command = _draw_command(settings, streams.perturbation, course, time)
+    silence = _Disturbance(np.zeros(samples), np.zeros(samples))
+    response = _run_stable_loop(settings, command, silence, silence, variation)
     voluntary = noise = silence
-    deviation = np.std((response[1] + response[2])[:, settling:], axis=1)[:, None]
+    deviation = float(np.std((response[1] + response[2])[settling:]))
     if settings.voluntary > 0 or settings.locked_torque > 0:
-        voluntary = _draw_voluntary(settings, streams, courses, time, deviation)
+        voluntary = _draw_voluntary(settings, streams, course, time, deviation)
     if settings.snr_db is not None:
-        ratio = 10 ** (-settings.snr_db / 20)
-        noise = _draw_measurement_noise(settings, streams, samples, ratio * deviation)
+        noise = _draw_measurement_noise(settings, streams, samples, 10 ** (-settings.snr_db / 20) * deviation)
     if settings.movement > 0:
-        command = command + np.stack([course.movement(time) for course in courses])
+        command = command + course.movement(time)
     if voluntary is not silence or noise is not silence or settings.movement > 0:
-        response = _run_stable_loop(loop, settings, command, noise, voluntary, variation)
-    reference = antialias(command, settings, "zoh")
-    for k, seed in enumerate(seeds):
-        signals = *response[:, k], voluntary.record[k], noise.record[k], reference[k]
-        truths = _describe_course(courses[k], time[settling:]) if courses else {}
-        yield _make_trial(settings, seed, truths, *(signal[settling:] for signal in signals))
-
-
-def _follows_course(settings: SimulationSettings) -> bool:
-    """Whether anything depends on cycles or on the scheduling variable."""
-    locked = settings.perturbation_locked or settings.locked_torque > 0
-    return settings.variation is not None or settings.movement > 0 or locked
-
-
-def _vary(settings: SimulationSettings, courses: Sequence[Course], time: np.ndarray) -> list[Trajectories]:
-    """K, B and G over time: of each trial, or of all where they are the same; none where they are constant."""
-    if settings.variation is None:
-        return []
-    alike = settings.variation == "time" or (settings.variation == "cycle" and settings.cycle_jitter == 0)
-    return [trajectories(course, time) for course in courses[: 1 if alike else None]]
+        response = _run_stable_loop(settings, command, noise, voluntary, variation)
+    signals = *response, voluntary.record, noise.record, antialias(command, settings, "zoh")
+    truths = _describe_course(course, time[settling:])
+    return _make_trial(settings, seed, truths, *(signal[settling:] for signal in signals))
 
 
 def _describe_course(course: Course, time: np.ndarray) -> dict[str, np.ndarray]:
@@ -250,54 +215,42 @@ def _open_streams(seed: int | np.random.SeedSequence) -> _Streams:
     return _Streams(*(np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key)) for key in keys))
 
 
-def _draw_commands(
-    settings: SimulationSettings, streams: Sequence[_Streams], courses: Sequence[Course], time: np.ndarray
+def _draw_command(
+    settings: SimulationSettings, rng: np.random.Generator, course: Course, time: np.ndarray
 ) -> np.ndarray:
-    """Perturbations [rad], shape (trials, samples)."""
-    commands = np.stack([_draw_command(settings, stream.perturbation, time.size) for stream in streams])
-    if not settings.perturbation_locked:
-        return commands
-    rows = []
-    for course, command in zip(courses, commands, strict=True):  # each cycle begins with the first samples
-        onset = course.onsets[np.searchsorted(course.onsets, time + 1e-9, side="right") - 1]
-        rows.append(command[np.round((time - onset) * settings.recording_rate).astype(int)])
-    return np.stack(rows)
-
-
-def _draw_command(settings: SimulationSettings, rng: np.random.Generator, samples: int) -> np.ndarray:
-    """Position command [rad], shape (samples,)."""
+    """Perturbation [rad], shape (samples,)."""
     interval = round(settings.switching_interval * settings.recording_rate)
     if settings.perturbation == "prbs":
-        return draw_prbs(rng, samples, interval, settings.amplitude)
-    length = round(settings.pulse_length * settings.recording_rate)
-    return draw_pulses(rng, samples, interval, length, settings.amplitude)
+        command = draw_prbs(rng, time.size, interval, settings.amplitude)
+    else:
+        length = round(settings.pulse_length * settings.recording_rate)
+        command = draw_pulses(rng, time.size, interval, length, settings.amplitude)
+    if not settings.perturbation_locked:
+        return command
+    # Each cycle begins with the first samples.
+    onset = course.onsets[np.searchsorted(course.onsets, time + 1e-9, side="right") - 1]
+    return command[np.round((time - onset) * settings.recording_rate).astype(int)]
 
 
 def _draw_voluntary(
-    settings: SimulationSettings,
-    streams: Sequence[_Streams],
-    courses: Sequence[Course],
-    time: np.ndarray,
-    deviation: np.ndarray,
+    settings: SimulationSettings, streams: _Streams, course: Course, time: np.ndarray, deviation: float
 ) -> _Disturbance:
-    """Voluntary torque, at random and in step with the cycle, for deviations [N·m] of the clean net torque."""
-    rate, cutoff = settings.recording_rate, settings.voluntary_cutoff
-    torque = np.zeros((len(streams), time.size))
+    """Voluntary torque, at random and in step with the cycle, for a deviation [N·m] of the clean net torque."""
+    torque = np.zeros(time.size)
     if settings.voluntary > 0:
-        signals = [draw_voluntary_torque(stream.voluntary, time.size, rate, cutoff) for stream in streams]
-        torque = settings.voluntary * deviation * np.stack(signals)
+        rate, cutoff = settings.recording_rate, settings.voluntary_cutoff
+        torque = settings.voluntary * deviation * draw_voluntary_torque(streams.voluntary, time.size, rate, cutoff)
     if settings.locked_torque > 0:
-        torque += settings.locked_torque * deviation * np.stack([course.locked_torque(time) for course in courses])
+        torque += settings.locked_torque * deviation * course.locked_torque(time)
     return _Disturbance(torque, antialias(torque, settings, "foh"))
 
 
 def _draw_measurement_noise(
-    settings: SimulationSettings, streams: Sequence[_Streams], samples: int, deviation: np.ndarray
+    settings: SimulationSettings, streams: _Streams, samples: int, deviation: float
 ) -> _Disturbance:
-    """Measurement noise that has a standard deviation [N·m], shape (trials, 1), behind the anti-aliasing filter."""
+    """Measurement noise that has a standard deviation [N·m] behind the anti-aliasing filter."""
     hold = round(settings.recording_rate / settings.noise_rate)
-    level = deviation / _recorded_noise_deviation(settings, hold)
-    torque = level * np.stack([draw_noise(stream.noise, samples, hold) for stream in streams])
+    torque = deviation / _recorded_noise_deviation(settings, hold) * draw_noise(streams.noise, samples, hold)
     return _Disturbance(torque, antialias(torque, settings, "zoh"))
 
 
@@ -310,14 +263,14 @@ def _recorded_noise_deviation(settings: SimulationSettings, hold: int) -> float:
 
 
 def _run_stable_loop(
-    loop: Loop,
     settings: SimulationSettings,
     command: np.ndarray,
     noise: _Disturbance,
     voluntary: _Disturbance,
-    variation: Sequence[Trajectories],
+    variation: Trajectories | None,
 ) -> np.ndarray:
-    """Recorded position, intrinsic and reflex torque, shape (3, trials, samples); a loop that diverges is an error."""
+    """Recorded position, intrinsic and reflex torque, shape (3, samples); a loop that diverges is an error."""
+    loop = build_loop(settings)
     record, divergence = run_loop(loop, settings, command, noise.torque, voluntary.torque, variation)
     if divergence >= 0:
         raise UnstableLoopError(

@@ -8,17 +8,19 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import xarray as xr
+
 from ankleloop.assessment.scores import SCORE_COLUMNS, parameter_row, score_rows
 from ankleloop.errors import NUMERICAL_ERRORS
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable
-from ankleloop.joint.prepared import PreparedTrial, prepare_trials
-from ankleloop.methods.registry import identify, method_options
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.methods.registry import identify
 from ankleloop.records.trial_files import FailedTrial, load_chunks
 from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.studies.table_files import TableRows
 
-__all__ = ["FILES", "Points", "identification_grids", "identify_chunk", "identify_trials"]
+__all__ = ["FILES", "Points", "identify_chunk", "identify_trials"]
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +46,7 @@ def identify_chunk(
     failures: Literal["stop", "count"] = "count",
 ) -> None:
     """Identify the trials of a chunk by every method, score the estimates, and write all to files."""
-    prepared = _read_trials(path, trials, points, identification_grids(points, methods))
+    prepared = _read_trials(path, trials, points)
     with locate_errors(str(path)):
         identify_trials(
             prepared, files, study, points, methods, against=against, precision=precision, failures=failures
@@ -89,7 +91,6 @@ def identify_trials(
         if isinstance(trial, PreparedTrial):
             trial.clear()
         log.info("%s: identified trial %d", condition, number)
-        del trial  # before others are read: it holds the signals of all that were read with it
     results.write(files)
 
 
@@ -173,41 +174,22 @@ class _ChunkResults:
         return {"study": self._study, "point": point, **self._values[point], "method": method, "trial": number}
 
 
-def _read_trials(
-    path: PathLike,
-    trials: Mapping[str, Sequence[int]] | None,
-    conditions: Iterable[str],
-    grids: Sequence[tuple[float, float]],
-) -> Trials:
-    """Trials of a file, prepared; those of one pass share the decimation of each signal."""
+def _read_trials(path: PathLike, trials: Mapping[str, Sequence[int]] | None, conditions: Iterable[str]) -> Trials:
+    """Trials of a file, prepared, and those that failed, by condition and number."""
     ranks = {condition: rank for rank, condition in enumerate(conditions)}
     count = 0
     try:
         for chunk in load_chunks(path, trials):
-            prepared = prepare_trials(chunk.trials, chunk.signals, grids) if chunk.trials else []
-            rows: list[tuple[PreparedTrial | FailedTrial, str, int]]
-            rows = list(zip(prepared, chunk.points, chunk.numbers, strict=True))
-            if chunk.failures:
-                rows += [(failure, failure.point, failure.number) for failure in chunk.failures]
-                rows.sort(key=lambda row: (ranks[row[1]], row[2]))
-            del chunk, prepared
-            rows.reverse()
-            while rows:  # a trial holds what methods compute from it: none is kept after its turn
-                yield rows.pop()
+            rows: list[tuple[xr.Dataset | FailedTrial, str, int]]
+            rows = list(zip(chunk.trials, chunk.points, chunk.numbers, strict=True))
+            rows += [(failure, failure.point, failure.number) for failure in chunk.failures]
+            for trial, condition, number in sorted(rows, key=lambda row: (ranks[row[1]], row[2])):
+                yield (
+                    trial if isinstance(trial, FailedTrial) else PreparedTrial(trial, validated=True),
+                    condition,
+                    number,
+                )
                 count += 1
     except MemoryError as error:
         error.add_note(f"reading of trials from row {count} on, {path}")
         raise
-
-
-def identification_grids(points: Points, methods: Methods) -> list[tuple[float, float]]:
-    """Identification rates [Hz] and delays [s] of those methods that have both."""
-    defaults = {name: method_options(method["method"]) | method["options"] for name, method in methods.items()}
-    varied = [defaults]
-    for alike in points.values():
-        varied += [
-            {name: {**defaults[name], **options} for name, options in point["options"].items()}
-            for point in alike.values()
-        ]
-    pairs = [(options.get("identification_rate"), options.get("delay")) for part in varied for options in part.values()]
-    return [(rate, delay) for rate, delay in dict.fromkeys(pairs) if rate is not None and delay is not None]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 import xarray as xr
@@ -13,7 +12,7 @@ from numpy.random import SeedSequence
 
 from ankleloop.errors import NUMERICAL_ERRORS
 from ankleloop.records.trial_files import FailedTrial, save_trials
-from ankleloop.simulation.simulate import CHUNK, simulate, simulate_trials
+from ankleloop.simulation.simulate import simulate
 from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.studies.seeds import trial_entropy
 
@@ -62,39 +61,14 @@ def _list_failures(trials: Trials, failed: list[FailedTrial]) -> Trials:
 
 def _simulate_point(seed: int, study: str, point: str, part: Mapping[str, Any], failures: str) -> Trials:
     """Simulate the trials of a point."""
-    numbers = range(part["first"], part["stop"])
-
-    def seed_of(number: int) -> SeedSequence:
-        return SeedSequence(trial_entropy(seed, study, point, number))
-
-    index = 0
-    while index < len(numbers):
-        trials = _simulate_to_error(map(seed_of, numbers[index:]), part["settings"])
-        alone = iter(range(CHUNK))
-        while index < len(numbers):
-            with locate_errors(f"study {study}, point {point}, trial {numbers[index]}"):
-                trial: xr.Dataset | FailedTrial | None = next(trials, None)
-                if trial is None:  # several trials ran together: which of them failed shows where each runs alone
-                    if next(alone, None) is None:
-                        break
-                    trial = _simulate_alone(point, numbers[index], seed_of(numbers[index]), part["settings"], failures)
-            yield trial
-            log.info("%s: simulated trial %d", point, numbers[index])
-            index += 1
-
-
-def _simulate_to_error(seeds: Iterable[SeedSequence], settings: Mapping[str, Any]) -> Iterator[xr.Dataset]:
-    """Trials up to the first ones that run together and one of which fails."""
-    with suppress(*NUMERICAL_ERRORS):
-        yield from simulate_trials(seeds, **settings)
-
-
-def _simulate_alone(
-    point: str, number: int, seed: SeedSequence, settings: Mapping[str, Any], failures: str
-) -> xr.Dataset | FailedTrial:
-    try:
-        return simulate(seed=seed, **settings)
-    except NUMERICAL_ERRORS as error:
-        if failures == "stop":
-            raise
-        return FailedTrial(point, number, describe_error(error))
+    for number in range(part["first"], part["stop"]):
+        trial: xr.Dataset | FailedTrial
+        with locate_errors(f"study {study}, point {point}, trial {number}"):
+            try:
+                trial = simulate(seed=SeedSequence(trial_entropy(seed, study, point, number)), **part["settings"])
+            except NUMERICAL_ERRORS as error:
+                if failures == "stop":
+                    raise
+                trial = FailedTrial(point, number, describe_error(error))
+        yield trial
+        log.info("%s: simulated trial %d", point, number)

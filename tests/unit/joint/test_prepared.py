@@ -9,7 +9,7 @@ import pytest
 
 from ankleloop import METHODS, DataError, evaluate, identify, simulate
 from ankleloop.joint import prepared as module
-from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare, prepare_trials
+from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare
 from ankleloop.joint.regressors import Grid, widen_grid
 from ankleloop.joint.torques import torque_dataset
 from ankleloop.signals.decimation import decimate, decimation_margin
@@ -169,47 +169,6 @@ def test_two_threads_give_the_results_of_one(trials):
     for trial, estimates in zip(trials, concurrent, strict=True):
         for estimate, expected in zip(estimates, results(trial), strict=True):
             assert_same_estimate(estimate, expected)
-
-
-# --- several trials
-
-
-@pytest.fixture
-def several(trials):
-    signals = {name: np.stack([trial[name].values for trial in trials]) for name in SIGNALS}
-    return prepare_trials(trials, signals, [(100.0, 0.04), (50.0, 0.03)])
-
-
-def test_trials_prepared_together_give_what_each_gives_by_itself(trials, several):
-    for trial, shared in zip(trials, several, strict=True):
-        assert shared.trial is trial
-        for options in ({}, {"identification_rate": 50.0, "delay": 0.03}, {"delay": 0.1}):
-            alone, together = identify(trial, "pr-moesp", **options), identify(shared, "pr-moesp", **options)
-            assert_same_estimate(together, alone)
-            assert evaluate(shared, together).equals(evaluate(trial, alone))
-
-
-def test_trials_prepared_together_are_not_decimated_again(several, calls):
-    for trial in several:
-        for rate, delay in ((100.0, 0.04), (50.0, 0.03)):
-            grid = trial.grid(rate, delay)
-            for name in SIGNALS[1:]:
-                assert trial.channel(name, grid).shape == (grid.samples,)
-            assert [x.shape for x in trial.motion(grid)] == [(grid.samples,)] * 3
-    assert calls == []
-
-
-def test_trials_prepared_together_may_lack_signals(trials):
-    bare = [trial[["position", "torque"]].assign_attrs(trial.attrs) for trial in trials]
-    signals = {name: np.stack([trial[name].values for trial in trials]) for name in ("position", "torque")}
-    for trial, shared in zip(bare, prepare_trials(bare, signals, [(100.0, 0.04)]), strict=True):
-        assert_same_estimate(identify(shared, "pi-moesp"), identify(trial, "pi-moesp"))
-    with pytest.raises(DataError, match="too short"):
-        prepare_trials(
-            [trial.isel(time=slice(0, 300)) for trial in bare],
-            {name: values[:, :300] for name, values in signals.items()},
-            [(100.0, 0.04)],
-        )
 
 
 def test_merged_trials_share_a_basis(trials):

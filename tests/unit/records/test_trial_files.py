@@ -2,10 +2,7 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError, new_trial, simulate
-from ankleloop.joint import prepared
-from ankleloop.joint.prepared import prepare, prepare_trials
 from ankleloop.records.trial_files import load_chunks, load_trial_of, load_trials, save_trials
-from ankleloop.signals.decimation import decimate
 
 
 def make_trials(count=3, samples=50, **attributes):
@@ -97,27 +94,3 @@ def test_attributes_in_which_trials_differ_keep_their_values_and_types(tmp_path)
     for before, after in zip(trials, load_trials(tmp_path / "trials.nc"), strict=True):
         assert after.attrs == before.attrs
         assert type(after.attrs["gain"]) is type(before.attrs["gain"])
-
-
-def test_chunks_share_one_pass_for_each_signal(tmp_path, monkeypatch):
-    save_trials([simulate(seed=k, duration=5.0, snr_db=None, voluntary=0.0) for k in range(3)], tmp_path / "trials.nc")
-    options = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0, "reference": "reference"}
-    separate = [prepare(trial).regressors(**options) for trial in load_trials(tmp_path / "trials.nc")]
-    passes = []
-
-    def count_passes(x, *args, **arguments):
-        passes.append(np.shape(x))
-        return decimate(x, *args, **arguments)
-
-    monkeypatch.setattr(prepared, "decimate", count_passes)
-    (chunk,) = load_chunks(tmp_path / "trials.nc")
-    assert set(chunk.signals) == {"position", "torque", "reference", "torque_intrinsic", "torque_reflex"}
-    trials = prepare_trials(chunk.trials, chunk.signals, [(100.0, 0.04)])
-    assert passes == [(3, 5000)] * 7  # four torques and references, and the position with two derivatives
-    for trial, before in zip(trials, separate, strict=True):
-        regressors = trial.regressors(**options)
-        truth = trial.channel_at("torque_reflex", regressors.time, 100.0)
-        for name in ("inputs", "torque", "reference"):
-            np.testing.assert_array_equal(getattr(regressors, name), getattr(before, name))
-        assert truth.shape == regressors.torque.shape
-    assert len(passes) == 7 + 3  # the rectified velocity of each trial, and nothing twice

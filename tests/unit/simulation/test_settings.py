@@ -8,7 +8,6 @@ import pytest
 
 from ankleloop import arguments, simulate
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.simulation.simulate import simulate_trials
 
 
 @pytest.mark.parametrize(
@@ -28,14 +27,6 @@ def test_a_simulation_beyond_the_memory_is_refused_before_it_begins(monkeypatch,
         ValueError, match=rf"^simulate: this would need {size} of memory, and the machine has 1 GB: take a"
     ):
         simulate(seed=1, **settings)
-
-
-def test_long_trials_share_a_pass_only_as_far_as_memory_goes(monkeypatch):
-    settings = {"duration": 2.0, "settling": 1.0}
-    together = list(simulate_trials(range(3), **settings))
-    monkeypatch.setattr(sys.modules["ankleloop.simulation.simulate"], "CHUNK_MEMORY", 1)
-    for trial, alone in zip(together, simulate_trials(range(3), **settings), strict=True):
-        assert trial.identical(alone)
 
 
 @pytest.mark.parametrize("cutoff", [0.01, 1e5])
@@ -63,9 +54,8 @@ def test_every_setting_has_a_unit_and_a_description():
         assert field.description.replace("null", "None") in SimulationSettings.__doc__
 
 
-@pytest.mark.parametrize("function", [simulate, simulate_trials])
-def test_the_signature_shows_every_setting_with_its_default(function):
-    parameters = inspect.signature(function).parameters
+def test_the_signature_shows_every_setting_with_its_default():
+    parameters = inspect.signature(simulate).parameters
     assert list(parameters)[2:] == list(SimulationSettings.model_fields)
     for name, default in SimulationSettings.defaults().items():
         assert parameters[name].default == default

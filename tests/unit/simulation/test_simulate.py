@@ -9,7 +9,6 @@ import pytest
 from scipy import signal as sps
 
 from ankleloop import UnstableLoopError, simulate
-from ankleloop.simulation.simulate import simulate_trials
 
 RATE = 1000.0
 
@@ -110,9 +109,3 @@ def test_an_unstable_loop_is_an_error_that_names_its_parameters():
 @pytest.mark.parametrize("gain", [10.0, 20.0, 30.0])
 def test_the_assumed_load_is_stable_for_every_gain_of_the_paper(gain):
     assert np.all(np.isfinite(simulate(seed=1, reflex_gain=gain)["torque"]))
-
-
-def test_trials_of_one_pass_are_identical_to_single_trials():
-    settings = {"duration": 3.0, "reflex_gain": 5.0}
-    for seed, trial in zip((4, 9, 11), simulate_trials([4, 9, 11], **settings), strict=True):
-        assert trial.identical(simulate(seed=seed, **settings))

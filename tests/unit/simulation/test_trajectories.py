@@ -9,7 +9,6 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.simulation.loop import build_loop
 from ankleloop.simulation.loop_kernel import run_loop
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.simulation.simulate import simulate_trials
 from ankleloop.simulation.trajectories import draw_course, trajectories
 
 RATE = 1000.0
@@ -67,7 +66,7 @@ def test_a_changing_joint_against_an_adaptive_solver(parameters, noise):
             integration_rate=integration_rate, recording_rate=factor * RATE, **VARIATION, **parameters
         )
         middle = (np.arange(factor * external[0].size) + 0.5) / settings.recording_rate
-        variation = [trajectories(course, middle)]
+        variation = trajectories(course, middle)
         record, divergence = run_loop(build_loop(settings), settings, *refine(factor, *external), variation)
         assert divergence == -1
         error = np.max(np.abs(append_net(record[:, ::factor]) - expected), axis=1) / np.max(np.abs(expected), axis=1)
@@ -104,14 +103,6 @@ def test_the_true_trajectories_are_those_of_the_torque():
         assert stiffness == pytest.approx(150.0 * (1 + 0.4 * sign), rel=0.005)
         assert viscosity == pytest.approx(0.8 * (1 + 0.3 * sign), rel=0.05)
         assert inertia == pytest.approx(0.015, rel=0.02)
-
-
-@pytest.mark.parametrize("jitter", [0.0, 0.1])
-def test_trials_side_by_side_are_those_of_simulate(jitter):
-    settings = {"duration": 3.0, "variation": "cycle", "stiffness_variation": 0.3, "cycle_jitter": jitter}
-    for seed, trial in enumerate(simulate_trials(range(8), **settings)):
-        if seed in (0, 5):
-            assert trial.identical(simulate(seed=seed, **settings))
 
 
 def test_durations_of_cycles():

@@ -9,8 +9,8 @@ import pytest
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.replication.trial_tables import write_trial_table
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies import identification, sweep_job
-from ankleloop.studies.identification import identification_grids, identify_chunk
+from ankleloop.studies import identification
+from ankleloop.studies.identification import identify_chunk
 from ankleloop.studies.simulation import simulate_chunk
 from ankleloop.studies.study import read_studies
 from ankleloop.studies.sweep_job import sweep_chunk
@@ -94,16 +94,6 @@ def test_tables_of_all_trials_do_not_depend_on_the_chunks(tmp_path, keep):
     assert rows.values.tolist() == [[gain, k, size] for gain in (12.0, 8.0) for k in range(9) for size in (8, 10)]
 
 
-@pytest.mark.parametrize("together", [1, 3, 100])
-def test_numbers_do_not_depend_on_how_many_trials_are_prepared_together(tmp_path, monkeypatch, together):
-    expected = files_in(tmp_path / "expected", "scores", "parameters")
-    sweep_chunk(expected, "s", 1, CONDITIONS, POINTS, METHODS)
-    monkeypatch.setattr(sweep_job, "TOGETHER", together)
-    files = files_in(tmp_path / "files", "scores", "parameters")
-    sweep_chunk(files, "s", 1, CONDITIONS, POINTS, METHODS)
-    assert all(files[name].read_bytes() == expected[name].read_bytes() for name in files)
-
-
 def test_trials_of_different_length_share_a_chunk(tmp_path):
     settings = {"short": SETTINGS, "long": SETTINGS | {"duration": 9.0}, "fast": SETTINGS | {"recording_rate": 2000.0}}
     conditions = {name: {"settings": values, "first": 0, "stop": 2} for name, values in settings.items()}
@@ -158,11 +148,6 @@ def test_a_parameter_of_the_sweep_keeps_its_column_beside_the_estimate_of_its_na
     assert rows["delay"].tolist() == [0.03, 0.05]
     np.testing.assert_allclose(rows["delay_estimated"], rows["delay"], atol=0.01)
     assert (rows["delay_estimated_low"] < rows["delay_estimated_high"]).all()
-
-
-def test_grids_are_those_of_all_options():
-    points = {"c": {str(delay): {"values": {}, "options": {"pr": {"delay": delay}}} for delay in (0.03, 0.05)}}
-    assert set(identification_grids(points, {"pr": METHODS["pr"]})) == {(100.0, 0.04), (100.0, 0.03), (100.0, 0.05)}
 
 
 def test_a_condition_without_points_is_refused(tmp_path):
