@@ -202,8 +202,8 @@ def _halve(record: xr.Dataset, reference: str | None, delay: float, identificati
     shortest = 2.0 * SETTLING + SEGMENT
     if edges[1] - edges[0] < shortest:
         raise DataError(
-            f"the record of {edges[-1] - edges[0]:.3g} s makes halves of {edges[1] - edges[0]:.3g} s, but a selection "
-            f"needs halves of {shortest:g} s: use a longer record, or set the options."
+            f"the record of {edges[-1] - edges[0]:.3g} s makes 2 folds of {edges[1] - edges[0]:.3g} s, but a selection "
+            f"needs folds of {shortest:g} s: use a longer record, or set the options."
         )
     halves = [prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges)]
     parts = []

@@ -179,7 +179,7 @@ def test_rates_are_not_compared(clean):
 
 def test_folds_that_are_too_short_are_refused():
     with pytest.raises(
-        DataError, match=r"the record of 7 s makes halves of 3.5 s, but a selection needs halves of 4 s"
+        DataError, match=r"the record of 7 s makes 2 folds of 3.5 s, but a selection needs folds of 4 s"
     ):
         identify(simulate(seed=1, duration=7.0), "riv", select={"order": [2, 3]})
 
