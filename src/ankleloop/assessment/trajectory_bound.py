@@ -16,7 +16,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.time_varying_course import Course, make_course
-from ankleloop.joint.time_varying_splines import Splines
+from ankleloop.joint.time_varying_trajectories import Splines
 from ankleloop.methods.riv_tv import PLACES, RivTvOptions
 from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations, TimeVaryingParameters
 from ankleloop.methods.time_varying_inputs import TimeVaryingInputs

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ankleloop.checks.paths import stiffness_beside_reflex
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.reference import ReferenceProjection, project_on_reference
 from ankleloop.signals.spectra import segment_spectra
 
-__all__ = ["LARGEST_BIAS", "FeedbackTest", "feedback_test"]
+__all__ = ["LARGEST_BIAS", "FeedbackTest", "feedback_test", "path_bias", "stiffness_beside_reflex"]
 
 SEGMENT = 2.0  # s
 FEWEST = 4  # segments: with fewer, nothing but a very strong coherence would be seen
@@ -25,6 +24,9 @@ APART = 3  # bins between which the values of a Hann window are independent
 LEVEL = 0.01
 LARGEST_BIAS = 2.0  # % of K: the scatter of K in a record of a minute (95 % interval of riv) hides a smaller bias
 MOTION = len(INTRINSIC_NAMES)
+REFLEX_LAGS = 0.4  # s
+MOTION = len(INTRINSIC_NAMES)
+DISCARDED = 1e-6  # of the largest singular value
 
 
 @dataclass(frozen=True)
@@ -225,3 +227,36 @@ def _bound_bias(projection: ReferenceProjection, length: int) -> tuple[float, fl
     variance = np.var(sums, ddof=1) * projection.rows / length
     margin = special.stdtrit(len(sums) - 1, 1.0 - LEVEL) * np.sqrt(variance)
     return float(terms.sum() / projection.shrinkage), float(margin / projection.shrinkage)
+
+
+def stiffness_beside_reflex(records: Sequence[Regressors]) -> float:
+    """K by least squares, with the reflex as a finite response to the rectified velocity."""
+    return _fit_stiffness(records, with_reflex=True)
+
+
+def path_bias(records: Sequence[Regressors]) -> float:
+    """How far K of a model without a reflex is off, because intrinsic inputs and reflex torque are correlated.
+
+    This is the bias of one-pass methods, which fit the intrinsic path first and the reflex to what it leaves. A PRBS
+    correlates the two paths, short pulses do not.
+    """
+    stiffness = stiffness_beside_reflex(records)
+    return 100.0 * (_fit_stiffness(records, with_reflex=False) - stiffness) / abs(stiffness)
+
+
+def _fit_stiffness(records: Sequence[Regressors], *, with_reflex: bool) -> float:
+    """K by least squares, on the samples that have all lags of the reflex."""
+    lags = round(REFLEX_LAGS * records[0].rate)
+    inputs, torque = [], []
+    for record in records:
+        if record.torque.size > lags + 1:
+            part = record.inputs[lags:, :MOTION]
+            if with_reflex:
+                lagged = np.lib.stride_tricks.sliding_window_view(record.inputs[:, MOTION], lags + 1)
+                part = np.column_stack([part, lagged])
+            inputs.append(part - part.mean(axis=0))
+            torque.append(record.torque[lags:] - record.torque[lags:].mean())
+    stacked = np.concatenate(inputs)
+    scale = np.maximum(stacked.std(axis=0), np.finfo(float).tiny)
+    values = np.linalg.lstsq(stacked / scale, np.concatenate(torque), rcond=DISCARDED)[0]
+    return float(values[0] / scale[0])

@@ -10,8 +10,7 @@ from typing import Any, cast
 import xarray as xr
 
 from ankleloop.arguments import describe_limits
-from ankleloop.checks.data import DataUse, check_data
-from ankleloop.checks.repeated_trials import refuse_repeated_trials
+from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare

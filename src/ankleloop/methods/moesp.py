@@ -5,9 +5,9 @@ Its members differ in their instruments and in the form of their projection, so 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Literal, cast, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from ankleloop.joint.models import StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis
 from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors
 from ankleloop.methods.method import Method, degree_option, delay_option, rate_option
-from ankleloop.methods.omitted_steps import SUBSPACE_OPTIONS, OmittedStep, describe_omission
 from ankleloop.options import Options, option
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.moesp import moesp
@@ -27,9 +26,13 @@ from ankleloop.subspace.moesp import moesp
 __all__ = [
     "MEMBERS",
     "METHODS",
+    "OMITTED_STEPS",
     "REGRESSION_TOLERANCE",
+    "SUBSPACE_OPTIONS",
     "MoespModelOptions",
     "MoespOptions",
+    "OmittedStep",
+    "describe_omission",
     "direct_stiffness",
     "identify_moesp",
     "merge_moesp",
@@ -47,6 +50,23 @@ MEMBERS = {
     "pi-moesp": ("past-input", "ordinary"),
     "po-moesp": ("past-input-output", "ordinary"),
     "moesp": ("none", "ordinary"),
+}
+OmittedStep = Literal["kernel-derivatives", "early-nonlinearity", "rank-policy", "scaling", "mean-removal"]
+
+# What takes the place of each step.
+OMITTED_STEPS: Mapping[OmittedStep, str] = {
+    "kernel-derivatives": "velocity and acceleration are central differences, once and twice, of decimated positions",
+    "early-nonlinearity": "the basis is applied to the decimated velocity",
+    "rank-policy": "all singular values count, however small",
+    "scaling": "channels are not scaled to unit variance",
+    "mean-removal": "means are not removed, and no offset is estimated",
+}
+
+# Options by which `ankleloop.subspace.moesp.moesp` leaves out the steps that are its own.
+SUBSPACE_OPTIONS: Mapping[OmittedStep | None, Mapping[str, Any]] = {
+    "rank-policy": {"rank_tolerance": 0.0, "regression_tolerance": 0.0},
+    "scaling": {"scaling": False},
+    "mean-removal": {"offsets": False},
 }
 
 
@@ -275,3 +295,8 @@ METHODS = tuple(
     )
     for name in MEMBERS
 )
+
+
+def describe_omission(step: OmittedStep) -> str:
+    """Warning about an estimate whose processing is not complete."""
+    return f"The processing is not complete (omitted_step: {step}): {OMITTED_STEPS[step]}."

@@ -10,11 +10,16 @@ from ankleloop.joint.models import PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
 from ankleloop.methods.riv_alternatives import add_alternatives, find_alternatives, is_stretch_delay, last_error
-from ankleloop.methods.riv_covariance import RivCovariance, choose_covariance
-from ankleloop.methods.riv_equations import MOTION, RivEquations
-from ankleloop.methods.riv_intervals import estimate_errors, estimate_intervals, parameter_values, reflex_path
+from ankleloop.methods.riv_covariance import (
+    RivCovariance,
+    choose_covariance,
+    estimate_errors,
+    estimate_intervals,
+    parameter_values,
+    reflex_path,
+)
+from ankleloop.methods.riv_equations import MOTION, RivEquations, best_of_grid
 from ankleloop.methods.riv_search import RivSolution, solve
-from ankleloop.methods.riv_start import best_of_grid
 from ankleloop.options import Options, option
 
 __all__ = ["METHODS", "RivOptions", "identify_riv"]

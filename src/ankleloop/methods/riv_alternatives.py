@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ankleloop.joint.estimate import Estimate
-from ankleloop.methods.riv_covariance import LEVEL, asymptotic_covariance, movement_p
+from ankleloop.methods.riv_covariance import LEVEL, asymptotic_covariance, movement_p, parameter_values
 from ankleloop.methods.riv_equations import MOTION, RivEquations, RivPoint, solve_scaled
-from ankleloop.methods.riv_intervals import parameter_values
 from ankleloop.methods.riv_search import RivSolution, solve
 from ankleloop.quantities import QUANTITIES
 

@@ -17,13 +17,17 @@ from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import make_course
 from ankleloop.joint.time_varying_model import TimeVaryingModel
-from ankleloop.joint.time_varying_splines import Splines
-from ankleloop.joint.time_varying_trajectories import describe_schedule, trajectory_dataset
+from ankleloop.joint.time_varying_trajectories import Splines, describe_schedule, trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
 from ankleloop.methods.riv_alternatives import Alternative, add_alternatives, compute_shifts, is_significant
 from ankleloop.methods.riv_equations import DELAY_LIMITS
-from ankleloop.methods.time_varying_alternatives import find_time_varying_alternatives
-from ankleloop.methods.time_varying_bands import TimeVaryingCovariance, covariance, trajectory, variation_p
+from ankleloop.methods.time_varying_bands import (
+    TimeVaryingCovariance,
+    covariance,
+    find_time_varying_alternatives,
+    trajectory,
+    variation_p,
+)
 from ankleloop.methods.time_varying_checks import check_course, check_perturbation, instrument_strength
 from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations
 from ankleloop.methods.time_varying_inputs import TimeVaryingInputs

@@ -15,7 +15,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Grid
 from ankleloop.joint.time_varying_course import Course
-from ankleloop.joint.time_varying_splines import Splines
+from ankleloop.joint.time_varying_trajectories import Splines
 from ankleloop.signals.decimation import PASSBAND, decimate, decimation_margin
 from ankleloop.signals.spectra import smooth
 

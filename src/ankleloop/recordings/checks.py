@@ -9,19 +9,17 @@ from typing import Any, cast
 import numpy as np
 import xarray as xr
 
-from ankleloop.checks.data import check_signals
+from ankleloop.checks.data import check_signals, refuse_repeated_trials
 from ankleloop.checks.findings import VERDICTS, Finding, merge_findings
-from ankleloop.checks.loop import LARGEST_BIAS, FeedbackTest, feedback_test
+from ankleloop.checks.loop import LARGEST_BIAS, FeedbackTest, feedback_test, path_bias
 from ankleloop.checks.movement import (
     check_excitation,
     check_reference,
     check_sign,
     fit_stiffness_by_instruments,
 )
-from ankleloop.checks.paths import path_bias
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
 from ankleloop.checks.reference import find_reference_faults
-from ankleloop.checks.repeated_trials import refuse_repeated_trials
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
@@ -56,7 +54,7 @@ class Check:
     reference : bool
         Whether there is a usable reference.
     path_bias : float
-        How far K of a model without a reflex is off [%], see `ankleloop.checks.paths.path_bias`.
+        How far K of a model without a reflex is off [%], see `ankleloop.checks.loop.path_bias`.
     """
 
     findings: list[Finding]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ankleloop.methods.omitted_steps import OMITTED_STEPS, describe_omission
+from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
 from ankleloop.replication.comparisons import format_mean
 from ankleloop.replication.results import join_scores
 from ankleloop.replication.trial_counts import count_outcomes

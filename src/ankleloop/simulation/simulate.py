@@ -13,14 +13,12 @@ from ankleloop.arguments import as_plain, check_memory, show_value
 from ankleloop.errors import UnstableLoopError
 from ankleloop.options import show_fields
 from ankleloop.records.trial import new_trial
-from ankleloop.simulation.excitation import draw_noise, draw_prbs, draw_pulses, draw_voluntary_torque
-from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias
-from ankleloop.simulation.loop import build_loop
-from ankleloop.simulation.loop_kernel import run_loop
+from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias, voluntary_filter
+from ankleloop.simulation.loop import build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import Course, Trajectories, draw_course, trajectories
 
-__all__ = ["simulate"]
+__all__ = ["draw_noise", "draw_prbs", "draw_pulses", "draw_voluntary_torque", "simulate"]
 
 HELD_VALUES = 100  # values of noise over which the anti-aliasing filter settles
 TRIAL_ARRAYS = 16  # arrays over all samples of a trial that are in memory at a time, at least
@@ -283,3 +281,42 @@ def _run_stable_loop(
             "Take a heavier or more damped load, or a lower reflex gain."
         )
     return record
+
+
+def draw_prbs(rng: np.random.Generator, samples: int, interval: int, amplitude: float) -> np.ndarray:
+    """Draw a pseudorandom binary sequence that switches at random multiples of an interval.
+
+    Shapes: returns (samples,).
+    """
+    levels = rng.integers(0, 2, size=-(-samples // interval)) - 0.5
+    return amplitude * np.repeat(levels, interval)[:samples]
+
+
+def draw_pulses(rng: np.random.Generator, samples: int, interval: int, length: int, amplitude: float) -> np.ndarray:
+    """Draw short pulses of independent random sign at random multiples of an interval, with zeros in between.
+
+    A pulse ends before its reflex begins, and its sign is independent of the next one. So the position and its
+    derivatives are uncorrelated with the reflex torque, except for the smearing by the actuator.
+
+    Shapes: returns (samples,).
+    """
+    signs = rng.choice([-0.5, 0.0, 0.0, 0.5], size=-(-samples // interval))
+    shape = (np.arange(interval) < length).astype(float)
+    return amplitude * np.outer(signs, shape).ravel()[:samples]
+
+
+def draw_voluntary_torque(rng: np.random.Generator, samples: int, rate: float, cutoff: float) -> np.ndarray:
+    """Draw Gaussian noise through a second-order Bessel low-pass, of unit standard deviation.
+
+    Shapes: returns (samples,).
+    """
+    system, warmup, deviation = voluntary_filter(rate, cutoff)
+    return system.run(rng.standard_normal(warmup + samples))[warmup:] / deviation
+
+
+def draw_noise(rng: np.random.Generator, samples: int, hold: int) -> np.ndarray:
+    """Draw white Gaussian noise of unit standard deviation, each value of which is held for some samples.
+
+    Shapes: returns (samples,).
+    """
+    return np.repeat(rng.standard_normal(-(-samples // hold)), hold)[:samples]

@@ -17,12 +17,17 @@ from numpy.typing import ArrayLike
 from ankleloop.arguments import check_memory, show_value
 from ankleloop.options import show_fields
 from ankleloop.subspace.hankel import HankelRows
-from ankleloop.subspace.instruments import select_channels
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.options import MemoryOptions, SubspaceOptions
-from ankleloop.subspace.projection import Projection, project_correlation, project_factor, project_gram
-from ankleloop.subspace.realisation import choose_order, realise
-from ankleloop.subspace.sources import Chunk, ChunkSource, MemorySource, Source
+from ankleloop.subspace.projection import (
+    Projection,
+    choose_order,
+    project_correlation,
+    project_factor,
+    project_gram,
+    realise,
+)
+from ankleloop.subspace.sources import Chunk, ChunkSource, MemorySource, Source, select_channels
 
 if TYPE_CHECKING:
     from control import StateSpace

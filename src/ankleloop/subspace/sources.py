@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from ankleloop.arguments import show_value
 from ankleloop.errors import DataError
-from ankleloop.subspace.hankel import COLUMNS, HankelRows, generate_columns
+from ankleloop.signals.reference import fit_lagged_response
+from ankleloop.subspace.hankel import COLUMNS, HankelRows, block_hankel, generate_columns
 from ankleloop.subspace.input_matrices import InputMatrices, OutputRegression, solve_regression, update_factor
-from ankleloop.subspace.instruments import predict_from_reference
-from ankleloop.subspace.options import MemoryOptions, SubspaceOptions
+from ankleloop.subspace.options import Instruments, MemoryOptions, SubspaceOptions
 from ankleloop.subspace.records import (
     are_merged,
     list_records,
@@ -26,9 +26,24 @@ from ankleloop.subspace.records import (
     scale_records,
 )
 
-__all__ = ["Chunk", "ChunkSource", "MemorySource", "Source"]
+__all__ = [
+    "INSTRUMENT_SIGNALS",
+    "Chunk",
+    "ChunkSource",
+    "MemorySource",
+    "Source",
+    "predict_from_reference",
+    "select_channels",
+]
 
 Chunk = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # inputs, outputs and reference
+SIGNALS = ("input", "output", "reference")
+INSTRUMENT_SIGNALS: dict[Instruments, tuple[str, ...]] = {
+    "none": (),
+    "past-input": ("input",),
+    "past-input-output": ("input", "output"),
+    "past-reference": ("reference",),
+}
 
 
 class Source(ABC):
@@ -257,3 +272,34 @@ class ChunkSource(Source):
 
 def _stack_channels(chunk: Chunk) -> np.ndarray:
     return np.column_stack([part for part in chunk if part is not None])
+
+
+def select_channels(instruments: Instruments, sizes: tuple[int, int, int]) -> np.ndarray:
+    """Select the channels that instruments consist of, from records of inputs, outputs and reference side by side."""
+    signals = INSTRUMENT_SIGNALS[instruments]
+    if "reference" in signals and not sizes[2]:
+        raise DataError("past-reference instruments need a reference: pass the external command of the loop.")
+    return np.flatnonzero(np.repeat([name in signals for name in SIGNALS], sizes))
+
+
+def predict_from_reference(
+    signals: Sequence[np.ndarray], references: Sequence[np.ndarray], leads: int = 15, lags: int = 80
+) -> list[np.ndarray]:
+    """Predict signals from leads and lags of the reference: the prediction is free of noise that is fed back.
+
+    The leads are needed because zero-phase filters leak the future into the past.
+
+    Shapes: signals (N, m), references (N, q); returns (N, m).
+    """
+    taps, q = leads + lags + 1, references[0].shape[1]
+    if sum(max(0, len(record) - taps + 1) for record in references) < taps * q:
+        samples = " + ".join(str(len(record)) for record in references)
+        raise DataError(
+            f"a record of {samples} samples is too short to predict its inputs from {taps} leads and lags "
+            "of the reference: record longer, or use input_matrices='least-squares'."
+        )
+    response = fit_lagged_response(references, signals, leads, lags)[::-1].reshape(taps * q, -1)
+    edges = ((lags, leads), (0, 0))
+    return [
+        block_hankel(np.pad(record, edges), 0, taps, len(record)).T @ response for record in remove_means(references)
+    ]

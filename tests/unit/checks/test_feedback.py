@@ -6,8 +6,7 @@ from scipy import signal as sps
 from scipy import stats
 
 from ankleloop import DataError, segment, simulate
-from ankleloop.checks.loop import LARGEST_BIAS, feedback_test
-from ankleloop.checks.paths import path_bias, stiffness_beside_reflex
+from ankleloop.checks.loop import LARGEST_BIAS, feedback_test, path_bias, stiffness_beside_reflex
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.reference import project_on_reference, unseen_share
 

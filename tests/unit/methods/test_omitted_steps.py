@@ -8,7 +8,7 @@ from scipy import linalg
 
 from ankleloop import evaluate, identify
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.omitted_steps import OMITTED_STEPS, SUBSPACE_OPTIONS, OmittedStep
+from ankleloop.methods.moesp import OMITTED_STEPS, SUBSPACE_OPTIONS, OmittedStep
 from ankleloop.signals.decimation import decimate
 from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.moesp import moesp

@@ -6,7 +6,7 @@ import pytest
 import ankleloop
 from ankleloop import identify, new_trial, simulate
 from ankleloop.methods.real_time import _lag_input, _track
-from ankleloop.simulation.excitation import draw_pulses
+from ankleloop.simulation.simulate import draw_pulses
 
 QUIET = {"snr_db": None, "voluntary": 0.0, "closed_loop": False, "duration": 60.0, "reflex_gain": 5.0}
 

@@ -14,9 +14,8 @@ from ankleloop.methods.riv_covariance import (
     robust_covariance,
     time_scores,
 )
-from ankleloop.methods.riv_equations import RivEquations
+from ankleloop.methods.riv_equations import RivEquations, best_of_grid
 from ankleloop.methods.riv_search import solve
-from ankleloop.methods.riv_start import best_of_grid
 
 NAMES = ("K", "B", "I", "G", "omega_n", "zeta")
 INCOMPLETE = {"reflex_threshold": 0.6, "snr_db": 30.0, "voluntary": 0.01, "duration": 20.0}

@@ -9,9 +9,8 @@ from scipy import signal
 
 from ankleloop import identify, new_trial, read_trial, simulate
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.riv_equations import RivEquations
+from ankleloop.methods.riv_equations import RivEquations, best_of_grid
 from ankleloop.methods.riv_search import GAIN, REFINED, solve
-from ankleloop.methods.riv_start import best_of_grid
 
 
 def make_equations(trial, *, order=2, weighting="noise", estimate_delay=False, basis="rectifier", degree=1, reference):

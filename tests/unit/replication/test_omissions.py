@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from ankleloop.methods.omitted_steps import describe_omission
+from ankleloop.methods.moesp import describe_omission
 from ankleloop.replication.omissions import COMPLETE, STEP_LABELS, tabulate_omissions
 from ankleloop.simulation.settings import SimulationSettings
 

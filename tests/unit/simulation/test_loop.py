@@ -10,8 +10,7 @@ from scipy.integrate import solve_ivp
 from ankleloop import simulate
 from ankleloop.joint.prepared import prepare
 from ankleloop.simulation.filters import antialias
-from ankleloop.simulation.loop import build_loop
-from ankleloop.simulation.loop_kernel import run_loop
+from ankleloop.simulation.loop import build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
 
 RATE = 1000.0

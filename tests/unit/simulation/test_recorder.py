@@ -5,8 +5,7 @@ import pytest
 from scipy import signal as sps
 
 from ankleloop import simulate
-from ankleloop.simulation.loop import build_loop
-from ankleloop.simulation.loop_kernel import run_loop
+from ankleloop.simulation.loop import build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
 
 RATE = 1000.0

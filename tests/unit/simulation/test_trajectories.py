@@ -6,8 +6,7 @@ from test_loop import AdaptiveSolution, append_net, external_signals
 
 from ankleloop import DataError, load_trial, save_trial, simulate
 from ankleloop.joint.prepared import prepare
-from ankleloop.simulation.loop import build_loop
-from ankleloop.simulation.loop_kernel import run_loop
+from ankleloop.simulation.loop import build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 

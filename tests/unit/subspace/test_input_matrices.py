@@ -8,7 +8,7 @@ from scipy import signal as sps
 from ankleloop.errors import DataError
 from ankleloop.signals.reference import fit_lagged_response
 from ankleloop.subspace import estimate_input_matrices, simulate_response
-from ankleloop.subspace.instruments import predict_from_reference
+from ankleloop.subspace.sources import predict_from_reference
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from ankleloop.subspace.realisation import choose_order, realise
+from ankleloop.subspace.projection import choose_order, realise
 
 SEEDS = st.integers(0, 2**32 - 1)
 

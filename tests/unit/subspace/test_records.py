@@ -5,8 +5,8 @@ import pytest
 
 from ankleloop import DataError
 from ankleloop.subspace import moesp, simulate_response
-from ankleloop.subspace.instruments import predict_from_reference
 from ankleloop.subspace.records import list_records, scale_records
+from ankleloop.subspace.sources import predict_from_reference
 
 A = np.array([[0.75, -0.37], [0.37, 0.75]])
 B = np.array([[1.0, 0.3], [-0.5, 0.8]])
