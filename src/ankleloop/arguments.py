@@ -15,20 +15,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
-__all__ = [
-    "as_plain",
-    "check_choice",
-    "check_flag",
-    "check_integer",
-    "check_memory",
-    "check_number",
-    "check_path",
-    "check_text",
-    "describe_limits",
-    "show_value",
-    "suggest_name",
-]
-
 LARGEST_MEMORY = 64 * 2**30  # bytes, of a machine that does not state its memory
 CONTROL_GROUP = Path("/sys/fs/cgroup/memory.max")  # of a container, or of a job on a cluster
 

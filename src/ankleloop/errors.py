@@ -1,7 +1,5 @@
 """The errors that ankleloop raises about its input."""
 
-__all__ = ["NUMERICAL_ERRORS", "DataError", "UnstableLoopError"]
-
 
 class DataError(ValueError):
     """Data that cannot be used: the message says what is wrong, where, and what to do.

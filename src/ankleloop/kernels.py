@@ -12,8 +12,6 @@ from typing import Any, TypeVar
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["kernel"]
-
 log = logging.getLogger(__name__)
 
 NO_FOLDER = (

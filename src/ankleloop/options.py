@@ -13,8 +13,6 @@ from pydantic.fields import FieldInfo
 
 from ankleloop.arguments import as_plain, describe_kind, describe_limits, show_value, suggest_name
 
-__all__ = ["Options", "describe_error", "option", "show_fields"]
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 KINDS = {"int": "a whole number", "float": "a finite number", "bool": "true or false", "string": "text", "str": "text"}

@@ -21,8 +21,6 @@ from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.registry import identify
 from ankleloop.signals.decimation import decimation_factor
 
-__all__ = ["Bootstrap", "block_bootstrap"]
-
 LEAST_SHARE = 0.9  # of the repetitions: those that fail are not a random part of all
 
 

@@ -17,8 +17,6 @@ from ankleloop.simulation.filters import ANTIALIAS_ORDER
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
-__all__ = ["cramer_rao", "disturbance_spectrum", "fisher_information"]
-
 LOWEST = 0.05  # Hz
 MEAN_SLOPE = 0.5  # of a rectifier, for a velocity of zero mean
 PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one

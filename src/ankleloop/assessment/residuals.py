@@ -13,8 +13,6 @@ from ankleloop.signals.arrays import as_real
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
 
-__all__ = ["ResidualTest", "residual_test"]
-
 LOWEST = 0.05  # Hz
 LAGS = 0.5  # s
 GROUPS = 38  # bands of frequency whose power is compared

@@ -19,8 +19,6 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.signals.vaf import vaf, vaf_with_interval
 
-__all__ = ["SCORE_COLUMNS", "evaluate", "in_band_snr", "parameter_row", "score_rows", "summarise"]
-
 SCORE_COLUMNS = ("torque", "against", "vaf", "low", "high")
 CORRELATED = 1.0  # s: over this the squares of torques may be correlated
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored

@@ -24,8 +24,6 @@ from ankleloop.quantities import QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
-__all__ = ["TrajectoryInformation", "trajectory_bound", "trajectory_information"]
-
 COURSES = {"cycle": ("phase", None), "time": (None, None), "schedule": (None, "schedule")}
 LOGARITHMIC = ("omega_n", "zeta", "pole")
 PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one

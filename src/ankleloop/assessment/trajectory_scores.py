@@ -10,8 +10,6 @@ import xarray as xr
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 
-__all__ = ["LEVELS", "TRAJECTORY_TRUTHS", "score_trajectories", "true_trajectories"]
-
 TRAJECTORY_TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}  # variables of a trial
 DIMENSIONS = {"cycle": "phase", "time": "time", "schedule": "schedule"}  # by the setting `variation`
 PLACES = 101  # at which parameters that an estimate takes as constant are scored

@@ -10,8 +10,6 @@ import numpy as np
 from ankleloop.checks.findings import CHANNEL_UNITS, Finding
 from ankleloop.joint.prepared import PreparedTrial
 
-__all__ = ["CHANNEL_CHECKS", "check_clipping", "check_gaps", "check_rest", "check_spikes"]
-
 CLIPPED_RUN = 5  # consecutive samples at the very end of the range
 CLIPPED_EXCESS = 5.0  # times as many samples there as at the next values
 MINOR = 1.0  # % of the samples: less clipping is only a warning of the recording check

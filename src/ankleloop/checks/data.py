@@ -33,8 +33,6 @@ from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.records.validation import REQUIRED
 from ankleloop.signals.reference import project_on_reference
 
-__all__ = ["DataUse", "check_data", "check_signals", "refuse_repeated_trials"]
-
 MOTION_CHECKS = (check_scale, check_size, check_relation)
 COMPARED = 8  # samples of each channel that are compared first
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["CHANNEL_UNITS", "VERDICTS", "Finding", "merge_findings"]
-
 VERDICTS = ("ok", "warning", "refused")
 CHANNEL_UNITS = {"position": "rad", "torque": "N·m", "reference": "rad"}
 

@@ -15,8 +15,6 @@ from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.reference import ReferenceProjection, project_on_reference
 from ankleloop.signals.spectra import segment_spectra
 
-__all__ = ["LARGEST_BIAS", "FeedbackTest", "feedback_test", "path_bias", "stiffness_beside_reflex"]
-
 SEGMENT = 2.0  # s
 FEWEST = 4  # segments: with fewer, nothing but a very strong coherence would be seen
 BAND = (0.5, 20.0)  # Hz

@@ -18,26 +18,6 @@ from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.reference import unseen_share
 from ankleloop.signals.spectra import segment_spectra
 
-__all__ = [
-    "CERTAIN",
-    "COPY",
-    "MOTION",
-    "MotionProducts",
-    "check_bandwidth",
-    "check_excitation",
-    "check_reference",
-    "check_relation",
-    "check_scale",
-    "check_sign",
-    "check_size",
-    "check_velocity",
-    "fit_stiffness_by_instruments",
-    "motion_products",
-    "multiply_deviations",
-    "reference_correlations",
-    "regress_torque",
-]
-
 MOTION = len(INTRINSIC_NAMES)
 SMALLEST, LARGEST = 1e-12, 1e12  # rad and N·m: squares of anything beyond leave the range of numbers
 BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave

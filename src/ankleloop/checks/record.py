@@ -12,8 +12,6 @@ from ankleloop.joint.regressors import Regressors
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import segment_spectra
 
-__all__ = ["check_coherence", "check_drift", "check_length", "estimate_spectra"]
-
 SHORTEST, SHORT = 10.0, 25.0  # s
 SHORTEST_TRIAL = 2.0  # s, of those that are merged: filters and Hankel rows touch a second of each
 DRIFT = 0.1  # Hz

@@ -14,8 +14,6 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Grid
 from ankleloop.signals.decimation import decimate
 
-__all__ = ["check_exchange", "check_filtered_torque", "find_reference_faults"]
-
 RATE = 100.0  # Hz, about: at it an actuator of 5 … 60 Hz makes the position late enough to be seen
 AHEAD = 0.15  # correlation that no position has that follows its command, not even behind an ideal actuator
 CHANCE, CERTAIN = 2.0, 4.0  # standard deviations of the correlation of unrelated signals

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from ankleloop.recordings.checks import Check
 
-__all__ = ["check", "check_file", "show_reading"]
-
 EPILOG = """\b
 Examples:
   ankleloop check S1.mat

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from ankleloop.studies.recorded_study import RecordedStudy
 
-__all__ = ["identify", "identify_recording"]
-
 # Keys of `usual_methods`, which --help does not import.
 METHODS = ("riv", "pr-moesp", "pi-moesp", "parallel-cascade", "riv-tv")
 PARAMETERS = ("K", "B", "I", "G")

@@ -16,8 +16,6 @@ import ankleloop
 from ankleloop.command_line.terminal import echo, show_error, show_warning
 from ankleloop.errors import DataError
 
-__all__ = ["DATA", "DONE", "INTERRUPTED", "MISTAKE", "USAGE", "commands", "main"]
-
 DONE, DATA, USAGE, MISTAKE, INTERRUPTED = 0, 1, 2, 3, 130
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # The modules of the verbs are imported when they are used, because `ankleloop --help` needs none of them.

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import click
 
-__all__ = ["check_outputs"]
-
 
 def check_outputs(paths: Iterable[Path], remedy: str, *, overwrite: bool, inputs: Iterable[Path] = ()) -> None:
     """Refuse files that cannot be written, or that exist and are not to be replaced."""

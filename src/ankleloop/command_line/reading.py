@@ -13,8 +13,6 @@ import click
 
 from ankleloop.studies.recording_settings import Recording
 
-__all__ = ["Reading", "map_file", "name_recording", "reading_options"]
-
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 GUESSED = ("position", "torque", "reference")

@@ -15,8 +15,6 @@ from ankleloop.command_line.outputs import check_outputs
 from ankleloop.command_line.reading import map_file, name_recording, reading_options
 from ankleloop.command_line.terminal import echo, show_next
 
-__all__ = ["study"]
-
 EPILOG = """\b
 Examples:
   ankleloop study my-recordings.yaml S1.mat S2.mat

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from ankleloop.recordings.checks import Check
 
-__all__ = ["RecordedFile", "recordings_text", "sweep_text"]
-
 PLAIN = re.compile(r"[A-Za-z][\w ./()-]*[\w)]", re.ASCII)  # texts that YAML reads as they are, but for its own words
 WORDS = ("null", "true", "false", "yes", "no", "on", "off", "y", "n", "nan", "inf")
 CHANNELS = ("position", "torque", "reference", "position_unit")

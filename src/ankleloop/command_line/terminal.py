@@ -13,18 +13,6 @@ from typing import Any, TextIO
 
 import click
 
-__all__ = [
-    "COLOURS",
-    "echo",
-    "format_table",
-    "name_options",
-    "show_error",
-    "show_next",
-    "show_progress",
-    "show_verdict",
-    "show_warning",
-]
-
 COLOURS = {"ok": "green", "warning": "yellow", "refused": "red"}
 PROGRESS = "ankleloop.recordings.analysis"  # the logger that says which method is being fitted
 # Words of the library in messages, that are options here.

@@ -12,8 +12,6 @@ from ankleloop.options import Options
 from ankleloop.replication.captions import label_setting
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = ["METHOD_CONTROLS", "SIMULATION_CONTROLS", "START", "Control", "default_values", "usable_options"]
-
 
 @dataclass(frozen=True)
 class Control:

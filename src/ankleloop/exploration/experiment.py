@@ -21,8 +21,6 @@ from ankleloop.methods.registry import identify
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
-__all__ = ["DURATION", "REPETITIONS", "Experiment", "Fit", "Result", "pole_frequency"]
-
 DURATION = 20.0  # s of a record
 REPETITIONS = 40  # of the bootstrap: the fewest that an interval of 95 % takes
 BLOCK = 1.5  # s of its blocks

@@ -18,13 +18,11 @@ from matplotlib.patches import Circle
 from PIL import Image
 
 from ankleloop.exploration.experiment import SCORED, Fit, Result, pole_frequency
-from ankleloop.joint.estimate import TORQUES
 from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.torques import TORQUES
 from ankleloop.plotting.method_styles import MethodStyle, method_styles
 from ankleloop.plotting.style import MEASURED_LINE, REFERENCE_LINE, STYLE, TRUE_LINE
 from ankleloop.quantities import QUANTITIES
-
-__all__ = ["Picture"]
 
 SIZE = (11.4, 6.6)  # in
 DOTS_PER_INCH = 88

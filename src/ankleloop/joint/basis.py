@@ -8,8 +8,6 @@ import numpy as np
 
 from ankleloop.errors import DataError
 
-__all__ = ["BASES", "Basis", "fit_basis"]
-
 BASES = ("chebyshev", "rectifier", "spline")
 QUANTILES = np.linspace(0.005, 0.995, 200)
 

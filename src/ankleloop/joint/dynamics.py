@@ -9,8 +9,6 @@ import numpy as np
 
 from ankleloop.signals.statespace import companion, discretise_foh, lowpass_denominator
 
-__all__ = ["ReflexDynamics", "fit_dynamics"]
-
 STARTS = [(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]
 POLES = (15.0, 40.0, 120.0)  # rad/s
 MAX_ITERATIONS, STEP_TOLERANCE = 100, 1e-6

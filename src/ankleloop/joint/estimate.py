@@ -13,14 +13,11 @@ from ankleloop.errors import DataError
 from ankleloop.joint.models import Model
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.time_varying_model import TimeVaryingModel
-from ankleloop.joint.torques import TORQUES, torque_dataset
 from ankleloop.quantities import QUANTITIES
 from ankleloop.subspace.matrices import Matrices
 
 if TYPE_CHECKING:
     from control import StateSpace
-
-__all__ = ["TORQUES", "Estimate", "torque_dataset"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,16 +13,14 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
-from ankleloop.joint.estimate import TORQUES, Estimate
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import model_from_fields
 from ankleloop.joint.time_varying_trajectories import read_trajectories
-from ankleloop.joint.torques import torque_dataset
+from ankleloop.joint.torques import TORQUES, torque_dataset
 from ankleloop.joint.typed_json import dump_values, load_values
 from ankleloop.records.files import atomic_file, check_readable, parse_precision
 from ankleloop.records.group_files import Fields
 from ankleloop.records.readable_files import name_errors
-
-__all__ = ["EstimateTable", "load_estimates"]
 
 PathLike = str | os.PathLike[str]
 MEMORY = 2**21  # bytes of a table that are in memory before they go to a temporary file

@@ -15,8 +15,6 @@ from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
 from ankleloop.subspace.matrices import Matrices
 
-__all__ = ["DriveSpectra", "ReflexPath", "StaticNonlinearity", "separate_model", "separate_response"]
-
 LOWEST = 0.05  # Hz
 BIN = 0.2  # Hz
 CANDIDATES = 60  # thresholds on a grid

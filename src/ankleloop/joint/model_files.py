@@ -22,8 +22,6 @@ from ankleloop.records.group_files import Fields, read_groups, write_groups
 from ankleloop.records.readable_files import name_errors
 from ankleloop.signals.sampling import check_same_rate, compute_rate
 
-__all__ = ["FORMAT", "VERSION", "load_estimate", "save_estimate"]
-
 FORMAT, VERSION = "ankleloop estimate", 1
 VARIABLE = "estimate"  # of a MATLAB file
 JSON = "json"  # the diagnostics

@@ -17,8 +17,6 @@ from ankleloop.records.group_files import Fields
 from ankleloop.signals.differentiation import filter_kernels
 from ankleloop.subspace.matrices import Matrices
 
-__all__ = ["ModelInputs"]
-
 BEYOND = 1.01  # of the range of a basis: less is the ripple of its filters
 
 

@@ -23,8 +23,6 @@ from ankleloop.signals.decimation import decimate
 from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.matrices import Matrices
 
-__all__ = ["Model", "PhysicalModel", "ResponseModel", "StateSpaceModel", "model_from_fields", "simulate_torques"]
-
 MOTION = len(INTRINSIC_NAMES)
 Trial = xr.Dataset | PreparedTrial
 

@@ -17,8 +17,6 @@ from ankleloop.signals.decimation import decimate, decimation_factor
 from ankleloop.signals.differentiation import differentiate
 from ankleloop.signals.reference import predict_decimated
 
-__all__ = ["PreparedTrial", "fit_shared_basis", "prepare"]
-
 Value = TypeVar("Value")
 
 

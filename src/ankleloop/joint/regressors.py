@@ -14,16 +14,6 @@ from ankleloop.joint.hammerstein import DriveSpectra
 from ankleloop.signals.decimation import decimation_factor, decimation_margin
 from ankleloop.signals.differentiation import differentiation_margin
 
-__all__ = [
-    "INTRINSIC_NAMES",
-    "Grid",
-    "InputStep",
-    "Regressors",
-    "decimation_grid",
-    "recording_margins",
-    "widen_grid",
-]
-
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
 # Steps of the processing that can be left out: derivatives of the decimation kernel instead of differences of the
 # decimated position, and basis functions before decimation instead of after it.

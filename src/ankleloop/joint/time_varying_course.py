@@ -13,18 +13,6 @@ from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Grid
 
-__all__ = [
-    "Course",
-    "cycle_place",
-    "find_onsets",
-    "follow_cycles",
-    "follow_schedule",
-    "follow_time",
-    "grid_times",
-    "make_course",
-    "schedule_place",
-]
-
 MARGIN = 0.75  # s at either end of a record that responses and filters touch
 FEWEST_CYCLES = 8
 SEGMENT = 1.0  # s: segments of a record without cycles, which count as independent

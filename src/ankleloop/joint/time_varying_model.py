@@ -21,8 +21,6 @@ from ankleloop.joint.torques import torque_dataset
 from ankleloop.records.group_files import Fields
 from ankleloop.signals.decimation import decimate
 
-__all__ = ["TimeVaryingModel"]
-
 PADDING = 1.0  # s
 TRAJECTORIES = ("stiffness", "viscosity", "gain")
 BEYOND = 0.05  # share of the samples beyond the limits of a scheduling variable from which on a warning says so

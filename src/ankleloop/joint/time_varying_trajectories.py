@@ -13,8 +13,6 @@ from ankleloop.errors import DataError
 from ankleloop.quantities import QUANTITIES
 from ankleloop.records.group_files import Fields
 
-__all__ = ["Splines", "describe_schedule", "read_trajectories", "trajectory_dataset"]
-
 COORDINATES = {
     "phase": ("1", "phase of the cycle"),
     "time": ("s", "time from the first sample"),

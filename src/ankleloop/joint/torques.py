@@ -7,8 +7,6 @@ from functools import lru_cache
 import numpy as np
 import xarray as xr
 
-__all__ = ["TORQUES", "torque_dataset"]
-
 TORQUES = ("net", "intrinsic", "reflex")
 
 

@@ -9,8 +9,6 @@ import numpy as np
 
 from ankleloop.errors import DataError
 
-__all__ = ["dump_values", "load_values"]
-
 ARRAY, COMPLEX = "$array", "$complex"  # keys that mark them
 
 

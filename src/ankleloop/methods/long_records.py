@@ -15,11 +15,12 @@ from ankleloop.arguments import check_path
 from ankleloop.checks.data import check_data
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
-from ankleloop.joint.estimate import TORQUES, Estimate
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import StateSpaceModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors, decimation_grid, recording_margins
+from ankleloop.joint.torques import TORQUES
 from ankleloop.methods.method import add_warnings, data_use
 from ankleloop.methods.moesp import (
     MEMBERS,
@@ -37,8 +38,6 @@ from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
 
 if TYPE_CHECKING:
     import h5netcdf
-
-__all__ = ["identify_file"]
 
 CHUNK = 50_000  # identified samples
 CHECKED_SAMPLES = 100_000  # identified samples whose data are checked at a time

@@ -17,18 +17,6 @@ from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
 
-__all__ = [
-    "NOMINAL_DELAY",
-    "Method",
-    "Trial",
-    "add_warnings",
-    "check_lags",
-    "data_use",
-    "degree_option",
-    "delay_option",
-    "rate_option",
-]
-
 Trial = xr.Dataset | PreparedTrial
 MOST_LAGS = 1000  # of an impulse response; the time of a fit grows with the cube of their number
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated

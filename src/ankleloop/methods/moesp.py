@@ -12,32 +12,17 @@ from typing import Any, Literal, cast, get_args
 import numpy as np
 
 from ankleloop.joint.basis import Basis
-from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, separate_model
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis
 from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors
+from ankleloop.joint.torques import torque_dataset
 from ankleloop.methods.method import Method, degree_option, delay_option, rate_option
 from ankleloop.options import Options, option
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.moesp import moesp
-
-__all__ = [
-    "MEMBERS",
-    "METHODS",
-    "OMITTED_STEPS",
-    "REGRESSION_TOLERANCE",
-    "SUBSPACE_OPTIONS",
-    "MoespModelOptions",
-    "MoespOptions",
-    "OmittedStep",
-    "describe_omission",
-    "direct_stiffness",
-    "identify_moesp",
-    "merge_moesp",
-    "separate_reflex",
-]
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
 # squares would give torques that are huge and cancel. Without it the regression is far from this (condition below 100).

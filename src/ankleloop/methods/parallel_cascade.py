@@ -21,8 +21,6 @@ from ankleloop.methods.method import Method, check_lags, delay_option, rate_opti
 from ankleloop.options import Options, option
 from ankleloop.subspace.hankel import HankelGram
 
-__all__ = ["METHODS", "ParallelCascadeOptions", "identify_parallel_cascade"]
-
 PASS_CEILING = 10_000  # beyond any loop that converges at all
 SQUARED = 1e-10  # least ratio of eigenvalues for which inner products show all directions
 

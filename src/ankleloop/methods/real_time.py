@@ -9,13 +9,12 @@ from pydantic import model_validator
 from scipy import linalg
 
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import INTRINSIC_NAMES
+from ankleloop.joint.torques import torque_dataset
 from ankleloop.methods.method import Method, check_lags, delay_option, rate_option
 from ankleloop.options import Options, option
-
-__all__ = ["METHODS", "RealTimeOptions", "identify_real_time"]
 
 UPDATE_RATE = 10.0  # Hz at which parameters are solved for and traced
 SHORTEST_LEVEL = 1.0  # s over which position and torque are averaged, at least

@@ -15,8 +15,6 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.methods.method import Method, Trial
 from ankleloop.methods.selection import check_selection, select_options
 
-__all__ = ["METHODS", "find_method", "identify", "method_options"]
-
 # Modules of the methods; each has METHODS.
 FAMILIES = (
     "ankleloop.methods.moesp",

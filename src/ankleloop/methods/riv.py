@@ -22,8 +22,6 @@ from ankleloop.methods.riv_equations import MOTION, RivEquations, best_of_grid
 from ankleloop.methods.riv_search import RivSolution, solve
 from ankleloop.options import Options, option
 
-__all__ = ["METHODS", "RivOptions", "identify_riv"]
-
 CERTAIN_DELAY = 0.005  # s, standard error
 
 

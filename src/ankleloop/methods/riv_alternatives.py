@@ -14,17 +14,6 @@ from ankleloop.methods.riv_equations import MOTION, RivEquations, RivPoint, solv
 from ankleloop.methods.riv_search import RivSolution, solve
 from ankleloop.quantities import QUANTITIES
 
-__all__ = [
-    "Alternative",
-    "add_alternatives",
-    "compute_shifts",
-    "find_alternatives",
-    "format_shifts",
-    "is_significant",
-    "is_stretch_delay",
-    "last_error",
-]
-
 SIGNIFICANT = 4.5  # standard errors
 ONE_SIDED = ("high-pass", "friction", "compression")  # the opposite is no effect of an instrument
 SMALLEST_SHIFT, LARGEST_SHIFT = 0.01, 0.2  # of a parameter: less is not told, more is no matter of its interval

@@ -21,20 +21,6 @@ from ankleloop.methods.riv_equations import (
 )
 from ankleloop.signals.vaf import TWO_SIDED
 
-__all__ = [
-    "LEVEL",
-    "SEGMENT",
-    "RivCovariance",
-    "asymptotic_covariance",
-    "choose_covariance",
-    "estimate_errors",
-    "estimate_intervals",
-    "movement_p",
-    "parameter_values",
-    "reflex_path",
-    "robust_covariance",
-]
-
 SEGMENT = 1.0  # s: over this the products of residual and instruments may be correlated
 SLOWEST = 2  # cosines that a drift within the record would fill
 FEWEST = 8  # cosines of a short record

@@ -16,17 +16,6 @@ from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.reference import explained_share
 from ankleloop.signals.spectra import Band
 
-__all__ = [
-    "DELAY_LIMITS",
-    "MOTION",
-    "NOISE_RESOLUTION",
-    "RivEquations",
-    "RivParameters",
-    "RivPoint",
-    "best_of_grid",
-    "solve_scaled",
-]
-
 LOWEST = 0.05  # Hz: drifts and means lie below
 NOISE_RESOLUTION = 0.4  # Hz
 DELAY_LIMITS = (0.015, 0.15)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity

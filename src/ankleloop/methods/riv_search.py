@@ -9,8 +9,6 @@ import numpy as np
 from ankleloop.methods.riv_covariance import asymptotic_covariance
 from ankleloop.methods.riv_equations import RivEquations, RivParameters, RivPoint, solve_scaled
 
-__all__ = ["RivSolution", "solve"]
-
 LARGEST_STEP = 0.4  # of a natural frequency or damping in one iteration
 LARGEST_DELAY_STEP = 0.01  # s
 GAIN = 1e-3  # least relative gain of the merit, and least gain of the misfit

@@ -34,8 +34,6 @@ from ankleloop.methods.time_varying_inputs import TimeVaryingInputs
 from ankleloop.methods.time_varying_search import TimeVaryingSolution, solve_time_varying
 from ankleloop.options import Options, option
 
-__all__ = ["METHODS", "RivTvOptions", "identify_riv_tv"]
-
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
 IDENTIFIED = 0.03  # of the mean information about a parameter: less is not identified

@@ -20,8 +20,6 @@ from ankleloop.options import Options
 from ankleloop.records.trial import segment
 from ankleloop.signals.sampling import match_times
 
-__all__ = ["CRITERIA", "Selection", "check_candidates", "check_selection", "select_options"]
-
 CRITERIA = ("instrumental", "cross-validation")
 SETTLING = 1.0  # s at either end of a test part
 SEGMENT = 2.0  # s over which losses are summed before their scatter is computed

@@ -12,16 +12,6 @@ from ankleloop.methods.riv_alternatives import Alternative, compute_shifts
 from ankleloop.methods.riv_equations import solve_scaled
 from ankleloop.methods.time_varying_search import TimeVaryingSolution
 
-__all__ = [
-    "TimeVaryingCovariance",
-    "Trajectory",
-    "covariance",
-    "excitation",
-    "find_time_varying_alternatives",
-    "trajectory",
-    "variation_p",
-]
-
 PARAMETERS = ("K", "B", "G")
 INTEGRATION = 2001  # places at which squares of splines are summed
 EFFECTS = ("lag", "high-pass", "friction", "compression", "direction", "delay")

@@ -8,8 +8,6 @@ from ankleloop.errors import DataError
 from ankleloop.methods.time_varying_equations import WhitenedSystem
 from ankleloop.methods.time_varying_inputs import TimeVaryingInputs
 
-__all__ = ["check_course", "check_perturbation", "free_share", "instrument_strength"]
-
 LOCKED = 0.3  # share of the perturbation that has to differ from cycle to cycle
 ROUNDS = 5
 MOVEMENT_BAND, FLOOR_BAND = (0.6, 1.5), (2.0, 6.0)  # frequencies of a cycle, and those of the perturbation beside it

@@ -15,8 +15,6 @@ from ankleloop.methods.time_varying_inputs import MEAN_SPLINES, TimeVaryingInput
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import Band
 
-__all__ = ["Bases", "TimeVaryingEquations", "TimeVaryingParameters", "WhitenedSystem"]
-
 LOWEST = 0.05  # Hz
 RESOLUTION, FEWEST_BINS = 0.4, 20  # Hz, and frequencies, over which the noise spectrum is smoothed
 NOISE_SPLINES = 8  # of the level of the noise

@@ -19,8 +19,6 @@ from ankleloop.joint.time_varying_trajectories import Splines
 from ankleloop.signals.decimation import PASSBAND, decimate, decimation_margin
 from ankleloop.signals.spectra import smooth
 
-__all__ = ["MEAN_SPLINES", "TimeVaryingInputs", "predict_perturbation"]
-
 LEADS, LAGS = 0.15, 0.60  # s
 RIDGE = 1e-3  # of the power of the reference: it settles what lies beyond the pass band
 FOLDS = 4

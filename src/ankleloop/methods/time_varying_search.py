@@ -11,8 +11,6 @@ from ankleloop.methods.riv_equations import DELAY_LIMITS, solve_scaled
 from ankleloop.methods.time_varying_equations import TimeVaryingEquations, TimeVaryingParameters, WhitenedSystem
 from ankleloop.signals.spectra import smooth
 
-__all__ = ["TimeVaryingSolution", "solve_time_varying"]
-
 MOST_ROUNDS = 30
 LARGEST_STEPS = {"omega_n": 0.3, "zeta": 0.3, "pole": 0.3, "delay": 0.008, "torque_lag": 0.004}
 CONVERGED = 0.02  # of its standard error: largest step of a parameter of the dynamics

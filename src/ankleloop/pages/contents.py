@@ -6,8 +6,6 @@ import html
 import re
 from dataclasses import dataclass
 
-__all__ = ["Heading", "find_headings"]
-
 HEADING = re.compile(r"<h([23])((?:\s[^>]*)?)>(.*?)</h\1>", re.DOTALL)
 LINK = re.compile(r'<a class="anchor-link".*?</a>', re.DOTALL)
 ANCHOR = re.compile(r'\bid="([^"]*)"')

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["EmbeddedFigure", "embed_figure"]
-
 LARGEST_WIDTH = 980  # px
 PIXELS_PER_INCH = 137.5  # of the page: a figure of two columns fills it
 DOTS_PER_INCH = 220  # of the picture

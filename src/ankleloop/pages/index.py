@@ -21,8 +21,6 @@ from ankleloop.replication.ledger import VERDICTS, tabulate_ledger
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["VERDICT_COLOURS", "Figure", "Results", "render_index", "render_ledger", "render_tables"]
-
 # Backgrounds that are told apart in print and by readers who do not see red or green; the words stand in them.
 VERDICT_COLOURS = {
     REPRODUCED: "#b7dfc2",

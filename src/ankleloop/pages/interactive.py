@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ankleloop.joint.estimate import TORQUES
+from ankleloop.joint.torques import TORQUES
 from ankleloop.pages.rendering import render_template
 from ankleloop.plotting.envelopes import envelope
 from ankleloop.plotting.style import STYLE
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from ankleloop.joint.estimate import Estimate
     from ankleloop.joint.prepared import PreparedTrial
     from ankleloop.plotting.method_styles import MethodStyle
-
-__all__ = ["render_interactive_torques"]
 
 MOST_VALUES = 700_000  # numbers of a figure: less than 4 MB in the page
 HEIGHT, STRIP = 190, 70  # px of a panel, and of the strip that shows the window in the record

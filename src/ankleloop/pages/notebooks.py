@@ -10,8 +10,6 @@ from typing import Any
 
 from ankleloop.pages.rendering import render_page
 
-__all__ = ["find_captions", "render_notebook_page"]
-
 
 def render_notebook_page(title: str, body_html: str, note: str = "", *, index: str | None = None) -> str:
     """Page of an executed notebook."""

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from ankleloop.recordings.analysis import Analysis
     from ankleloop.recordings.recommendation import Recommendation
 
-__all__ = ["FIGURES", "embed_recording_figures", "render_recording_page"]
-
 FIGURES = ("spectra", "trajectories", "torques", "models", "residuals")  # of a page
 SCORES = ("vaf_unseen", "vaf_net", "vaf_intrinsic", "vaf_reflex")
 PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")

@@ -12,8 +12,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ankleloop.pages.contents import find_headings
 
-__all__ = ["render_page", "render_template"]
-
 
 @cache
 def _environment() -> Environment:

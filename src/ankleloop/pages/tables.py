@@ -10,8 +10,6 @@ from ankleloop.pages.rendering import render_template
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["describe_table", "render_paragraphs", "render_table"]
-
 SHORT_TEXT = 16  # letters up to which a cell is one line
 # Letters of a cell from which its column has a class, which is wider.
 LONG_TEXTS = {100: "long", 40: "text", SHORT_TEXT: "words"}

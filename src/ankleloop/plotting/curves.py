@@ -18,8 +18,6 @@ from ankleloop.plotting.panels import Panel, panel_grid, share_ordinates, split_
 from ankleloop.plotting.style import ONE_COLUMN, REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure, inches
 from ankleloop.signals.vaf import confidence_margin
 
-__all__ = ["curves_figure"]
-
 HEIGHT = 50.0  # mm of a row of panels
 MOST_TICKS = 6  # values of a logarithmic parameter that have a tick each
 UPPER_SHARE = 0.8  # height of the part above a break over that of the part below

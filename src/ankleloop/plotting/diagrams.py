@@ -9,8 +9,6 @@ from matplotlib.patches import Circle, Rectangle
 
 from ankleloop.plotting.style import STYLE, TWO_COLUMNS, DataFigure, inches
 
-__all__ = ["closed_loop_diagram", "parallel_cascade_diagram"]
-
 INK = "#222222"
 HEIGHT = 0.56  # of a block
 RADIUS = 0.13  # of a summing point

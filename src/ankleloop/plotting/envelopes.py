@@ -6,8 +6,6 @@ import numpy as np
 
 from ankleloop.arguments import check_integer
 
-__all__ = ["envelope"]
-
 
 def envelope(values: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest value in each bin of a signal.

@@ -15,8 +15,6 @@ from ankleloop.plotting.style import ALL_FAILED, FAULT_RING
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["draw_crosses", "draw_rings", "mark_means"]
-
 
 def draw_rings(axis: Axes, x: ArrayLike, y: ArrayLike) -> None:
     """Draw rings around symbols of means with failures or warnings.

@@ -16,8 +16,6 @@ from matplotlib.legend import Legend
 
 from ankleloop.plotting.style import ALL_FAILED, FAULT_RING, MARK
 
-__all__ = ["add_entries", "add_legend", "split_rows"]
-
 HANDLE, PAD, GAP = 2.0, 0.6, 1.8  # length of a line, its distance to the text, distance of entries [font sizes]
 LAYOUT: dict[str, Any] = {"handlelength": HANDLE, "handletextpad": PAD, "columnspacing": GAP, "labelspacing": 0.35}
 LAYOUT |= {"borderpad": 0.15, "borderaxespad": 0.0}

@@ -18,8 +18,6 @@ from ankleloop.plotting.style import STYLE, DataFigure
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["map_figure"]
-
 FRAME = "#D55E00"  # of cells within a limit
 COLUMNS = 3  # panels side by side
 TITLE = 32  # characters of a line above a panel

@@ -6,8 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-__all__ = ["METHOD_STYLES", "MethodStyle", "label_styles", "method_styles", "ordinal_styles"]
-
 Dashes = tuple[float, ...]
 
 SOLID: Dashes = ()

@@ -10,8 +10,6 @@ from matplotlib.axes import Axes
 
 from ankleloop.plotting.style import TWO_COLUMNS, DataFigure, inches
 
-__all__ = ["Panel", "panel_grid", "share_ordinates", "split_label", "tabulate_lines"]
-
 
 @dataclass(frozen=True)
 class Panel:

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from ankleloop.assessment.residuals import ResidualTest
     from ankleloop.joint.estimate import Estimate
 
-__all__ = ["group_figure", "model_figure", "residual_figure", "spectra_figure"]
-
 LONGEST = 0.4  # s of impulse responses
 FREQUENCIES = np.geomspace(0.2, 38.0, 200)  # Hz of Bode diagrams
 GROUP_COLUMNS = 4  # methods side by side; more are drawn below

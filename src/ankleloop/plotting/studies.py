@@ -23,14 +23,6 @@ from ankleloop.plotting.style import (
     inches,
 )
 
-__all__ = [
-    "estimates_figure",
-    "interval_figure",
-    "order_figure",
-    "ratio_figure",
-    "traces_figure",
-]
-
 MISSED = "#D55E00"  # of intervals that do not hold the truth
 COLUMNS = 3  # panels side by side
 

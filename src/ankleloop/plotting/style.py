@@ -15,21 +15,6 @@ from ankleloop.records.files import atomic_file
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "ALL_FAILED",
-    "FAULT_RING",
-    "MEASURED_LINE",
-    "ONE_COLUMN",
-    "REFERENCE_LINE",
-    "STYLE",
-    "TRUE_LINE",
-    "TWO_COLUMNS",
-    "DataFigure",
-    "inches",
-    "render_png",
-    "save_figure",
-]
-
 # Widths of figures [mm], as journals set one and two columns.
 ONE_COLUMN = 88.0
 TWO_COLUMNS = 181.0

@@ -15,8 +15,6 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator
 from numpy.typing import ArrayLike
 
-__all__ = ["MOST_LISTED", "SweepAxis"]
-
 MOST_LISTED = 12  # distinct values that are drawn one by one; more are drawn in bins
 MOST_TICKS = 8  # values that all have a label of their own
 BINS = 10

@@ -24,8 +24,6 @@ from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, mark_rows, tabula
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["NO_POINT", "NO_VALUE", "REGION_SHARE", "has_rings", "maps_figure"]
-
 Edges = tuple[np.ndarray, np.ndarray]
 
 NO_VALUE = "no value"

@@ -19,18 +19,6 @@ from ankleloop.plotting.panels import panel_grid, split_label
 from ankleloop.plotting.style import REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure, inches
 from ankleloop.plotting.sweep_axes import SweepAxis
 
-__all__ = [
-    "DIFFERENCE_STYLE",
-    "FAULT_SHARE",
-    "SweepPanel",
-    "SweepSeries",
-    "effects_figure",
-    "lines_figure",
-    "mark_rows",
-    "tabulate_sweep",
-    "value_limits",
-]
-
 LABEL = 18  # characters of a line of a label of a row of effects
 LEGEND = 60  # characters of a line of an entry
 DIFFERENCE_STYLE = MethodStyle("#222222", "o")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ankleloop.joint.estimate import TORQUES
 from ankleloop.joint.prepared import prepare
+from ankleloop.joint.torques import TORQUES
 from ankleloop.plotting.envelopes import envelope
 from ankleloop.plotting.method_styles import MethodStyle, method_styles
 from ankleloop.plotting.style import MEASURED_LINE, TRUE_LINE
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from ankleloop.joint.estimate import Estimate
     from ankleloop.joint.prepared import PreparedTrial
-
-__all__ = ["CentredTorques", "TorqueSeries", "Trace", "centre_torques", "limit_values", "torque_series"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.assessment.scores import evaluate
-from ankleloop.joint.estimate import TORQUES
 from ankleloop.joint.prepared import prepare
+from ankleloop.joint.torques import TORQUES
 from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.method_styles import MethodStyle, method_styles
 from ankleloop.plotting.style import MEASURED_LINE, STYLE, TRUE_LINE, TWO_COLUMNS, DataFigure, inches
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from ankleloop.joint.estimate import Estimate
     from ankleloop.joint.prepared import PreparedTrial
-
-__all__ = ["torque_figure"]
 
 COLUMNS = 3  # methods side by side; more are drawn below
 HEIGHT = 33.0  # mm of a panel

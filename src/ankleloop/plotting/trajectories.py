@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from ankleloop.joint.estimate import Estimate
 
-__all__ = ["mean_trajectories_figure", "trajectories_figure"]
-
 PARAMETERS = ("K", "B", "G", "I")  # in their order; I where it varies
 ABSCISSAE = {
     "phase": "phase of the cycle [1]",

@@ -14,8 +14,9 @@ import xarray as xr
 from ankleloop.assessment.residuals import ResidualTest, residual_test
 from ankleloop.assessment.scores import evaluate, parameter_row
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
-from ankleloop.joint.estimate import TORQUES, Estimate
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.torques import TORQUES
 from ankleloop.methods.registry import find_method, identify
 from ankleloop.methods.riv_alternatives import compute_shifts, format_shifts
 from ankleloop.methods.selection import check_selection
@@ -24,8 +25,6 @@ from ankleloop.recordings.comparison import UnseenTorque, unseen_torque
 from ankleloop.recordings.validity import caution, reason_against
 from ankleloop.records.trial import segment
 from ankleloop.signals.sampling import match_times
-
-__all__ = ["Analysis", "analyse", "largest_options"]
 
 OTHER_DELAY = 0.01  # s
 

@@ -28,8 +28,6 @@ from ankleloop.options import Options, option
 from ankleloop.recordings.validity import describe_validity, valid_methods
 from ankleloop.signals.reference import project_on_reference
 
-__all__ = ["VERDICTS", "Check", "Finding", "check_trial"]
-
 SHOWN_BIAS = 0.1  # % of K: a smaller limit is not spelt out
 MOTION = len(INTRINSIC_NAMES)
 

@@ -13,8 +13,6 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial
 
-__all__ = ["UnseenTorque", "VafDifference", "compare_unseen", "unseen_torque"]
-
 BLOCK = 2.0  # s: longer than the squares of torques are correlated
 FEWEST = 5  # blocks
 

@@ -8,11 +8,10 @@ from pathlib import Path
 import pandas as pd
 
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate import TORQUES, Estimate
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.model_files import save_estimate
+from ankleloop.joint.torques import TORQUES
 from ankleloop.records.files import atomic_file, source_files
-
-__all__ = ["export_estimate"]
 
 SUFFIXES = (".nc", ".mat", ".csv")
 

@@ -23,8 +23,6 @@ from ankleloop.records.readers import read_trial
 from ankleloop.records.reading_options import ReadingOptions
 from ankleloop.records.trial import segment
 
-__all__ = ["analyse_files", "export_estimates", "load_recording", "refuse_recording", "tabulate_analysis"]
-
 SUFFIXES = (".nc", ".mat", ".csv")
 GROUPS = ("subject", "condition", "trial")
 

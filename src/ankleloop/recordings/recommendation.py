@@ -15,14 +15,6 @@ from ankleloop.recordings.comparison import VafDifference, compare_unseen
 from ankleloop.recordings.validity import VALIDITY
 from ankleloop.recordings.variation import LEVEL
 
-__all__ = [
-    "Recommendation",
-    "format_with_interval",
-    "recommend",
-    "select_trusted_methods",
-    "select_valid_methods",
-]
-
 NO_CONCLUSION = "Nothing can be concluded from this recording"
 WIDEST = 5.0  # points of VAF: a difference that may be as large is not called equal
 PREFERENCE = list(VALIDITY)

@@ -6,8 +6,6 @@ from typing import Any
 
 from ankleloop.recordings.validity import INSTRUMENTS
 
-__all__ = ["usual_methods"]
-
 DEGREE = 8  # of the basis
 
 

@@ -8,16 +8,6 @@ from typing import Any
 
 from ankleloop.methods.registry import METHODS
 
-__all__ = [
-    "LARGEST_PATH_BIAS",
-    "VALIDITY",
-    "Validity",
-    "caution",
-    "describe_validity",
-    "reason_against",
-    "valid_methods",
-]
-
 LARGEST_PATH_BIAS = 10.0  # % of K; the scatter of this measure in a record of a minute is about half of it
 
 INSTRUMENTS = {"input_matrices": "instruments"}

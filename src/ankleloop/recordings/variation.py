@@ -21,8 +21,6 @@ from ankleloop.recordings.comparison import compare_unseen
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["LEVEL", "Variation", "add_course", "check_course", "describe_variations"]
-
 LEVEL = 0.05  # of the test whether anything varies
 COURSE = ("cycle_onsets", "schedule")  # options that say what parameters are functions of
 DIMENSIONS = {

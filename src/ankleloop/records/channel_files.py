@@ -14,8 +14,6 @@ from ankleloop.records.channels import Channel, check_size
 from ankleloop.records.decoding import as_text, decode
 from ankleloop.records.file_contents import Contents, Variable, raise_type
 
-__all__ = ["RATE", "RATE_NAMES", "TIME", "TIME_NAMES", "Request", "list_variables", "read_channels"]
-
 # Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
 TIME_NAMES = ("time", "time_s", "t", "Time", "time_ms", "t_ms", "time_us")

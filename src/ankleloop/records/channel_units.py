@@ -6,8 +6,6 @@ import re
 
 from ankleloop.errors import DataError
 
-__all__ = ["check_unit", "find_unit_in_name", "time_factor"]
-
 TORQUE_UNITS = ("nm", "newtonmeter", "newtonmetre", "newtonmeters", "newtonmetres")
 TIME_UNITS = {
     "s": 1.0,

@@ -8,8 +8,6 @@ import numpy as np
 
 from ankleloop.errors import DataError
 
-__all__ = ["MAX_SAMPLES", "Channel", "check_size"]
-
 MAX_SAMPLES = 20_000_000  # 160 MB in double precision
 
 

@@ -16,8 +16,6 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.records.channels import check_size
 
-__all__ = ["Table"]
-
 BLOCK = 1 << 20  # bytes that are read at a time
 LONGEST_LINE = 1 << 20  # bytes
 COMMA, LINE_FEED, QUOTE = b",", b"\n", b'"'

@@ -9,8 +9,6 @@ import numpy as np
 
 from ankleloop.errors import DataError
 
-__all__ = ["as_text", "decode"]
-
 # Attributes by the conventions of NetCDF and CF, which HDF5 files of laboratories follow, too.
 MISSING = ("_FillValue", "missing_value")
 UNWRITTEN = 9.969209968386869e36  # what NetCDF libraries put where no sample was written

@@ -8,8 +8,6 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.records.validation import validate
 
-__all__ = ["remove_drift"]
-
 MAX_DEGREE = 10
 
 

@@ -13,8 +13,6 @@ import numpy as np
 
 from ankleloop.errors import DataError
 
-__all__ = ["Contents", "Variable", "raise_type", "take_samples"]
-
 LISTED = 100  # names of variables that an error message lists
 
 

@@ -16,8 +16,6 @@ from ankleloop.errors import DataError
 from ankleloop.records.csv_tables import Table
 from ankleloop.records.file_contents import Contents, Variable, raise_type, take_samples
 
-__all__ = ["SUFFIXES", "find_suffix", "open_contents"]
-
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc")
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 

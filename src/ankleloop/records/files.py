@@ -21,17 +21,6 @@ if TYPE_CHECKING:
     import h5netcdf
     import xarray as xr
 
-__all__ = [
-    "atomic_file",
-    "atomic_netcdf",
-    "check_output",
-    "check_readable",
-    "holds_content",
-    "parse_precision",
-    "source_files",
-    "write_netcdf",
-]
-
 PathLike = str | os.PathLike[str]
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}

@@ -15,8 +15,6 @@ from ankleloop.errors import DataError
 from ankleloop.records.files import atomic_file, check_output, check_readable, source_files, write_netcdf
 from ankleloop.records.readable_files import readable_file
 
-__all__ = ["Fields", "read_groups", "write_groups"]
-
 SUFFIXES = (".nc", ".mat")
 
 

@@ -13,8 +13,6 @@ from ankleloop.errors import DataError
 from ankleloop.records.decoding import as_text
 from ankleloop.records.file_contents import Contents, Variable, raise_type, take_samples
 
-__all__ = ["Hdf5Contents"]
-
 MOST_LINKS = 20  # soft links on the way to a variable
 MOST_OBJECTS = 5_000  # that are visited to list the variables
 MOST_LEVELS = 50

@@ -22,8 +22,6 @@ from ankleloop.records.sample_checks import check_blocks
 from ankleloop.records.trial import check_shape, check_sizes
 from ankleloop.signals.sampling import compute_rate, compute_rate_of_parts, parse_rate
 
-__all__ = ["LongRecord"]
-
 SUFFIXES = (".h5", ".hdf5", ".nc")
 BLOCK = 250_000  # samples read at a time: each access to the file costs more than so many numbers
 

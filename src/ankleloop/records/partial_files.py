@@ -12,8 +12,6 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-__all__ = ["partial_path", "remove_stale"]
-
 NAME_BYTES = 200  # of the name of the file in the name of its partial file; file systems allow 255 in all
 ABANDONED = 7 * 86400.0  # s without writing, after which a partial file of another computer has no writer
 

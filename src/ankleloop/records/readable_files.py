@@ -12,8 +12,6 @@ from ankleloop.errors import DataError
 from ankleloop.records.checksums import has_right_checksum
 from ankleloop.records.files import check_readable
 
-__all__ = ["describe_damage", "name_errors", "readable_file"]
-
 PathLike = str | os.PathLike[str]
 
 

@@ -21,8 +21,6 @@ from ankleloop.signals.sampling import check_same_rate, compute_rate, format_sam
 if TYPE_CHECKING:
     import os
 
-__all__ = ["choose_rate", "parse_options", "read_trial"]
-
 LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
 
 

@@ -13,8 +13,6 @@ from pydantic_core import PydanticCustomError
 from ankleloop.arguments import show_value
 from ankleloop.options import Options, option
 
-__all__ = ["ReadingOptions"]
-
 NAME = r"(?!torque)[A-Za-z][A-Za-z0-9_]*(?<!_variable)"
 # What a trial has anyway, or what its reading records.
 RESERVED = ("position", "reference", "time", "sampling_rate", "source", "position_unit", "position_sign")

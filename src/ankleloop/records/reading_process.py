@@ -28,8 +28,6 @@ from ankleloop.records.file_formats import SUFFIXES, find_suffix
 from ankleloop.records.files import check_readable
 from ankleloop.records.reading_options import ReadingOptions
 
-__all__ = ["describe_channels", "list_variables", "read_channels", "read_samples", "rewrite_file", "stop"]
-
 START_SECONDS = 120.0  # until the process is ready, on a machine that is busy or has a slow disk
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # for a file
 BYTES, BYTES_PER_BYTE = 1 << 30, 4  # of memory for a file

@@ -28,8 +28,6 @@ from ankleloop.records.channel_files import Request, list_variables, read_channe
 from ankleloop.records.checksums import has_right_checksum
 from ankleloop.records.file_formats import open_contents
 
-__all__ = ["main"]
-
 # Imported before the next fork, which would otherwise import them anew.
 LIBRARIES = {
     ".csv": ("pandas",),

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-__all__ = ["FILE_FORMATS", "write_recording"]
-
 MATLAB_HEADER = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 ."
 USER_BLOCK = 512  # bytes before the HDF5 file, where MATLAB has its header
 

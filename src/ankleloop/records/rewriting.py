@@ -16,8 +16,6 @@ from ankleloop.errors import DataError
 from ankleloop.records.files import FULL
 from ankleloop.records.sink import Sink
 
-__all__ = ["rewrite"]
-
 
 def rewrite(path: Path, copy: Path) -> None:
     """Read a NetCDF-4 file or a MATLAB file, and write its contents to another file."""

@@ -8,8 +8,6 @@ import numpy as np
 
 from ankleloop.records.validation import CHANNELS, check_spread, peak_speed, refuse_missing, refuse_speed, speed_margin
 
-__all__ = ["check_blocks"]
-
 
 def check_blocks(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, *, source: str) -> None:
     """Check the samples of a record."""

@@ -7,8 +7,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-__all__ = ["Sink"]
-
 
 class Sink(io.RawIOBase):
     """A new binary file for the HDF5 library, which cannot close a file after a failed write, and then crashes at exit.

@@ -25,17 +25,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = [
-    "TRUE_TORQUES",
-    "as_signal",
-    "check_shape",
-    "check_sizes",
-    "load_trial",
-    "new_trial",
-    "save_trial",
-    "segment",
-]
-
 # Unit and long name of each variable that the library writes.
 VARIABLES = {
     "time": ("s", "time from the first sample"),

@@ -21,8 +21,6 @@ from ankleloop.records.validation import validate
 if TYPE_CHECKING:
     import h5netcdf
 
-__all__ = ["FailedTrial", "TrialChunk", "load_chunks", "load_trial_of", "load_trials", "save_trials"]
-
 CHUNK = 25  # trials read at a time: each access to the file costs more than the numbers
 WRITTEN = 2**22  # bytes of a channel that are written at a time
 CHUNK_MEMORY = 2**25  # bytes of the signals read at a time, where the trials are long

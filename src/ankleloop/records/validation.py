@@ -11,17 +11,6 @@ from ankleloop.errors import DataError
 from ankleloop.records.channel_units import check_unit
 from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
 
-__all__ = [
-    "CHANNELS",
-    "REQUIRED",
-    "check_spread",
-    "peak_speed",
-    "refuse_missing",
-    "refuse_speed",
-    "speed_margin",
-    "validate",
-]
-
 CHANNELS = ("position", "torque", "reference")
 REQUIRED = ("position", "torque")
 

@@ -10,8 +10,6 @@ from ankleloop.records.channel_units import ANGLES, find_unit_in_name
 from ankleloop.records.channels import Channel
 from ankleloop.records.trial import TRUE_TORQUES
 
-__all__ = ["WORDS", "AmbiguousNameError", "find_position_unit", "find_variable"]
-
 # Words of a name that say what a channel is. A command of the position is a reference, one of the torque is nothing
 # that a trial has.
 WORDS = {

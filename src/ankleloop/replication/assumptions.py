@@ -12,8 +12,6 @@ from ankleloop.replication.comparisons import Tables, format_mean, join_phrases,
 from ankleloop.replication.judgement import CONDITIONAL, REPRODUCED
 from ankleloop.replication.verdicts import phrase_verdict
 
-__all__ = ["explain_assumptions"]
-
 # Reasons that no result can change: physics, and the words of the paper.
 PHYSICS = {
     "actuator_frequency": "a step of the command through an ideal actuator would need infinite torque",

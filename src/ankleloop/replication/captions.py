@@ -9,18 +9,6 @@ from ankleloop.quantities import QUANTITIES
 from ankleloop.replication.results import true_values
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = [
-    "describe_settings",
-    "format_point",
-    "format_setting",
-    "format_truths",
-    "label_setting",
-    "most_compliant_point",
-    "shared_truths",
-    "single_setting",
-    "typical_point",
-]
-
 NAMES = {
     "voluntary": "relative voluntary torque",
     "load_stiffness": "stiffness of the load",

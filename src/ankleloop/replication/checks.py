@@ -11,20 +11,6 @@ import numpy as np
 from ankleloop.replication.evidence import Evidence, parse_settings
 from ankleloop.replication.judgement import Comparison, Fact, Mean, Quantity
 
-__all__ = [
-    "CLAIM_CHECKS",
-    "Check",
-    "CheckResult",
-    "Claim",
-    "at_least",
-    "at_most",
-    "claim_check",
-    "claim_settings",
-    "describe_unexplained",
-    "format_signed",
-    "within",
-]
-
 NEARLY_ALL = 90.0  # % VAF: from here on what is left unexplained tells more than the VAF
 
 Claim = Mapping[str, Any]

@@ -13,7 +13,6 @@ from scipy import stats
 from ankleloop.replication import bias_checks  # noqa: F401 # registers its checks
 from ankleloop.replication.captions import format_setting, label_setting
 from ankleloop.replication.checks import (
-    CLAIM_CHECKS,
     CheckResult,
     Claim,
     at_least,
@@ -26,8 +25,6 @@ from ankleloop.replication.checks import (
 )
 from ankleloop.replication.evidence import Evidence, MissingEvidence, StudyResults, parse_settings
 from ankleloop.replication.judgement import Comparison, Fact, Replicates
-
-__all__ = ["CLAIM_CHECKS", "CheckResult", "Claim", "check_table_number"]
 
 ONE_PASS, CONVERGED = "parallel-cascade-one-pass", "parallel-cascade"
 PARTS = ("intrinsic", "reflex")

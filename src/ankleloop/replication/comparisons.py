@@ -12,23 +12,6 @@ from numpy.typing import ArrayLike
 
 from ankleloop.signals.vaf import confidence_margin
 
-__all__ = [
-    "ACCURATE",
-    "BIAS",
-    "Tables",
-    "compare_sizes",
-    "describe_choice",
-    "describe_growth",
-    "describe_passes",
-    "format_mean",
-    "group_errors",
-    "join_phrases",
-    "list_errors",
-    "mean_columns",
-    "mean_margin",
-    "stiffness_errors",
-]
-
 Tables = Mapping[str, pd.DataFrame]
 
 ACCURATE = 99.0  # % VAF: from here on a torque counts as accurate

@@ -11,8 +11,6 @@ import pandas as pd
 from ankleloop.errors import DataError
 from ankleloop.replication.results import KEYS, read_results
 
-__all__ = ["check_scores", "check_study"]
-
 PathLike = str | os.PathLike[str]
 SCORE = ["torque", "against"]
 

@@ -29,8 +29,6 @@ from ankleloop.replication.comparisons import (
 from ankleloop.replication.judgement import CONDITIONAL, CONTRADICTION, OPEN, REPRODUCED
 from ankleloop.replication.verdicts import describe_claim, list_by_verdict, phrase_verdict
 
-__all__ = ["BIAS_CLAIMS", "CONCLUSIONS", "Conclusion", "draw_conclusions"]
-
 BIAS_CLAIMS = (
     "openloop-biased",
     "eiv-unbiased",

@@ -11,8 +11,6 @@ import pandas as pd
 from ankleloop.replication.comparisons import format_mean
 from ankleloop.replication.omissions import COMPLETE
 
-__all__ = ["describe_costs"]
-
 TORQUES = {"vaf_net_measured": "net VAF", "vaf_intrinsic_true": "intrinsic VAF", "vaf_reflex_true": "reflex VAF"}
 
 

@@ -14,8 +14,6 @@ from ankleloop.replication.captions import label_setting
 from ankleloop.replication.judgement import Mean, Measurement
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = ["Evidence", "MissingEvidence", "StudyResults", "parse_settings"]
-
 
 class MissingEvidence(Exception):
     """A claim cannot be judged, because results that it needs do not exist."""

@@ -13,25 +13,6 @@ from numpy.typing import ArrayLike
 
 from ankleloop.signals.vaf import confidence_margin
 
-__all__ = [
-    "BY_CONSTRUCTION",
-    "CONDITIONAL",
-    "CONTRADICTION",
-    "LEVEL",
-    "NOT_REPRODUCED",
-    "OPEN",
-    "REPRODUCED",
-    "Comparison",
-    "Fact",
-    "Judgement",
-    "Mean",
-    "Measurement",
-    "Quantity",
-    "Replicates",
-    "format_interval",
-    "judge",
-]
-
 LEVEL = 0.95  # of the intervals
 REPRODUCED, NOT_REPRODUCED, OPEN = "reproduced", "not reproduced", "cannot be judged"
 CONDITIONAL = "reproduced under stated conditions"

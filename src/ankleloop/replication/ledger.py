@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ankleloop.replication.claim_checks import CLAIM_CHECKS, CheckResult, Claim, check_table_number
+from ankleloop.replication.checks import CLAIM_CHECKS
+from ankleloop.replication.claim_checks import CheckResult, Claim, check_table_number
 from ankleloop.replication.evidence import Evidence, MissingEvidence, StudyResults
 from ankleloop.replication.judgement import (
     BY_CONSTRUCTION,
@@ -20,8 +21,6 @@ from ankleloop.replication.judgement import (
     judge,
 )
 from ankleloop.replication.tables import format_number
-
-__all__ = ["VERDICTS", "format_ledger", "tabulate_ledger", "verify"]
 
 VERDICTS = {
     REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",

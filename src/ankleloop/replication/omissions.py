@@ -14,8 +14,6 @@ from ankleloop.replication.results import join_scores
 from ankleloop.replication.trial_counts import count_outcomes
 from ankleloop.signals.vaf import confidence_margin
 
-__all__ = ["COMPLETE", "STEP_LABELS", "describe_changes", "tabulate_omissions"]
-
 COMPLETE = "none"  # label of what the complete processing leaves out
 FILTER = "anti-aliasing filter"
 STEP_LABELS = {

@@ -15,18 +15,6 @@ import pandas as pd
 from ankleloop.errors import DataError
 from ankleloop.replication.trial_counts import count_outcomes
 
-__all__ = [
-    "KEYS",
-    "describe_condition",
-    "format_columns",
-    "format_pairs",
-    "join_scores",
-    "read_results",
-    "summarise_columns",
-    "true_spectral_radius",
-    "true_values",
-]
-
 RATE = 100.0  # Hz, of the identification
 
 KEYS = ["point", "method", "trial"]  # of an estimate

@@ -13,14 +13,6 @@ from ankleloop.replication.sweep_quantities import FAULT_SHARES, SWEEP_QUANTITIE
 from ankleloop.replication.sweep_study import SweepStudy
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = [
-    "EXTREMES",
-    "describe_design",
-    "describe_map",
-    "describe_means",
-    "list_extremes",
-]
-
 EXTREMES = (
     "Points with the best and the worst mean (of an error: by the root mean square over trials), or the lowest and "
     "the highest of a quantity that has no best; mean ± standard deviation over trials. Points of which less than half "

@@ -10,8 +10,6 @@ import pandas as pd
 from ankleloop.plotting.sweep_axes import SweepAxis
 from ankleloop.replication.sweep_summary import summarise_sweep
 
-__all__ = ["MOST_POINTS", "list_slices", "summarise_cells"]
-
 MOST_POINTS = 300  # of an irregular design that are drawn one by one; more are drawn in tiles
 MOST_SLICES = 4  # combinations of other parameters that have panels of their own
 POINTS_PER_TILE = 4

@@ -12,8 +12,6 @@ from ankleloop.replication.sweep_cells import list_slices, summarise_cells
 from ankleloop.replication.sweep_study import SweepStudy
 from ankleloop.replication.sweep_summary import summarise_effects
 
-__all__ = ["draw_map", "draw_sweep"]
-
 LINE_BINS = {"bins": 40, "most": 100}  # of a line over one parameter
 
 

@@ -12,16 +12,6 @@ from ankleloop.replication.captions import label_setting
 from ankleloop.replication.results import SETTINGS
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = [
-    "FAULT_SHARES",
-    "SWEEP_QUANTITIES",
-    "default_quantities",
-    "desired_value",
-    "error_source",
-    "label_difference",
-    "label_parameter",
-]
-
 TORQUES = {"net": "net", "intrinsic": "intrinsic", "reflex": "reflex"}
 ESTIMATED = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}

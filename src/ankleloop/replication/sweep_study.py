@@ -31,8 +31,6 @@ from ankleloop.replication.sweep_summary import (
 )
 from ankleloop.replication.trial_tables import trial_table_columns
 
-__all__ = ["SweepStudy"]
-
 MOST_COLUMNS = 8  # parameters of a matrix of effects
 
 

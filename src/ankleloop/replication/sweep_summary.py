@@ -17,15 +17,6 @@ from ankleloop.replication.trial_tables import read_trial_table, trial_table_col
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = [
-    "available_quantities",
-    "pair_methods",
-    "read_sweep",
-    "summarise_effects",
-    "summarise_sweep",
-    "widen_summary",
-]
-
 QUANTILES = {"low": 0.1, "median": 0.5, "high": 0.9}  # between the outer ones are 80 % of the trials
 TRIAL = ["point", "trial"]
 STATISTICS = ["mean", "sd", "n", "margin", *QUANTILES]

@@ -13,8 +13,6 @@ import pandas as pd
 from ankleloop.records.files import atomic_file
 from ankleloop.replication.trial_counts import COUNTS, count_outcomes, summarise_scores
 
-__all__ = ["compare_with_bound", "compare_with_published", "format_number", "format_table", "write_table"]
-
 
 def compare_with_published(
     scores: pd.DataFrame, parameters: pd.DataFrame, published: pd.DataFrame, by: Sequence[str]

@@ -21,19 +21,6 @@ from ankleloop.signals.vaf import confidence_margin
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 
-__all__ = [
-    "SPREAD",
-    "average_study",
-    "average_trajectories",
-    "count_cycles",
-    "describe_cycles",
-    "measure_trajectories",
-    "profile_trajectories",
-    "published_rows",
-    "setting_titles",
-    "typical_points",
-]
-
 NAMES = {"stiffness": "K", "viscosity": "B", "gain": "G"}  # of the trajectories of a simulation
 SCORES = ("nrmse", "bias", "covered", "rise")  # of a trajectory in the table of trials
 VARIATIONS = {"cycle": "{:g} cycles", "time": "over {:g} s", "schedule": "scheduling variable, {:g} s"}

@@ -15,8 +15,6 @@ from ankleloop.replication.captions import format_setting
 from ankleloop.replication.time_varying import profile_trajectories
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = ["COVERED", "compare_with_bound", "count_coverage", "describe_bound", "describe_comparison"]
-
 SEED = 0  # of the perturbation, on which the bound hardly depends
 SIMULATED = frozenset(SimulationSettings.model_fields)  # points of a study have options of methods beside these
 COVERED = (92.0, 97.0)  # % of the places: shares that a 95 % band is taken to hold

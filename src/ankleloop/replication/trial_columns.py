@@ -11,8 +11,6 @@ from ankleloop.quantities import QUANTITIES, Quantity
 from ankleloop.replication.sweep_quantities import SWEEP_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = ["Kind", "column_kind", "describe_column", "order_columns", "score_columns", "value_kind"]
-
 Kind = Literal["number", "count", "flag", "text"]
 
 FIRST, FAULTS = ("study", "point"), ("failure", "warnings")

@@ -8,21 +8,6 @@ import pandas as pd
 
 from ankleloop.assessment.scores import summarise
 
-__all__ = [
-    "COUNTS",
-    "count_outcomes",
-    "count_trials",
-    "describe_absence",
-    "describe_counts",
-    "describe_failures",
-    "describe_faults",
-    "describe_warnings",
-    "list_faults",
-    "list_outcomes",
-    "mark_faults",
-    "summarise_scores",
-]
-
 MOST_REASONS = 5  # of failures that a sentence each is about
 NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
 COUNTS = ["trials", "failures", "warnings", "without G"]  # columns of every table of means over trials

@@ -31,8 +31,6 @@ from ankleloop.replication.trial_columns import (
 )
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = ["read_trial_table", "trial_table_columns", "write_trial_table"]
-
 PathLike = str | os.PathLike[str]
 
 GROUP_ROWS = 20_000  # that are written at a time

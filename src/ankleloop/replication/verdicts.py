@@ -15,15 +15,6 @@ from ankleloop.replication.judgement import (
     REPRODUCED,
 )
 
-__all__ = [
-    "PHRASES",
-    "count_verdicts",
-    "describe_claim",
-    "describe_claims",
-    "list_by_verdict",
-    "phrase_verdict",
-]
-
 PHRASES = {
     REPRODUCED: "is reproduced",
     CONDITIONAL: "is reproduced under a stated condition",

@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike
 from ankleloop.arguments import show_value
 from ankleloop.errors import DataError
 
-__all__ = ["as_real"]
-
 
 def as_real(values: ArrayLike, name: str) -> np.ndarray:
     """Real numbers as an array of floats, without a copy where they are one."""

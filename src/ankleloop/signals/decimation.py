@@ -17,17 +17,6 @@ from ankleloop.arguments import check_integer, check_number
 from ankleloop.errors import DataError
 from ankleloop.kernels import kernel
 
-__all__ = [
-    "convolve",
-    "convolve_strided",
-    "decimate",
-    "decimation_factor",
-    "decimation_margin",
-    "decimation_taps",
-    "design_lowpass",
-    "lowpass",
-]
-
 # Fractions of the identification rate: for 100 Hz data, flat to 38 Hz and zero from the Nyquist frequency of 50 Hz on.
 PASSBAND, STOPBAND = 0.38, 0.50
 ATTENUATION_DB = 90.0

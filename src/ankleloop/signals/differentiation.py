@@ -15,8 +15,6 @@ from ankleloop.signals.decimation import (
     design_lowpass,
 )
 
-__all__ = ["differentiate", "differentiation_margin", "filter_kernels"]
-
 # Band of the velocity at the input of the static nonlinearity [Hz]; less where the sampling rate is low.
 VELOCITY_PASSBAND, VELOCITY_STOPBAND = 150.0, 250.0
 

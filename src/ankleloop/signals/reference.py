@@ -15,16 +15,6 @@ from ankleloop.errors import DataError
 from ankleloop.signals.decimation import PASSBAND, convolve, decimate, lowpass
 from ankleloop.signals.spectra import smooth
 
-__all__ = [
-    "ReferenceProjection",
-    "explained_share",
-    "fit_finite_response",
-    "fit_lagged_response",
-    "predict_decimated",
-    "project_on_reference",
-    "unseen_share",
-]
-
 LEADS, LAGS = 0.15, 0.80  # s
 RIDGE = 1e-3  # of the power of the source: it settles what lies beyond the pass band
 RESOLUTION = 0.8  # Hz: width over which the noise spectrum is smoothed

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike
 from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
 
-__all__ = ["check_same_rate", "compute_rate", "compute_rate_of_parts", "format_samples", "match_times", "parse_rate"]
-
 MOST_STEPS = 20_000_000  # whose median is computed
 LOWEST_RATE, HIGHEST_RATE = 0.001, 1e9  # Hz
 RATE_TOLERANCE = 1e-3  # two statements of one sampling rate may differ by this fraction

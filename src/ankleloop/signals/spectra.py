@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike
 
 from ankleloop.arguments import check_integer
 
-__all__ = ["Band", "segment_spectra", "smooth"]
-
 TAPER_SHARE = 0.1  # of the record, half of it at either end
 
 

@@ -7,8 +7,6 @@ from scipy import linalg
 
 from ankleloop.kernels import kernel
 
-__all__ = ["companion", "discretise_foh", "lowpass_denominator", "simulate_states", "step_matrices"]
-
 LARGEST = 1e12  # entry of a matrix whose exponential needs no balancing
 
 

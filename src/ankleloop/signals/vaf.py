@@ -10,8 +10,6 @@ from ankleloop.arguments import check_integer, check_number
 from ankleloop.errors import DataError
 from ankleloop.signals.arrays import as_real
 
-__all__ = ["TWO_SIDED", "confidence_margin", "long_run_variance", "vaf", "vaf_interval", "vaf_with_interval"]
-
 SMALLEST, LARGEST = 1e-150, 1e150  # variances beyond these are computed of scaled signals
 TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %
 

@@ -10,8 +10,6 @@ import numpy as np
 from ankleloop.signals.statespace import companion, discretise_foh, simulate_states, step_matrices
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = ["DiscreteFilter", "antialias", "antialias_denominator", "bessel_denominator", "voluntary_filter"]
-
 ANTIALIAS_ORDER = 4
 VOLUNTARY_WARMUP = 5.0  # periods of its cutoff until the low-pass of the voluntary torque has settled
 # Upper poles of Bessel low-passes whose -3 dB frequency is 1 rad/s, those of `scipy.signal.besselap(n, norm="mag")`:

@@ -27,8 +27,6 @@ from ankleloop.simulation.filters import antialias_denominator
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import Trajectories, parameter_ranges
 
-__all__ = ["Loop", "build_loop", "run_loop"]
-
 ACCURACY = 1e-8  # of the largest entry of a row: error of the polynomials for stiffness and viscosity
 HIGHEST_DEGREE = 6
 # Inputs of the continuous model; the drive of the reflex is the rectified delayed velocity.

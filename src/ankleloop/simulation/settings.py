@@ -14,8 +14,6 @@ from pydantic import ValidationInfo, field_validator, model_validator
 from ankleloop.arguments import as_plain, show_value
 from ankleloop.options import Options, option
 
-__all__ = ["SimulationSettings"]
-
 MOST_STEPS = 1000  # integration steps over a recorded sample: the loop has a matrix of as many rows
 MOST_VALUES = 1000  # of a table over a cycle
 

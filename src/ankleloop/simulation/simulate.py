@@ -18,8 +18,6 @@ from ankleloop.simulation.loop import build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import Course, Trajectories, draw_course, trajectories
 
-__all__ = ["draw_noise", "draw_prbs", "draw_pulses", "draw_voluntary_torque", "simulate"]
-
 HELD_VALUES = 100  # values of noise over which the anti-aliasing filter settles
 TRIAL_ARRAYS = 16  # arrays over all samples of a trial that are in memory at a time, at least
 

@@ -9,8 +9,6 @@ import numpy as np
 
 from ankleloop.simulation.settings import SimulationSettings
 
-__all__ = ["Course", "Trajectories", "draw_course", "parameter_ranges", "trajectories"]
-
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # ratio of two periods that have no common multiple
 PARAMETERS = {"stiffness": "stiffness", "viscosity": "viscosity", "gain": "reflex_gain"}  # names of settings
 LOCKED_HARMONICS = {1: (1.0, 0.0), 2: (0.6, 1.0), 3: (0.3, 2.0)}  # amplitude and phase [rad] of the locked torque

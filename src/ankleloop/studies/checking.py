@@ -14,8 +14,6 @@ from pydantic import ValidationError
 from ankleloop.arguments import show_value, suggest_name
 from ankleloop.options import Options, describe_error
 
-__all__ = ["ConfigError", "check", "expand_path"]
-
 VARIABLE = re.compile(r"\$(?:\$|\{(\w+)\}|(\w+))")
 NUMBER = re.compile(r"\s*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*")
 

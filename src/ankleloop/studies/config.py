@@ -26,17 +26,6 @@ from ankleloop.studies.point_tables import PointTable
 from ankleloop.studies.recording_settings import Recording
 from ankleloop.studies.sweep_settings import SweepSettings
 
-__all__ = [
-    "NOTEBOOKS",
-    "Config",
-    "FigureSettings",
-    "MethodSettings",
-    "Recording",
-    "RecordingsStudy",
-    "SimulationStudy",
-    "check_recording_names",
-]
-
 MAX_JOBS = 100_000  # of a rule, for one study
 MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
 

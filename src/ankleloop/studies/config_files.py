@@ -20,8 +20,6 @@ from ankleloop.studies.checking import ConfigError
 if TYPE_CHECKING:
     import yaml
 
-__all__ = ["check_config_file", "find_key", "read_text"]
-
 MAX_VALUES = 1_000_000  # of a file, those that aliases repeat included
 MAX_DEPTH = 100
 TEMPLATE_KEY = "__use_yte__"  # makes a YAML file a program of the template engine that Snakemake reads it by

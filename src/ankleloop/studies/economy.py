@@ -23,8 +23,6 @@ from ankleloop.studies.failures import describe_error
 from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.moesp import moesp
 
-__all__ = ["COMPARED", "measure_economy"]
-
 log = logging.getLogger(__name__)
 
 COMPARED = ("pr-moesp", "eiv-moesp")

@@ -7,8 +7,6 @@ from contextlib import contextmanager
 
 from ankleloop.errors import DataError, UnstableLoopError
 
-__all__ = ["describe_error", "locate_errors"]
-
 
 def describe_error(error: BaseException) -> str:
     """The message of an error in one line, with its type where that says more than the message, or what to do."""

@@ -14,8 +14,6 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-__all__ = ["fingerprint", "reached_files"]
-
 LIBRARY = Path(__file__).parents[2]
 PACKAGE = "ankleloop"
 

@@ -20,8 +20,6 @@ from ankleloop.records.trial_files import FailedTrial, load_chunks
 from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.studies.table_files import TableRows
 
-__all__ = ["FILES", "Points", "identify_chunk", "identify_trials"]
-
 log = logging.getLogger(__name__)
 
 FILES = ("estimates", "scores", "parameters")  # that a chunk gives

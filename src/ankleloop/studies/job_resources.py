@@ -10,8 +10,6 @@ from ankleloop.studies import resources
 from ankleloop.studies.point_chunks import PointTrials
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy, Study
 
-__all__ = ["JobResources", "describe_chunk", "describe_tables"]
-
 
 class JobResources(NamedTuple):
     """What a job should take: memory [MB], and time of the processor [s]."""

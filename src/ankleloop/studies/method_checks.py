@@ -12,8 +12,6 @@ from ankleloop.methods.registry import METHODS
 if TYPE_CHECKING:
     from ankleloop.studies.method_settings import MethodSettings
 
-__all__ = ["find_fault"]
-
 REFERENCES = ("reference", "position")  # variables of a simulated trial that may serve as reference
 
 

@@ -12,8 +12,6 @@ from ankleloop.methods.registry import METHODS
 from ankleloop.methods.selection import check_selection
 from ankleloop.options import Options, option
 
-__all__ = ["MethodSettings", "union_of_methods"]
-
 
 class MethodSettings(Options):
     """A method of a study: its name, its label and its options."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["NOTEBOOKS"]
-
 # Figures that each notebook draws beside its page and its table.
 NOTEBOOKS = {
     "table1": ("figure3", "order"),

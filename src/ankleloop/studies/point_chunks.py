@@ -10,8 +10,6 @@ import math
 from collections.abc import Callable, Hashable, Iterable
 from typing import NamedTuple
 
-__all__ = ["ChunkSize", "PointTrials", "divide_points", "divide_trials", "fit_size"]
-
 LEAST_POINTS = 16  # that share what a trial needs for its identification at any point
 
 Chunk = list["PointTrials"]

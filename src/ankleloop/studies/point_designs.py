@@ -13,8 +13,6 @@ from ankleloop.options import Options, option
 from ankleloop.studies.checking import ConfigError, check
 from ankleloop.studies.point_parameters import Parameter
 
-__all__ = ["MAX_POINTS", "Design", "ValueRange", "draw_points", "list_values"]
-
 MAX_POINTS = 100_000  # of a study
 DIGITS = 12  # of the values of a range, so that 3 · 0.1 is 0.3; those of a design have half of them
 

@@ -16,8 +16,6 @@ from ankleloop.studies.checking import ConfigError
 if TYPE_CHECKING:
     from ankleloop.studies.method_settings import MethodSettings
 
-__all__ = ["SETTINGS", "Parameter", "find_parameters"]
-
 SETTINGS = tuple(SimulationSettings.model_fields)
 
 

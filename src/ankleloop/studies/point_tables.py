@@ -13,8 +13,6 @@ from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.point_parameters import Parameter
 from ankleloop.studies.table_rows import NUMBER, check_columns, read_rows
 
-__all__ = ["PointTable", "read_points"]
-
 FLAGS = {"true": True, "false": False}
 
 Find = Callable[[list[str]], Mapping[str, Parameter]]

@@ -21,8 +21,6 @@ from ankleloop.studies.point_tables import PointTable, read_points
 if TYPE_CHECKING:
     from ankleloop.studies.method_settings import MethodSettings
 
-__all__ = ["Point", "Points", "list_points", "point_name"]
-
 Combination = tuple[str, dict[str, Any]]  # where it stands, if in a table, and values by column
 
 

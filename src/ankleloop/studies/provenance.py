@@ -13,8 +13,6 @@ from pathlib import Path
 import ankleloop
 from ankleloop.records.files import atomic_file
 
-__all__ = ["Provenance", "load_provenance", "read_provenance", "save_provenance"]
-
 
 @dataclass(frozen=True)
 class Provenance:

@@ -12,8 +12,6 @@ from ankleloop.studies.config import Recording, RecordingsStudy
 from ankleloop.studies.recording_tables import read_recordings
 from ankleloop.studies.study_base import Study
 
-__all__ = ["RecordedStudy"]
-
 
 class RecordedStudy(Study):
     """A study of recordings of a laboratory."""

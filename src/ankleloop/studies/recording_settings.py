@@ -11,8 +11,6 @@ from pydantic import field_validator, model_validator
 from ankleloop.options import option
 from ankleloop.records.reading_options import ReadingOptions
 
-__all__ = ["Recording"]
-
 
 class Recording(ReadingOptions):
     """A recording: its file, how it is read, and which part of it is used."""

@@ -14,8 +14,6 @@ from ankleloop.studies.checking import ConfigError, check
 from ankleloop.studies.config import MAX_NAME, RECORDING_NAME, Recording, check_recording_names
 from ankleloop.studies.table_rows import NUMBER, read_rows
 
-__all__ = ["read_recordings"]
-
 
 class _Row(Recording):
     """A row of the table: a recording, or one of the trials that are merged into one."""

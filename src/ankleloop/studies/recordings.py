@@ -21,8 +21,6 @@ from ankleloop.records.files import atomic_file
 from ankleloop.studies.failures import locate_errors
 from ankleloop.studies.worker import Worker, WorkerKilledError
 
-__all__ = ["analyse_recordings"]
-
 log = logging.getLogger(__name__)
 
 Results = tuple[pd.DataFrame, list[str]]

@@ -8,20 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-__all__ = [
-    "START_SECONDS",
-    "identification_memory",
-    "identification_seconds",
-    "recording_memory",
-    "recording_seconds",
-    "report_memory",
-    "report_seconds",
-    "requested_mb",
-    "requested_minutes",
-    "simulation_memory",
-    "simulation_seconds",
-]
-
 Methods = Mapping[str, Mapping[str, Any]]
 
 MEASURED = Path(__file__).with_name("resources.json")

@@ -8,17 +8,6 @@ from typing import Any
 from ankleloop.studies.config import NOTEBOOKS, Config
 from ankleloop.studies.study import SimulatedStudy, Study
 
-__all__ = [
-    "MOST_TEXT_ROWS",
-    "article_parameters",
-    "article_studies",
-    "count_rows",
-    "figure_names",
-    "report_parameters",
-    "run_studies",
-    "shows_sweep",
-]
-
 FILES = ("trials", "estimates", "scores", "parameters")
 MOST_TEXT_ROWS = 10_000  # of a table of trials that is written as CSV, too
 

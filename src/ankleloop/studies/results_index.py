@@ -14,8 +14,6 @@ from ankleloop.replication.ledger import VERDICTS
 from ankleloop.studies.provenance import Provenance
 from ankleloop.studies.run_times import measure_span, read_run_times, summarise_run_times
 
-__all__ = ["collect_results", "read_tables"]
-
 # Pages and files of the whole run, in the order of the list.
 LINKS = {
     "Article: the replication in the order of the paper": "article.html",

@@ -14,8 +14,6 @@ from ankleloop.studies.results import run_studies
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy, Study, read_studies
 from ankleloop.studies.study_checks import check_uses
 
-__all__ = ["describe_article", "read_run"]
-
 
 def read_run(
     config: Mapping[str, Any], paths: Sequence[str | os.PathLike[str]], command_line: Mapping[str, Any] | None = None

@@ -14,8 +14,6 @@ from typing import Any
 from ankleloop.records.files import atomic_file
 from ankleloop.studies.provenance import Provenance
 
-__all__ = ["METADATA", "PROFILE", "hash_file", "write_crate"]
-
 METADATA = "ro-crate-metadata.json"
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"  # Process Run Crate: one action, from objects to results
 LICENCE = "https://spdx.org/licenses/MIT"

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pandas as pd
 
-__all__ = ["measure_span", "read_run_times", "summarise_run_times"]
-
 COLUMNS = {"s": "seconds", "cpu_time": "cpu_seconds", "max_rss": "memory"}
 
 

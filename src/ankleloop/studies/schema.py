@@ -11,8 +11,6 @@ from typing import Any
 
 from ankleloop.studies.config import Config
 
-__all__ = ["PATH", "schema_text"]
-
 PATH = Path("workflow/schemas/config.schema.json")
 
 

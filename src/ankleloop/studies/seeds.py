@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import zlib
 
-__all__ = ["trial_entropy"]
-
 
 def trial_entropy(seed: int, study: str, point: str, number: int) -> list[int]:
     """Entropy of a trial for `numpy.random.SeedSequence`, so that any part of a study gives the same bits alone."""

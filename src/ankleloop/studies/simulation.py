@@ -16,8 +16,6 @@ from ankleloop.simulation.simulate import simulate
 from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.studies.seeds import trial_entropy
 
-__all__ = ["simulate_chunk", "simulate_points"]
-
 log = logging.getLogger(__name__)
 
 Trials = Iterator[xr.Dataset | FailedTrial]

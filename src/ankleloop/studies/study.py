@@ -15,8 +15,6 @@ from ankleloop.studies.recorded_study import RecordedStudy
 from ankleloop.studies.resources import START_SECONDS, identification_seconds, simulation_seconds
 from ankleloop.studies.study_base import Study
 
-__all__ = ["RecordedStudy", "SimulatedStudy", "Study", "read_studies"]
-
 MAX_SAMPLES = 2**25  # of all trials of a trial file, which then has at most 2 GB
 
 

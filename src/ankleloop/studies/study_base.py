@@ -9,8 +9,6 @@ from typing import Any
 
 from ankleloop.studies.config import MethodSettings, RecordingsStudy, SimulationStudy
 
-__all__ = ["Study"]
-
 
 class Study(ABC):
     """A study under its name.

@@ -10,8 +10,6 @@ from ankleloop.studies.method_checks import find_fault
 from ankleloop.studies.study import SimulatedStudy
 from ankleloop.studies.sweep_settings import check_sweep
 
-__all__ = ["check_uses"]
-
 MOST_POINTS = 1000  # of a notebook that has a line of its table, or a curve, for each
 
 

@@ -15,8 +15,6 @@ from ankleloop.records.trial_files import FailedTrial
 from ankleloop.studies.identification import Methods, Points, identify_trials
 from ankleloop.studies.simulation import simulate_points
 
-__all__ = ["sweep_chunk"]
-
 PathLike = str | os.PathLike[str]
 
 

@@ -12,8 +12,6 @@ from ankleloop.arguments import show_value, suggest_name
 from ankleloop.options import Options, option
 from ankleloop.replication.sweep_quantities import SWEEP_QUANTITIES
 
-__all__ = ["SweepSettings", "check_sweep"]
-
 Names = Annotated[list[str], Field(min_length=1)]
 
 SCORES = {

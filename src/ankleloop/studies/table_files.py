@@ -13,8 +13,6 @@ from typing import Any
 
 from ankleloop.records.files import atomic_file
 
-__all__ = ["TableRows"]
-
 MEMORY = 2**23  # bytes of rows that are in memory before they go to a temporary file
 
 

@@ -12,8 +12,6 @@ from pathlib import Path
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.config_files import read_text
 
-__all__ = ["check_columns", "read_rows"]
-
 NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"  # Python also takes 1_0, nan and digits of other scripts
 
 

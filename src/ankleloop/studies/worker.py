@@ -12,8 +12,6 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, Self
 
-__all__ = ["Worker", "WorkerKilledError"]
-
 log = logging.getLogger(__name__)
 
 

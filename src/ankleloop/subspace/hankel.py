@@ -12,8 +12,6 @@ from ankleloop.arguments import check_integer
 from ankleloop.errors import DataError
 from ankleloop.kernels import kernel
 
-__all__ = ["HankelGram", "HankelRows", "block_hankel", "generate_columns"]
-
 COLUMNS = 1024  # at a time
 SUM = 256  # products: sums of sums round less than one long sum
 

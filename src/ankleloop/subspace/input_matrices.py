@@ -15,16 +15,6 @@ from ankleloop.errors import DataError
 from ankleloop.signals.statespace import simulate_states
 from ankleloop.subspace.records import are_merged, list_records
 
-__all__ = [
-    "InputMatrices",
-    "OutputRegression",
-    "continue_response",
-    "estimate_input_matrices",
-    "simulate_response",
-    "solve_regression",
-    "update_factor",
-]
-
 BLOCK = 16  # columns of a panel: narrow ones leave most of the work to matrix products
 
 Chunks = Iterable[tuple[np.ndarray, np.ndarray]]  # inputs and outputs of a record, some samples at a time

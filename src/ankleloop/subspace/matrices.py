@@ -11,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from control import StateSpace
 
-__all__ = ["Matrices"]
-
 
 @dataclass(frozen=True)
 class Matrices:

@@ -32,8 +32,6 @@ from ankleloop.subspace.sources import Chunk, ChunkSource, MemorySource, Source,
 if TYPE_CHECKING:
     from control import StateSpace
 
-__all__ = ["SubspaceEstimate", "moesp", "moesp_chunks"]
-
 UNSTABLE = (
     "least squares gave an unstable A (spectral radius {radius:.4f}) at order {order}; it was replaced by a guaranteed "
     "stable one. Lower the order or change block_rows, and do not trust these poles."

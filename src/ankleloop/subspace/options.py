@@ -9,8 +9,6 @@ from pydantic import model_validator
 
 from ankleloop.options import Options, option
 
-__all__ = ["Instruments", "MemoryOptions", "ProjectionForm", "SubspaceOptions"]
-
 Instruments = Literal["none", "past-input", "past-input-output", "past-reference"]
 ProjectionForm = Literal["ordinary", "correlation"]
 

@@ -23,8 +23,6 @@ from scipy.linalg import lapack
 
 from ankleloop.errors import DataError
 
-__all__ = ["Projection", "choose_order", "project_correlation", "project_factor", "project_gram", "realise"]
-
 LEAST_TOLERANCE = 1e-12  # of the directions of instruments: rounding of the rows
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
 ACCURACY = 1e-4  # of squared singular values; a bound that adds magnitudes, a hundred times the size of the errors

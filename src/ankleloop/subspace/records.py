@@ -11,15 +11,6 @@ from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
 from ankleloop.signals.arrays import as_real
 
-__all__ = [
-    "are_merged",
-    "list_records",
-    "refuse_constant",
-    "refuse_range",
-    "remove_means",
-    "scale_records",
-]
-
 ROUNDING = 1e-13  # of a mean
 SMALLEST, LARGEST = 1e-100, 1e100  # standard deviations whose squares neither vanish nor overflow
 

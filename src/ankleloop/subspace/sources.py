@@ -26,16 +26,6 @@ from ankleloop.subspace.records import (
     scale_records,
 )
 
-__all__ = [
-    "INSTRUMENT_SIGNALS",
-    "Chunk",
-    "ChunkSource",
-    "MemorySource",
-    "Source",
-    "predict_from_reference",
-    "select_channels",
-]
-
 Chunk = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # inputs, outputs and reference
 SIGNALS = ("input", "output", "reference")
 INSTRUMENT_SIGNALS: dict[Instruments, tuple[str, ...]] = {

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError, identify, new_trial, simulate
-from ankleloop.joint.estimate import TORQUES, Estimate, torque_dataset
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare
+from ankleloop.joint.torques import TORQUES, torque_dataset
 from ankleloop.subspace.matrices import Matrices
 
 

@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 from synthetic_results import CASCADES, CLAIMS, MEASUREMENTS, PAPER, POINTS, TABLES, Studies, build_ledger
 
-from ankleloop.replication.checks import describe_unexplained
-from ankleloop.replication.claim_checks import CLAIM_CHECKS
+from ankleloop.replication.checks import CLAIM_CHECKS, describe_unexplained
 from ankleloop.replication.evidence import parse_settings
 from ankleloop.replication.judgement import BY_CONSTRUCTION, CONTRADICTION, NOT_REPRODUCED, OPEN
 from ankleloop.replication.ledger import CONDITIONAL, VERDICTS, format_ledger

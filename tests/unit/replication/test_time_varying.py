@@ -9,8 +9,9 @@ import xarray as xr
 
 from ankleloop import DataError, simulate
 from ankleloop.assessment.trajectory_scores import score_trajectories, true_trajectories
-from ankleloop.joint.estimate import Estimate, torque_dataset
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable
+from ankleloop.joint.torques import torque_dataset
 from ankleloop.replication.time_varying import (
     average_study,
     average_trajectories,
