@@ -8,23 +8,12 @@ from math import inf
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that estimates and tables hold.
+    """A quantity that estimates and tables hold."""
 
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    symbol : str
-        How it is written.
-    unit : str
-        Its unit, "1" where it has none.
-    plausible : tuple of float
-        Smallest and largest value that a joint can have, from a finger to a leg that stands.
-    """
-
-    name: str
-    symbol: str
-    unit: str
+    name: str  # what it is called
+    symbol: str  # how it is written
+    unit: str  # its unit, "1" where it has none
+    # Smallest and largest value that a joint can have, from a finger to a leg that stands.
     plausible: tuple[float, float] = (-inf, inf)
 
     @property

@@ -32,27 +32,13 @@ UNDISTURBED = {"snr_db": None, "voluntary": 0.0}
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryInformation:
-    """Fisher information of a record about splines of K, B and G, the inertia, the dynamics and the delay.
+    """Fisher information of a record about splines of K, B and G, the inertia, the dynamics and the delay."""
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (unknowns, unknowns)
-        The information, in inverse squares of the units of the unknowns.
-    bases : Bases
-        Splines of K and B, whose coefficients come first; then the inertia; then the splines of G.
-    names : tuple of str
-        The unknowns behind those: logarithms of the dynamics of the reflex, and the delay [s].
-    course : Course
-        What K, B and G vary with.
-    dynamics : ReflexDynamics
-        The true dynamics.
-    """
-
-    matrix: np.ndarray
-    bases: Bases
-    names: tuple[str, ...]
-    course: Course
-    dynamics: ReflexDynamics
+    matrix: np.ndarray  # shape (unknowns, unknowns): the information, in inverse squares of the units of the unknowns
+    bases: Bases  # splines of K and B, whose coefficients come first; then the inertia; then the splines of G
+    names: tuple[str, ...]  # the unknowns behind those: logarithms of the dynamics of the reflex, and the delay [s]
+    course: Course  # what K, B and G vary with
+    dynamics: ReflexDynamics  # the true dynamics
 
     def covariance(self) -> np.ndarray:
         """Smallest covariance of the unknowns; infinite variances where the record has no information."""

@@ -39,25 +39,13 @@ COMPARED = 8  # samples of each channel that are compared first
 
 @dataclass(frozen=True)
 class DataUse:
-    """What an identification takes from its data.
+    """What an identification takes from its data."""
 
-    Parameters
-    ----------
-    delay : float
-        Reflex delay [s].
-    identification_rate : float
-        Rate of the identification [Hz].
-    order, block_rows : int
-        Order and block rows for which the movement has to be persistently exciting.
-    reference : str or None
-        Variable whose leads or lags are instruments; None for a method that uses none.
-    """
-
-    delay: float = 0.04
-    identification_rate: float = 100.0
-    order: int = 2
-    block_rows: int = 15
-    reference: str | None = None
+    delay: float = 0.04  # reflex delay [s]
+    identification_rate: float = 100.0  # rate of the identification [Hz]
+    order: int = 2  # order and block rows for which the movement has to be persistently exciting
+    block_rows: int = 15  # order and block rows for which the movement has to be persistently exciting
+    reference: str | None = None  # variable whose leads or lags are instruments; None for a method that uses none
 
 
 def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:

@@ -29,35 +29,19 @@ DISCARDED = 1e-6  # of the largest singular value
 
 @dataclass(frozen=True)
 class FeedbackTest:
-    """Outcome of the test.
+    """Outcome of the test."""
 
-    Parameters
-    ----------
-    loop : {"closed", "open", "undecided"}
-        The outcome.
-    p_value : float
-        Probability of such a coherence if torque did not move the joint.
-    coherence : float
-        Mean squared coherence of the movement that the reference does not explain with the torque that the movement
-        does not explain.
-    work : float
-        Between −1 and 1: positive if that torque does work on the load, as it must on a passive load that gives way.
-    residual_share : float
-        Share of the position's variance that is in its residual.
-    bias, margin : float
-        Bias of K by least squares that feedback causes, and the half width of its 98 % interval [% of K].
-    duration : float
-        Length of the segments that were tested [s].
-    """
-
-    loop: str
-    p_value: float
+    loop: str  # the outcome
+    p_value: float  # probability of such a coherence if torque did not move the joint
+    # Mean squared coherence of the movement that the reference does not explain with the torque that the movement
+    # does not explain.
     coherence: float
+    # Between −1 and 1: positive if that torque does work on the load, as it must on a passive load that gives way.
     work: float
-    residual_share: float
-    bias: float
-    margin: float
-    duration: float
+    residual_share: float  # share of the position's variance that is in its residual
+    bias: float  # bias of K by least squares that feedback causes, and the half width of its 98 % interval [% of K]
+    margin: float  # bias of K by least squares that feedback causes, and the half width of its 98 % interval [% of K]
+    duration: float  # length of the segments that were tested [s]
 
     @property
     def coherent(self) -> bool:

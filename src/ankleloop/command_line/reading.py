@@ -41,17 +41,10 @@ MOST_CHARACTERS = 60  # of the name of a recording that is made of the name of a
 
 @dataclass(frozen=True)
 class Reading:
-    """How a file is read.
+    """How a file is read."""
 
-    Parameters
-    ----------
-    recording : Recording
-        Its variables, units, signs and segment.
-    reasons : dict of str to str
-        Where the position, the torque, the reference and the unit of the position come from, in words.
-    """
-
-    recording: Recording
+    recording: Recording  # its variables, units, signs and segment
+    # Where the position, the torque, the reference and the unit of the position come from, in words.
     reasons: Mapping[str, str]
 
 

@@ -32,27 +32,13 @@ REMARK, WIDTH = 40, 120  # columns where remarks begin, if there is room, and wh
 
 @dataclass(frozen=True)
 class RecordedFile:
-    """A file of a study.
+    """A file of a study."""
 
-    Parameters
-    ----------
-    path : str
-        Its path below the folder of the study.
-    reading : Reading
-        How it is read.
-    trial : xarray.Dataset or None
-        What it holds; None if it cannot be used.
-    check : Check
-        Its check.
-    is_turned : bool
-        Whether the check shows that its torque has the other sign.
-    """
-
-    path: str
-    reading: Reading
-    trial: xr.Dataset | None
-    check: Check
-    is_turned: bool = False
+    path: str  # its path below the folder of the study
+    reading: Reading  # how it is read
+    trial: xr.Dataset | None  # what it holds; None if it cannot be used
+    check: Check  # its check
+    is_turned: bool = False  # whether the check shows that its torque has the other sign
 
 
 def recordings_text(new: Path, folder: Path, files: Mapping[str, RecordedFile]) -> str:

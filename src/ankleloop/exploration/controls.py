@@ -15,34 +15,16 @@ from ankleloop.simulation.settings import SimulationSettings
 
 @dataclass(frozen=True)
 class Control:
-    """A setting of the simulation, or an option of a method, that can be changed.
+    """A setting of the simulation, or an option of a method, that can be changed."""
 
-    Parameters
-    ----------
-    name : str
-        Field of its model.
-    label : str
-        Name with unit.
-    default : object
-        Value at the start.
-    low, high : float or None
-        Range of a number.
-    step : float or None
-        Distance of its values; on a logarithmic scale that of their logarithms to base 10.
-    scale : {"linear", "log"}
-        Scale of its range.
-    choices : tuple
-        Values of what is no number.
-    """
-
-    name: str
-    label: str
-    default: Any
-    low: float | None = None
-    high: float | None = None
-    step: float | None = None
-    scale: Literal["linear", "log"] = "linear"
-    choices: tuple[Any, ...] = ()
+    name: str  # field of its model
+    label: str  # name with unit
+    default: Any  # value at the start
+    low: float | None = None  # range of a number
+    high: float | None = None  # range of a number
+    step: float | None = None  # distance of its values; on a logarithmic scale that of their logarithms to base 10
+    scale: Literal["linear", "log"] = "linear"  # scale of its range
+    choices: tuple[Any, ...] = ()  # values of what is no number
 
     @property
     def kind(self) -> Literal["flag", "choice", "integer", "number"]:

@@ -29,30 +29,17 @@ SCORED = {"net": "measured", "intrinsic": "true", "reflex": "true"}  # what each
 
 @dataclass(frozen=True)
 class Fit:
-    """What a method makes of the trial.
+    """What a method makes of the trial."""
 
-    Parameters
-    ----------
-    method : str
-        Name in the registry.
-    estimate : Estimate or None
-        None where the method refuses the trial or its options.
-    refusal : str
-        Why it does.
-    vaf : dict of str to float
-        VAF of each torque [%]: of the net torque against the measured one, of its parts against the true ones; nan for
-        a part that is zero.
-    poles : ndarray of complex
-        Poles of the reflex dynamics at the identification rate.
-    intervals : dict of str to tuple of float
-        95 % intervals of K, B, I and the parameters of the reflex: the method's own, or those of a bootstrap.
-    """
-
-    method: str
-    estimate: Estimate | None = None
-    refusal: str = ""
+    method: str  # name in the registry
+    estimate: Estimate | None = None  # none where the method refuses the trial or its options
+    refusal: str = ""  # why it does
+    # VAF of each torque [%]: of the net torque against the measured one, of its parts against the true ones; nan for
+    # a part that is zero.
     vaf: dict[str, float] = field(default_factory=dict)
+    # Poles of the reflex dynamics at the identification rate.
     poles: np.ndarray = field(default_factory=lambda: np.empty(0, complex))
+    # 95 % intervals of K, B, I and the parameters of the reflex: the method's own, or those of a bootstrap.
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -64,33 +51,15 @@ class Fit:
 
 @dataclass(frozen=True)
 class Result:
-    """An experiment with all that is drawn of it.
+    """An experiment with all that is drawn of it."""
 
-    Parameters
-    ----------
-    settings : SimulationSettings or None
-        Settings; None where they were refused.
-    trial : PreparedTrial or None
-        The trial; None where it cannot be simulated.
-    refusal : str
-        Why it cannot.
-    fits : list of Fit
-        What both methods make of it.
-    truth : dict of str to float
-        True K, B, I and G.
-    poles : ndarray of complex
-        True poles of the reflex.
-    seconds : dict of str to float
-        Processor time of each step.
-    """
-
-    settings: SimulationSettings | None
-    trial: PreparedTrial | None
-    refusal: str = ""
-    fits: list[Fit] = field(default_factory=list)
-    truth: dict[str, float] = field(default_factory=dict)
-    poles: np.ndarray = field(default_factory=lambda: np.empty(0, complex))
-    seconds: dict[str, float] = field(default_factory=dict)
+    settings: SimulationSettings | None  # settings; None where they were refused
+    trial: PreparedTrial | None  # the trial; None where it cannot be simulated
+    refusal: str = ""  # why it cannot
+    fits: list[Fit] = field(default_factory=list)  # what both methods make of it
+    truth: dict[str, float] = field(default_factory=dict)  # true K, B, I and G
+    poles: np.ndarray = field(default_factory=lambda: np.empty(0, complex))  # true poles of the reflex
+    seconds: dict[str, float] = field(default_factory=dict)  # processor time of each step
 
 
 class Experiment:

@@ -14,26 +14,13 @@ QUANTILES = np.linspace(0.005, 0.995, 200)
 
 @dataclass(frozen=True)
 class Basis:
-    """Basis functions with fixed scale or knots, which serve any other record as well.
+    """Basis functions with fixed scale or knots, which serve any other record as well."""
 
-    Parameters
-    ----------
-    kind : {"chebyshev", "rectifier", "spline"}
-        Kind of basis.
-    degree : int
-        Number of terms.
-    scale : float
-        Largest velocity magnitude [rad/s]; the Chebyshev polynomials take the velocity divided by it.
-    knots : ndarray
-        Knots of the cubic spline [rad/s].
-    quantiles : ndarray
-        Velocities of the record that are equally frequent [rad/s].
-    """
-
-    kind: str
-    degree: int
-    scale: float = 1.0
-    knots: np.ndarray = field(default_factory=lambda: np.empty(0))
+    kind: str  # kind of basis
+    degree: int  # number of terms
+    scale: float = 1.0  # largest velocity magnitude [rad/s]; the Chebyshev polynomials take the velocity divided by it
+    knots: np.ndarray = field(default_factory=lambda: np.empty(0))  # knots of the cubic spline [rad/s]
+    # Velocities of the record that are equally frequent [rad/s].
     quantiles: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property

@@ -17,21 +17,11 @@ LARGEST = 1e4  # rad/s, or 1: no reflex is as fast, or as damped
 
 @dataclass(frozen=True)
 class ReflexDynamics:
-    """Low-pass of unit gain, ωn² / (s² + 2ζωn s + ωn²), and p / (s + p) after it where there is a third pole.
+    """Low-pass of unit gain, ωn² / (s² + 2ζωn s + ωn²), and p / (s + p) after it where there is a third pole."""
 
-    Parameters
-    ----------
-    omega_n : float
-        Natural frequency [rad/s].
-    zeta : float
-        Damping [1].
-    pole : float, optional
-        Third pole p [rad/s].
-    """
-
-    omega_n: float
-    zeta: float
-    pole: float | None = None
+    omega_n: float  # natural frequency [rad/s]
+    zeta: float  # damping [1]
+    pole: float | None = None  # third pole p [rad/s]
 
     @property
     def values(self) -> dict[str, float]:

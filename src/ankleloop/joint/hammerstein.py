@@ -25,18 +25,10 @@ LEAST_DYNAMICS = 0.9  # share that one linear system explains of the path, and a
 
 @dataclass(frozen=True)
 class StaticNonlinearity:
-    """Torque against delayed velocity, the dynamics behind it being of unit gain.
+    """Torque against delayed velocity, the dynamics behind it being of unit gain."""
 
-    Parameters
-    ----------
-    basis : Basis
-        Basis functions.
-    coefficients : ndarray, shape (k,)
-        Torque per basis function.
-    """
-
-    basis: Basis
-    coefficients: np.ndarray
+    basis: Basis  # basis functions
+    coefficients: np.ndarray  # shape (k,): torque per basis function
 
     def __call__(self, velocity: np.ndarray) -> np.ndarray:
         """Torque at a velocity, beyond that at rest.
@@ -80,24 +72,13 @@ def _fit_ramps(velocity: np.ndarray, deviation: np.ndarray, thresholds: np.ndarr
 
 @dataclass(frozen=True)
 class ReflexPath:
-    """One nonlinearity and one linear system that describe a model with many reflex inputs.
+    """One nonlinearity and one linear system that describe a model with many reflex inputs."""
 
-    Parameters
-    ----------
-    nonlinearity : StaticNonlinearity
-        Torque against delayed velocity.
-    dynamics : ReflexDynamics
-        Low-pass of unit gain that is closest.
-    rank_one : float
-        Share of the reflex torque's variance that a single linear system explains; 1 for a Hammerstein system.
-    low_pass : float
-        Share of that system's response that the low-pass explains.
-    """
-
-    nonlinearity: StaticNonlinearity
-    dynamics: ReflexDynamics
+    nonlinearity: StaticNonlinearity  # torque against delayed velocity
+    dynamics: ReflexDynamics  # Low-pass of unit gain that is closest
+    # Share of the reflex torque's variance that a single linear system explains; 1 for a Hammerstein system.
     rank_one: float = 1.0
-    low_pass: float = 1.0
+    low_pass: float = 1.0  # share of that system's response that the low-pass explains
 
     @cached_property
     def _rectifier(self) -> tuple[float, float, float]:

@@ -22,27 +22,13 @@ BEYOND = 1.01  # of the range of a basis: less is the ripple of its filters
 
 @dataclass(frozen=True, eq=False)
 class ModelInputs:
-    """Inputs of a model: position, velocity, acceleration, and basis functions of the delayed velocity.
+    """Inputs of a model: position, velocity, acceleration, and basis functions of the delayed velocity."""
 
-    Parameters
-    ----------
-    basis : Basis
-        Basis functions, with the scale or the knots of the record that was fitted.
-    delay : float
-        Reflex delay [s], by which the velocity is delayed before it enters the basis functions.
-    identification_rate : float
-        Rate of the inputs [Hz].
-    recording_rate : float
-        Rate of the record that was fitted [Hz]; another trial may have another one.
-    omitted_step : {"kernel-derivatives", "early-nonlinearity"} or None
-        Step of the processing that was left out.
-    """
-
-    basis: Basis
-    delay: float
-    identification_rate: float
-    recording_rate: float
-    omitted_step: InputStep | None = None
+    basis: Basis  # basis functions, with the scale or the knots of the record that was fitted
+    delay: float  # reflex delay [s], by which the velocity is delayed before it enters the basis functions
+    identification_rate: float  # rate of the inputs [Hz]
+    recording_rate: float  # rate of the record that was fitted [Hz]; another trial may have another one
+    omitted_step: InputStep | None = None  # step of the processing that was left out
 
     @classmethod
     def of(cls, regressors: Regressors, delay: float | None = None) -> ModelInputs:

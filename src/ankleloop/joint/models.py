@@ -29,20 +29,11 @@ Trial = xr.Dataset | PreparedTrial
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceModel:
-    """Linear model at the identification rate, as the MOESP family estimates it.
+    """Linear model at the identification rate, as the MOESP family estimates it."""
 
-    Parameters
-    ----------
-    inputs : ModelInputs
-        How its inputs are made of a trial.
-    matrices : Matrices
-        A, B, C, D from the inputs to the torque, in physical units, labelled by `inputs`.
-    initial_state : ndarray, shape (n,)
-        State at the first sample of the record that was fitted. Torques of another trial start at rest.
-    """
-
-    inputs: ModelInputs
-    matrices: Matrices
+    inputs: ModelInputs  # how its inputs are made of a trial
+    matrices: Matrices  # A, B, C, D from the inputs to the torque, in physical units, labelled by `inputs`
+    # Shape (n,): state at the first sample of the record that was fitted. Torques of another trial start at rest.
     initial_state: np.ndarray
     kind: ClassVar[str] = "state-space"
 
@@ -69,24 +60,12 @@ class StateSpaceModel:
 
 @dataclass(frozen=True, eq=False)
 class PhysicalModel:
-    """Physical parameters in continuous time, as refined instrumental variables estimate them.
+    """Physical parameters in continuous time, as refined instrumental variables estimate them."""
 
-    Parameters
-    ----------
-    inputs : ModelInputs
-        How its inputs are made of a trial.
-    stiffness : ndarray, shape (3,)
-        K [N·m/rad], B [N·m·s/rad], I [kg·m²].
-    coefficients : ndarray, shape (k,)
-        Torque per basis function.
-    dynamics : ReflexDynamics
-        Low-pass of unit gain behind the basis functions.
-    """
-
-    inputs: ModelInputs
-    stiffness: np.ndarray
-    coefficients: np.ndarray
-    dynamics: ReflexDynamics
+    inputs: ModelInputs  # how its inputs are made of a trial
+    stiffness: np.ndarray  # shape (3,): K [N·m/rad], B [N·m·s/rad], I [kg·m²]
+    coefficients: np.ndarray  # shape (k,): torque per basis function
+    dynamics: ReflexDynamics  # Low-pass of unit gain behind the basis functions
     kind: ClassVar[str] = "physical"
 
     @cached_property
@@ -129,20 +108,12 @@ class PhysicalModel:
 
 @dataclass(frozen=True, eq=False)
 class ResponseModel:
-    """Two impulse responses at the identification rate, as the parallel cascade estimates them.
+    """Two impulse responses at the identification rate, as the parallel cascade estimates them."""
 
-    Parameters
-    ----------
-    inputs : ModelInputs
-        How its inputs are made of a trial.
-    intrinsic : ndarray, shape (2 l + 1,)
-        Response to the position per sample, from l samples before it to l samples after it [N·m/rad].
-    reflex : ndarray, shape (lags + 1,)
-        Response to the basis function of the delayed velocity per sample, from lag 0 on [N·m·s/rad].
-    """
-
-    inputs: ModelInputs
+    inputs: ModelInputs  # how its inputs are made of a trial
+    # Shape (2 l + 1,): response to the position per sample, from l samples before it to l samples after it [N·m/rad].
     intrinsic: np.ndarray
+    # Shape (lags + 1,): response to the basis function of the delayed velocity per sample, from lag 0 on [N·m·s/rad].
     reflex: np.ndarray
     kind: ClassVar[str] = "impulse-responses"
     matrices: ClassVar[None] = None

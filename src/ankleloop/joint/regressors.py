@@ -59,42 +59,18 @@ def recording_margins(rate: float, factor: int, delay: float) -> tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Regressors:
-    """Inputs and output of an identification on one record.
+    """Inputs and output of an identification on one record."""
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Time in the record [s].
-    inputs : ndarray, shape (N, 3 + k)
-        P, Ṗ, P̈ and the k basis functions of the delayed velocity.
-    torque : ndarray, shape (N,)
-        Measured net torque [N·m].
-    basis : Basis
-        Basis of the nonlinearity, with its scale or knots.
-    delay : float
-        Reflex delay [s].
-    rate : float
-        Identification rate [Hz].
-    grid : Grid
-        Recorded samples that were decimated.
-    reference : ndarray, shape (N,), or None
-        Reference of the loop [rad].
-    reference_name : str or None
-        Variable that serves as reference.
-    omitted_step : {"kernel-derivatives", "early-nonlinearity"} or None
-        Step of the processing that was left out.
-    """
-
-    time: np.ndarray
-    inputs: np.ndarray
-    torque: np.ndarray
-    basis: Basis
-    delay: float
-    rate: float
-    grid: Grid
-    reference: np.ndarray | None = None
-    reference_name: str | None = None
-    omitted_step: InputStep | None = None
+    time: np.ndarray  # shape (N,): time in the record [s]
+    inputs: np.ndarray  # shape (N, 3 + k): P, Ṗ, P̈ and the k basis functions of the delayed velocity
+    torque: np.ndarray  # shape (N,): measured net torque [N·m]
+    basis: Basis  # basis of the nonlinearity, with its scale or knots
+    delay: float  # reflex delay [s]
+    rate: float  # identification rate [Hz]
+    grid: Grid  # recorded samples that were decimated
+    reference: np.ndarray | None = None  # shape (N,): reference of the loop [rad]
+    reference_name: str | None = None  # variable that serves as reference
+    omitted_step: InputStep | None = None  # step of the processing that was left out
 
     @cached_property
     def centred(self) -> list[np.ndarray]:

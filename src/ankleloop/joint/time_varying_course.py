@@ -25,33 +25,17 @@ FALL = -0.5  # of a phase from 0 to 1, where a cycle begins
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Place of each decimated sample within what the parameters vary with, and the samples that count.
+    """Place of each decimated sample within what the parameters vary with, and the samples that count."""
 
-    Parameters
-    ----------
-    dimension : {"phase", "time", "schedule"}
-        What it is.
-    place : ndarray, shape (N,)
-        Place, from 0 to 1.
-    limits : tuple of float
-        Phase, time from the first sample of the record [s] or scheduling variable at the places 0 and 1.
-    rows : slice
-        Samples that count; they are whole segments.
-    segment : ndarray, shape (rows,)
-        Number of the cycle, or of the segment of a record without cycles, of each of them.
-    since : ndarray, shape (rows,)
-        Samples since the onset of the cycle; of the segment, without cycles.
-    outside : float
-        Share of the samples whose scheduling variable lies beyond the limits.
-    """
-
-    dimension: str
-    place: np.ndarray
+    dimension: str  # what it is
+    place: np.ndarray  # shape (N,): place, from 0 to 1
+    # Phase, time from the first sample of the record [s] or scheduling variable at the places 0 and 1.
     limits: tuple[float, float]
-    rows: slice
+    rows: slice  # samples that count; they are whole segments
+    # Shape (rows,): number of the cycle, or of the segment of a record without cycles, of each of them.
     segment: np.ndarray
-    since: np.ndarray
-    outside: float = 0.0
+    since: np.ndarray  # shape (rows,): samples since the onset of the cycle; of the segment, without cycles
+    outside: float = 0.0  # share of the samples whose scheduling variable lies beyond the limits
 
     @property
     def periodic(self) -> bool:

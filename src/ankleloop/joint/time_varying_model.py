@@ -28,41 +28,21 @@ BEYOND = 0.05  # share of the samples beyond the limits of a scheduling variable
 
 @dataclass(frozen=True, eq=False)
 class TimeVaryingModel:
-    """K, B, G and I as splines, and the low-pass of the reflex behind the gain.
+    """K, B, G and I as splines, and the low-pass of the reflex behind the gain."""
 
-    Parameters
-    ----------
-    inputs : ModelInputs
-        Delay and rates of its inputs.
-    dimension : {"phase", "time", "schedule"}
-        What K, B and G are functions of.
-    variable : str
-        Variable of a trial that holds the phase or the scheduling variable; empty where onsets come as numbers.
-    limits : tuple of float
-        Phase, time from the first sample of a trial [s] or scheduling variable at the first and at the last place.
-    degree : {3, 0}
-        Degree of the splines.
-    coefficients : tuple of ndarray
-        Coefficients of the splines of K [N·m/rad], B [N·m·s/rad] and G [N·m·s/rad].
-    inertia : ndarray, shape (splines,)
-        Coefficients of the splines of I [kg·m²]; a single one where it is constant.
-    dynamics : ReflexDynamics
-        Low-pass of unit gain.
-    torque_lag : float
-        Lag of the torque channel behind the position [s].
-    rest_position : float or None
-        Position at which the elastic torque is zero [rad]; None for the mean position of a trial.
-    """
-
-    inputs: ModelInputs
-    dimension: str
+    inputs: ModelInputs  # delay and rates of its inputs
+    dimension: str  # what K, B and G are functions of
+    # Variable of a trial that holds the phase or the scheduling variable; empty where onsets come as numbers.
     variable: str
+    # Phase, time from the first sample of a trial [s] or scheduling variable at the first and at the last place.
     limits: tuple[float, float]
-    degree: int
+    degree: int  # degree of the splines
+    # Coefficients of the splines of K [N·m/rad], B [N·m·s/rad] and G [N·m·s/rad].
     coefficients: tuple[np.ndarray, np.ndarray, np.ndarray]
-    inertia: np.ndarray
-    dynamics: ReflexDynamics
-    torque_lag: float = 0.0
+    inertia: np.ndarray  # shape (splines,): coefficients of the splines of I [kg·m²]; a single one where it is constant
+    dynamics: ReflexDynamics  # Low-pass of unit gain
+    torque_lag: float = 0.0  # lag of the torque channel behind the position [s]
+    # Position at which the elastic torque is zero [rad]; None for the mean position of a trial.
     rest_position: float | None = None
     kind: ClassVar[str] = "time-varying"
     matrices: ClassVar[None] = None

@@ -73,21 +73,11 @@ def read_trajectories(fields: Fields) -> xr.Dataset:
 
 @dataclass(frozen=True)
 class Splines:
-    """Uniform cubic B-splines over 0 … 1, or the indicators of equal intervals.
+    """Uniform cubic B-splines over 0 … 1, or the indicators of equal intervals."""
 
-    Parameters
-    ----------
-    size : int
-        Number of splines; 4 at least for a basis of degree 3.
-    periodic : bool
-        Whether 1 is the same place as 0.
-    degree : {3, 0}
-        Cubic splines, or indicators.
-    """
-
-    size: int
-    periodic: bool
-    degree: int = 3
+    size: int  # number of splines; 4 at least for a basis of degree 3
+    periodic: bool  # whether 1 is the same place as 0
+    degree: int = 3  # cubic splines, or indicators
 
     def __call__(self, place: np.ndarray) -> np.ndarray:
         """Values of the splines at places within 0 … 1, shape (N, size)."""

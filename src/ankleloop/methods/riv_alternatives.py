@@ -43,24 +43,12 @@ EFFECTS = {
 
 @dataclass(frozen=True)
 class Alternative:
-    """The solution with one more effect.
+    """The solution with one more effect."""
 
-    Parameters
-    ----------
-    effect : str
-        Name of the effect.
-    value : float
-        Its size.
-    score : float
-        Size over its standard error.
-    shifts : dict of str to float
-        How far K, B, I and G move with it, over what they are without it.
-    """
-
-    effect: str
-    value: float
-    score: float
-    shifts: dict[str, float]
+    effect: str  # name of the effect
+    value: float  # its size
+    score: float  # size over its standard error
+    shifts: dict[str, float]  # how far K, B, I and G move with it, over what they are without it
 
     @property
     def text(self) -> str:

@@ -33,27 +33,13 @@ WIDEST = 50.0  # of such a logarithm
 
 @dataclass(frozen=True, eq=False)
 class RivCovariance:
-    """Covariance of the free unknowns, and how it was computed.
+    """Covariance of the free unknowns, and how it was computed."""
 
-    Parameters
-    ----------
-    kind : {"asymptotic", "robust"}
-        Which of the two it is.
-    matrix : ndarray, shape (free, free)
-        The covariance.
-    quantile : float
-        Half of a 95 % interval over its standard error.
-    segment : float or None
-        Length of the segments of the record that count as independent [s], of a robust one.
-    movement_p : float
-        See `movement_p`.
-    """
-
-    kind: Literal["asymptotic", "robust"]
-    matrix: np.ndarray
-    quantile: float
-    segment: float | None
-    movement_p: float
+    kind: Literal["asymptotic", "robust"]  # which of the two it is
+    matrix: np.ndarray  # shape (free, free): the covariance
+    quantile: float  # half of a 95 % interval over its standard error
+    segment: float | None  # length of the segments of the record that count as independent [s], of a robust one
+    movement_p: float  # see `movement_p`
 
 
 def choose_covariance(

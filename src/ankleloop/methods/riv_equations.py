@@ -30,21 +30,11 @@ DELAYS = np.arange(0.02, 0.121, 0.01)  # s: candidates for the start of an unkno
 
 @dataclass(frozen=True)
 class RivParameters:
-    """Linear parameters K, B, I, c₁ …, the dynamics behind the latter, and the shift of the delay.
+    """Linear parameters K, B, I, c₁ …, the dynamics behind the latter, and the shift of the delay."""
 
-    Parameters
-    ----------
-    linear : ndarray, shape (3 + k,)
-        K, B, I and the coefficients of the k basis functions.
-    dynamics : ReflexDynamics
-        Dynamics of the reflex.
-    shift : float
-        Delay less the nominal one [s].
-    """
-
-    linear: np.ndarray
-    dynamics: ReflexDynamics
-    shift: float = 0.0
+    linear: np.ndarray  # shape (3 + k,): K, B, I and the coefficients of the k basis functions
+    dynamics: ReflexDynamics  # dynamics of the reflex
+    shift: float = 0.0  # delay less the nominal one [s]
 
     def add(self, step: np.ndarray) -> RivParameters:
         """Parameters after a step of the linear ones, of the logarithms of the dynamics and of an unknown delay."""
@@ -54,28 +44,18 @@ class RivParameters:
 
 @dataclass(frozen=True, eq=False)
 class RivPoint:
-    """The equations at some parameters; weights and instruments are those of these parameters.
+    """The equations at some parameters; weights and instruments are those of these parameters."""
 
-    Parameters
-    ----------
-    equations : RivEquations
-        The equations.
-    parameters : RivParameters
-        The parameters.
-    instruments, regressors : ndarray of complex, shape (unknowns, frequencies)
-        Derivatives of the torque with respect to the parameters, by the predicted and by the measured inputs.
-    residual : ndarray of complex, shape (frequencies,)
-        Measured torque less that of the model.
-    noise : ndarray, shape (frequencies,)
-        Smoothed periodogram of the residual.
-    """
-
-    equations: RivEquations
-    parameters: RivParameters
+    equations: RivEquations  # the equations
+    parameters: RivParameters  # the parameters
+    # Shape (unknowns, frequencies): derivatives of the torque with respect to the parameters, by the predicted and by
+    # the measured inputs.
     instruments: np.ndarray
+    # Shape (unknowns, frequencies): derivatives of the torque with respect to the parameters, by the predicted and by
+    # the measured inputs.
     regressors: np.ndarray
-    residual: np.ndarray
-    noise: np.ndarray
+    residual: np.ndarray  # shape (frequencies,): measured torque less that of the model
+    noise: np.ndarray  # shape (frequencies,): smoothed periodogram of the residual
 
     @cached_property
     def level(self) -> np.ndarray:

@@ -21,35 +21,17 @@ CONTRIBUTION = 0.3  # of the largest part of a direction: parameters below it ar
 
 @dataclass(frozen=True, eq=False)
 class RivSolution:
-    """Result of the search.
+    """Result of the search."""
 
-    Parameters
-    ----------
-    path : tuple of RivPoint
-        The start, and the point after each iteration.
-    merits : tuple of float
-        Merit of each point of the path.
-    first : int
-        Index of the first point of the filter: the last change of what is held, or where the search began again.
-    best : int
-        Index of the result: the last point where the search converged, else the one with the smallest merit.
-    converged : bool
-        Whether the last step was within the tolerance, and no delay is held at its limit.
-    free : ndarray of int
-        Unknowns that were not held at a limit.
-    held : frozenset of str
-        Names of those that were.
-    flat : tuple of str
-        Where the search did not converge, the unknowns a common change of which the record shows least.
-    """
-
-    path: tuple[RivPoint, ...]
-    merits: tuple[float, ...]
+    path: tuple[RivPoint, ...]  # the start, and the point after each iteration
+    merits: tuple[float, ...]  # merit of each point of the path
+    # Index of the first point of the filter: the last change of what is held, or where the search began again.
     first: int
-    best: int
-    converged: bool
-    free: np.ndarray
-    held: frozenset[str]
+    best: int  # index of the result: the last point where the search converged, else the one with the smallest merit
+    converged: bool  # whether the last step was within the tolerance, and no delay is held at its limit
+    free: np.ndarray  # unknowns that were not held at a limit
+    held: frozenset[str]  # names of those that were
+    # Where the search did not converge, the unknowns a common change of which the record shows least.
     flat: tuple[str, ...]
 
     @property

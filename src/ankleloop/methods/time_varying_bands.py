@@ -19,18 +19,10 @@ EFFECTS = ("lag", "high-pass", "friction", "compression", "direction", "delay")
 
 @dataclass(frozen=True, eq=False)
 class TimeVaryingCovariance:
-    """Covariance of all unknowns, and half of a 95 % interval over its standard error.
+    """Covariance of all unknowns, and half of a 95 % interval over its standard error."""
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (unknowns, unknowns)
-        The covariance.
-    quantile : float
-        Quantile of Student's distribution.
-    """
-
-    matrix: np.ndarray
-    quantile: float
+    matrix: np.ndarray  # shape (unknowns, unknowns): the covariance
+    quantile: float  # quantile of Student's distribution
 
     def margin(self, weights: np.ndarray, places: slice | int) -> np.ndarray:
         """Half of the 95 % interval of sums of some unknowns, shape (sums,).
@@ -43,19 +35,12 @@ class TimeVaryingCovariance:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A parameter over what it varies with.
+    """A parameter over what it varies with."""
 
-    Parameters
-    ----------
-    values, low, high : ndarray, shape (places,)
-        The parameter and the ends of its band; nan where the record does not show it.
-    excitation : ndarray, shape (places,)
-        Information of the record about the parameter at each place, over its mean.
-    """
-
-    values: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    values: np.ndarray  # shape (places,): the parameter and the ends of its band; nan where the record does not show it
+    low: np.ndarray  # shape (places,): the parameter and the ends of its band; nan where the record does not show it
+    high: np.ndarray  # shape (places,): the parameter and the ends of its band; nan where the record does not show it
+    # Shape (places,): information of the record about the parameter at each place, over its mean.
     excitation: np.ndarray
 
 

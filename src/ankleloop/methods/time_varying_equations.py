@@ -25,18 +25,12 @@ CONSTANT = Splines(1, periodic=False, degree=0)
 
 @dataclass(frozen=True)
 class Bases:
-    """Splines of K, B, G and I.
+    """Splines of K, B, G and I."""
 
-    Parameters
-    ----------
-    stiffness, viscosity, gain, inertia : Splines
-        Splines of each of them; by default the inertia is constant.
-    """
-
-    stiffness: Splines
-    viscosity: Splines
-    gain: Splines
-    inertia: Splines = CONSTANT
+    stiffness: Splines  # splines of each of them; by default the inertia is constant
+    viscosity: Splines  # splines of each of them; by default the inertia is constant
+    gain: Splines  # splines of each of them; by default the inertia is constant
+    inertia: Splines = CONSTANT  # splines of each of them; by default the inertia is constant
 
     @property
     def all(self) -> tuple[Splines, Splines, Splines, Splines]:
@@ -69,44 +63,26 @@ class Bases:
 
 @dataclass(frozen=True, eq=False)
 class TimeVaryingParameters:
-    """Coefficients of K, B, I and G, dynamics of the reflex, and what delays add.
+    """Coefficients of K, B, I and G, dynamics of the reflex, and what delays add."""
 
-    Parameters
-    ----------
-    linear : ndarray, shape (size,)
-        Coefficients of K, B, I and G.
-    dynamics : ReflexDynamics
-        Dynamics of the reflex.
-    shift : float
-        Delay of the reflex less that of the inputs [s].
-    lag : float
-        Lag of the torque channel behind the position [s].
-    """
-
-    linear: np.ndarray
-    dynamics: ReflexDynamics
-    shift: float = 0.0
-    lag: float = 0.0
+    linear: np.ndarray  # shape (size,): coefficients of K, B, I and G
+    dynamics: ReflexDynamics  # dynamics of the reflex
+    shift: float = 0.0  # delay of the reflex less that of the inputs [s]
+    lag: float = 0.0  # lag of the torque channel behind the position [s]
 
 
 @dataclass(frozen=True, eq=False)
 class WhitenedSystem:
-    """Whitened instruments, regressors and residual at some parameters.
+    """Whitened instruments, regressors and residual at some parameters."""
 
-    Parameters
-    ----------
-    instruments, regressors : ndarray, shape (unknowns, rows)
-        Derivatives of the torque with respect to the unknowns, by the predicted and by the measured inputs.
-    torque : ndarray, shape (rows,)
-        Whitened torque.
-    share : float
-        Share of the frequencies that count: so many independent values a sample has.
-    """
-
+    # Shape (unknowns, rows): derivatives of the torque with respect to the unknowns, by the predicted and by the
+    # measured inputs.
     instruments: np.ndarray
+    # Shape (unknowns, rows): derivatives of the torque with respect to the unknowns, by the predicted and by the
+    # measured inputs.
     regressors: np.ndarray
-    torque: np.ndarray
-    share: float
+    torque: np.ndarray  # shape (rows,): whitened torque
+    share: float  # share of the frequencies that count: so many independent values a sample has
 
     @cached_property
     def normal(self) -> np.ndarray:

@@ -29,24 +29,12 @@ PADDING = 1.0  # s of zeros behind a record, in which responses end
 
 @dataclass(frozen=True, eq=False)
 class TimeVaryingInputs:
-    """Decimated signals of a trial, and the same of the position that the reference predicts.
+    """Decimated signals of a trial, and the same of the position that the reference predicts."""
 
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    grid : Grid
-        Its decimated samples.
-    course : Course
-        What its parameters vary with.
-    reference_name : str
-        Variable that serves as reference; the position itself for least squares.
-    """
-
-    trial: PreparedTrial
-    grid: Grid
-    course: Course
-    reference_name: str
+    trial: PreparedTrial  # the trial
+    grid: Grid  # its decimated samples
+    course: Course  # what its parameters vary with
+    reference_name: str  # variable that serves as reference; the position itself for least squares
 
     @property
     def rate(self) -> float:

@@ -21,36 +21,16 @@ RENEWED = 1e-4  # s: change of the delay for which inputs are made anew
 
 @dataclass(frozen=True, eq=False)
 class TimeVaryingSolution:
-    """Parameters that solve the equations, and the system at them.
+    """Parameters that solve the equations, and the system at them."""
 
-    Parameters
-    ----------
-    equations : TimeVaryingEquations
-        The equations.
-    parameters : TimeVaryingParameters
-        Their solution.
-    system : WhitenedSystem
-        Whitened system with its regressors at the solution.
-    penalties : ndarray, shape (4,)
-        Weights of the penalties of K, B, G and I.
-    variance : float
-        Variance of the whitened noise at a frequency of the band.
-    spectrum : ndarray
-        Spectrum of the noise that the weights are the inverse of.
-    rounds : int
-        Number of rounds.
-    converged : bool
-        Whether the dynamics of the reflex moved no more.
-    """
-
-    equations: TimeVaryingEquations
-    parameters: TimeVaryingParameters
-    system: WhitenedSystem
-    penalties: np.ndarray
-    variance: float
-    spectrum: np.ndarray
-    rounds: int
-    converged: bool
+    equations: TimeVaryingEquations  # the equations
+    parameters: TimeVaryingParameters  # their solution
+    system: WhitenedSystem  # whitened system with its regressors at the solution
+    penalties: np.ndarray  # shape (4,): weights of the penalties of K, B, G and I
+    variance: float  # variance of the whitened noise at a frequency of the band
+    spectrum: np.ndarray  # spectrum of the noise that the weights are the inverse of
+    rounds: int  # number of rounds
+    converged: bool  # whether the dynamics of the reflex moved no more
 
     @property
     def matrix(self) -> np.ndarray:

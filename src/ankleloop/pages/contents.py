@@ -13,21 +13,11 @@ ANCHOR = re.compile(r'\bid="([^"]*)"')
 
 @dataclass(frozen=True)
 class Heading:
-    """A heading of a page.
+    """A heading of a page."""
 
-    Parameters
-    ----------
-    level : int
-        2 or 3.
-    text : str
-        What it says.
-    anchor : str
-        Its name for links.
-    """
-
-    level: int
-    text: str
-    anchor: str
+    level: int  # 2 or 3
+    text: str  # what it says
+    anchor: str  # its name for links
 
 
 def find_headings(body: str) -> tuple[str, list[Heading]]:

@@ -19,24 +19,12 @@ DOTS_PER_INCH = 220  # of the picture
 
 @dataclass(frozen=True)
 class EmbeddedFigure:
-    """A picture that is part of a page.
+    """A picture that is part of a page."""
 
-    Parameters
-    ----------
-    source : str
-        The picture as a data URI.
-    width : int
-        Width in the page [px].
-    interactive : str
-        HTML of the same figure with more in it, for the screen; empty where there is none.
-    data : pandas.DataFrame or None
-        Numbers that the figure draws.
-    """
-
-    source: str
-    width: int
-    interactive: str = ""
-    data: pd.DataFrame | None = field(default=None, compare=False, repr=False)
+    source: str  # the picture as a data URI
+    width: int  # width in the page [px]
+    interactive: str = ""  # HTML of the same figure with more in it, for the screen; empty where there is none
+    data: pd.DataFrame | None = field(default=None, compare=False, repr=False)  # numbers that the figure draws
 
 
 def embed_figure(figure: Figure) -> EmbeddedFigure:

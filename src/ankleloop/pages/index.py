@@ -37,24 +37,12 @@ MOST_ROWS = 1000  # of a table in its page
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the results.
+    """A figure of the results."""
 
-    Parameters
-    ----------
-    name : str
-        Its file without suffix.
-    picture : str
-        Path of the picture, relative to the page.
-    files : dict of str to str
-        Paths of its other files by their kind.
-    caption : str
-        What it shows; empty if not known.
-    """
-
-    name: str
-    picture: str
-    files: Mapping[str, str]
-    caption: str
+    name: str  # its file without suffix
+    picture: str  # path of the picture, relative to the page
+    files: Mapping[str, str]  # paths of its other files by their kind
+    caption: str  # what it shows; empty if not known
 
 
 @dataclass(frozen=True)

@@ -18,24 +18,12 @@ DASH_DOT_DOT: Dashes = (6.0, 1.5, 1.0, 1.5, 1.0, 1.5)
 
 @dataclass(frozen=True)
 class MethodStyle:
-    """How a method, or another series, is drawn.
+    """How a method, or another series, is drawn."""
 
-    Parameters
-    ----------
-    colour : str
-        Of lines and symbols, as "#rrggbb".
-    marker : str
-        Symbol, as matplotlib names it.
-    filled : bool
-        Whether the symbol is filled.
-    dashes : tuple of float
-        Lengths of dashes and gaps in line widths; empty for a solid line.
-    """
-
-    colour: str
-    marker: str
-    filled: bool = True
-    dashes: Dashes = SOLID
+    colour: str  # of lines and symbols, as "#rrggbb"
+    marker: str  # symbol, as matplotlib names it
+    filled: bool = True  # whether the symbol is filled
+    dashes: Dashes = SOLID  # lengths of dashes and gaps in line widths; empty for a solid line
 
     @property
     def symbol(self) -> dict[str, Any]:

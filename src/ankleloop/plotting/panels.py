@@ -13,24 +13,12 @@ from ankleloop.plotting.style import TWO_COLUMNS, DataFigure, inches
 
 @dataclass(frozen=True)
 class Panel:
-    """What a panel shows.
+    """What a panel shows."""
 
-    Parameters
-    ----------
-    label : str
-        Quantity with its unit; panels with the same label share its axis.
-    title : str
-        What tells panels of the same quantity apart.
-    truth : float or None
-        True value, which is drawn as a line.
-    limits : tuple of float or None
-        Limits of the axis of the quantity.
-    """
-
-    label: str
-    title: str = ""
-    truth: float | None = None
-    limits: tuple[float, float] | None = None
+    label: str  # quantity with its unit; panels with the same label share its axis
+    title: str = ""  # what tells panels of the same quantity apart
+    truth: float | None = None  # true value, which is drawn as a line
+    limits: tuple[float, float] | None = None  # limits of the axis of the quantity
 
 
 def split_label(label: str) -> tuple[str, str]:

@@ -26,24 +26,13 @@ NARROWEST = 0.25  # smallest over mean distance of neighbours; closer ones are l
 
 @dataclass(frozen=True)
 class SweepAxis:
-    """Axis of a varied parameter.
+    """Axis of a varied parameter."""
 
-    Parameters
-    ----------
-    name : str
-        Column of the parameter.
-    label : str
-        Its name with unit.
-    values : tuple
-        Its distinct values: numbers in their order, then None, flags and texts as the points have them.
-    words : mapping
-        Words for values that are no numbers, where they have any.
-    """
-
-    name: str
-    label: str
+    name: str  # column of the parameter
+    label: str  # its name with unit
+    # Its distinct values: numbers in their order, then None, flags and texts as the points have them.
     values: tuple[Any, ...]
-    words: Mapping[Any, str] = field(default_factory=dict)
+    words: Mapping[Any, str] = field(default_factory=dict)  # words for values that are no numbers, where they have any
 
     @classmethod
     def of(cls, name: str, label: str, values: Iterable[Any], words: Mapping[Any, str] | None = None) -> SweepAxis:

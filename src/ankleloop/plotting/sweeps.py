@@ -28,51 +28,24 @@ BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}  # %, beyond which a
 
 @dataclass(frozen=True)
 class SweepSeries:
-    """A method, or the difference of two.
+    """A method, or the difference of two."""
 
-    Parameters
-    ----------
-    method : str
-        Value of the column `method`.
-    label : str
-        Its name in the legend or the title.
-    style : MethodStyle
-        Colour, symbol and line; of a difference `DIFFERENCE_STYLE`.
-    is_difference : bool
-        Whether it is a difference of two methods.
-    """
-
-    method: str
-    label: str
-    style: MethodStyle = DIFFERENCE_STYLE
-    is_difference: bool = False
+    method: str  # value of the column `method`
+    label: str  # its name in the legend or the title
+    style: MethodStyle = DIFFERENCE_STYLE  # colour, symbol and line; of a difference `DIFFERENCE_STYLE`
+    is_difference: bool = False  # whether it is a difference of two methods
 
 
 @dataclass(frozen=True)
 class SweepPanel:
-    """A quantity of several methods, or of the difference of two.
+    """A quantity of several methods, or of the difference of two."""
 
-    Parameters
-    ----------
-    quantity : str
-        Value of the column `quantity`.
-    label : str
-        Its name with unit.
-    series : sequence of SweepSeries
-        The methods, or a difference alone.
-    desired : {"high", "zero", "low"} or None
-        What a method should reach; "zero" for a difference.
-    truth : float or None
-        True value, where all points have the same.
-    marked : bool
-        Whether means of which trials failed or came with a warning are marked; their share itself needs no marks.
-    """
-
-    quantity: str
-    label: str
-    series: Sequence[SweepSeries]
-    desired: Literal["high", "zero", "low"] | None = None
-    truth: float | None = None
+    quantity: str  # value of the column `quantity`
+    label: str  # its name with unit
+    series: Sequence[SweepSeries]  # the methods, or a difference alone
+    desired: Literal["high", "zero", "low"] | None = None  # what a method should reach; "zero" for a difference
+    truth: float | None = None  # true value, where all points have the same
+    # Whether means of which trials failed or came with a warning are marked; their share itself needs no marks.
     marked: bool = True
 
     @property

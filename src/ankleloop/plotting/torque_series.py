@@ -23,22 +23,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """A torque over regular times, as samples or as the ends of bins of samples.
+    """A torque over regular times, as samples or as the ends of bins of samples."""
 
-    Parameters
-    ----------
-    start : float
-        Time of the first sample, or of the start of the first bin [s].
-    step : float
-        Time between samples, or between the starts of bins [s].
-    low, high : ndarray, shape (N,)
-        Ends of each bin [N·m]; the same array for samples.
-    """
-
-    start: float
-    step: float
-    low: np.ndarray
-    high: np.ndarray
+    start: float  # time of the first sample, or of the start of the first bin [s]
+    step: float  # time between samples, or between the starts of bins [s]
+    low: np.ndarray  # shape (N,): ends of each bin [N·m]; the same array for samples
+    high: np.ndarray  # shape (N,): ends of each bin [N·m]; the same array for samples
 
     @property
     def sampled(self) -> bool:
@@ -53,44 +43,22 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class TorqueSeries:
-    """What one switch of a figure shows: a trace of each torque that it has.
+    """What one switch of a figure shows: a trace of each torque that it has."""
 
-    Parameters
-    ----------
-    label : str
-        Name of the series.
-    kind : {"measured", "true", "estimate", "residual"}
-        What it is.
-    colour : str
-        As "#rrggbb", or a name.
-    traces : dict of str to Trace
-        By "net", "intrinsic" and "reflex".
-    """
-
-    label: str
-    kind: str
-    colour: str
-    traces: Mapping[str, Trace]
+    label: str  # name of the series
+    kind: str  # what it is
+    colour: str  # as "#rrggbb", or a name
+    traces: Mapping[str, Trace]  # by "net", "intrinsic" and "reflex"
 
 
 @dataclass(frozen=True, eq=False)
 class CentredTorques:
-    """Torques at the samples of an estimate, each less its mean over them [N·m].
+    """Torques at the samples of an estimate, each less its mean over them [N·m]."""
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Times of the samples [s].
-    measured : ndarray, shape (N,)
-        The measured torque.
-    true, estimated : dict of str to ndarray, shape (N,)
-        By "net", "intrinsic" and "reflex"; a recording has no true ones.
-    """
-
-    time: np.ndarray
-    measured: np.ndarray
-    true: Mapping[str, np.ndarray]
-    estimated: Mapping[str, np.ndarray]
+    time: np.ndarray  # shape (N,): times of the samples [s]
+    measured: np.ndarray  # shape (N,): the measured torque
+    true: Mapping[str, np.ndarray]  # shape (N,): by "net", "intrinsic" and "reflex"; a recording has no true ones
+    estimated: Mapping[str, np.ndarray]  # shape (N,): by "net", "intrinsic" and "reflex"; a recording has no true ones
 
 
 def centre_torques(trial: PreparedTrial, estimate: Estimate) -> CentredTorques:

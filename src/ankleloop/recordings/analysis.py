@@ -33,32 +33,21 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Analysis:
-    """Results of one recording.
+    """Results of one recording."""
 
-    Parameters
-    ----------
-    check : Check
-        The checks of the recording.
-    records : dict of str to list of Estimate
-        By the label of the method the estimates of the whole recording, one for each trial that was merged; none if the
-        recording was refused.
-    residuals : dict of str to ResidualTest
-        By the label of the method the test of the residual of the longest trial.
-    table : pandas.DataFrame
-        One row for each method: whether it is `valid` here (else the reason in `warnings`), `warnings` of its estimate,
-        whether it can be `trusted` (valid, and without a warning), a `caution` where it is valid with one, its
-        `assumptions`, with what 10 ms more of an assumed delay would do, whether its model is `incomplete`,
-        cross-validated and fitted VAF [%] with intervals, parameters with the kind of their `intervals` (parameters of
-        a method with a warning have none), tests of the residual. One row without a method if the recording was
-        refused.
-    unseen : dict of str to list of UnseenTorque
-        By the label of the method what its fit to the first half leaves of the second.
-    """
-
-    check: Check
+    check: Check  # the checks of the recording
+    # By the label of the method the estimates of the whole recording, one for each trial that was merged; none if the
+    # recording was refused.
     records: dict[str, list[Estimate]] = field(repr=False)
+    # By the label of the method the test of the residual of the longest trial.
     residuals: dict[str, ResidualTest] = field(repr=False)
+    # One row for each method: whether it is `valid` here (else the reason in `warnings`), `warnings` of its estimate,
+    # whether it can be `trusted` (valid, and without a warning), a `caution` where it is valid with one, its
+    # `assumptions`, with what 10 ms more of an assumed delay would do, whether its model is `incomplete`, cross-
+    # validated and fitted VAF [%] with intervals, parameters with the kind of their `intervals` (parameters of a
+    # method with a warning have none), tests of the residual. One row without a method if the recording was refused.
     table: pd.DataFrame = field(repr=False)
+    # By the label of the method what its fit to the first half leaves of the second.
     unseen: dict[str, list[UnseenTorque]] = field(default_factory=dict, repr=False)
 
     @property

@@ -19,39 +19,21 @@ FEWEST = 5  # blocks
 
 @dataclass(frozen=True, eq=False)
 class UnseenTorque:
-    """Torque of a trial that was not fitted, and what a model leaves of it.
+    """Torque of a trial that was not fitted, and what a model leaves of it."""
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Time in the trial [s].
-    measured, residual : ndarray, shape (N,)
-        Measured torque, and measured less predicted torque [N·m].
-    rate : float
-        Sampling rate [Hz].
-    """
-
-    time: np.ndarray
-    measured: np.ndarray
-    residual: np.ndarray
-    rate: float
+    time: np.ndarray  # shape (N,): time in the trial [s]
+    measured: np.ndarray  # shape (N,): measured torque, and measured less predicted torque [N·m]
+    residual: np.ndarray  # shape (N,): measured torque, and measured less predicted torque [N·m]
+    rate: float  # sampling rate [Hz]
 
 
 @dataclass(frozen=True)
 class VafDifference:
-    """Difference of two VAFs on the same unseen data.
+    """Difference of two VAFs on the same unseen data."""
 
-    Parameters
-    ----------
-    difference : float
-        VAF of the first method less that of the second [points].
-    low, high : float
-        Its 95 % interval.
-    """
-
-    difference: float
-    low: float
-    high: float
+    difference: float  # VAF of the first method less that of the second [points]
+    low: float  # its 95 % interval
+    high: float  # its 95 % interval
 
     @property
     def distinct(self) -> bool:

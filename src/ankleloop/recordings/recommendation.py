@@ -22,24 +22,12 @@ PREFERENCE = list(VALIDITY)
 
 @dataclass(frozen=True)
 class Recommendation:
-    """The method to take for a recording.
+    """The method to take for a recording."""
 
-    Parameters
-    ----------
-    label : str or None
-        Label of the method; None if no method can be recommended.
-    reason : str
-        Why this one; without a method, why there is none.
-    condition : str
-        Condition under which the recommendation holds; empty if there is none.
-    text : str
-        All of it in sentences, with the stiffness.
-    """
-
-    label: str | None
-    reason: str
-    condition: str
-    text: str
+    label: str | None  # label of the method; None if no method can be recommended
+    reason: str  # why this one; without a method, why there is none
+    condition: str  # condition under which the recommendation holds; empty if there is none
+    text: str  # all of it in sentences, with the stiffness
 
 
 def recommend(analysis: Analysis) -> Recommendation:

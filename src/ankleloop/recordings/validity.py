@@ -24,25 +24,14 @@ def _never(options: Mapping[str, Any]) -> bool:
 
 @dataclass(frozen=True)
 class Validity:
-    """Where a method is valid. In open loop with a reference every method is, if its paths need not be uncorrelated.
+    """Where a method is valid. In open loop with a reference every method is, if its paths need not be uncorrelated."""
 
-    Parameters
-    ----------
-    closed : dict or None
-        Options that make it valid in closed loop; None where nothing does.
-    without_reference : dict
-        Options that make it valid in open loop if the record has no reference.
-    closed_caution, open_caution : str
-        What to bear in mind where it is valid, in closed and in open loop.
-    one_pass : callable
-        Whether the method with some options estimates the two paths one after the other, once: it is biased where they
-        are correlated.
-    """
-
-    closed: Mapping[str, Any] | None
-    without_reference: Mapping[str, Any]
-    closed_caution: str = ""
-    open_caution: str = ""
+    closed: Mapping[str, Any] | None  # options that make it valid in closed loop; None where nothing does
+    without_reference: Mapping[str, Any]  # options that make it valid in open loop if the record has no reference
+    closed_caution: str = ""  # what to bear in mind where it is valid, in closed and in open loop
+    open_caution: str = ""  # what to bear in mind where it is valid, in closed and in open loop
+    # Whether the method with some options estimates the two paths one after the other, once: it is biased where they
+    # are correlated.
     one_pass: Callable[[Mapping[str, Any]], bool] = _never
 
 

@@ -32,22 +32,12 @@ DIMENSIONS = {
 
 @dataclass(frozen=True)
 class Variation:
-    """Whether the joint of a recording changes, by one method.
+    """Whether the joint of a recording changes, by one method."""
 
-    Parameters
-    ----------
-    label : str
-        Label of the method.
-    varies : bool
-        Whether a constant joint is refused at the level of the test, by a model that is complete.
-    test, unseen : str
-        The test, and the VAF of unseen data beside that of a time-invariant fit, in sentences.
-    """
-
-    label: str
-    varies: bool
-    test: str
-    unseen: str
+    label: str  # label of the method
+    varies: bool  # whether a constant joint is refused at the level of the test, by a model that is complete
+    test: str  # the test, and the VAF of unseen data beside that of a time-invariant fit, in sentences
+    unseen: str  # the test, and the VAF of unseen data beside that of a time-invariant fit, in sentences
 
 
 def add_course(methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:

@@ -26,30 +26,15 @@ MOST_VARIABLES = 1000  # that are listed
 
 @dataclass(frozen=True)
 class Request:
-    """What is wanted of a file.
+    """What is wanted of a file."""
 
-    Parameters
-    ----------
-    variables : mapping of str to str
-        Names of the variables in the file by channel; position and torque are among them.
-    extras : tuple of str
-        Channels that are read if the file has them beside the torque.
-    rate : float, optional
-        Sampling rate that the caller states [Hz]; that of the file must not contradict it.
-    part : slice, optional
-        Samples that are wanted; None for all of them.
-    with_samples : bool
-        Whether samples are read; otherwise the channels have their shapes alone, but for the sampling rate.
-    roles : tuple of str, optional
-        Channels that are wanted; all, by default.
-    """
-
-    variables: Mapping[str, str]
-    extras: tuple[str, ...] = ()
-    rate: float | None = None
-    part: slice | None = None
+    variables: Mapping[str, str]  # names of the variables in the file by channel; position and torque are among them
+    extras: tuple[str, ...] = ()  # channels that are read if the file has them beside the torque
+    rate: float | None = None  # sampling rate that the caller states [Hz]; that of the file must not contradict it
+    part: slice | None = None  # samples that are wanted; None for all of them
+    # Whether samples are read; otherwise the channels have their shapes alone, but for the sampling rate.
     with_samples: bool = True
-    roles: tuple[str, ...] | None = None
+    roles: tuple[str, ...] | None = None  # channels that are wanted; all, by default
 
 
 def read_channels(contents: Contents, request: Request) -> Iterator[tuple[str, Channel]]:

@@ -13,24 +13,12 @@ MAX_SAMPLES = 20_000_000  # 160 MB in double precision
 
 @dataclass(frozen=True)
 class Channel:
-    """A variable of a file that serves as a channel of a trial.
+    """A variable of a file that serves as a channel of a trial."""
 
-    Parameters
-    ----------
-    name : str
-        Full name of the variable or attribute in the file.
-    unit : str
-        Unit that the file states, or the empty string.
-    shape : tuple of int
-        Its shape in the file.
-    values : ndarray of float, shape `shape`, or None
-        Its samples; None where they were not read.
-    """
-
-    name: str
-    unit: str
-    shape: tuple[int, ...]
-    values: np.ndarray | None = None
+    name: str  # full name of the variable or attribute in the file
+    unit: str  # unit that the file states, or the empty string
+    shape: tuple[int, ...]  # its shape in the file
+    values: np.ndarray | None = None  # its samples; None where they were not read
 
 
 def check_size(samples: int, name: str) -> None:

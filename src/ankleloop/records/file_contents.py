@@ -18,24 +18,12 @@ LISTED = 100  # names of variables that an error message lists
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a file, whose samples are read when they are asked for.
+    """A variable of a file, whose samples are read when they are asked for."""
 
-    Parameters
-    ----------
-    name : str
-        Its full name.
-    shape : tuple of int
-        Its shape in the file.
-    read : callable
-        Gives all samples, or those of a slice, as an array of any type.
-    attributes : mapping of str to object
-        Its attributes.
-    """
-
-    name: str
-    shape: tuple[int, ...]
-    read: Callable[[slice | None], Any]
-    attributes: Mapping[str, Any] = field(default_factory=dict)
+    name: str  # its full name
+    shape: tuple[int, ...]  # its shape in the file
+    read: Callable[[slice | None], Any]  # gives all samples, or those of a slice, as an array of any type
+    attributes: Mapping[str, Any] = field(default_factory=dict)  # its attributes
 
     @property
     def size(self) -> int:

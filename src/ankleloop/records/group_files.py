@@ -20,18 +20,10 @@ SUFFIXES = (".nc", ".mat")
 
 @dataclass(frozen=True)
 class Fields:
-    """Variables and attributes of a group by name, as they come from a file.
+    """Variables and attributes of a group by name, as they come from a file."""
 
-    Parameters
-    ----------
-    source : str
-        The file and the group, for messages.
-    values : mapping of str to object
-        Arrays, numbers and texts.
-    """
-
-    source: str
-    values: Mapping[str, Any]
+    source: str  # the file and the group, for messages
+    values: Mapping[str, Any]  # arrays, numbers and texts
 
     def value(self, name: str) -> Any:
         """Value of a name."""

@@ -34,43 +34,21 @@ Path = str | os.PathLike[str]
 
 @dataclass(frozen=True)
 class FailedTrial:
-    """What stands in the place of a trial that could not be simulated.
+    """What stands in the place of a trial that could not be simulated."""
 
-    Parameters
-    ----------
-    point : str
-        Point of the study to which the trial belongs.
-    number : int
-        Number of the trial at its point.
-    reason : str
-        What is wrong with it.
-    """
-
-    point: str
-    number: int
-    reason: str
+    point: str  # point of the study to which the trial belongs
+    number: int  # number of the trial at its point
+    reason: str  # what is wrong with it
 
 
 @dataclass(frozen=True)
 class TrialChunk:
-    """Some trials of a file, read in one pass.
+    """Some trials of a file, read in one pass."""
 
-    Parameters
-    ----------
-    trials : list of xarray.Dataset
-        Valid trials.
-    points : list of str
-        Point of the study to which each trial belongs.
-    numbers : list of int
-        Number of each trial at its point.
-    failures : list of FailedTrial
-        Trials of the same part of the file that could not be simulated.
-    """
-
-    trials: list[xr.Dataset]
-    points: list[str]
-    numbers: list[int]
-    failures: Sequence[FailedTrial] = ()
+    trials: list[xr.Dataset]  # valid trials
+    points: list[str]  # point of the study to which each trial belongs
+    numbers: list[int]  # number of each trial at its point
+    failures: Sequence[FailedTrial] = ()  # trials of the same part of the file that could not be simulated
 
 
 def save_trials(

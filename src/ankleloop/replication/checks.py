@@ -18,24 +18,12 @@ Claim = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Result of a check.
+    """Result of a check."""
 
-    Parameters
-    ----------
-    reason : str
-        What was found, in a sentence without its full stop.
-    comparisons : sequence of Comparison
-        Comparisons that the claim needs all.
-    fact : Fact, optional
-        What no run can change, instead of comparisons.
-    ours : Quantity, optional
-        Our value for the ledger; by default that of the decisive comparison.
-    """
-
-    reason: str
-    comparisons: Sequence[Comparison] = ()
-    fact: Fact | None = None
-    ours: Quantity | None = None
+    reason: str  # what was found, in a sentence without its full stop
+    comparisons: Sequence[Comparison] = ()  # comparisons that the claim needs all
+    fact: Fact | None = None  # what no run can change, instead of comparisons
+    ours: Quantity | None = None  # our value for the ledger; by default that of the decisive comparison
 
 
 Check = Callable[[Claim, Evidence], CheckResult]

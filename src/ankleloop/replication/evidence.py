@@ -44,28 +44,16 @@ def _parse_value(text: str) -> Any:
 
 @dataclass(frozen=True)
 class StudyResults:
-    """Results of one study: tables with a row for each trial.
+    """Results of one study: tables with a row for each trial."""
 
-    Parameters
-    ----------
-    kind : str
-        "simulation" or "recordings".
-    points : dict of str to dict
-        Simulation settings of each point.
-    scores, parameters : pandas.DataFrame
-        Rows of `ankleloop.assessment.scores.evaluate` and `parameter_row`, with columns `point`, `method` and `trial`.
-    labels : dict of str to str
-        Readable name of each method.
-    name : str
-        Name of the study, for messages.
-    """
-
-    kind: str
-    points: Mapping[str, Mapping[str, Any]]
+    kind: str  # "simulation" or "recordings"
+    points: Mapping[str, Mapping[str, Any]]  # simulation settings of each point
+    # Rows of `ankleloop.assessment.scores.evaluate` and `parameter_row`, with columns `point`, `method` and `trial`.
     scores: pd.DataFrame
+    # Rows of `ankleloop.assessment.scores.evaluate` and `parameter_row`, with columns `point`, `method` and `trial`.
     parameters: pd.DataFrame
-    labels: Mapping[str, str] = field(default_factory=dict)
-    name: str = ""
+    labels: Mapping[str, str] = field(default_factory=dict)  # readable name of each method
+    name: str = ""  # name of the study, for messages
 
     def label(self, method: str) -> str:
         """Readable name of a method."""
@@ -152,21 +140,12 @@ class StudyResults:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Everything that claims are checked against.
+    """Everything that claims are checked against."""
 
-    Parameters
-    ----------
-    studies : dict of str to StudyResults
-        Results by study.
-    measurements : pandas.DataFrame
-        Further measurements by `quantity`: columns `value`, `low` and `high`, the ends of the 95 % interval.
-    tables : dict of str to pandas.DataFrame
-        Published tables.
-    """
-
-    studies: Mapping[str, StudyResults]
+    studies: Mapping[str, StudyResults]  # results by study
+    # Further measurements by `quantity`: columns `value`, `low` and `high`, the ends of the 95 % interval.
     measurements: pd.DataFrame
-    tables: Mapping[str, pd.DataFrame]
+    tables: Mapping[str, pd.DataFrame]  # published tables
 
     def study(self, name: str) -> StudyResults:
         """Results of a study."""

@@ -34,21 +34,11 @@ class Quantity(Protocol):
 
 @dataclass(frozen=True)
 class Mean:
-    """Mean over independent trials, with the interval of Student's t distribution.
+    """Mean over independent trials, with the interval of Student's t distribution."""
 
-    Parameters
-    ----------
-    value : float
-        The mean.
-    error : float
-        Its standard error.
-    freedom : float
-        Degrees of freedom; a mean with less than one has no interval.
-    """
-
-    value: float
-    error: float
-    freedom: float
+    value: float  # the mean
+    error: float  # its standard error
+    freedom: float  # degrees of freedom; a mean with less than one has no interval
 
     @classmethod
     def of(cls, values: ArrayLike) -> Mean:
@@ -95,16 +85,10 @@ class Replicates:
 
     Means of samples drawn from trials have the noise of the trials twice, and a rank correlation suffers from noise:
     its replicates may all be closer to zero than itself. They show then that it is uncertain, and not that it is wrong.
-
-    Parameters
-    ----------
-    value : float
-        The statistic.
-    replicates : ndarray, shape (R,)
-        The same statistic of samples drawn with replacement; empty where there is nothing to draw from.
     """
 
-    value: float
+    value: float  # the statistic
+    # Shape (R,): the same statistic of samples drawn with replacement; empty where there is nothing to draw from.
     replicates: np.ndarray
 
     def interval(self, level: float = LEVEL) -> Range:
@@ -117,17 +101,11 @@ class Replicates:
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measurement whose 95 % interval was computed where it was made.
+    """A measurement whose 95 % interval was computed where it was made."""
 
-    Parameters
-    ----------
-    value, low, high : float
-        The measurement and the ends of its interval.
-    """
-
-    value: float
-    low: float = np.nan
-    high: float = np.nan
+    value: float  # the measurement and the ends of its interval
+    low: float = np.nan  # the measurement and the ends of its interval
+    high: float = np.nan  # the measurement and the ends of its interval
 
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of its interval."""
@@ -138,30 +116,15 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A result, what it is compared with, and which differences are accepted.
+    """A result, what it is compared with, and which differences are accepted."""
 
-    Parameters
-    ----------
-    label : str
-        What is compared, for sentences.
-    ours : Quantity
-        Our result.
-    accepted : (float, float)
-        Smallest and largest difference that is accepted, both of them included; nan where nothing says so.
-    paper : float
-        What it is compared with, such as the published number.
-    size : bool
-        Compare the size of the difference, whatever its sign.
-    control : bool
-        The others mean nothing if this fails; a claim that is reproduced is decided by the others.
-    """
-
-    label: str
-    ours: Quantity
+    label: str  # what is compared, for sentences
+    ours: Quantity  # our result
+    # Smallest and largest difference that is accepted, both of them included; nan where nothing says so.
     accepted: Range
-    paper: float = 0.0
-    size: bool = False
-    control: bool = False
+    paper: float = 0.0  # what it is compared with, such as the published number
+    size: bool = False  # compare the size of the difference, whatever its sign
+    control: bool = False  # the others mean nothing if this fails; a claim that is reproduced is decided by the others
 
     @property
     def difference(self) -> float:
@@ -194,21 +157,11 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Judgement:
-    """Verdict on a claim, and the comparison that decides it.
+    """Verdict on a claim, and the comparison that decides it."""
 
-    Parameters
-    ----------
-    verdict : str
-        "reproduced", "not reproduced" or "cannot be judged".
-    decisive : Comparison
-        Of the comparisons with this verdict the one with the least room.
-    level : float
-        Level of its interval.
-    """
-
-    verdict: str
-    decisive: Comparison
-    level: float
+    verdict: str  # "reproduced", "not reproduced" or "cannot be judged"
+    decisive: Comparison  # of the comparisons with this verdict the one with the least room
+    level: float  # level of its interval
 
     @property
     def interval(self) -> Range:
@@ -235,21 +188,11 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Fact:
-    """What no run can change, such as a count in the paper, or what follows from a definition.
+    """What no run can change, such as a count in the paper, or what follows from a definition."""
 
-    Parameters
-    ----------
-    value : float
-        The fact.
-    expected : float
-        What the paper says, or what the definition gives.
-    of_paper : bool
-        It is a fact of the paper alone, which then contradicts itself if the two differ.
-    """
-
-    value: float
-    expected: float
-    of_paper: bool = False
+    value: float  # the fact
+    expected: float  # what the paper says, or what the definition gives
+    of_paper: bool = False  # it is a fact of the paper alone, which then contradicts itself if the two differ
 
     @property
     def verdict(self) -> str:

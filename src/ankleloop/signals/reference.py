@@ -25,21 +25,13 @@ CHUNK = 20_000  # rows whose leads and lags are in memory at a time
 
 @dataclass(frozen=True, eq=False)
 class ReferenceProjection:
-    """Signals of records, and what the reference does not explain of them.
+    """Signals of records, and what the reference does not explain of them."""
 
-    Parameters
-    ----------
-    signals : list of ndarray, shape (rows, channels)
-        For each record the channels less their means, without the ends that leads and lags touch.
-    residuals : list of ndarray, shape (rows, channels)
-        What the common response to the reference leaves.
-    rank : int
-        Independent directions of the leads and lags.
-    """
-
+    # Shape (rows, channels): for each record the channels less their means, without the ends that leads and lags
+    # touch.
     signals: list[np.ndarray]
-    residuals: list[np.ndarray]
-    rank: int
+    residuals: list[np.ndarray]  # shape (rows, channels): what the common response to the reference leaves
+    rank: int  # independent directions of the leads and lags
 
     @property
     def rows(self) -> int:

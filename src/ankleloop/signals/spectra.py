@@ -15,22 +15,12 @@ TAPER_SHARE = 0.1  # of the record, half of it at either end
 
 @dataclass(frozen=True)
 class Band:
-    """Fourier transforms of records of one length, between two frequencies.
+    """Fourier transforms of records of one length, between two frequencies."""
 
-    Parameters
-    ----------
-    samples : int
-        Length of the records.
-    rate : float
-        Sampling rate [Hz].
-    lowest, highest : float
-        Edges of the band [Hz].
-    """
-
-    samples: int
-    rate: float
-    lowest: float
-    highest: float
+    samples: int  # length of the records
+    rate: float  # sampling rate [Hz]
+    lowest: float  # edges of the band [Hz]
+    highest: float  # edges of the band [Hz]
 
     @cached_property
     def taper(self) -> np.ndarray:

@@ -39,33 +39,22 @@ class Loop:
 
     w holds command, noise, voluntary torque at the start and at the end of the sample, and the rectified velocity at
     the start and after each integration step.
-
-    Parameters
-    ----------
-    P, G : ndarray, shape (n, n), (n, 5 + steps)
-        State after the sample.
-    VP, VG : ndarray, shape (steps, n), (steps, 5 + steps)
-        Velocity after each integration step.
-    C, D : ndarray, shape (3, n), (3, 5 + steps)
-        Recorded position, intrinsic and reflex torque; D is zero behind an anti-aliasing filter.
-    changes : ndarray, shape (terms, rows, columns), or None
-        Changes of the entries of `matrix` in proportion to products of powers of x and y, the deviations of stiffness
-        and viscosity from the middle of their ranges as shares of half of them; None where both are constant.
-    powers : tuple of (int, int)
-        Powers of x and y in each term.
-    ranges : ndarray, shape (2, 2)
-        Middle and half of the ranges of stiffness and viscosity.
     """
 
-    P: np.ndarray
-    G: np.ndarray
-    VP: np.ndarray
-    VG: np.ndarray
+    P: np.ndarray  # shape (n, n): state after the sample
+    G: np.ndarray  # shape (n, n): state after the sample
+    VP: np.ndarray  # shape (steps, n): velocity after each integration step
+    VG: np.ndarray  # shape (steps, n): velocity after each integration step
+    # Shape (3, n): recorded position, intrinsic and reflex torque; D is zero behind an anti-aliasing filter.
     C: np.ndarray
+    # Shape (3, n): recorded position, intrinsic and reflex torque; D is zero behind an anti-aliasing filter.
     D: np.ndarray
+    # Shape (terms, rows, columns): changes of the entries of `matrix` in proportion to products of powers of x and y,
+    # the deviations of stiffness and viscosity from the middle of their ranges as shares of half of them; None where
+    # both are constant.
     changes: np.ndarray | None = None
-    powers: tuple[tuple[int, int], ...] = ()
-    ranges: np.ndarray | None = None
+    powers: tuple[tuple[int, int], ...] = ()  # powers of x and y in each term
+    ranges: np.ndarray | None = None  # shape (2, 2): middle and half of the ranges of stiffness and viscosity
 
     @property
     def matrix(self) -> np.ndarray:

@@ -24,21 +24,13 @@ class Trajectories(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Where a trial is, at each time, within what its joint varies with.
+    """Where a trial is, at each time, within what its joint varies with."""
 
-    Parameters
-    ----------
-    settings : SimulationSettings
-        Settings of the simulation.
-    onsets : ndarray, shape (cycles + 1,)
-        Start of every cycle [s], from before the settling time to after the end of the record, which begins at 0.
-    angles : ndarray, shape (2,)
-        Phases of the two sinusoids of the scheduling variable [rad].
-    """
-
-    settings: SimulationSettings
+    settings: SimulationSettings  # settings of the simulation
+    # Shape (cycles + 1,): start of every cycle [s], from before the settling time to after the end of the record,
+    # which begins at 0.
     onsets: np.ndarray
-    angles: np.ndarray
+    angles: np.ndarray  # shape (2,): phases of the two sinusoids of the scheduling variable [rad]
 
     def phase(self, time: np.ndarray) -> np.ndarray:
         """Phase of the cycle, from 0 to 1, shape of `time`."""

@@ -16,30 +16,14 @@ from ankleloop.records.files import atomic_file
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a result was made with.
+    """What a result was made with."""
 
-    Parameters
-    ----------
-    version : str
-        Version of ankleloop.
-    commit : str
-        Commit of the repository; empty where it is no working copy of git.
-    changed : bool
-        Whether files of the working copy differ from that commit.
-    python : str
-        Version of Python.
-    system : str
-        Operating system and kind of processor.
-    packages : dict of str to str
-        Version of each distribution of the environment, by its name.
-    """
-
-    version: str
-    commit: str
-    changed: bool
-    python: str
-    system: str
-    packages: dict[str, str]
+    version: str  # version of ankleloop
+    commit: str  # commit of the repository; empty where it is no working copy of git
+    changed: bool  # whether files of the working copy differ from that commit
+    python: str  # version of Python
+    system: str  # operating system and kind of processor
+    packages: dict[str, str]  # version of each distribution of the environment, by its name
 
     def __str__(self) -> str:
         commit = f", commit {self.commit[:12]}{' with changes' * self.changed}" if self.commit else ""

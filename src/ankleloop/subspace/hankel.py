@@ -196,25 +196,14 @@ class HankelRows:
     """Rows of future inputs U, instruments Z and future outputs Y, which a projection takes.
 
     They are taken from records that hold inputs, outputs and, possibly, a reference side by side.
-
-    Parameters
-    ----------
-    inputs, outputs : int
-        Numbers of channels.
-    instruments : ndarray of int
-        Channels that the instruments consist of.
-    block_rows : int
-        Block rows of the future.
-    past, leads : int
-        Block rows of the instruments before the future and within it.
     """
 
-    inputs: int
-    outputs: int
-    instruments: np.ndarray
-    block_rows: int
-    past: int
-    leads: int
+    inputs: int  # numbers of channels
+    outputs: int  # numbers of channels
+    instruments: np.ndarray  # channels that the instruments consist of
+    block_rows: int  # block rows of the future
+    past: int  # block rows of the instruments before the future and within it
+    leads: int  # block rows of the instruments before the future and within it
 
     @property
     def channels(self) -> int:

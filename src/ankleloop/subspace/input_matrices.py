@@ -22,26 +22,14 @@ Chunks = Iterable[tuple[np.ndarray, np.ndarray]]  # inputs and outputs of a reco
 
 @dataclass(frozen=True)
 class InputMatrices:
-    """B, D, initial state and output offset, and the regression that gave them.
+    """B, D, initial state and output offset, and the regression that gave them."""
 
-    Parameters
-    ----------
-    B, D : ndarray, shape (n, m), (p, m)
-        The matrices.
-    initial_state, offset : ndarray, shape (n,), (p,); of merged records (records, n), (records, p)
-        State at the first sample, and output without state and input.
-    rank : int
-        Rank of the regression.
-    condition : float
-        Its condition.
-    """
-
-    B: np.ndarray
-    D: np.ndarray
-    initial_state: np.ndarray
-    offset: np.ndarray
-    rank: int
-    condition: float
+    B: np.ndarray  # shape (n, m): the matrices
+    D: np.ndarray  # shape (n, m): the matrices
+    initial_state: np.ndarray  # shape (n,): state at the first sample, and output without state and input
+    offset: np.ndarray  # shape (n,): state at the first sample, and output without state and input
+    rank: int  # rank of the regression
+    condition: float  # its condition
 
 
 def simulate_response(

@@ -14,27 +14,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Matrices:
-    """Matrices of x(t+1) = A x(t) + B u(t), y(t) = C x(t) + D u(t).
+    """Matrices of x(t+1) = A x(t) + B u(t), y(t) = C x(t) + D u(t)."""
 
-    Parameters
-    ----------
-    A, B, C, D : ndarray, shape (n, n), (n, m), (p, n), (p, m)
-        The matrices.
-    dt : float
-        Sampling interval [s].
-    names : tuple of two sequences of str, optional
-        Names of inputs and outputs.
-    input_delays : sequence of float, optional
-        Time by which each input is behind the signal of its name [s]. It is no part of A, B, C, D: u(t) is delayed
-        already.
-    """
-
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    dt: float = 1.0
-    names: tuple[Sequence[str], Sequence[str]] | None = None
+    A: np.ndarray  # shape (n, n): the matrices
+    B: np.ndarray  # shape (n, n): the matrices
+    C: np.ndarray  # shape (n, n): the matrices
+    D: np.ndarray  # shape (n, n): the matrices
+    dt: float = 1.0  # sampling interval [s]
+    names: tuple[Sequence[str], Sequence[str]] | None = None  # names of inputs and outputs
+    # Time by which each input is behind the signal of its name [s]. It is no part of A, B, C, D: u(t) is delayed
+    # already.
     input_delays: Sequence[float] | None = None
 
     def select_inputs(self, inputs: np.ndarray) -> Matrices:

@@ -31,25 +31,14 @@ MARGIN = 10.0  # between an eigenvalue and its rounding
 
 @dataclass(frozen=True)
 class Projection:
-    """Outcome of a projection.
+    """Outcome of a projection."""
 
-    Parameters
-    ----------
-    observability : ndarray, shape (block_rows * p, k)
-        Left singular vectors: the first n span the extended observability matrix.
-    singular_values : ndarray, shape (k,)
-        They show the order; a root mean square, or a correlation.
-    input_rank, instrument_rank : int
-        Directions that count by the rank policy.
-    condition : float
-        Ratio of the largest to the smallest singular value of the input directions that count.
-    """
-
+    # Shape (block_rows * p, k): left singular vectors: the first n span the extended observability matrix.
     observability: np.ndarray
-    singular_values: np.ndarray
-    input_rank: int
-    instrument_rank: int
-    condition: float
+    singular_values: np.ndarray  # shape (k,): they show the order; a root mean square, or a correlation
+    input_rank: int  # directions that count by the rank policy
+    instrument_rank: int  # directions that count by the rank policy
+    condition: float  # ratio of the largest to the smallest singular value of the input directions that count
 
 
 def project_gram(
