@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ankleloop.subspace.hankel import HankelRows
+from ankleloop.subspace.hankel import HankelGram, HankelRows
 from ankleloop.subspace.input_matrices import OutputRegression, solve_regression
 
 SIGNIFICANT = 80  # directions of deficient inputs that count
@@ -32,14 +32,14 @@ def prepare_kernels(data, block_rows):
     m, n = data.u.shape[1], data.order
     mean, deviation = signals.mean(axis=0), signals.std(axis=0)
     instruments = np.arange(m) if open_loop else np.arange(m + 1, signals.shape[1])
-    hankel_rows = HankelRows(m, 1, instruments, block_rows, block_rows, 0)
+    hankel_rows = HankelRows.select(m, 1, instruments, block_rows, block_rows, 0)
     indices = hankel_rows.indices
     dynamic = None if data.regressors is None else data.regressors.reflex
     regression = OutputRegression(0.5 * np.eye(n), np.ones((1, n)), m, dynamic)
 
     def run():
         x = (signals - mean) / deviation
-        gram = hankel_rows.start_gram()
+        gram = HankelGram(hankel_rows.window, hankel_rows.lags)
         gram.add(x)
         columns = _project(gram.matrix(indices), hankel_rows.sizes)[:, :n]
         np.linalg.eigvals(np.linalg.lstsq(columns[:-1], columns[1:], rcond=None)[0])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from math import inf, sqrt
 
 import numpy as np
@@ -17,6 +16,7 @@ from ankleloop.records.validation import REQUIRED
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.reference import unseen_share
 from ankleloop.signals.spectra import segment_spectra
+from ankleloop.subspace.hankel import HankelGram
 
 MOTION = len(INTRINSIC_NAMES)
 SMALLEST, LARGEST = 1e-12, 1e12  # rad and N·m: squares of anything beyond leave the range of numbers
@@ -60,6 +60,8 @@ class MotionProducts:
         self.rate, self.grid = trial.rate, grid
         self.decimated = (*trial.motion(grid), trial.channel("torque", grid))
         self.products = multiply_deviations(self.decimated)
+        # K, B and I of a model without a reflex by least squares, and the share of the torque's variance it explains.
+        self.stiffness, self.explained = regress_torque(self.products)
         # Standard deviations of position and torque.
         self.deviations = tuple(sqrt(self.products[k, k] / grid.samples) for k in (0, MOTION))
 
@@ -68,20 +70,6 @@ class MotionProducts:
         """Position, velocity, acceleration and torque, each less its mean, shape (4, N)."""
         signals = np.stack(self.decimated)
         return signals - signals.mean(axis=1, keepdims=True)
-
-    @property
-    def stiffness(self) -> np.ndarray:
-        """K, B and I of a model without a reflex by least squares, shape (3,)."""
-        return self._fit[0]
-
-    @property
-    def explained(self) -> float:
-        """Share of the torque's variance that this model explains."""
-        return self._fit[1]
-
-    @cached_property
-    def _fit(self) -> tuple[np.ndarray, float]:
-        return regress_torque(self.products)
 
 
 def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
@@ -125,28 +113,12 @@ def check_scale(motion: MotionProducts) -> Finding:
     return Finding("scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m.")
 
 
-def _has_size(position: float, torque: float) -> bool:
-    """Whether standard deviations [rad, N·m] can be those of a joint."""
-    return position <= LARGEST_POSITION and STIFFNESSES[0] * position < torque < STIFFNESSES[1] * position
-
-
-def _is_related(motion: MotionProducts) -> bool:
-    """Whether the movement explains more of the torque than by chance."""
-    duration = motion.recorded["position"].size / motion.rate
-    return motion.explained >= min(max(UNRELATED / duration, UNRELATED_LIMITS[0]), UNRELATED_LIMITS[1])
-
-
-def _opposes(stiffness: np.ndarray, explained: float) -> bool:
-    """Whether K, B and I of a second-order model are not those of a torque of the other sign."""
-    return not (stiffness[0] < 0 and (stiffness[2] < 0 or explained > MODEL))
-
-
 def check_size(motion: MotionProducts) -> Finding:
     """Position and torque of a size that a joint can have, in rad and N·m."""
     position, torque = motion.deviations
     ratio = torque / position if position > 0.0 else inf
     text = f"standard deviations of {position:.3g} rad and {torque:.3g} N·m, {ratio:.3g} N·m/rad"
-    if not _has_size(position, torque):
+    if not (position <= LARGEST_POSITION and STIFFNESSES[0] * position < torque < STIFFNESSES[1] * position):
         text = (
             f"{text}, are not those of a joint: K, B, I and G are not either. Are position and torque exchanged, or in "
             "other units than rad and N·m?"
@@ -176,7 +148,7 @@ def check_sign(stiffness: np.ndarray, explained: float) -> Finding:
     values = dict(zip("KBI", stiffness.tolist(), strict=True))
     numbers = ", ".join(f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items())
     text = f"a second-order model without reflex has {numbers}"
-    if not _opposes(stiffness, explained):
+    if stiffness[0] < 0 and (stiffness[2] < 0 or explained > MODEL):
         return Finding(
             "sign of the torque",
             "refused",
@@ -238,29 +210,14 @@ def check_bandwidth(trial: PreparedTrial) -> Finding:
 def check_relation(motion: MotionProducts) -> Finding:
     """Torque that has something to do with the movement."""
     text = f"position, velocity and acceleration explain {100.0 * motion.explained:.2g} % of the torque"
-    if not _is_related(motion):
+    by_chance = float(np.clip(UNRELATED * motion.rate / motion.recorded["position"].size, *UNRELATED_LIMITS))
+    if not motion.explained >= by_chance:
         text = (
             f"{text}, as those of any other record would: K, B, I and G say nothing about the joint. Check the "
             "channels and the perturbation."
         )
         return Finding("relation", "refused", text)
     return Finding("relation", "ok", f"{text}.")
-
-
-def _hankel_products(x: np.ndarray, rows: int) -> np.ndarray:
-    """Products of the rows of the Hankel matrix of a signal (N,), shape (rows, rows), without its columns.
-
-    Each is that of the rows before, with one product more and one less.
-    """
-    columns = x.size - rows + 1
-    first, products = np.correlate(x, x[:columns], mode="valid"), np.empty((rows, rows))
-    for lag in range(rows):
-        early, late = x[: rows - lag - 1], x[columns : columns + rows - lag - 1]
-        changes = late * x[columns + lag :][: late.size] - early * x[lag:][: early.size]
-        diagonal = first[lag] + np.concatenate([[0.0], np.cumsum(changes)])
-        place = np.arange(rows - lag)
-        products[place, place + lag] = products[place + lag, place] = diagonal
-    return products
 
 
 def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: int) -> Finding:
@@ -275,7 +232,12 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
         return Finding("excitation", "refused", text)
     # Decimation leaves the uppermost part of the band empty, which limits the rank of any movement.
     attainable = int(np.floor(2 * PASSBAND * rows))
-    products = sum(_hankel_products(velocity, rows) for velocity in velocities if velocity.size >= rows)
+    products = np.zeros((rows, rows))
+    for velocity in velocities:
+        if velocity.size >= rows:
+            gram = HankelGram(rows, subtract_means=False)
+            gram.add(velocity[:, None])
+            products += gram.matrix()
     values = np.linalg.eigvalsh(products)[::-1]
     rank = int(np.count_nonzero(values > EXCITED * values[0]))
     if rank < attainable:

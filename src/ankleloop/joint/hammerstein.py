@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -122,55 +122,38 @@ class ReflexPath:
         return {"nonlinearity": self.nonlinearity.curve(), "separation": shares, **missing}
 
 
-class DriveSpectra:
-    """Spectra of the inputs of the reflex path on a record.
+class DriveSpectra(NamedTuple):
+    """Spectra of the inputs of the reflex path on a record."""
 
-    Parameters
-    ----------
-    drive : ndarray, shape (N, k)
-        The inputs.
-    rate : float
-        Identification rate [Hz].
-    """
+    # Laplace variable at the centre of each bin's power [rad/s], shape (bins,): about that centre a response that is
+    # nearly linear within a bin gives what all of its frequencies give.
+    s: np.ndarray
+    power: np.ndarray  # shape (bins, k, k): spectral matrices, summed over bins
+    # Shape (k, k): Cholesky factor of the covariance, regularised so that nearly dependent inputs stay apart.
+    root: np.ndarray
 
-    def __init__(self, drive: np.ndarray, rate: float) -> None:
-        self._drive, self._rate = drive, rate
+    @classmethod
+    def of(cls, drive: np.ndarray, rate: float) -> DriveSpectra:
+        """Those of inputs at the identification rate [Hz].
 
-    @cached_property
-    def _bins(self) -> tuple[np.ndarray, np.ndarray]:
-        band = _band(len(self._drive), self._rate)
-        width = max(1, round(BIN * len(self._drive) / self._rate))
-        spectra = band.transform(self._drive.T)
-        energy = np.sum(np.abs(spectra) ** 2, axis=1)
+        Shapes: drive (N, k).
+        """
+        band = _band(len(drive), rate)
+        spectra = band.transform(drive.T)
+        power = np.abs(spectra) ** 2
+        energy = power.sum(axis=1)
         if not energy.all():
             raise DataError(
                 "an input of the reflex path is zero throughout, as the rectified velocity is where the velocity is "
                 "never positive: check the sign of the position, or record stretches in both directions."
             )
-        starts = np.arange(0, spectra.shape[1], width)
+        starts = np.arange(0, spectra.shape[1], max(1, round(BIN * len(drive) / rate)))
         products = np.einsum("if,jf->ijf", spectra.conj(), spectra).real
-        weight = np.sum(np.abs(spectra) ** 2 / energy[:, None], axis=0)
+        weight = np.sum(power / energy[:, None], axis=0)
         centres = np.add.reduceat(weight * band.frequency, starts) / np.add.reduceat(weight, starts)
-        return centres, np.moveaxis(np.add.reduceat(products, starts, axis=2), 2, 0)
-
-    @property
-    def s(self) -> np.ndarray:
-        """Laplace variable at the centre of each bin's power [rad/s], shape (bins,).
-
-        About that centre a response that is nearly linear within a bin gives what all of its frequencies give.
-        """
-        return 2j * np.pi * self._bins[0]
-
-    @property
-    def power(self) -> np.ndarray:
-        """Spectral matrices, summed over bins, shape (bins, k, k)."""
-        return self._bins[1]
-
-    @cached_property
-    def root(self) -> np.ndarray:
-        """Cholesky factor of the covariance, regularised so that nearly dependent inputs stay apart; shape (k, k)."""
-        covariance = np.atleast_2d(np.cov(self._drive, rowvar=False))
-        return np.linalg.cholesky(covariance + 1e-10 * np.diag(np.diag(covariance)))
+        covariance = np.atleast_2d(np.cov(drive, rowvar=False))
+        root = np.linalg.cholesky(covariance + 1e-10 * np.diag(np.diag(covariance)))
+        return cls(2j * np.pi * centres, np.moveaxis(np.add.reduceat(products, starts, axis=2), 2, 0), root)
 
 
 @lru_cache(maxsize=8)

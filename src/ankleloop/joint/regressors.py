@@ -80,7 +80,7 @@ class Regressors:
     @cached_property
     def drive_spectra(self) -> DriveSpectra:
         """Spectra of the inputs of the reflex path."""
-        return DriveSpectra(self.centred[1], self.rate)
+        return DriveSpectra.of(self.centred[1], self.rate)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -265,7 +265,7 @@ def separate_reflex(matrices: Matrices, regressors: Sequence[Regressors]) -> Ref
     spectra = first.drive_spectra
     if len(regressors) > 1:
         drive = np.concatenate([part.centred[1] for part in regressors])
-        spectra = DriveSpectra(drive, first.rate)
+        spectra = DriveSpectra.of(drive, first.rate)
     order = 3 if len(matrices.A) == 3 else 2
     return separate_model(matrices.select_inputs(first.reflex), spectra, first.basis, order)
 

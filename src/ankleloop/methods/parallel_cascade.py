@@ -182,7 +182,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     model = ResponseModel(ModelInputs.of(regressors), *responses)
     torque = model.simulate(regressors)
     spectra = trial.memoise(
-        ("cascade spectra", *key), lambda: DriveSpectra(regressors.inputs[rows, -1:], regressors.rate)
+        ("cascade spectra", *key), lambda: DriveSpectra.of(regressors.inputs[rows, -1:], regressors.rate)
     )
     path = separate_response(responses[1], spectra, regressors.rate, regressors.basis)
     unconverged = not converged and options.max_passes is None

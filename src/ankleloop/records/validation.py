@@ -20,16 +20,21 @@ MAX_SPEED = 20.0  # rad/s: no joint moves faster; a position that does is usuall
 
 def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
     """Check that a data set keeps the contract of a trial."""
-    _check_presence(trial, source)
-    _check_types(trial, source)
+    _check_form(trial, source)
     _check_units(trial, source)
-    _check_time(trial, source)
-    for name in trial.data_vars:
-        _check_finite(trial, str(name), source)
+    time, rate = trial.variables["time"].values, parse_rate(trial.attrs["sampling_rate"], source=source)
+    check_same_rate(rate, compute_rate(time, source=source), source=source)
+    for name in map(str, trial.data_vars):
+        values = trial.variables[name].values
+        if not np.isfinite(values).all():
+            bad = np.flatnonzero(~np.isfinite(values))
+            refuse_missing(name, int(bad[0]), time[bad[0]], bad.size, source=source)
     for name in CHANNELS:
         if name in trial:
-            _check_variation(trial, name, source)
-    _check_speed(trial, source)
+            values = trial.variables[name].values
+            check_spread(name, values.min(), values.max(), values[0], values.size, source=source)
+    sample, speed = peak_speed(trial.variables["position"].values, rate)
+    refuse_speed(speed, sample, time[sample], source=source)
     return trial
 
 
@@ -43,7 +48,8 @@ def refuse_speed(speed: float, sample: int, time: float, *, source: str) -> None
         )
 
 
-def _check_presence(trial: xr.Dataset, source: str) -> None:
+def _check_form(trial: xr.Dataset, source: str) -> None:
+    """Refuse what lacks a variable or an attribute, and variables of another shape or type."""
     if not isinstance(trial, xr.Dataset):
         raise DataError(f"{source}: a trial is an xarray.Dataset, not {type(trial).__name__}: make it with new_trial.")
     for name in REQUIRED:
@@ -56,9 +62,6 @@ def _check_presence(trial: xr.Dataset, source: str) -> None:
         raise DataError(f"{source}: the attribute sampling_rate is missing: set trial.attrs['sampling_rate'] in Hz.")
     if "time" not in trial.coords:
         raise DataError(f"{source}: there is no coordinate time: make the trial with new_trial.")
-
-
-def _check_types(trial: xr.Dataset, source: str) -> None:
     for name in (*trial.data_vars, "time"):
         variable = trial.variables[name]
         if variable.dims != ("time",):
@@ -87,23 +90,6 @@ def _check_units(trial: xr.Dataset, source: str) -> None:
                 ) from None
 
 
-def _check_time(trial: xr.Dataset, source: str) -> None:
-    stated = parse_rate(trial.attrs["sampling_rate"], source=source)
-    check_same_rate(stated, compute_rate(trial.variables["time"].values, source=source), source=source)
-
-
-def _check_finite(trial: xr.Dataset, name: str, source: str) -> None:
-    values = trial.variables[name].values
-    if not np.isfinite(values).all():
-        bad = np.flatnonzero(~np.isfinite(values))
-        refuse_missing(name, int(bad[0]), trial["time"].to_numpy()[bad[0]], bad.size, source=source)
-
-
-def _check_variation(trial: xr.Dataset, name: str, source: str) -> None:
-    values = trial.variables[name].values
-    check_spread(name, values.min(), values.max(), values[0], values.size, source=source)
-
-
 def refuse_missing(name: str, sample: int, time: float, count: int, *, source: str) -> NoReturn:
     """Refuse a channel of which samples are not finite."""
     raise DataError(
@@ -118,27 +104,17 @@ def check_spread(name: str, low: float, high: float, first: float, count: int, *
         spread = high - low
     # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
     if spread > 1e-12 * max(-low, high):
-        _check_magnitude(name, spread, max(-low, high), source)
+        if spread < SMALLEST or max(-low, high) > LARGEST:  # computers cannot hold squares of these with all digits
+            fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {max(-low, high):.3g}"
+            raise DataError(
+                f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale; if the file "
+                "is damaged, copy it again."
+            )
         return
     remedy = "check the channel"
     if name == "reference":
         remedy = "it carries no information: leave it out, or check the channel"
     raise DataError(f"{source}: {name} is constant ({first:g} at all {format_samples(count)}): {remedy}.")
-
-
-def _check_magnitude(name: str, spread: float, largest: float, source: str) -> None:
-    """Refuse numbers whose squares computers cannot hold with all digits; no joint has them, in no unit."""
-    if spread < SMALLEST or largest > LARGEST:
-        fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {largest:.3g}"
-        raise DataError(
-            f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale; if the file is "
-            "damaged, copy it again."
-        )
-
-
-def _check_speed(trial: xr.Dataset, source: str) -> None:
-    sample, speed = peak_speed(trial.variables["position"].values, float(trial.attrs["sampling_rate"]))
-    refuse_speed(speed, sample, trial.variables["time"].values[sample], source=source)
 
 
 def speed_margin(rate: float) -> int:

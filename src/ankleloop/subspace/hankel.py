@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -191,62 +191,39 @@ def _displace_products(products, head, tail):
     return gram
 
 
-@dataclass(frozen=True)
-class HankelRows:
-    """Rows of future inputs U, instruments Z and future outputs Y, which a projection takes.
+class HankelRows(NamedTuple):
+    """Rows of future inputs U, instruments Z and future outputs Y, which a projection takes."""
 
-    They are taken from records that hold inputs, outputs and, possibly, a reference side by side.
-    """
+    indices: np.ndarray  # of the rows in the Hankel matrix of all channels over the window
+    sizes: tuple[int, int]  # rows of U and of Z
+    window: int  # samples that one column reaches over
+    lags: np.ndarray  # block rows that each channel reaches over
 
-    inputs: int  # numbers of channels
-    outputs: int  # numbers of channels
-    instruments: np.ndarray  # channels that the instruments consist of
-    block_rows: int  # block rows of the future
-    past: int  # block rows of the instruments before the future and within it
-    leads: int  # block rows of the instruments before the future and within it
+    @classmethod
+    def select(
+        cls, inputs: int, outputs: int, instruments: np.ndarray, block_rows: int, past: int, leads: int
+    ) -> HankelRows:
+        """The rows of records that hold inputs, outputs and, possibly, a reference side by side.
 
-    @property
-    def channels(self) -> int:
-        """Channels of the records: the reference is among them only where the instruments consist of it."""
-        return max(self.inputs + self.outputs, int(self.instruments.max(initial=-1)) + 1)
-
-    @property
-    def window(self) -> int:
-        """Samples that one column reaches over."""
-        return self.past + self.block_rows
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Rows of U and of Z."""
-        return self.inputs * self.block_rows, self.instruments.size * (self.past + self.leads)
-
-    @property
-    def total(self) -> int:
-        """Rows of U, Z and Y."""
-        return sum(self.sizes) + self.outputs * self.block_rows
-
-    @property
-    def indices(self) -> np.ndarray:
-        """Rows of U, Z and Y in the Hankel matrix of all channels over the window."""
-        starts = self.channels * np.arange(self.window)
-        future, instruments = starts[self.past :], starts[: self.past + self.leads]
-        u, y = np.arange(self.inputs), self.inputs + np.arange(self.outputs)
-        parts = (future, u), (instruments, self.instruments), (future, y)
-        return np.concatenate([np.add.outer(rows, channels).ravel() for rows, channels in parts])
-
-    def start_gram(self, *, subtract_means: bool = True) -> HankelGram:
-        """Start the Gram matrix of a record, with the products that the rows need."""
-        lags = np.full(self.channels, self.block_rows)
-        lags[self.instruments] = self.window  # they reach into the past, all other channels into the future alone
-        return HankelGram(self.window, lags, subtract_means=subtract_means)
+        The instruments consist of some channels, of so many block rows before the future and within it.
+        """
+        # The reference is among the channels only where the instruments consist of it.
+        channels, window = max(inputs + outputs, int(instruments.max(initial=-1)) + 1), past + block_rows
+        starts = channels * np.arange(window)
+        u, y = np.arange(inputs), inputs + np.arange(outputs)
+        parts = (starts[past:], u), (starts[: past + leads], instruments), (starts[past:], y)
+        indices = np.concatenate([np.add.outer(rows, part).ravel() for rows, part in parts])
+        lags = np.full(channels, block_rows)
+        lags[instruments] = window  # they reach into the past, all other channels into the future alone
+        return cls(indices, (inputs * block_rows, instruments.size * (past + leads)), window, lags)
 
     def count_columns(self, lengths: Sequence[int]) -> int:
         """Columns of the Hankel matrices of all records."""
         columns = sum(max(0, length - self.window + 1) for length in lengths)
-        if columns < self.total:
+        if columns < self.indices.size:
             raise DataError(
                 f"the record of {' + '.join(map(str, lengths))} samples is shorter than its Hankel window: "
-                f"{self.total} Hankel rows need at least {self.total + self.window - 1} samples. Record longer, or use "
-                "fewer block_rows or instrument_rows."
+                f"{self.indices.size} Hankel rows need at least {self.indices.size + self.window - 1} samples. Record "
+                "longer, or use fewer block_rows or instrument_rows."
             )
         return columns

@@ -210,11 +210,11 @@ def _identify(source: Source, options: SubspaceOptions) -> SubspaceEstimate:
     _check_names(options.names, source.sizes)
     rows = _select_rows(source, options)
     # The Gram matrix, a copy in the order of the projection, and its eigenvectors.
-    check_memory("moesp", 3 * 8.0 * rows.total**2, "use fewer block_rows, instrument_rows or instrument_leads")
+    check_memory("moesp", 3 * 8.0 * rows.indices.size**2, "use fewer block_rows, instrument_rows or instrument_leads")
     projection, compression = _project(source, rows, options)
     largest = (options.block_rows - 1) // 2
     order = choose_order(projection.singular_values, largest) if options.order is None else options.order
-    A, C, poles, unstable_radius = realise(projection.observability, rows.outputs, order)
+    A, C, poles, unstable_radius = realise(projection.observability, source.sizes[1], order)
     inputs = source.estimate_input_matrices(A, C)
     u_scale, y_scale = source.scales[0], source.scales[1][:, None]
     matrices = Matrices(A, inputs.B / u_scale, y_scale * C, y_scale * inputs.D / u_scale, options.dt, options.names)
@@ -256,7 +256,7 @@ def _select_rows(source: Source, options: SubspaceOptions) -> HankelRows:
     elif options.instrument_rows is None and options.projection == "correlation":
         # This form spends m·s directions on the inputs; p·s more are for the outputs.
         past = max(past, -(-(inputs + outputs) * past // channels.size))
-    return HankelRows(inputs, outputs, channels, options.block_rows, past, options.instrument_leads)
+    return HankelRows.select(inputs, outputs, channels, options.block_rows, past, options.instrument_leads)
 
 
 def _project(source: Source, rows: HankelRows, options: SubspaceOptions) -> tuple[Projection, str]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ankleloop.arguments import show_value
 from ankleloop.errors import DataError
 from ankleloop.signals.reference import fit_lagged_response
-from ankleloop.subspace.hankel import COLUMNS, HankelRows, block_hankel, generate_columns
+from ankleloop.subspace.hankel import COLUMNS, HankelGram, HankelRows, block_hankel, generate_columns
 from ankleloop.subspace.input_matrices import InputMatrices, OutputRegression, solve_regression, update_factor
 from ankleloop.subspace.options import Instruments, MemoryOptions, SubspaceOptions
 from ankleloop.subspace.records import (
@@ -62,10 +62,11 @@ class Source(ABC):
 
     def factor_rows(self, rows: HankelRows) -> np.ndarray:
         """Triangular factor of the Hankel rows, each less its mean over each record unless offsets are zero."""
-        total = np.zeros((rows.total, rows.total), order="F")
-        for record in self.generate_records(rows.channels):
+        size = rows.indices.size
+        total = np.zeros((size, size), order="F")
+        for record in self.generate_records(rows.lags.size):
             # A row of ones before all others takes the means.
-            factor = np.zeros((rows.total + 1, rows.total + 1), order="F")
+            factor = np.zeros((size + 1, size + 1), order="F")
             for columns in generate_columns(record, rows.window, rows.indices):
                 ones = np.full((1, len(columns)), float(self.offsets))
                 factor = update_factor(factor, np.concatenate([ones, columns.T]).T)
@@ -138,10 +139,10 @@ class MemorySource(Source):
 
     def compute_gram(self, rows: HankelRows) -> np.ndarray:
         """Inner products of the Hankel rows of all records that are long enough."""
-        total = np.zeros((rows.total, rows.total))
-        for (record,) in self.generate_records(rows.channels):
+        total = np.zeros((rows.indices.size, rows.indices.size))
+        for (record,) in self.generate_records(rows.lags.size):
             if len(record) >= rows.window:
-                gram = rows.start_gram(subtract_means=self.offsets)
+                gram = HankelGram(rows.window, rows.lags, subtract_means=self.offsets)
                 gram.add(record)
                 total += gram.matrix(rows.indices)
         return total
@@ -237,11 +238,11 @@ class ChunkSource(Source):
 
     def compute_gram(self, rows: HankelRows) -> np.ndarray:
         """First pass: inner products of the Hankel rows, and the length and the moments of the record."""
-        gram = rows.start_gram()
+        gram = HankelGram(rows.window, rows.lags)
         width = sum(self.sizes)
         sums, squares, samples = np.zeros(width), np.zeros(width), 0
         for x in self._scale_chunks():
-            gram.add(x[:, : rows.channels])
+            gram.add(x[:, : rows.lags.size])
             sums, squares, samples = sums + x.sum(axis=0), squares + np.sum(x**2, axis=0), samples + len(x)
         self.lengths = [samples]
         rows.count_columns(self.lengths)
@@ -251,7 +252,7 @@ class ChunkSource(Source):
         for name, part in self._groups():
             refuse_constant(self.scale[part], np.abs(self.mean[part]), name)
             refuse_range(self.scale[part], name)
-        row_scale = deviation[rows.indices % rows.channels]
+        row_scale = deviation[rows.indices % rows.lags.size]
         return gram.matrix(rows.indices) / np.outer(row_scale, row_scale)
 
     def _groups(self) -> Iterator[tuple[str, slice]]:

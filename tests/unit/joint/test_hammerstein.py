@@ -32,7 +32,7 @@ def test_a_hammerstein_system_is_separated_exactly(terms, seed):
     truth = rng.standard_normal(terms)
     A, b, C, d = ReflexDynamics(30.0, 0.7).matrices(RATE)
     matrices = Matrices(A, b * truth, C, d * truth, 1 / RATE)
-    path = separate_model(matrices, DriveSpectra(basis(velocity).T, RATE), basis)
+    path = separate_model(matrices, DriveSpectra.of(basis(velocity).T, RATE), basis)
     np.testing.assert_allclose(path.nonlinearity.coefficients, truth, rtol=0.03)
     assert path.rank_one == pytest.approx(1.0, abs=1e-9)
     assert path.dynamics.omega_n == pytest.approx(30.0, rel=0.05)
@@ -41,7 +41,7 @@ def test_a_hammerstein_system_is_separated_exactly(terms, seed):
 def test_two_systems_have_a_low_rank_one_share():
     rng = np.random.default_rng(1)
     inputs = rng.standard_normal((4000, 2))
-    basis, spectra = fit_basis(inputs[:, 0], "chebyshev", 2), DriveSpectra(inputs, RATE)
+    basis, spectra = fit_basis(inputs[:, 0], "chebyshev", 2), DriveSpectra.of(inputs, RATE)
     slow, fast = (ReflexDynamics(omega, 0.7).matrices(RATE) for omega in (10.0, 60.0))
     A = np.block([[slow[0], np.zeros((2, 2))], [np.zeros((2, 2)), fast[0]]])
     B = np.block([[slow[1], np.zeros((2, 1))], [np.zeros((2, 1)), fast[1]]])
@@ -55,7 +55,7 @@ def test_spectra_are_sums_over_bins():
     """Their sum is the spectral matrix of the whole band, and s is the centre of power of each bin."""
     drive = band_limited_noise(np.random.default_rng(4), 4000, 20.0)
     drive = np.column_stack([drive, drive**2 - np.mean(drive**2)])
-    spectra = DriveSpectra(drive, RATE)
+    spectra = DriveSpectra.of(drive, RATE)
     frequency = np.fft.rfftfreq(4000, 1 / RATE)
     inside = (frequency > 1.0) & (frequency < 19.0)
     lines = np.fft.rfft(drive, axis=0)[inside]
@@ -88,7 +88,7 @@ def test_the_response_of_the_parallel_cascade():
     impulse[0] = 1.0
     taps = simulate_response(*ReflexDynamics(40.0, 1.0).matrices(RATE), impulse[:, None])[:, 0]
     basis = fit_basis(drive, "rectifier", 1)
-    path = separate_response(7.0 * taps, DriveSpectra(drive[:, None], RATE), RATE, basis)
+    path = separate_response(7.0 * taps, DriveSpectra.of(drive[:, None], RATE), RATE, basis)
     assert path.parameters["G"] == pytest.approx(7.0, rel=0.05)
     assert path.parameters["omega_n"] == pytest.approx(40.0, rel=0.05)
 
