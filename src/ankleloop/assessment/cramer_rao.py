@@ -11,13 +11,11 @@ from ankleloop.arguments import check_flag, check_number
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
-from ankleloop.signals.decimation import PASSBAND
-from ankleloop.signals.spectra import Band
+from ankleloop.signals.spectra import pass_band
 from ankleloop.simulation.filters import ANTIALIAS_ORDER
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
-LOWEST = 0.05  # Hz
 MEAN_SLOPE = 0.5  # of a rectifier, for a velocity of zero mean
 PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one
 
@@ -93,23 +91,40 @@ def cramer_rao(
 
 
 def _standard_deviations(names: list[str], information: np.ndarray) -> np.ndarray:
-    """Square roots of the diagonal of the inverse; infinite where there is no information."""
+    try:
+        return np.sqrt(np.diag(invert_information(information)))
+    except SingularInformation as error:
+        confused = ", ".join(names[k] for k in error.places)
+        raise DataError(
+            f"the record does not tell {confused} apart: their information is singular. Use a longer record, a richer "
+            "perturbation, or other parameters."
+        ) from None
+
+
+class SingularInformation(ArithmeticError):
+    """Information that does not tell some parameters apart; `places` are theirs."""
+
+    def __init__(self, places: np.ndarray) -> None:
+        super().__init__("singular information")
+        self.places = places
+
+
+def invert_information(information: np.ndarray) -> np.ndarray:
+    """Smallest covariance of parameters; infinite variances where the record has no information.
+
+    Shapes: information (parameters, parameters).
+    """
     size = np.sqrt(np.diag(information))
     known = np.flatnonzero(size > 0)
-    deviations = np.full(size.size, np.inf)
+    covariance = np.diag(np.where(size > 0, 0.0, np.inf))
     if np.isinf(size).any():
-        deviations[known] = 0.0
-        return deviations
-    scaled = information[np.ix_(known, known)] / np.outer(size[known], size[known])
-    values, vectors = np.linalg.eigh(scaled)
+        return covariance
+    select, scale = np.ix_(known, known), np.outer(size[known], size[known])
+    values, vectors = np.linalg.eigh(information[select] / scale)
     if not values[0] > len(values) * PRECISION * values[-1]:
-        confused = [names[k] for k in known[np.abs(vectors[:, 0]) > 0.1]]
-        raise DataError(
-            f"the record does not tell {', '.join(confused)} apart: their information is singular. Use a longer "
-            "record, a richer perturbation, or other parameters."
-        )
-    deviations[known] = np.sqrt(np.diag(np.linalg.inv(scaled))) / size[known]
-    return deviations
+        raise SingularInformation(known[np.abs(vectors[:, 0]) > 0.1])
+    covariance[select] = np.linalg.inv(information[select] / scale) / scale
+    return covariance
 
 
 def fisher_information(
@@ -144,7 +159,7 @@ def fisher_information(
     regressors = prepare(clean).regressors(
         delay=all_settings.delay, basis="rectifier", identification_rate=identification_rate
     )
-    band = Band(regressors.torque.size, regressors.rate, LOWEST, PASSBAND * regressors.rate)
+    band = pass_band(regressors.torque.size, regressors.rate)
     names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, all_settings, known_delay)
     if all_settings.snr_db is None and all_settings.voluntary == 0:
         return names, np.diag(np.where(np.abs(derivatives).any(axis=1), np.inf, 0.0))

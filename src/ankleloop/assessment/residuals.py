@@ -10,10 +10,8 @@ from scipy import linalg, special
 from ankleloop.arguments import check_number
 from ankleloop.errors import DataError
 from ankleloop.signals.arrays import as_real
-from ankleloop.signals.decimation import PASSBAND
-from ankleloop.signals.spectra import Band
+from ankleloop.signals.spectra import Band, pass_band
 
-LOWEST = 0.05  # Hz
 LAGS = 0.5  # s
 GROUPS = 38  # bands of frequency whose power is compared
 LEVEL = 0.01
@@ -86,7 +84,7 @@ def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float, lags: f
     rate = check_number("residual_test", "rate", rate, "Hz", ge=0.2, le=1e9)
     lags = check_number("residual_test", "lags", lags, "s", ge=0, le=1e6)
     residual, signal = as_real(residual, "residual"), as_real(signal, "signal")
-    band = Band(residual.size, rate, LOWEST, PASSBAND * rate)
+    band = pass_band(residual.size, rate)
     _check(residual, signal, band, lags)
     power = np.abs(band.transform(residual)) ** 2
     white_p = _whiteness(power, band)

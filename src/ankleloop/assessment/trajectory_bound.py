@@ -10,13 +10,14 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.arguments import check_flag, check_number
-from ankleloop.assessment.cramer_rao import disturbance_spectrum
+from ankleloop.assessment.cramer_rao import SingularInformation, disturbance_spectrum, invert_information
 from ankleloop.assessment.trajectory_scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.time_varying_course import Course, make_course
 from ankleloop.joint.time_varying_trajectories import Splines
+from ankleloop.methods.riv_covariance import LOGARITHMIC
 from ankleloop.methods.riv_tv import PLACES, RivTvOptions
 from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations, TimeVaryingParameters
 from ankleloop.methods.time_varying_inputs import TimeVaryingInputs
@@ -25,8 +26,6 @@ from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
 COURSES = {"cycle": ("phase", None), "time": (None, None), "schedule": (None, "schedule")}
-LOGARITHMIC = ("omega_n", "zeta", "pole")
-PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one
 UNDISTURBED = {"snr_db": None, "voluntary": 0.0}
 
 
@@ -42,19 +41,13 @@ class TrajectoryInformation:
 
     def covariance(self) -> np.ndarray:
         """Smallest covariance of the unknowns; infinite variances where the record has no information."""
-        size = np.sqrt(np.diag(self.matrix))
-        known = np.flatnonzero(size > 0)
-        select = np.ix_(known, known)
-        scaled = self.matrix[select] / np.outer(size[known], size[known])
-        values = np.linalg.eigvalsh(scaled)
-        if not values[0] > len(values) * PRECISION * values[-1]:
+        try:
+            return invert_information(self.matrix)
+        except SingularInformation:
             raise DataError(
                 "the record does not tell the splines apart: their information is singular. Use a longer record, a "
                 "richer perturbation, or fewer knots."
-            )
-        covariance = np.diag(np.where(size > 0, 0.0, np.inf))
-        covariance[select] = np.linalg.inv(scaled) / np.outer(size[known], size[known])
-        return covariance
+            ) from None
 
 
 def trajectory_bound(

@@ -12,7 +12,6 @@ from ankleloop.checks.findings import Finding
 from ankleloop.checks.movement import (
     CERTAIN,
     COPY,
-    MOTION,
     MotionProducts,
     check_bandwidth,
     check_excitation,
@@ -29,7 +28,7 @@ from ankleloop.checks.movement import (
 from ankleloop.checks.reference import find_reference_faults
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import Grid, Regressors
+from ankleloop.joint.regressors import MOTION, Grid, Regressors
 from ankleloop.records.validation import REQUIRED
 from ankleloop.signals.reference import project_on_reference
 

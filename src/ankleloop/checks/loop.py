@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from ankleloop.errors import DataError
-from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
+from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.reference import ReferenceProjection, project_on_reference
 from ankleloop.signals.spectra import segment_spectra
@@ -21,9 +21,7 @@ BAND = (0.5, 20.0)  # Hz
 APART = 3  # bins between which the values of a Hann window are independent
 LEVEL = 0.01
 LARGEST_BIAS = 2.0  # % of K: the scatter of K in a record of a minute (95 % interval of riv) hides a smaller bias
-MOTION = len(INTRINSIC_NAMES)
 REFLEX_LAGS = 0.4  # s
-MOTION = len(INTRINSIC_NAMES)
 DISCARDED = 1e-6  # of the largest singular value
 
 

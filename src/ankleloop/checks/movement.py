@@ -10,7 +10,7 @@ import numpy as np
 from ankleloop.checks.findings import CHANNEL_UNITS, Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import INTRINSIC_NAMES, Grid, Regressors
+from ankleloop.joint.regressors import MOTION, Grid, Regressors
 from ankleloop.quantities import QUANTITIES
 from ankleloop.records.validation import REQUIRED
 from ankleloop.signals.decimation import PASSBAND
@@ -18,7 +18,6 @@ from ankleloop.signals.reference import unseen_share
 from ankleloop.signals.spectra import segment_spectra
 from ankleloop.subspace.hankel import HankelGram
 
-MOTION = len(INTRINSIC_NAMES)
 SMALLEST, LARGEST = 1e-12, 1e12  # rad and N·m: squares of anything beyond leave the range of numbers
 BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave
 LARGEST_POSITION = 1.0  # rad, standard deviation: no joint can move so far

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,11 +11,9 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis
 from ankleloop.joint.dynamics import ReflexDynamics, fit_dynamics
-from ankleloop.signals.decimation import PASSBAND
-from ankleloop.signals.spectra import Band
+from ankleloop.signals.spectra import pass_band
 from ankleloop.subspace.matrices import Matrices
 
-LOWEST = 0.05  # Hz
 BIN = 0.2  # Hz
 CANDIDATES = 60  # thresholds on a grid
 LEAST_RAMP = 0.95  # share of the curve that a ramp explains: 0.97 where G is right, 0.04 to 0.75 where it is wrong
@@ -138,7 +136,7 @@ class DriveSpectra(NamedTuple):
 
         Shapes: drive (N, k).
         """
-        band = _band(len(drive), rate)
+        band = pass_band(len(drive), rate)
         spectra = band.transform(drive.T)
         power = np.abs(spectra) ** 2
         energy = power.sum(axis=1)
@@ -154,11 +152,6 @@ class DriveSpectra(NamedTuple):
         covariance = np.atleast_2d(np.cov(drive, rowvar=False))
         root = np.linalg.cholesky(covariance + 1e-10 * np.diag(np.diag(covariance)))
         return cls(2j * np.pi * centres, np.moveaxis(np.add.reduceat(products, starts, axis=2), 2, 0), root)
-
-
-@lru_cache(maxsize=8)
-def _band(samples: int, rate: float) -> Band:
-    return Band(samples, rate, LOWEST, PASSBAND * rate)
 
 
 def separate_model(matrices: Matrices, spectra: DriveSpectra, basis: Basis, order: int = 2) -> ReflexPath:

@@ -15,7 +15,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
+from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.joint.torques import torque_dataset
 from ankleloop.records.group_files import Fields
@@ -23,7 +23,6 @@ from ankleloop.signals.decimation import decimate
 from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.matrices import Matrices
 
-MOTION = len(INTRINSIC_NAMES)
 Trial = xr.Dataset | PreparedTrial
 
 

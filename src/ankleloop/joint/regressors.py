@@ -15,6 +15,7 @@ from ankleloop.signals.decimation import decimation_factor, decimation_margin
 from ankleloop.signals.differentiation import differentiation_margin
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
+MOTION = len(INTRINSIC_NAMES)
 # Steps of the processing that can be left out: derivatives of the decimation kernel instead of differences of the
 # decimated position, and basis functions before decimation instead of after it.
 InputStep = Literal["kernel-derivatives", "early-nonlinearity"]

@@ -8,6 +8,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
 from ankleloop.methods.riv_alternatives import add_alternatives, find_alternatives, is_stretch_delay, last_error
 from ankleloop.methods.riv_covariance import (
@@ -18,7 +19,7 @@ from ankleloop.methods.riv_covariance import (
     parameter_values,
     reflex_path,
 )
-from ankleloop.methods.riv_equations import MOTION, RivEquations, best_of_grid
+from ankleloop.methods.riv_equations import RivEquations, best_of_grid
 from ankleloop.methods.riv_search import RivSolution, solve
 from ankleloop.options import Options, option
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.riv_covariance import LEVEL, asymptotic_covariance, movement_p, parameter_values
-from ankleloop.methods.riv_equations import MOTION, RivEquations, RivPoint, solve_scaled
+from ankleloop.methods.riv_equations import RivEquations, RivPoint, solve_scaled
 from ankleloop.methods.riv_search import RivSolution, solve
 from ankleloop.quantities import QUANTITIES
 

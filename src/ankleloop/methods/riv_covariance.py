@@ -11,14 +11,8 @@ from scipy import special
 from scipy.fft import dct
 
 from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
-from ankleloop.methods.riv_equations import (
-    MOTION,
-    NOISE_RESOLUTION,
-    RivEquations,
-    RivParameters,
-    RivPoint,
-    solve_scaled,
-)
+from ankleloop.joint.regressors import MOTION
+from ankleloop.methods.riv_equations import NOISE_RESOLUTION, RivEquations, RivParameters, RivPoint, solve_scaled
 from ankleloop.signals.vaf import TWO_SIDED
 
 SEGMENT = 1.0  # s: over this the products of residual and instruments may be correlated

@@ -11,12 +11,10 @@ from scipy.linalg import lapack
 
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
-from ankleloop.signals.decimation import PASSBAND
+from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.reference import explained_share
-from ankleloop.signals.spectra import Band
+from ankleloop.signals.spectra import pass_band
 
-LOWEST = 0.05  # Hz: drifts and means lie below
 NOISE_RESOLUTION = 0.4  # Hz
 DELAY_LIMITS = (0.015, 0.15)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity
 FASTEST_POLE = 20.0  # of the highest frequency: a pole beyond [rad/s] acts like a delay of a millisecond
@@ -24,7 +22,6 @@ NO_POLE = 100.0  # of that limit: a third pole that is held there is none
 WELL_CONDITIONED = 1e-9  # reciprocal condition number
 SINGULAR = 1e-12  # of the largest singular value of scaled equations
 DIFFERENCE = 1e-4  # of a logarithm, for second derivatives
-MOTION = len(INTRINSIC_NAMES)
 DELAYS = np.arange(0.02, 0.121, 0.01)  # s: candidates for the start of an unknown delay
 
 
@@ -156,7 +153,7 @@ class RivEquations:
     ) -> None:
         self.regressors, self.order, self.weighting = regressors, order, weighting
         self.estimate_delay = estimate_delay
-        self.band = Band(regressors.torque.size, regressors.rate, LOWEST, PASSBAND * regressors.rate)
+        self.band = pass_band(regressors.torque.size, regressors.rate)
         self.torque = self.band.transform(regressors.torque)
         self.measured = self.band.transform(regressors.inputs.T)
         self.explained = self._explained_share()
@@ -265,24 +262,29 @@ def _real_rows(terms: np.ndarray) -> np.ndarray:
 
 
 def best_of_grid(equations: RivEquations) -> RivParameters:
-    """Best of a grid of dynamics for the predicted position: a fit to the torque that the reference explains."""
-    nominal, s = equations.regressors.delay, equations.band.s
+    """Start: the best of a grid of dynamics for the predicted position, a fit to the torque that it explains."""
+    nominal, s, torque = equations.regressors.delay, equations.band.s, equations.torque
     shifts = DELAYS - nominal if equations.estimate_delay else np.zeros(1)
     grid = [(dynamics, shift) for dynamics in ReflexDynamics.grid(equations.order) for shift in shifts]
     filters = np.array([dynamics.response(s)[0] for dynamics, _ in grid[:: len(shifts)]])
     delays = np.exp(-np.outer(shifts, s))
     filters = (filters[:, None] * delays).reshape(len(grid), -1)
-    linear, best = _fit_grid(equations, filters, np.ones(s.size))
+    motion, drive = np.split(equations.predicted, [MOTION])
+    linear, best, residual = fit_grid(motion, drive, torque, filters, np.ones(s.size))
     if equations.weighting == "noise":
-        motion, drive = np.split(equations.predicted, [MOTION])
-        residual = equations.torque - linear[:MOTION] @ motion - filters[best] * (linear[MOTION:] @ drive)
-        linear, best = _fit_grid(equations, filters, equations.smooth_power(residual))
+        linear, best, _ = fit_grid(motion, drive, torque, filters, equations.smooth_power(residual))
     return RivParameters(linear, *grid[best])
 
 
-def _fit_grid(equations: RivEquations, filters: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, int]:
-    """Linear parameters of the best of some filters; they are fitted for all of the filters in one pass."""
-    torque, (motion, drive) = equations.torque, np.split(equations.predicted, [MOTION])
+def fit_grid(
+    motion: np.ndarray, drive: np.ndarray, torque: np.ndarray, filters: np.ndarray, noise: np.ndarray
+) -> tuple[np.ndarray, int, np.ndarray]:
+    """Linear parameters of the best of some filters of the drive, its number, and what it leaves of the torque.
+
+    They are fitted for all of the filters in one pass.
+
+    Shapes: motion (3, F), drive (k, F), torque (F,), filters (size, F), noise (F,); returns (3 + k,), residual (F,).
+    """
     k, size = len(drive), len(filters)
     weighted = motion.conj() / noise
     normal = np.empty((size, MOTION + k, MOTION + k))
@@ -298,4 +300,5 @@ def _fit_grid(equations: RivEquations, filters: np.ndarray, noise: np.ndarray) -
     scaled = normal * scale[:, :, None] * scale[:, None] + 1e-12 * np.eye(MOTION + k)
     linear = scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
     best = int(np.argmax(np.sum(right * linear, axis=1)))  # explained energy
-    return linear[best], best
+    values = linear[best]
+    return values, best, torque - values[:MOTION] @ motion - filters[best] * (values[MOTION:] @ drive)

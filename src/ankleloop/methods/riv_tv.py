@@ -20,6 +20,7 @@ from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.joint.time_varying_trajectories import Splines, describe_schedule, trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
 from ankleloop.methods.riv_alternatives import Alternative, add_alternatives, compute_shifts, is_significant
+from ankleloop.methods.riv_covariance import LOGARITHMIC, estimate_intervals
 from ankleloop.methods.riv_equations import DELAY_LIMITS
 from ankleloop.methods.time_varying_bands import (
     TimeVaryingCovariance,
@@ -38,7 +39,6 @@ PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
 IDENTIFIED = 0.03  # of the mean information about a parameter: less is not identified
 WEAK = 10.0  # statistic of weak instruments (Staiger and Stock 1997)
-LOGARITHMIC = ("omega_n", "zeta", "pole")
 
 
 class RivTvOptions(Options):
@@ -323,20 +323,14 @@ def _means(
     """Means of K, B, G and I over the record, dynamics and delay of the reflex, and intervals of them."""
     equations, parameters = solution.equations, solution.parameters
     bases, values = equations.bases, equations.means(parameters.linear)
-    margins = {
-        name: float(bands.margin(weights[None], block)[0])
-        for name, weights, block in zip("KBGI", equations.mean_weights, bases.blocks, strict=True)
-    }
     values |= {"delay": equations.delay + parameters.shift, **parameters.dynamics.values}
+    parts = zip("KBGI", equations.mean_weights, bases.blocks, strict=True)
+    margins = {name: float(bands.margin(weights[None], block)[0]) for name, weights, block in parts}
     for k, name in enumerate(equations.names, bases.size):
-        margins[name] = float(bands.margin(np.ones((1, 1)), slice(k, k + 1))[0])
-    intervals = {}
-    for name, margin in margins.items():
-        if name in LOGARITHMIC:
-            with np.errstate(over="ignore"):  # what the record does not tell has no upper end
-                intervals[name] = (values[name] * float(np.exp(-margin)), values[name] * float(np.exp(margin)))
-        elif name in values:
-            intervals[name] = (values[name] - margin, values[name] + margin)
+        if name in values:
+            margin = float(bands.margin(np.ones((1, 1)), slice(k, k + 1))[0])
+            margins[name] = margin * values[name] if name in LOGARITHMIC else margin
+    intervals = estimate_intervals(values, margins, 1.0)
     reflex = {name: values[name] for name in ("delay", "G", *parameters.dynamics.values)}
     return {name: values[name] for name in "KBI"}, reflex, intervals
 

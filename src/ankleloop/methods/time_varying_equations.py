@@ -12,10 +12,8 @@ from scipy.fft import irfft, rfft
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.time_varying_trajectories import Splines
 from ankleloop.methods.time_varying_inputs import MEAN_SPLINES, TimeVaryingInputs
-from ankleloop.signals.decimation import PASSBAND
-from ankleloop.signals.spectra import Band
+from ankleloop.signals.spectra import pass_band
 
-LOWEST = 0.05  # Hz
 RESOLUTION, FEWEST_BINS = 0.4, 20  # Hz, and frequencies, over which the noise spectrum is smoothed
 NOISE_SPLINES = 8  # of the level of the noise
 LOWEST_LEVEL = 0.05  # of the mean level of the noise
@@ -143,10 +141,10 @@ class TimeVaryingEquations:
         self.torque_lag, self.estimate_lag = torque_lag or 0.0, torque_lag is None
         self.rows = inputs.course.rows
         samples = self.rows.stop - self.rows.start
-        self.band = Band(samples, inputs.rate, LOWEST, PASSBAND * inputs.rate)
+        self.band = pass_band(samples, inputs.rate)
         self.resolution = max(RESOLUTION, FEWEST_BINS * inputs.rate / samples)
         self.frequency = np.abs(inputs.s) / (2 * np.pi)
-        self.inside = (self.frequency >= LOWEST) & (self.frequency <= PASSBAND * inputs.rate)
+        self.inside = (self.frequency >= self.band.lowest) & (self.frequency <= self.band.highest)
         self.torque = inputs.spectra(inputs.torque[None])[0]
         self.place = [splines(inputs.course.place) for splines in bases.all]
         self.motion = self._motion_spectra(inputs.motion)

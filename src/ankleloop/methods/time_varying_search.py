@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.methods.riv_equations import DELAY_LIMITS, solve_scaled
+from ankleloop.methods.riv_equations import DELAY_LIMITS, fit_grid, solve_scaled
 from ankleloop.methods.time_varying_equations import TimeVaryingEquations, TimeVaryingParameters, WhitenedSystem
 from ankleloop.signals.spectra import smooth
 
@@ -88,25 +88,14 @@ def _start(equations: TimeVaryingEquations) -> TimeVaryingParameters:
     inside, s = equations.inside, equations.inputs.s[equations.inside]
     motion = ones[:3, : g.start] @ equations.predicted_motion[:, inside]
     drive, target = equations.predicted_drive[:, inside].sum(axis=0), equations.torque[inside]
-    noise = np.ones(s.size)
+    noise, grid = np.ones(s.size), ReflexDynamics.grid(equations.order)
+    filters = np.array([dynamics.response(s)[0] for dynamics in grid])
     width = equations.resolution * equations.inputs.size / equations.inputs.rate
     for _ in range(2):
-        best = -np.inf
-        for dynamics in ReflexDynamics.grid(equations.order):
-            columns = np.vstack([motion, dynamics.response(s)[0] * drive])
-            weighted = columns.conj() / noise
-            normal, side = np.real(weighted @ columns.T), np.real(weighted @ target)
-            values = np.linalg.lstsq(normal, side, rcond=1e-12)[0]
-            if side @ values > best:
-                best, linear, start, residual = side @ values, values, dynamics, target - values @ columns
-        noise = _smooth(np.abs(residual) ** 2, width)
-    return TimeVaryingParameters(linear @ ones, start, lag=equations.torque_lag)
-
-
-def _smooth(power: np.ndarray, width: float) -> np.ndarray:
-    """Smoothed periodogram, shape (frequencies,)."""
-    smoothed = smooth(power, width)
-    return np.maximum(smoothed, 1e-10 * smoothed.max())
+        linear, best, residual = fit_grid(motion, drive[None], target, filters, noise)
+        noise = smooth(np.abs(residual) ** 2, width)
+        noise = np.maximum(noise, 1e-10 * noise.max())
+    return TimeVaryingParameters(linear @ ones, grid[best], lag=equations.torque_lag)
 
 
 def _scale_penalties(equations: TimeVaryingEquations, system: WhitenedSystem) -> np.ndarray:

@@ -22,14 +22,13 @@ from ankleloop.checks.record import check_coherence, check_drift, check_length, 
 from ankleloop.checks.reference import find_reference_faults
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import INTRINSIC_NAMES, Regressors
+from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.methods.method import Trial, delay_option, rate_option
 from ankleloop.options import Options, option
 from ankleloop.recordings.validity import describe_validity, valid_methods
 from ankleloop.signals.reference import project_on_reference
 
 SHOWN_BIAS = 0.1  # % of K: a smaller limit is not spelt out
-MOTION = len(INTRINSIC_NAMES)
 
 Methods = dict[str, dict[str, Any]]
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ankleloop.arguments import check_integer
+from ankleloop.signals.decimation import PASSBAND
 
+LOWEST = 0.05  # Hz: drifts and means lie below
 TAPER_SHARE = 0.1  # of the record, half of it at either end
 
 
@@ -86,6 +88,12 @@ class Band:
         """Variance of a smoothed periodogram over its square."""
         window = _window(resolution * self.samples / self.rate, self.frequency.size)
         return float(self.correlation * np.sum(window**2))
+
+
+@lru_cache(maxsize=8)
+def pass_band(samples: int, rate: float) -> Band:
+    """The band of an identification: from 0.05 Hz to the end of the pass band of the decimation."""
+    return Band(samples, rate, LOWEST, PASSBAND * rate)
 
 
 def segment_spectra(x: ArrayLike, length: int, step: int) -> np.ndarray:
