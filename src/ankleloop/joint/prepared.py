@@ -172,10 +172,7 @@ class PreparedTrial:
         DataError
             For a missing reference, a record that is too short, or a sampling rate that is not a multiple of the
             identification rate.
-        ValueError
-            For a delay outside 0 … 1 s.
         """
-        check_delay(delay)
         if reference is not None and reference not in self.trial:
             variables = ", ".join(map(str, self.trial.data_vars))
             raise DataError(
@@ -273,12 +270,6 @@ def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
 def fit_shared_basis(trials: Sequence[PreparedTrial], delay: float, kind: str, degree: int) -> Basis:
     """Basis fitted to the velocities of several trials, so that they can share a model."""
     return fit_basis(np.concatenate([trial.velocity(delay) for trial in trials]), kind, degree)
-
-
-def check_delay(delay: float | None) -> None:
-    """Refuse a delay that is missing or outside 0 … 1 s."""
-    if delay is None or not 0 <= delay <= 1:
-        raise ValueError(f"delay must be a time between 0 and 1 s (this method does not estimate it), got {delay!r}.")
 
 
 def _motion(position: np.ndarray, grid: Grid, rate: float) -> list[np.ndarray]:

@@ -169,19 +169,19 @@ def merge_moesp(trials: Sequence[PreparedTrial], options: MoespOptions, *, membe
         predicted = [trial.predict_inputs(part) for trial, part in zip(trials, regressors, strict=True)]
     first = regressors[0]
     model = moesp(
-        _signals([part.inputs for part in regressors]),
-        _signals([part.torque for part in regressors]),
+        [part.inputs for part in regressors],
+        [part.torque[:, None] for part in regressors],
         options.block_rows,
         options.order,
         instruments,
         options.projection or projection,
-        None if first.reference is None else _signals([part.reference for part in regressors]),
+        None if reference is None else [part.reference[:, None] for part in regressors if part.reference is not None],
         dt=1.0 / first.rate,
         instrument_rows=options.instrument_rows,
         instrument_leads=options.instrument_leads,
         input_matrices=options.input_matrices,
         dynamic=None if options.free_b else first.reflex,
-        predicted_inputs=None if predicted is None else _signals(predicted),
+        predicted_inputs=predicted,
         names=(first.names, ("torque",)),
         **{
             "rank_tolerance": options.rank_tolerance,
@@ -242,11 +242,6 @@ def _regressors(trials: Sequence[PreparedTrial], options: MoespOptions, referenc
         )
         for trial in trials
     ]
-
-
-def _signals(records: list) -> np.ndarray | list[np.ndarray]:
-    """One record as an array, several as a list of records that are merged."""
-    return records if len(records) > 1 else records[0]
 
 
 def _steady_state(model: Matrices, inputs: np.ndarray) -> np.ndarray:

@@ -70,7 +70,8 @@ def compute_rate_of_parts(
     # If all steps are close to their mean, they are close to the median, too.
     if not (mean > 0 and deviation < 0.49 * tolerance * mean):
         _check_steps(parts, size, tolerance, source, name)
-    return _round_rate(1.0 / mean)
+    # Nine digits hide the rounding of times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001.
+    return float(f"{1.0 / mean:.9g}")
 
 
 def _join(parts: Iterable[np.ndarray]) -> Iterator[tuple[int, np.ndarray]]:
@@ -103,11 +104,6 @@ def _check_steps(
             f"is usual ({format_samples(faults)} in all): cut the trial there or resample it; if the times are only "
             "rounded, write them with more digits."
         )
-
-
-def _round_rate(rate: float) -> float:
-    """Nine digits hide the rounding of times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001."""
-    return float(f"{rate:.9g}")
 
 
 def check_same_rate(stated_rate: float, measured_rate: float, *, source: str, name: str = "time") -> None:

@@ -238,16 +238,12 @@ def solve_regression(
             factor = update_factor(factor, rows)
     if samples < regression.unknowns:
         raise DataError(f"{samples} samples cannot determine {size - 1} entries of B, D, x0: record longer.")
-    scale = _replace_zeros(np.linalg.norm(factor[:, :-1], axis=0))
+    scale = np.linalg.norm(factor[:, :-1], axis=0)
+    scale[scale == 0.0] = 1.0
     if instruments is not None:
-        factor[:-1] = products / _replace_zeros(np.sqrt(squares))[:, None]
+        factor[:-1] = products / np.where(squares > 0.0, np.sqrt(squares), 1.0)[:, None]
     theta, _, rank, values = np.linalg.lstsq(factor[:-1, :-1] / scale, factor[:-1, -1], rcond=rank_tolerance)
     return regression.unpack(theta / scale, int(rank), float(values[0] / values[rank - 1]) if rank else np.inf)
-
-
-def _replace_zeros(norms: np.ndarray) -> np.ndarray:
-    """Norms of columns, 1 for columns of zeros."""
-    return np.where(norms == 0.0, 1.0, norms)
 
 
 def update_factor(factor: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -144,9 +144,6 @@ def test_predicted_inputs_in_open_loop_are_the_inputs(clean):
             "no variable 'command'.*position, torque, reference.*reference='position'",
         ),
         ({"identification_rate": 300.0}, DataError, "not a whole multiple"),
-        ({"delay": None}, ValueError, "does not estimate it"),
-        ({"delay": -0.01}, ValueError, "between 0 and 1 s"),
-        ({"delay": 1.01}, ValueError, "between 0 and 1 s"),
         ({"basis": "wavelet"}, ValueError, "unknown basis"),
     ],
 )
