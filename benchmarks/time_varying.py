@@ -19,9 +19,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pandas as pd
 
-from ankleloop.assessment.scores import score_rows
-from ankleloop.assessment.trajectory_bound import trajectory_bound
-from ankleloop.assessment.trajectory_scores import TRAJECTORY_TRUTHS, score_trajectories
+from ankleloop.assessment.cramer_rao import trajectory_bound
+from ankleloop.assessment.scores import TRAJECTORY_TRUTHS, score_rows, score_trajectories
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.registry import identify

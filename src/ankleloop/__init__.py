@@ -31,7 +31,7 @@ _MODULES = {
     "save_trial": "records.trial",
     "segment": "records.trial",
     "simulate": "simulation.simulate",
-    "trajectory_bound": "assessment.trajectory_bound",
+    "trajectory_bound": "assessment.cramer_rao",
     "vaf": "signals.vaf",
 }
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ankleloop import arguments
-from ankleloop.arguments import (
+from ankleloop import options as arguments
+from ankleloop.options import (
     as_plain,
     check_integer,
     check_memory,

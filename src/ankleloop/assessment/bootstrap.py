@@ -13,12 +13,12 @@ import pandas as pd
 import xarray as xr
 from scipy.signal import resample_poly
 
-from ankleloop.arguments import check_integer, check_number, show_value
 from ankleloop.assessment.scores import evaluate
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.registry import identify
+from ankleloop.options import check_integer, check_number, show_value
 from ankleloop.signals.decimation import decimation_factor
 
 LEAST_SHARE = 0.9  # of the repetitions: those that fail are not a random part of all

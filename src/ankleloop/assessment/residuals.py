@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, special
 
-from ankleloop.arguments import check_number
 from ankleloop.errors import DataError
+from ankleloop.options import check_number
 from ankleloop.signals.arrays import as_real
 from ankleloop.signals.spectra import Band, pass_band
 

@@ -83,8 +83,8 @@ def _describe_recordings(new: Path, files: Sequence[Path], values: dict[str, Any
 
 
 def _describe_sweep(new: Path, varied: Sequence[str]) -> str:
-    from ankleloop.arguments import suggest_name
     from ankleloop.command_line.study_texts import sweep_text
+    from ankleloop.options import suggest_name
     from ankleloop.simulation.settings import SimulationSettings
 
     for name in varied:

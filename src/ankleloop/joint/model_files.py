@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping
 from typing import Any
@@ -9,14 +10,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ankleloop.arguments import check_flag, check_path, show_value
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import Model, ResponseModel, model_from_fields
+from ankleloop.joint.time_varying_course import read_trajectories
 from ankleloop.joint.time_varying_model import TimeVaryingModel
-from ankleloop.joint.time_varying_trajectories import read_trajectories
 from ankleloop.joint.torques import TORQUES, torque_dataset
-from ankleloop.joint.typed_json import dump_values, load_values
+from ankleloop.options import check_flag, check_path, show_value
 from ankleloop.quantities import QUANTITIES
 from ankleloop.records.group_files import Fields, read_groups, write_groups
 from ankleloop.records.readable_files import name_errors
@@ -67,6 +67,7 @@ UNITS = {
     "velocity_lag": "recorded samples",
     "velocity_kernel": "1/s",
 }
+ARRAY, COMPLEX = "$array", "$complex"  # keys that mark them
 
 
 def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
@@ -242,3 +243,42 @@ def _describe_model(model: Model) -> xr.Dataset:
     for name in variables.keys() & UNITS.keys():
         variables[name].attrs["units"] = UNITS[name]
     return xr.Dataset(variables, attrs=texts)
+
+
+def dump_values(values: Any) -> str:
+    """Values as JSON; tuples become lists, complex numbers pairs."""
+    return json.dumps(values, default=_mark)
+
+
+def load_values(text: str, source: str) -> Any:
+    """Values that `dump_values` wrote."""
+    try:
+        return json.loads(text, object_hook=_restore)
+    except (KeyError, RecursionError, TypeError, ValueError) as cause:
+        raise DataError(f"{source}: the values cannot be read ({cause}): the file is damaged.") from cause
+
+
+def _mark(value: Any) -> Any:
+    """What takes the place of a value that JSON does not have."""
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "biufc":
+            raise TypeError(f"an array of type {value.dtype} cannot be kept in diagnostics")
+        numbers = value.ravel().astype(complex).view(float) if value.dtype.kind == "c" else value.ravel()
+        return {ARRAY: numbers.tolist(), "dtype": str(value.dtype), "shape": list(value.shape)}
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, complex):
+        return {COMPLEX: [value.real, value.imag]}
+    raise TypeError(f"{type(value).__name__} cannot be kept in diagnostics")
+
+
+def _restore(values: dict[str, Any]) -> Any:
+    if COMPLEX in values:
+        return complex(*values[COMPLEX])
+    if ARRAY not in values:
+        return values
+    dtype = np.dtype(values["dtype"])
+    if dtype.kind not in "biufc":
+        raise TypeError(f"an array of type {dtype}")
+    array = np.array(values[ARRAY], dtype=float if dtype.kind == "c" else dtype)
+    return (array.view(complex).astype(dtype) if dtype.kind == "c" else array).reshape(values["shape"])

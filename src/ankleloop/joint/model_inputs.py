@@ -14,7 +14,7 @@ from ankleloop.joint.basis import BASES, Basis
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors
 from ankleloop.records.group_files import Fields
-from ankleloop.signals.differentiation import filter_kernels
+from ankleloop.signals.decimation import filter_kernels
 from ankleloop.subspace.matrices import Matrices
 
 BEYOND = 1.01  # of the range of a basis: less is the ripple of its filters

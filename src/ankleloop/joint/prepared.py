@@ -13,8 +13,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
 from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid, widen_grid
 from ankleloop.records.validation import validate
-from ankleloop.signals.decimation import decimate, decimation_factor
-from ankleloop.signals.differentiation import differentiate
+from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
 from ankleloop.signals.reference import predict_decimated
 
 Value = TypeVar("Value")

@@ -11,8 +11,7 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis
 from ankleloop.joint.hammerstein import DriveSpectra
-from ankleloop.signals.decimation import decimation_factor, decimation_margin
-from ankleloop.signals.differentiation import differentiation_margin
+from ankleloop.signals.decimation import decimation_factor, decimation_margin, differentiation_margin
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
 MOTION = len(INTRINSIC_NAMES)

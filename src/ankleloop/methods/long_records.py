@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from ankleloop.arguments import check_path
 from ankleloop.checks.data import check_data
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import Basis, fit_basis
@@ -29,10 +28,10 @@ from ankleloop.methods.moesp import (
     direct_stiffness,
     separate_reflex,
 )
-from ankleloop.options import Options, option
+from ankleloop.options import Options, check_path, option
 from ankleloop.records.files import atomic_netcdf, check_output
 from ankleloop.records.long_record import LongRecord
-from ankleloop.signals.differentiation import differentiate, differentiation_margin
+from ankleloop.signals.decimation import differentiate, differentiation_margin
 from ankleloop.subspace.input_matrices import continue_response
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
 

@@ -9,12 +9,11 @@ from typing import Any, cast
 
 import xarray as xr
 
-from ankleloop.arguments import describe_limits
 from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.options import Options, option
+from ankleloop.options import Options, describe_limits, option
 from ankleloop.quantities import QUANTITIES
 
 Trial = xr.Dataset | PreparedTrial

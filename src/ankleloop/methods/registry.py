@@ -9,11 +9,11 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Any, cast
 
-from ankleloop.arguments import suggest_name
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.method import Method, Trial
 from ankleloop.methods.selection import check_selection, select_options
+from ankleloop.options import suggest_name
 
 # Modules of the methods; each has METHODS.
 FAMILIES = (

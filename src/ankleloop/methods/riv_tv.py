@@ -9,15 +9,13 @@ import numpy as np
 import xarray as xr
 from pydantic import field_validator, model_validator
 
-from ankleloop.arguments import as_plain, show_value
 from ankleloop.errors import DataError
 from ankleloop.joint.basis import fit_basis
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.time_varying_course import make_course
+from ankleloop.joint.time_varying_course import Splines, describe_schedule, make_course, trajectory_dataset
 from ankleloop.joint.time_varying_model import TimeVaryingModel
-from ankleloop.joint.time_varying_trajectories import Splines, describe_schedule, trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
 from ankleloop.methods.riv_alternatives import Alternative, add_alternatives, compute_shifts, is_significant
 from ankleloop.methods.riv_covariance import LOGARITHMIC, estimate_intervals
@@ -26,14 +24,14 @@ from ankleloop.methods.time_varying_bands import (
     TimeVaryingCovariance,
     covariance,
     find_time_varying_alternatives,
+    instrument_strength,
     trajectory,
     variation_p,
 )
-from ankleloop.methods.time_varying_checks import check_course, check_perturbation, instrument_strength
 from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations
-from ankleloop.methods.time_varying_inputs import TimeVaryingInputs
+from ankleloop.methods.time_varying_inputs import TimeVaryingInputs, check_course, check_perturbation
 from ankleloop.methods.time_varying_search import TimeVaryingSolution, solve_time_varying
-from ankleloop.options import Options, option
+from ankleloop.options import Options, as_plain, option, show_value
 
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow

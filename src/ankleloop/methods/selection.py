@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ankleloop.arguments import check_choice, show_value
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.method import NOMINAL_DELAY, Trial
-from ankleloop.options import Options
+from ankleloop.options import Options, check_choice, show_value
 from ankleloop.records.trial import segment
 from ankleloop.signals.sampling import match_times
 

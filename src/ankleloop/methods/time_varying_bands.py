@@ -10,6 +10,7 @@ from scipy import special
 
 from ankleloop.methods.riv_alternatives import Alternative, compute_shifts
 from ankleloop.methods.riv_equations import solve_scaled
+from ankleloop.methods.time_varying_equations import WhitenedSystem
 from ankleloop.methods.time_varying_search import TimeVaryingSolution
 
 PARAMETERS = ("K", "B", "G")
@@ -197,3 +198,17 @@ def _rows(effect: str, solution: TimeVaryingSolution) -> tuple[np.ndarray, np.nd
         for drive, velocity in zip(drives, velocities, strict=True)
     )
     return first, second
+
+
+def instrument_strength(system: WhitenedSystem, size: int) -> float:
+    """Smallest canonical correlation of instruments and regressors of the linear parameters."""
+    if system.instruments is system.regressors:
+        return 1.0
+    x = system.regressors[:size]
+    measured, predicted, cross = x @ x.T, system.information[:size, :size], system.normal[:size, :size]
+    try:
+        left, right = np.linalg.cholesky(predicted), np.linalg.cholesky(measured)
+    except np.linalg.LinAlgError:
+        return 0.0
+    matrix = np.linalg.solve(right, np.linalg.solve(left, cross).T)
+    return float(np.linalg.svd(matrix, compute_uv=False)[-1])

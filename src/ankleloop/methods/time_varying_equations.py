@@ -10,7 +10,7 @@ import numpy as np
 from scipy.fft import irfft, rfft
 
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.time_varying_trajectories import Splines
+from ankleloop.joint.time_varying_course import Splines
 from ankleloop.methods.time_varying_inputs import MEAN_SPLINES, TimeVaryingInputs
 from ankleloop.signals.spectra import pass_band
 

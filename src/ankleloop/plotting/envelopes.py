@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankleloop.arguments import check_integer
+from ankleloop.options import check_integer
 
 
 def envelope(values: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from ankleloop.arguments import check_path
 from ankleloop.errors import DataError
+from ankleloop.options import check_path
 from ankleloop.records.channel_files import RATE, RATE_NAMES, TIME, TIME_NAMES
 from ankleloop.records.channel_units import check_unit, time_factor
 from ankleloop.records.channels import Channel

@@ -10,8 +10,7 @@ from typing import Any, Literal, Self
 from pydantic import field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from ankleloop.arguments import show_value
-from ankleloop.options import Options, option
+from ankleloop.options import Options, option, show_value
 
 NAME = r"(?!torque)[A-Za-z][A-Za-z0-9_]*(?<!_variable)"
 # What a trial has anyway, or what its reading records.

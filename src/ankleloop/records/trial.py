@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from ankleloop.arguments import check_flag, check_number, check_path
 from ankleloop.errors import DataError
+from ankleloop.options import check_flag, check_number, check_path
 from ankleloop.records.files import check_output, source_files, write_netcdf
 from ankleloop.records.readable_files import readable_file
 from ankleloop.records.validation import CHANNELS, REQUIRED, validate

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Literal
 
-from ankleloop.assessment.trajectory_scores import TRAJECTORY_TRUTHS
+from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.methods.registry import METHODS
 from ankleloop.quantities import QUANTITIES, Quantity
 from ankleloop.replication.captions import label_setting

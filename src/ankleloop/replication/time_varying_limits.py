@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ankleloop.assessment.trajectory_bound import trajectory_bound
-from ankleloop.assessment.trajectory_scores import TRAJECTORY_TRUTHS
+from ankleloop.assessment.cramer_rao import trajectory_bound
+from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.replication.captions import format_setting
 from ankleloop.replication.time_varying import profile_trajectories
 from ankleloop.simulation.settings import SimulationSettings

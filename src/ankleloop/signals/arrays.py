@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ankleloop.arguments import show_value
 from ankleloop.errors import DataError
+from ankleloop.options import show_value
 
 
 def as_real(values: ArrayLike, name: str) -> np.ndarray:

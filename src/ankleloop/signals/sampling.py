@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
+from ankleloop.options import describe_limits, show_value
 
 MOST_STEPS = 20_000_000  # whose median is computed
 LOWEST_RATE, HIGHEST_RATE = 0.001, 1e9  # Hz

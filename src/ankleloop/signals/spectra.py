@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ankleloop.arguments import check_integer
+from ankleloop.options import check_integer
 from ankleloop.signals.decimation import PASSBAND
 
 LOWEST = 0.05  # Hz: drifts and means lie below

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from ankleloop.arguments import check_integer, check_number
 from ankleloop.errors import DataError
+from ankleloop.options import check_integer, check_number
 from ankleloop.signals.arrays import as_real
 
 SMALLEST, LARGEST = 1e-150, 1e150  # variances beyond these are computed of scaled signals

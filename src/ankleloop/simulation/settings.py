@@ -11,8 +11,7 @@ from typing import Any, Literal, Self
 
 from pydantic import ValidationInfo, field_validator, model_validator
 
-from ankleloop.arguments import as_plain, show_value
-from ankleloop.options import Options, option
+from ankleloop.options import Options, as_plain, option, show_value
 
 MOST_STEPS = 1000  # integration steps over a recorded sample: the loop has a matrix of as many rows
 MOST_VALUES = 1000  # of a table over a cycle

@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ankleloop.arguments import as_plain, check_memory, show_value
 from ankleloop.errors import UnstableLoopError
-from ankleloop.options import show_fields
+from ankleloop.options import as_plain, check_memory, show_fields, show_value
 from ankleloop.records.trial import new_trial
 from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias, voluntary_filter
 from ankleloop.simulation.loop import build_loop, run_loop

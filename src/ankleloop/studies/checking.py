@@ -11,8 +11,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import ValidationError
 
-from ankleloop.arguments import show_value, suggest_name
-from ankleloop.options import Options, describe_error
+from ankleloop.options import Options, describe_error, show_value, suggest_name
 
 VARIABLE = re.compile(r"\$(?:\$|\{(\w+)\}|(\w+))")
 NUMBER = re.compile(r"\s*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*")

@@ -14,9 +14,8 @@ from pydantic import (
     model_validator,
 )
 
-from ankleloop.arguments import show_value, suggest_name
 from ankleloop.methods.registry import METHODS
-from ankleloop.options import Options, option
+from ankleloop.options import Options, option, show_value, suggest_name
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.method_settings import MethodSettings, union_of_methods
 from ankleloop.studies.notebooks import NOTEBOOKS

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ankleloop.arguments import suggest_name
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import decimation_grid
 from ankleloop.methods.registry import METHODS
+from ankleloop.options import suggest_name
 
 if TYPE_CHECKING:
     from ankleloop.studies.method_settings import MethodSettings

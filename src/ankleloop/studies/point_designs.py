@@ -8,8 +8,7 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from ankleloop.arguments import show_value
-from ankleloop.options import Options, option
+from ankleloop.options import Options, option, show_value
 from ankleloop.studies.checking import ConfigError, check
 from ankleloop.studies.point_parameters import Parameter
 

@@ -7,9 +7,8 @@ from contextlib import suppress
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Union, get_args, get_origin
 
-from ankleloop.arguments import as_plain, show_value, suggest_name
 from ankleloop.methods.registry import METHODS
-from ankleloop.options import Options
+from ankleloop.options import Options, as_plain, show_value, suggest_name
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import ConfigError
 

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-from ankleloop.arguments import show_value
-from ankleloop.options import option
+from ankleloop.options import option, show_value
 from ankleloop.studies.checking import ConfigError, check
 from ankleloop.studies.config import MAX_NAME, RECORDING_NAME, Recording, check_recording_names
 from ankleloop.studies.table_rows import NUMBER, read_rows

@@ -8,8 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from ankleloop.arguments import show_value, suggest_name
-from ankleloop.options import Options, option
+from ankleloop.options import Options, option, show_value, suggest_name
 from ankleloop.replication.sweep_quantities import SWEEP_QUANTITIES
 
 Names = Annotated[list[str], Field(min_length=1)]

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ankleloop.arguments import check_integer
 from ankleloop.errors import DataError
 from ankleloop.kernels import kernel
+from ankleloop.options import check_integer
 
 COLUMNS = 1024  # at a time
 SUM = 256  # products: sums of sums round less than one long sum

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-from ankleloop.arguments import check_flag, check_number, show_value
 from ankleloop.errors import DataError
+from ankleloop.options import check_flag, check_number, show_value
 from ankleloop.signals.statespace import simulate_states
 from ankleloop.subspace.records import are_merged, list_records
 

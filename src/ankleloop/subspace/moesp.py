@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ankleloop.arguments import check_memory, show_value
-from ankleloop.options import show_fields
+from ankleloop.options import check_memory, show_fields, show_value
 from ankleloop.subspace.hankel import HankelRows
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.options import MemoryOptions, SubspaceOptions

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ankleloop.arguments import describe_limits, show_value
 from ankleloop.errors import DataError
+from ankleloop.options import describe_limits, show_value
 from ankleloop.signals.arrays import as_real
 
 ROUNDING = 1e-13  # of a mean

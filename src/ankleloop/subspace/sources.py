@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ankleloop.arguments import show_value
 from ankleloop.errors import DataError
+from ankleloop.options import show_value
 from ankleloop.signals.reference import fit_lagged_response
 from ankleloop.subspace.hankel import COLUMNS, HankelGram, HankelRows, block_hankel, generate_columns
 from ankleloop.subspace.input_matrices import InputMatrices, OutputRegression, solve_regression, update_factor

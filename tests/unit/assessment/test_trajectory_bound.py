@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError, simulate
-from ankleloop.assessment.cramer_rao import disturbance_spectrum, fisher_information
-from ankleloop.assessment.trajectory_bound import trajectory_bound, trajectory_information
+from ankleloop.assessment.cramer_rao import (
+    disturbance_spectrum,
+    fisher_information,
+    trajectory_bound,
+    trajectory_information,
+)
 from ankleloop.joint.prepared import prepare
 from ankleloop.simulation.settings import SimulationSettings
 

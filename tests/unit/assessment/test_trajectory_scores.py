@@ -5,8 +5,7 @@ import pytest
 import xarray as xr
 
 from ankleloop import identify, new_trial, simulate
-from ankleloop.assessment.scores import parameter_row
-from ankleloop.assessment.trajectory_scores import score_trajectories, true_trajectories
+from ankleloop.assessment.scores import parameter_row, score_trajectories, true_trajectories
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.torques import torque_dataset
 

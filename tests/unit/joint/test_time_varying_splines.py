@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from ankleloop.joint.time_varying_trajectories import Splines
+from ankleloop.joint.time_varying_course import Splines
 
 PLACES = np.linspace(0.0, 1.0, 301)
 

@@ -5,7 +5,7 @@ import pytest
 from value_comparison import assert_same_values
 
 from ankleloop.errors import DataError
-from ankleloop.joint.typed_json import dump_values, load_values
+from ankleloop.joint.model_files import dump_values, load_values
 
 VALUES = {
     "poles": np.array([0.7 + 0.1j, 0.7 - 0.1j]),

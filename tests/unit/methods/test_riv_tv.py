@@ -19,7 +19,7 @@ from ankleloop import (
     segment,
     simulate,
 )
-from ankleloop.assessment.trajectory_scores import true_trajectories
+from ankleloop.assessment.scores import true_trajectories
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.time_varying_course import find_onsets

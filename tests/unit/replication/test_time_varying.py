@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from ankleloop import DataError, simulate
-from ankleloop.assessment.trajectory_scores import score_trajectories, true_trajectories
+from ankleloop.assessment.scores import score_trajectories, true_trajectories
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.joint.torques import torque_dataset

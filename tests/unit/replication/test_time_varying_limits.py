@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from ankleloop import simulate
-from ankleloop.assessment.trajectory_bound import trajectory_bound
+from ankleloop.assessment.cramer_rao import trajectory_bound
 from ankleloop.replication.time_varying_limits import compare_with_bound, count_coverage, describe_comparison
 
 POINT = {"variation": "cycle", "duration": 42.0, "stiffness_variation": 0.4, "cycle_onsets": "phase"}

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ankleloop.errors import DataError
-from ankleloop.signals.differentiation import differentiate, differentiation_margin
+from ankleloop.signals.decimation import differentiate, differentiation_margin
 
 RATE = 1000.0
 TIME = np.arange(5000) / RATE

@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from ankleloop import arguments, simulate
+from ankleloop import options as arguments
+from ankleloop import simulate
 from ankleloop.simulation.settings import SimulationSettings
 
 

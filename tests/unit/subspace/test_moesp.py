@@ -392,7 +392,7 @@ def test_an_unstable_estimate_is_replaced_and_reported():
 
 
 def test_a_projection_beyond_the_memory_is_refused_before_it_begins(monkeypatch):
-    monkeypatch.setattr("ankleloop.arguments._find_memory", lambda: 10**9)
+    monkeypatch.setattr("ankleloop.options._find_memory", lambda: 10**9)
     u, y = np.random.default_rng(0).standard_normal((2, 100_000, 1))
     with pytest.raises(ValueError, match=r"^moesp: this would need 3\.84 GB of memory, .* 1 GB: use fewer block_rows"):
         moesp(u, y, block_rows=4000, order=2, instruments="past-input", instrument_rows=4649)
