@@ -336,13 +336,6 @@ def check_flag(owner: str, name: str, value: Any) -> bool:
     return flag
 
 
-def check_text(owner: str, name: str, value: Any) -> str:
-    """Check that an argument is text."""
-    if not isinstance(value, str):
-        raise ValueError(f"{owner}: {name} must be text, got {show_value(value)}.")
-    return value
-
-
 def check_choice(owner: str, name: str, value: Any, choices: Sequence[Any]) -> Any:
     """Check that an argument is one of some values."""
     plain = as_plain(value)

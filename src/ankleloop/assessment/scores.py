@@ -56,7 +56,7 @@ def evaluate(
         Ignore the truths of a simulation, as if it were a recording.
     intervals : bool
         Add columns `low` and `high` [%], the 95 % interval of the VAF that this model would have on an infinitely long
-        record (see `ankleloop.signals.vaf.vaf_interval`).
+        record (see `ankleloop.signals.vaf.vaf_with_interval`).
 
     Returns
     -------

@@ -51,19 +51,7 @@ class PreparedTrial:
         self._values: dict[Hashable, Any] = {}
 
     def memoise(self, key: Hashable, compute: Callable[[], Value]) -> Value:
-        """Value of a key, computed at the first call; it must not be changed.
-
-        Parameters
-        ----------
-        key : hashable
-            Names the value, and all options that it depends on.
-        compute : callable
-            Computes it.
-
-        Returns
-        -------
-        object
-        """
+        """Value of a key that names it and all options that it depends on, computed once; it must not be changed."""
         if key not in self._values:
             self._values[key] = compute()
         return self._values[key]
@@ -100,26 +88,9 @@ class PreparedTrial:
         return values[start : start + grid.samples]
 
     def channel_at(self, name: str, time: np.ndarray, identification_rate: float) -> np.ndarray:
-        """A variable at the samples of an estimate, through the decimation that the data of the estimate had.
+        """A variable at the times of an estimate [s], through the decimation that the data of the estimate had.
 
-        Parameters
-        ----------
-        name : str
-            Variable of the trial.
-        time : ndarray, shape (N,)
-            Regular times of the estimate [s].
-        identification_rate : float
-            Rate of the estimate [Hz].
-
-        Returns
-        -------
-        ndarray, shape (N,)
-
-        Examples
-        --------
-        >>> from ankleloop.simulation.simulate import simulate
-        >>> prepare(simulate(seed=1, duration=5.0)).channel_at("torque", np.array([1.0, 1.01, 1.02]), 100.0).shape
-        (3,)
+        Shapes: time (N,); returns (N,).
         """
         first = round((float(time[0]) - float(self.time[0])) * self.rate)
         return self.channel(name, Grid(decimation_factor(self.rate, identification_rate), first, time.size))
@@ -146,31 +117,6 @@ class PreparedTrial:
 
         Velocity for the nonlinearity is taken at the recording rate through a wide differentiator, delayed and
         expanded there; every term is decimated only then, because a rectifier after decimation is another rectifier.
-
-        Parameters
-        ----------
-        delay : float
-            Reflex delay [s].
-        basis : {"chebyshev", "rectifier", "spline"} or Basis
-            Basis of the nonlinearity.
-        degree : int
-            Number of its terms.
-        identification_rate : float
-            Rate of the identification [Hz].
-        reference : str, optional
-            Variable that serves as reference.
-        omitted_step : {"kernel-derivatives", "early-nonlinearity"}, optional
-            A step to leave out, to see what it is good for.
-
-        Returns
-        -------
-        Regressors
-
-        Raises
-        ------
-        DataError
-            For a missing reference, a record that is too short, or a sampling rate that is not a multiple of the
-            identification rate.
         """
         if reference is not None and reference not in self.trial:
             variables = ", ".join(map(str, self.trial.data_vars))
@@ -208,20 +154,7 @@ class PreparedTrial:
     def predict_inputs(self, regressors: Regressors) -> np.ndarray:
         """Inputs as they would be without fed-back torque: rebuilt from the position that the reference explains.
 
-        Parameters
-        ----------
-        regressors : Regressors
-            Regressors of this trial, with a reference.
-
-        Returns
-        -------
-        ndarray, shape (N, 3 + k)
-            Instruments for the inputs, on the same samples.
-
-        Raises
-        ------
-        DataError
-            If there is no reference.
+        Shapes: returns (N, 3 + k), on the samples of the regressors.
         """
         name = regressors.reference_name
         if name is None:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from ankleloop.errors import DataError
-from ankleloop.options import check_integer, check_number
+from ankleloop.options import check_number
 from ankleloop.signals.arrays import as_real
 
 SMALLEST, LARGEST = 1e-150, 1e150  # variances beyond these are computed of scaled signals
@@ -113,52 +113,32 @@ def _variances(measured: np.ndarray, estimated: np.ndarray, width: int) -> tuple
 
 
 def _sum_covariances(x: np.ndarray, width: int) -> float:
-    """Sum of covariances with the weights of Bartlett's kernel, from the squared sums over a moving window.
+    r"""Variance of the mean of a correlated signal of zero mean, times its length (Newey and West 1987).
 
-    Beyond its ends the signal is zero.
+    .. math:: \gamma_0 + 2 \sum_{k=1}^{L} \left(1 - \frac{k}{L + 1}\right) \gamma_k, \qquad L + 1 = width
+
+    Bartlett's weights never give a negative one. The sum is that of squared sums over a moving window; beyond its ends
+    the signal is zero.
     """
     sums = np.cumsum(np.concatenate([x, np.zeros(width - 1)]))
     sums[width:] -= sums[:-width].copy()
     return float(sums @ sums) / (width * x.size)
 
 
-def long_run_variance(x: ArrayLike, lags: int) -> float:
-    r"""Variance of the mean of a correlated signal, times its length.
-
-    .. math:: \gamma_0 + 2 \sum_{k=1}^{L} \left(1 - \frac{k}{L + 1}\right) \gamma_k
-
-    The kernel is Bartlett's, which never gives a negative variance (Newey and West 1987).
-
-    Shapes: x (N,).
-    """
-    x = np.asarray(x, dtype=float)
-    return _sum_covariances(x - np.mean(x), _width(x.size, lags))
-
-
-def _width(size: int, lags: int) -> int:
-    """Length of the moving window for a longest lag, no longer than the signal."""
-    return min(check_integer("vaf_interval", "lags", lags, "samples", ge=0), size - 1) + 1
-
-
-def vaf_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> tuple[float, float]:
-    r"""Asymptotic 95 % interval of the VAF of a fixed model in the long run.
+def vaf_with_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> tuple[float, float, float]:
+    r"""VAF, and the asymptotic 95 % interval of that of a fixed model in the long run.
 
     With error e and signal y, both of zero mean, the logarithm of q = var(e)/var(y) is asymptotically normal, with the
     long-run variance of
 
     .. math:: \psi_t = \frac{e_t^2}{\mathrm{var}(e)} - \frac{y_t^2}{\mathrm{var}(y)}
 
-    over the length of the record.
+    over the length of the record. Squares of samples further apart than `lags` count as independent.
 
     Shapes: measured, estimated (N,).
     """
-    return vaf_with_interval(measured, estimated, lags)[1:]
-
-
-def vaf_with_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> tuple[float, float, float]:
-    """VAF with its 95 % interval, in one pass over the signals."""
     signal, estimate = _as_signals(measured, estimated)
-    error, variance, spread = _finite_variances(signal, estimate, _width(signal.size, lags))
+    error, variance, spread = _finite_variances(signal, estimate, min(lags, signal.size - 1) + 1)
     if error == 0.0:
         return 100.0, 100.0, 100.0
     deviation, share = TWO_SIDED * np.sqrt(spread / signal.size), error / variance

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ankleloop import DataError, vaf
-from ankleloop.signals.vaf import vaf_interval, vaf_with_interval
+from ankleloop.signals.vaf import vaf_with_interval
 
 numbers = st.floats(-1e3, 1e3).map(lambda x: round(x, 6))
 signals = hnp.arrays(float, st.integers(2, 40), elements=numbers).filter(lambda x: np.std(x) > 1e-3)
@@ -62,12 +62,11 @@ def test_signals_without_a_vaf(measured, estimated, message):
 
 
 @given(st.data(), st.integers(1, 60))
-def test_the_value_with_its_interval_is_that_of_each_alone(data, lags):
+def test_the_interval_holds_the_value(data, lags):
     measured = data.draw(signals)
     estimated = data.draw(hnp.arrays(float, measured.size, elements=numbers))
     value, low, high = vaf_with_interval(measured, estimated, lags)
     assert value == vaf(measured, estimated)
-    assert (low, high) == vaf_interval(measured, estimated, lags)
     assert low <= value <= high
 
 
