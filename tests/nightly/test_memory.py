@@ -65,9 +65,10 @@ folder, duration, filled, count = sys.argv[1], float(sys.argv[2]), int(sys.argv[
 class Peaks(logging.Handler):
     trials, memory = 0, []
     def emit(self, record):
-        self.trials += record.msg == "{message}"
-        if self.trials in (filled, count):
-            self.memory.append(largest_memory())
+        if record.msg == "{message}":
+            self.trials += 1
+            if self.trials in (filled, count):
+                self.memory.append(largest_memory())
 
 peaks = Peaks()
 logging.basicConfig(handlers=[peaks], level=logging.INFO)
