@@ -17,7 +17,7 @@ import h5py
 
 from ankleloop.methods.long_records import identify_file
 from ankleloop.records.long_record import LongRecord
-from ankleloop.simulation.simulate import simulate_trials
+from ankleloop.simulation.simulate import simulate
 
 RATE = 100.0  # Hz
 PART = 1000.0  # s: the record consists of simulated trials of this length, end to end
@@ -26,20 +26,20 @@ CHANNELS = ("position", "torque", "reference")
 
 def write_record(path, samples):
     """Write a record of a number of samples, one simulated trial at a time."""
-    trials = simulate_trials(
-        range(-(-samples // round(PART * RATE))),
-        duration=PART,
-        recording_rate=RATE,
-        integration_rate=1000.0,
-        antialias_cutoff=40.0,
-        noise_rate=RATE,
-        reflex_gain=13.0,
-    )
+    settings = {
+        "duration": PART,
+        "recording_rate": RATE,
+        "integration_rate": 1000.0,
+        "antialias_cutoff": 40.0,
+        "noise_rate": RATE,
+        "reflex_gain": 13.0,
+    }
     with h5py.File(path, "w") as file:
         file.attrs["sampling_rate"] = RATE
         variables = {name: file.create_dataset(name, (samples,), float, chunks=(100_000,)) for name in CHANNELS}
         start = 0
-        for trial in trials:
+        for seed in range(-(-samples // round(PART * RATE))):
+            trial = simulate(seed=seed, **settings)
             stop = min(start + trial.sizes["time"], samples)
             for name, variable in variables.items():
                 variable[start:stop] = trial[name].values[: stop - start]
