@@ -1,4 +1,8 @@
-"""Settings and options: one declaration of a field gives its default, bounds, checks, documentation and JSON schema."""
+"""Settings and options: one declaration of a field gives its default, bounds, checks, documentation and JSON schema.
+
+Arguments that are no options are checked by functions with the same wording of limits. A flag is no number, text is no
+flag, a float without a fraction is a whole number, numbers of numpy are numbers, and no number is nan or infinite.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +18,12 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, ClassVar, Literal, NoReturn, Self, TypeVar, Union, get_args, get_origin
 
+import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
+
+from ankleloop.errors import DataError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -382,3 +390,14 @@ def _show_bytes(size: float) -> str:
         if size >= factor:
             return f"{size / factor:.3g} {unit}"
     return f"{size / 1e3:.3g} kB"
+
+
+def as_real(values: ArrayLike, name: str) -> np.ndarray:
+    """Real numbers as an array of floats, without a copy where they are one."""
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError):  # lists of different lengths
+        array = np.array(None)
+    if array.dtype.kind not in "iuf":
+        raise DataError(f"the {name} must be an array of real numbers, got {show_value(values)}.")
+    return array.astype(float, copy=False)

@@ -1,4 +1,4 @@
-"""The Cramér-Rao bound of a simulated experiment: the smallest standard deviation of an unbiased estimate."""
+"""The Cramér-Rao bound of a simulated experiment, for constant parameters and for trajectories."""
 
 from __future__ import annotations
 

@@ -8,8 +8,7 @@ import numpy as np
 from scipy import linalg, special
 
 from ankleloop.errors import DataError
-from ankleloop.options import check_number
-from ankleloop.signals.arrays import as_real
+from ankleloop.options import as_real, check_number
 from ankleloop.signals.spectra import Band, pass_band
 
 LAGS = 0.5  # s

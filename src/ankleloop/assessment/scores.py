@@ -1,4 +1,4 @@
-"""Scores of an estimate against measured torques, and against the true ones of a simulation."""
+"""Scores of an estimate against measured torques, and against true torques and trajectories of a simulation."""
 
 from __future__ import annotations
 

@@ -1,13 +1,15 @@
-"""Faults of single channels, seen in their recorded samples: clipping, stretches at rest, filled gaps, spikes.
+"""Findings, and those about the recorded samples of a channel: clipping, stretches at rest, filled gaps, spikes.
 
 Each check costs a few passes over the samples at most, so that every identification can afford it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
-from ankleloop.checks.findings import CHANNEL_UNITS, Finding
 from ankleloop.joint.prepared import PreparedTrial
 
 CLIPPED_RUN = 5  # consecutive samples at the very end of the range
@@ -24,6 +26,38 @@ SPIKE = 0.003  # s on either side
 PARTS = (5, 10)  # fewest and most parts of the record: a perturbation is in most of them, a spike is not
 SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
 SPIKE_SIZE = 0.5  # standard deviations of the channel
+VERDICTS = ("ok", "warning", "refused")
+CHANNEL_UNITS = {"position": "rad", "torque": "N·m", "reference": "rad"}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Result of one check.
+
+    Parameters
+    ----------
+    name : str
+        Property that was checked.
+    verdict : {"ok", "warning", "refused"}
+        Whether the recording passes.
+    text : str
+        Reason, with numbers and what to do.
+    """
+
+    name: str
+    verdict: str
+    text: str
+
+
+def merge_findings(findings: Sequence[Finding]) -> Finding:
+    """The worst finding about one property of several trials, with the number of its trial."""
+    verdicts = [VERDICTS.index(finding.verdict) for finding in findings]
+    number = int(np.argmax(verdicts))
+    worst = findings[number]
+    if len(findings) == 1:
+        return worst
+    place = f"trial {number + 1} of {len(findings)}" if any(verdicts) else f"all {len(findings)} trials pass; the first"
+    return Finding(worst.name, worst.verdict, f"{place}: {worst.text}")
 
 
 def check_clipping(trial: PreparedTrial, name: str) -> Finding:

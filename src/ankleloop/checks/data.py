@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ankleloop.checks.channels import CHANNEL_CHECKS
-from ankleloop.checks.findings import Finding
+from ankleloop.checks.channels import CHANNEL_CHECKS, Finding
 from ankleloop.checks.movement import (
     CERTAIN,
     COPY,

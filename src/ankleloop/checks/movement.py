@@ -7,7 +7,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ankleloop.checks.findings import CHANNEL_UNITS, Finding
+from ankleloop.checks.channels import CHANNEL_UNITS, Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Grid, Regressors

@@ -7,7 +7,7 @@ from math import sqrt
 
 import numpy as np
 
-from ankleloop.checks.findings import Finding
+from ankleloop.checks.channels import Finding
 from ankleloop.checks.movement import motion_products, multiply_deviations, regress_torque
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial

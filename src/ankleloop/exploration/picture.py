@@ -19,7 +19,7 @@ from PIL import Image
 
 from ankleloop.exploration.experiment import SCORED, Fit, Result, pole_frequency
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.torques import TORQUES
+from ankleloop.joint.regressors import TORQUES
 from ankleloop.plotting.method_styles import MethodStyle, method_styles
 from ankleloop.plotting.style import MEASURED_LINE, REFERENCE_LINE, STYLE, TRUE_LINE
 from ankleloop.quantities import QUANTITIES

@@ -56,6 +56,19 @@ class ReflexDynamics:
         return discretise_foh(*companion(denominator), 1.0 / rate)
 
 
+def respond(grid: Sequence[ReflexDynamics], s: np.ndarray) -> np.ndarray:
+    """Frequency responses of several dynamics of one order in one pass.
+
+    Shapes: s (F,); returns (size, F).
+    """
+    omega, zeta = np.array([(dynamics.omega_n, dynamics.zeta) for dynamics in grid]).T[:, :, None]
+    responses = omega**2 / (s**2 + 2 * zeta * omega * s + omega**2)
+    if grid[0].pole is not None:
+        poles = np.array([dynamics.pole for dynamics in grid], dtype=float)[:, None]
+        responses = responses * poles / (s + poles)
+    return responses
+
+
 def fit_dynamics(
     response: np.ndarray, s: np.ndarray, weight: np.ndarray, order: int = 2
 ) -> tuple[float, ReflexDynamics, float]:
@@ -71,7 +84,9 @@ def fit_dynamics(
     root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
     target = root * response
     starts = ReflexDynamics.grid(order)
-    dynamics = starts[int(np.argmin([_project_gain(start, s, root, target)[1] for start in starts]))]
+    shapes = root * respond(starts, s)
+    explained = np.real(shapes.conj() @ target) ** 2 / np.sum(np.abs(shapes) ** 2, axis=1)
+    dynamics = starts[int(np.argmax(explained))]
     gain, residual, normal, descent = _project_gain(dynamics, s, root, target)
     damping, curvature = 1e-6, np.zeros_like(normal)
     for _ in range(MAX_ITERATIONS):

@@ -16,8 +16,8 @@ from pyarrow import parquet
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.model_files import dump_values, load_values
 from ankleloop.joint.models import model_from_fields
+from ankleloop.joint.regressors import TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
-from ankleloop.joint.torques import TORQUES, torque_dataset
 from ankleloop.records.files import atomic_file, check_readable, parse_precision
 from ankleloop.records.group_files import Fields
 from ankleloop.records.readable_files import name_errors

@@ -1,4 +1,4 @@
-"""One estimate with its model in a file, for this library and for other programs: NetCDF or MATLAB v5."""
+"""One estimate with its model in a file, for this library and for others: NetCDF or MATLAB v5, with JSON."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import Model, ResponseModel, model_from_fields
+from ankleloop.joint.regressors import TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
 from ankleloop.joint.time_varying_model import TimeVaryingModel
-from ankleloop.joint.torques import TORQUES, torque_dataset
 from ankleloop.options import check_flag, check_path, show_value
 from ankleloop.quantities import QUANTITIES
 from ankleloop.records.group_files import Fields, read_groups, write_groups

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.basis import BASES, Basis
+from ankleloop.joint.hammerstein import BASES, Basis
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors
 from ankleloop.records.group_files import Fields

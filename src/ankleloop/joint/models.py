@@ -15,9 +15,8 @@ from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import MOTION, Regressors
+from ankleloop.joint.regressors import MOTION, Regressors, torque_dataset
 from ankleloop.joint.time_varying_model import TimeVaryingModel
-from ankleloop.joint.torques import torque_dataset
 from ankleloop.records.group_files import Fields
 from ankleloop.signals.decimation import decimate
 from ankleloop.subspace.input_matrices import simulate_response

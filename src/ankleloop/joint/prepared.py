@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.basis import Basis, fit_basis
+from ankleloop.joint.hammerstein import Basis, fit_basis
 from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid, widen_grid
 from ankleloop.records.validation import validate
 from ankleloop.signals.decimation import decimate, decimation_factor, differentiate

@@ -1,16 +1,16 @@
-"""Inputs and output of an identification (Eq. 3, 9 and 11), decimated through one kernel."""
+"""Inputs and output of an identification (Eq. 3, 9 and 11), decimated through one kernel; torques over time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.basis import Basis
-from ankleloop.joint.hammerstein import DriveSpectra
+from ankleloop.joint.hammerstein import Basis, DriveSpectra
 from ankleloop.signals.decimation import decimation_factor, decimation_margin, differentiation_margin
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
@@ -18,6 +18,7 @@ MOTION = len(INTRINSIC_NAMES)
 # Steps of the processing that can be left out: derivatives of the decimation kernel instead of differences of the
 # decimated position, and basis functions before decimation instead of after it.
 InputStep = Literal["kernel-derivatives", "early-nonlinearity"]
+TORQUES = ("net", "intrinsic", "reflex")
 
 
 class Grid(NamedTuple):
@@ -100,3 +101,40 @@ class Regressors:
         motion = self.inputs[rows, : len(INTRINSIC_NAMES)]
         values = np.linalg.lstsq(motion - motion.mean(axis=0), torque - np.mean(torque), rcond=None)[0]
         return dict(zip("KBI", map(float, values), strict=True))
+
+
+def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.Dataset:
+    """Torques over time, with units and names.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Time [s].
+    rate : float
+        Identification rate [Hz].
+    **torques : ndarray, shape (N,)
+        `net`, `intrinsic`, `reflex` [N·m].
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Examples
+    --------
+    >>> zero = np.zeros(3)
+    >>> torque = torque_dataset(0.01 * np.arange(3), 100.0, net=zero, intrinsic=zero, reflex=zero)
+    >>> torque["net"].attrs["units"], torque.attrs["identification_rate"]
+    ('N·m', 100.0)
+    """
+    template = _template(np.asarray(time, dtype=float).tobytes(), float(rate), tuple(torques))
+    return template.copy(data=torques)
+
+
+@lru_cache(maxsize=2)
+def _template(times: bytes, rate: float, names: tuple[str, ...]) -> xr.Dataset:
+    """Torques of zero: estimates that follow each other share their times, and a copy takes less than a new dataset."""
+    time = np.frombuffer(times)
+    zeros = np.broadcast_to(0.0, time.size)
+    variables = {name: ("time", zeros, {"units": "N·m", "long_name": f"estimated {name} torque"}) for name in names}
+    coordinate = ("time", time, {"units": "s", "long_name": "time"})
+    return xr.Dataset(variables, coords={"time": coordinate}, attrs={"identification_rate": rate})

@@ -1,4 +1,4 @@
-"""What the parameters of a joint vary with: place and segment of each sample of a record."""
+"""What the parameters of a joint vary with, place and segment of each sample; splines and trajectories over it."""
 
 from __future__ import annotations
 

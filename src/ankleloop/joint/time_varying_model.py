@@ -14,9 +14,8 @@ from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import Grid
+from ankleloop.joint.regressors import Grid, torque_dataset
 from ankleloop.joint.time_varying_course import Splines, cycle_place, find_onsets, grid_times, schedule_place
-from ankleloop.joint.torques import torque_dataset
 from ankleloop.records.group_files import Fields
 from ankleloop.signals.decimation import decimate
 

@@ -11,14 +11,12 @@ from typing import Any, Literal, cast, get_args
 
 import numpy as np
 
-from ankleloop.joint.basis import Basis
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, separate_model
+from ankleloop.joint.hammerstein import Basis, DriveSpectra, ReflexPath, separate_model
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis
-from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors
-from ankleloop.joint.torques import torque_dataset
+from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors, torque_dataset
 from ankleloop.methods.method import Method, degree_option, delay_option, rate_option
 from ankleloop.options import Options, option
 from ankleloop.subspace.matrices import Matrices

@@ -11,8 +11,7 @@ from scipy import linalg
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import INTRINSIC_NAMES
-from ankleloop.joint.torques import torque_dataset
+from ankleloop.joint.regressors import INTRINSIC_NAMES, torque_dataset
 from ankleloop.methods.method import Method, check_lags, delay_option, rate_option
 from ankleloop.options import Options, option
 

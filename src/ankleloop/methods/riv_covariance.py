@@ -1,4 +1,4 @@
-"""Covariance of the parameters of `riv`: asymptotic, or robust where the model is incomplete."""
+"""Covariance and intervals of the parameters of `riv`: asymptotic, or robust where the model is incomplete."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The equations of refined instrumental variables: between spectra of the measured and of the predicted inputs."""
+"""The equations of refined instrumental variables, between spectra of measured and predicted inputs; their start."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
-from ankleloop.joint.dynamics import ReflexDynamics
+from ankleloop.joint.dynamics import ReflexDynamics, respond
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.reference import explained_share
@@ -266,7 +266,7 @@ def best_of_grid(equations: RivEquations) -> RivParameters:
     nominal, s, torque = equations.regressors.delay, equations.band.s, equations.torque
     shifts = DELAYS - nominal if equations.estimate_delay else np.zeros(1)
     grid = [(dynamics, shift) for dynamics in ReflexDynamics.grid(equations.order) for shift in shifts]
-    filters = np.array([dynamics.response(s)[0] for dynamics, _ in grid[:: len(shifts)]])
+    filters = respond([dynamics for dynamics, _ in grid[:: len(shifts)]], s)
     delays = np.exp(-np.outer(shifts, s))
     filters = (filters[:, None] * delays).reshape(len(grid), -1)
     motion, drive = np.split(equations.predicted, [MOTION])

@@ -10,8 +10,8 @@ import xarray as xr
 from pydantic import field_validator, model_validator
 
 from ankleloop.errors import DataError
-from ankleloop.joint.basis import fit_basis
 from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import Splines, describe_schedule, make_course, trajectory_dataset

@@ -1,4 +1,4 @@
-"""Covariance of the parameters of `riv-tv`, bands of its trajectories, and the test whether anything varies at all."""
+"""Covariance of the parameters of `riv-tv`, bands, alternatives, and the test whether anything varies at all."""
 
 from __future__ import annotations
 

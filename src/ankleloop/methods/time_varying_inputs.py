@@ -1,4 +1,4 @@
-"""Inputs of a joint that changes in time: measured ones, and those that the reference predicts."""
+"""Inputs of a joint that changes in time: measured ones, those that the reference predicts, and checks of both."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ankleloop.joint.dynamics import ReflexDynamics
+from ankleloop.joint.dynamics import ReflexDynamics, respond
 from ankleloop.methods.riv_equations import DELAY_LIMITS, fit_grid, solve_scaled
 from ankleloop.methods.time_varying_equations import TimeVaryingEquations, TimeVaryingParameters, WhitenedSystem
 from ankleloop.signals.spectra import smooth
@@ -89,7 +89,7 @@ def _start(equations: TimeVaryingEquations) -> TimeVaryingParameters:
     motion = ones[:3, : g.start] @ equations.predicted_motion[:, inside]
     drive, target = equations.predicted_drive[:, inside].sum(axis=0), equations.torque[inside]
     noise, grid = np.ones(s.size), ReflexDynamics.grid(equations.order)
-    filters = np.array([dynamics.response(s)[0] for dynamics in grid])
+    filters = respond(grid, s)
     width = equations.resolution * equations.inputs.size / equations.inputs.rate
     for _ in range(2):
         linear, best, residual = fit_grid(motion, drive[None], target, filters, noise)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ankleloop.joint.torques import TORQUES
+from ankleloop.joint.regressors import TORQUES
 from ankleloop.pages.rendering import render_template
 from ankleloop.plotting.envelopes import envelope
 from ankleloop.plotting.style import STYLE

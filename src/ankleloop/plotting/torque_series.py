@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ankleloop.joint.prepared import prepare
-from ankleloop.joint.torques import TORQUES
+from ankleloop.joint.regressors import TORQUES
 from ankleloop.plotting.envelopes import envelope
 from ankleloop.plotting.method_styles import MethodStyle, method_styles
 from ankleloop.plotting.style import MEASURED_LINE, TRUE_LINE

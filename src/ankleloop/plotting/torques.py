@@ -11,7 +11,7 @@ import pandas as pd
 
 from ankleloop.assessment.scores import evaluate
 from ankleloop.joint.prepared import prepare
-from ankleloop.joint.torques import TORQUES
+from ankleloop.joint.regressors import TORQUES
 from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.method_styles import MethodStyle, method_styles
 from ankleloop.plotting.style import MEASURED_LINE, STYLE, TRUE_LINE, TWO_COLUMNS, DataFigure, inches

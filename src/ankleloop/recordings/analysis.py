@@ -16,7 +16,7 @@ from ankleloop.assessment.scores import evaluate, parameter_row
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.torques import TORQUES
+from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import find_method, identify
 from ankleloop.methods.riv_alternatives import compute_shifts, format_shifts
 from ankleloop.methods.selection import check_selection

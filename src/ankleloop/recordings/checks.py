@@ -9,8 +9,8 @@ from typing import Any, cast
 import numpy as np
 import xarray as xr
 
+from ankleloop.checks.channels import VERDICTS, Finding, merge_findings
 from ankleloop.checks.data import check_signals, refuse_repeated_trials
-from ankleloop.checks.findings import VERDICTS, Finding, merge_findings
 from ankleloop.checks.loop import LARGEST_BIAS, FeedbackTest, feedback_test, path_bias
 from ankleloop.checks.movement import (
     check_excitation,

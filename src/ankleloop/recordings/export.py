@@ -10,7 +10,7 @@ import pandas as pd
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.model_files import save_estimate
-from ankleloop.joint.torques import TORQUES
+from ankleloop.joint.regressors import TORQUES
 from ankleloop.records.files import atomic_file, source_files
 
 SUFFIXES = (".nc", ".mat", ".csv")

@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from ankleloop.errors import DataError
-from ankleloop.options import check_number
-from ankleloop.signals.arrays import as_real
+from ankleloop.options import as_real, check_number
 
 SMALLEST, LARGEST = 1e-150, 1e150  # variances beyond these are computed of scaled signals
 TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %

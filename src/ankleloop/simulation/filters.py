@@ -7,7 +7,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ankleloop.signals.statespace import companion, discretise_foh, simulate_states, step_matrices
+from ankleloop.kernels import kernel
+from ankleloop.signals.statespace import companion, discretise_foh, step_matrices
 from ankleloop.simulation.settings import SimulationSettings
 
 ANTIALIAS_ORDER = 4
@@ -33,8 +34,22 @@ class DiscreteFilter(NamedTuple):
 
         Shapes: u (N,); returns (N,).
         """
-        states, _ = simulate_states(self.A, u[:, None] * self.B, np.zeros(self.B.size))
-        return states @ self.C if self.D == 0.0 else states @ self.C + self.D * u
+        return _run(*self, u)
+
+
+@kernel()
+def _run(A, B, C, D, u):
+    y, n = np.empty(u.size), B.size
+    x, x_next = np.zeros(n), np.zeros(n)
+    for t in range(u.size):
+        y[t] = D * u[t]
+        for i in range(n):
+            y[t] += C[i] * x[i]
+            x_next[i] = B[i] * u[t]
+            for j in range(n):
+                x_next[i] += A[i, j] * x[j]
+        x, x_next = x_next, x
+    return y
 
 
 def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
@@ -56,9 +71,9 @@ def _antialias_filter(cutoff: float, rate: float, hold: str) -> DiscreteFilter:
     A, B, C = companion(antialias_denominator(cutoff))
     if hold == "foh":
         A, B, C, D = discretise_foh(A, B, C, 1.0 / rate)
-        return DiscreteFilter(np.ascontiguousarray(A), B[:, 0], C[0], float(D[0, 0]))
+        return DiscreteFilter(np.ascontiguousarray(A), B[:, 0].copy(), C[0], float(D[0, 0]))
     F, before, now = step_matrices(A, B, 1.0 / rate)
-    return DiscreteFilter(np.ascontiguousarray(F), (before + now)[:, 0], C[0], 0.0)
+    return DiscreteFilter(np.ascontiguousarray(F), (before + now)[:, 0].copy(), C[0], 0.0)
 
 
 def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", "foh"]) -> np.ndarray:

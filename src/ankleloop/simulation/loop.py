@@ -29,6 +29,7 @@ from ankleloop.simulation.trajectories import Trajectories, parameter_ranges
 
 ACCURACY = 1e-8  # of the largest entry of a row: error of the polynomials for stiffness and viscosity
 HIGHEST_DEGREE = 6
+VECTOR = 8  # doubles
 # Inputs of the continuous model; the drive of the reflex is the rectified delayed velocity.
 COMMAND, NOISE, VOLUNTARY, DRIVE = range(4)
 
@@ -291,8 +292,10 @@ def run_loop(
     whole = int(np.floor(steps_of_delay + 1e-9))
     delay = len(loop.VP), whole, max(0.0, steps_of_delay - whole)
     limits = settings.reflex_threshold, settings.position_limit
-    matrix = loop.matrix
-    changes = np.empty((0, *matrix.shape)) if loop.changes is None else np.ascontiguousarray(loop.changes)
+    # Rows of whole vectors take a fourth less time.
+    columns = (0, -loop.matrix.shape[1] % VECTOR)
+    matrix = np.pad(loop.matrix, ((0, 0), columns))
+    changes = np.empty((0, *matrix.shape)) if loop.changes is None else np.pad(loop.changes, ((0, 0), (0, 0), columns))
     factors, gains = _variation_factors(loop, settings, command.size, variation)
     record = np.empty((len(loop.C), command.size))
     divergence = _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limits, record)

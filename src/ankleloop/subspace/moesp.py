@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from ankleloop.options import check_memory, show_fields, show_value
 from ankleloop.subspace.hankel import HankelRows
 from ankleloop.subspace.matrices import Matrices
-from ankleloop.subspace.options import MemoryOptions, SubspaceOptions
 from ankleloop.subspace.projection import (
     Projection,
     choose_order,
@@ -26,7 +25,15 @@ from ankleloop.subspace.projection import (
     project_gram,
     realise,
 )
-from ankleloop.subspace.sources import Chunk, ChunkSource, MemorySource, Source, select_channels
+from ankleloop.subspace.sources import (
+    Chunk,
+    ChunkSource,
+    MemoryOptions,
+    MemorySource,
+    Source,
+    SubspaceOptions,
+    select_channels,
+)
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -123,7 +130,7 @@ def moesp(
     predicted_inputs : array_like, shape (N, m), or list of those, optional
         Noise-free predictions of the inputs to serve as instruments for B and D, instead of linear ones.
     **options
-        Options by name; `ankleloop.subspace.options.MemoryOptions` describes each of them, with its default.
+        Options by name; `ankleloop.subspace.sources.MemoryOptions` describes each of them, with its default.
 
     Returns
     -------
@@ -178,7 +185,7 @@ def moesp_chunks(
     block_rows, order, instruments, projection, dt, dynamic
         As `moesp` takes them.
     **options
-        Options by name; `ankleloop.subspace.options.SubspaceOptions` describes each of them, with its default.
+        Options by name; `ankleloop.subspace.sources.SubspaceOptions` describes each of them, with its default.
 
     Returns
     -------

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.options import describe_limits, show_value
-from ankleloop.signals.arrays import as_real
+from ankleloop.options import as_real, describe_limits, show_value
 
 ROUNDING = 1e-13  # of a mean
 SMALLEST, LARGEST = 1e-100, 1e100  # standard deviations whose squares neither vanish nor overflow

@@ -7,7 +7,7 @@ from ankleloop import DataError, evaluate, identify, new_trial, simulate
 from ankleloop.assessment.scores import SCORE_COLUMNS, in_band_snr, parameter_row, score_rows, summarise
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare
-from ankleloop.joint.torques import torque_dataset
+from ankleloop.joint.regressors import torque_dataset
 from ankleloop.signals.decimation import decimate
 
 RATE, FACTOR, FIRST = 1000.0, 10, 500

@@ -7,7 +7,7 @@ import xarray as xr
 from ankleloop import identify, new_trial, simulate
 from ankleloop.assessment.scores import parameter_row, score_trajectories, true_trajectories
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.torques import torque_dataset
+from ankleloop.joint.regressors import torque_dataset
 
 PLACES = np.linspace(0.0, 1.0, 101)
 NAMES = ("stiffness_true", "viscosity_true", "reflex_gain_true")

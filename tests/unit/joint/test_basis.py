@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ankleloop.errors import DataError
-from ankleloop.joint.basis import BASES, fit_basis
+from ankleloop.joint.hammerstein import BASES, fit_basis
 
 VELOCITY = np.random.default_rng(0).standard_normal(4000)
 

@@ -6,7 +6,7 @@ import pytest
 from ankleloop import DataError, identify, new_trial, simulate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare
-from ankleloop.joint.torques import TORQUES, torque_dataset
+from ankleloop.joint.regressors import TORQUES, torque_dataset
 from ankleloop.subspace.matrices import Matrices
 
 

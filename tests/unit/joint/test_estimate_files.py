@@ -8,7 +8,7 @@ from value_comparison import assert_same_values
 from ankleloop import METHODS, DataError, identify, simulate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable, load_estimates
-from ankleloop.joint.torques import TORQUES, torque_dataset
+from ankleloop.joint.regressors import TORQUES, torque_dataset
 
 
 def make_estimate(seed=0, samples=50, reflex=None, **fields):

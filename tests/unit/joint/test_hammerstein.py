@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop import DataError, identify, simulate
-from ankleloop.joint.basis import fit_basis
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.hammerstein import DriveSpectra, StaticNonlinearity, separate_model, separate_response
+from ankleloop.joint.hammerstein import DriveSpectra, StaticNonlinearity, fit_basis, separate_model, separate_response
 from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.matrices import Matrices
 

@@ -19,7 +19,7 @@ from ankleloop import (
     save_trial,
     simulate,
 )
-from ankleloop.joint.basis import BASES
+from ankleloop.joint.hammerstein import BASES
 from ankleloop.joint.model_files import VERSION
 
 CASES = {method: (method, {}) for method in METHODS}

@@ -10,8 +10,7 @@ import pytest
 from ankleloop import METHODS, DataError, evaluate, identify, simulate
 from ankleloop.joint import prepared as module
 from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare
-from ankleloop.joint.regressors import Grid, widen_grid
-from ankleloop.joint.torques import torque_dataset
+from ankleloop.joint.regressors import Grid, torque_dataset, widen_grid
 from ankleloop.signals.decimation import decimate, decimation_margin
 
 OPTIONS = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0}

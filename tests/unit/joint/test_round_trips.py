@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as hnp
 from ankleloop import identify, load_estimate, load_trial, new_trial, save_estimate, save_trial, simulate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable, load_estimates
-from ankleloop.joint.torques import TORQUES, torque_dataset
+from ankleloop.joint.regressors import TORQUES, torque_dataset
 from ankleloop.records.group_files import read_groups, write_groups
 from ankleloop.records.trial_files import load_trials, save_trials
 

@@ -7,8 +7,8 @@ import xarray as xr
 from ankleloop import load_estimate, save_estimate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable, load_estimates
+from ankleloop.joint.regressors import torque_dataset
 from ankleloop.joint.time_varying_course import trajectory_dataset
-from ankleloop.joint.torques import torque_dataset
 from ankleloop.plotting.trajectories import trajectories_figure
 
 PLACES = np.linspace(-0.1, 0.2, 11)

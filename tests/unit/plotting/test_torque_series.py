@@ -5,7 +5,7 @@ import pytest
 
 import ankleloop
 from ankleloop.joint.prepared import prepare
-from ankleloop.joint.torques import TORQUES
+from ankleloop.joint.regressors import TORQUES
 from ankleloop.plotting.torque_series import TorqueSeries, Trace, centre_torques, limit_values, torque_series
 
 METHODS = ("riv", "parallel-cascade")

@@ -10,7 +10,7 @@ import pytest
 
 from ankleloop import DataError, load_estimate, load_trial, save_estimate, save_trial, simulate
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.torques import torque_dataset
+from ankleloop.joint.regressors import torque_dataset
 from ankleloop.records import reading_process
 from ankleloop.records.checksums import LENGTH, append_checksum, has_right_checksum
 from ankleloop.records.readable_files import name_errors, readable_file

@@ -11,7 +11,7 @@ from ankleloop import DataError, simulate
 from ankleloop.assessment.scores import score_trajectories, true_trajectories
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable
-from ankleloop.joint.torques import torque_dataset
+from ankleloop.joint.regressors import torque_dataset
 from ankleloop.replication.time_varying import (
     average_study,
     average_trajectories,
