@@ -16,7 +16,7 @@ log = logging.getLogger(__name__)
 
 NO_FOLDER = (
     "neither the folder of ankleloop nor the home of this user can be written, so each process compiles its kernels "
-    "anew, which takes about half a minute: name a folder of yours by the environment variable NUMBA_CACHE_DIR."
+    "anew, which takes some seconds: name a folder of yours by the environment variable NUMBA_CACHE_DIR."
 )
 
 Function = TypeVar("Function", bound=Callable[..., Any])

@@ -41,8 +41,8 @@ class DataUse:
 
     delay: float = 0.04  # reflex delay [s]
     identification_rate: float = 100.0  # rate of the identification [Hz]
-    order: int = 2  # order and block rows for which the movement has to be persistently exciting
-    block_rows: int = 15  # order and block rows for which the movement has to be persistently exciting
+    order: int = 2  # order for which the movement has to be persistently exciting
+    block_rows: int = 15  # block rows for which it has to be
     reference: str | None = None  # variable whose leads or lags are instruments; None for a method that uses none
 
 

@@ -29,7 +29,7 @@ DISCARDED = 1e-6  # of the largest singular value
 class FeedbackTest:
     """Outcome of the test."""
 
-    loop: str  # the outcome
+    loop: str  # "closed", "open" or "undecided"
     p_value: float  # probability of such a coherence if torque did not move the joint
     # Mean squared coherence of the movement that the reference does not explain with the torque that the movement
     # does not explain.
@@ -37,8 +37,8 @@ class FeedbackTest:
     # Between −1 and 1: positive if that torque does work on the load, as it must on a passive load that gives way.
     work: float
     residual_share: float  # share of the position's variance that is in its residual
-    bias: float  # bias of K by least squares that feedback causes, and the half width of its 98 % interval [% of K]
-    margin: float  # bias of K by least squares that feedback causes, and the half width of its 98 % interval [% of K]
+    bias: float  # bias of K by least squares that feedback causes [% of K]
+    margin: float  # half width of its 98 % interval [% of K]
     duration: float  # length of the segments that were tested [s]
 
     @property

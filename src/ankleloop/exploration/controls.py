@@ -20,8 +20,8 @@ class Control:
     name: str  # field of its model
     label: str  # name with unit
     default: Any  # value at the start
-    low: float | None = None  # range of a number
-    high: float | None = None  # range of a number
+    low: float | None = None  # smallest value of a number
+    high: float | None = None  # largest value of a number
     step: float | None = None  # distance of its values; on a logarithmic scale that of their logarithms to base 10
     scale: Literal["linear", "log"] = "linear"  # scale of its range
     choices: tuple[Any, ...] = ()  # values of what is no number

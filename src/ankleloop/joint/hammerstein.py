@@ -200,7 +200,7 @@ def separate_response(response: np.ndarray, spectra: DriveSpectra, rate: float, 
 class Basis:
     """Basis functions with fixed scale or knots, which serve any other record as well."""
 
-    kind: str  # kind of basis
+    kind: str  # "chebyshev", "rectifier" or "spline"
     degree: int  # number of terms
     scale: float = 1.0  # largest velocity magnitude [rad/s]; the Chebyshev polynomials take the velocity divided by it
     knots: np.ndarray = field(default_factory=lambda: np.empty(0))  # knots of the cubic spline [rad/s]

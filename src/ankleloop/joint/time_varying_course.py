@@ -37,7 +37,7 @@ ENDS = {"": "{}", "_low": "lower end of the 95 % band of the {}", "_high": "uppe
 class Course:
     """Place of each decimated sample within what the parameters vary with, and the samples that count."""
 
-    dimension: str  # what it is
+    dimension: str  # "phase", "time" or "schedule"
     place: np.ndarray  # shape (N,): place, from 0 to 1
     # Phase, time from the first sample of the record [s] or scheduling variable at the places 0 and 1.
     limits: tuple[float, float]
@@ -316,7 +316,7 @@ class Splines:
 
     size: int  # number of splines; 4 at least for a basis of degree 3
     periodic: bool  # whether 1 is the same place as 0
-    degree: int = 3  # cubic splines, or indicators
+    degree: int = 3  # 3 for cubic splines, 0 for indicators
 
     def __call__(self, place: np.ndarray) -> np.ndarray:
         """Values of the splines at places within 0 … 1, shape (N, size)."""

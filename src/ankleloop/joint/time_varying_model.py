@@ -29,12 +29,12 @@ class TimeVaryingModel:
     """K, B, G and I as splines, and the low-pass of the reflex behind the gain."""
 
     inputs: ModelInputs  # delay and rates of its inputs
-    dimension: str  # what K, B and G are functions of
+    dimension: str  # what K, B and G are functions of: "phase", "time" or "schedule"
     # Variable of a trial that holds the phase or the scheduling variable; empty where onsets come as numbers.
     variable: str
     # Phase, time from the first sample of a trial [s] or scheduling variable at the first and at the last place.
     limits: tuple[float, float]
-    degree: int  # degree of the splines
+    degree: int  # degree of the splines: 3, or 0 for indicators of intervals
     # Coefficients of the splines of K [N·m/rad], B [N·m·s/rad] and G [N·m·s/rad].
     coefficients: tuple[np.ndarray, np.ndarray, np.ndarray]
     inertia: np.ndarray  # shape (splines,): coefficients of the splines of I [kg·m²]; a single one where it is constant

@@ -45,12 +45,9 @@ class RivPoint:
 
     equations: RivEquations  # the equations
     parameters: RivParameters  # the parameters
-    # Shape (unknowns, frequencies): derivatives of the torque with respect to the parameters, by the predicted and by
-    # the measured inputs.
+    # Shape (unknowns, frequencies): derivatives of the torque with respect to the parameters, by the predicted inputs.
     instruments: np.ndarray
-    # Shape (unknowns, frequencies): derivatives of the torque with respect to the parameters, by the predicted and by
-    # the measured inputs.
-    regressors: np.ndarray
+    regressors: np.ndarray  # the same by the measured inputs
     residual: np.ndarray  # shape (frequencies,): measured torque less that of the model
     noise: np.ndarray  # shape (frequencies,): smoothed periodogram of the residual
 

@@ -38,9 +38,9 @@ class TimeVaryingCovariance:
 class Trajectory:
     """A parameter over what it varies with."""
 
-    values: np.ndarray  # shape (places,): the parameter and the ends of its band; nan where the record does not show it
-    low: np.ndarray  # shape (places,): the parameter and the ends of its band; nan where the record does not show it
-    high: np.ndarray  # shape (places,): the parameter and the ends of its band; nan where the record does not show it
+    values: np.ndarray  # shape (places,): the parameter; nan where the record does not show it
+    low: np.ndarray  # shape (places,): lower end of its band
+    high: np.ndarray  # shape (places,): upper end of its band
     # Shape (places,): information of the record about the parameter at each place, over its mean.
     excitation: np.ndarray
 

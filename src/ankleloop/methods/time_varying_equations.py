@@ -25,10 +25,10 @@ CONSTANT = Splines(1, periodic=False, degree=0)
 class Bases:
     """Splines of K, B, G and I."""
 
-    stiffness: Splines  # splines of each of them; by default the inertia is constant
-    viscosity: Splines  # splines of each of them; by default the inertia is constant
-    gain: Splines  # splines of each of them; by default the inertia is constant
-    inertia: Splines = CONSTANT  # splines of each of them; by default the inertia is constant
+    stiffness: Splines  # splines of K
+    viscosity: Splines  # splines of B
+    gain: Splines  # splines of G
+    inertia: Splines = CONSTANT  # splines of I; by default it is constant
 
     @property
     def all(self) -> tuple[Splines, Splines, Splines, Splines]:
@@ -73,12 +73,9 @@ class TimeVaryingParameters:
 class WhitenedSystem:
     """Whitened instruments, regressors and residual at some parameters."""
 
-    # Shape (unknowns, rows): derivatives of the torque with respect to the unknowns, by the predicted and by the
-    # measured inputs.
+    # Shape (unknowns, rows): derivatives of the torque with respect to the unknowns, by the predicted inputs.
     instruments: np.ndarray
-    # Shape (unknowns, rows): derivatives of the torque with respect to the unknowns, by the predicted and by the
-    # measured inputs.
-    regressors: np.ndarray
+    regressors: np.ndarray  # the same by the measured inputs
     torque: np.ndarray  # shape (rows,): whitened torque
     share: float  # share of the frequencies that count: so many independent values a sample has
 

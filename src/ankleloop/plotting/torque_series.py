@@ -27,8 +27,8 @@ class Trace:
 
     start: float  # time of the first sample, or of the start of the first bin [s]
     step: float  # time between samples, or between the starts of bins [s]
-    low: np.ndarray  # shape (N,): ends of each bin [N·m]; the same array for samples
-    high: np.ndarray  # shape (N,): ends of each bin [N·m]; the same array for samples
+    low: np.ndarray  # shape (N,): lower end of each bin [N·m]
+    high: np.ndarray  # shape (N,): upper end of each bin [N·m]; for samples the same array
 
     @property
     def sampled(self) -> bool:
@@ -57,8 +57,8 @@ class CentredTorques:
 
     time: np.ndarray  # shape (N,): times of the samples [s]
     measured: np.ndarray  # shape (N,): the measured torque
-    true: Mapping[str, np.ndarray]  # shape (N,): by "net", "intrinsic" and "reflex"; a recording has no true ones
-    estimated: Mapping[str, np.ndarray]  # shape (N,): by "net", "intrinsic" and "reflex"; a recording has no true ones
+    true: Mapping[str, np.ndarray]  # shape (N,): true torques by "net", "intrinsic" and "reflex"; none of a recording
+    estimated: Mapping[str, np.ndarray]  # shape (N,): estimated torques by the same names
 
 
 def centre_torques(trial: PreparedTrial, estimate: Estimate) -> CentredTorques:

@@ -22,8 +22,8 @@ class UnseenTorque:
     """Torque of a trial that was not fitted, and what a model leaves of it."""
 
     time: np.ndarray  # shape (N,): time in the trial [s]
-    measured: np.ndarray  # shape (N,): measured torque, and measured less predicted torque [N·m]
-    residual: np.ndarray  # shape (N,): measured torque, and measured less predicted torque [N·m]
+    measured: np.ndarray  # shape (N,): measured torque [N·m]
+    residual: np.ndarray  # shape (N,): measured less predicted torque [N·m]
     rate: float  # sampling rate [Hz]
 
 
@@ -32,8 +32,8 @@ class VafDifference:
     """Difference of two VAFs on the same unseen data."""
 
     difference: float  # VAF of the first method less that of the second [points]
-    low: float  # its 95 % interval
-    high: float  # its 95 % interval
+    low: float  # lower end of its 95 % interval
+    high: float  # upper end of its 95 % interval
 
     @property
     def distinct(self) -> bool:

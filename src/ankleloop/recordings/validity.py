@@ -28,8 +28,8 @@ class Validity:
 
     closed: Mapping[str, Any] | None  # options that make it valid in closed loop; None where nothing does
     without_reference: Mapping[str, Any]  # options that make it valid in open loop if the record has no reference
-    closed_caution: str = ""  # what to bear in mind where it is valid, in closed and in open loop
-    open_caution: str = ""  # what to bear in mind where it is valid, in closed and in open loop
+    closed_caution: str = ""  # what to bear in mind where it is valid in closed loop
+    open_caution: str = ""  # what to bear in mind where it is valid in open loop
     # Whether the method with some options estimates the two paths one after the other, once: it is biased where they
     # are correlated.
     one_pass: Callable[[Mapping[str, Any]], bool] = _never

@@ -36,8 +36,8 @@ class Variation:
 
     label: str  # label of the method
     varies: bool  # whether a constant joint is refused at the level of the test, by a model that is complete
-    test: str  # the test, and the VAF of unseen data beside that of a time-invariant fit, in sentences
-    unseen: str  # the test, and the VAF of unseen data beside that of a time-invariant fit, in sentences
+    test: str  # the test, in sentences
+    unseen: str  # the VAF of unseen data beside that of a time-invariant fit, in sentences
 
 
 def add_course(methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:

@@ -48,10 +48,9 @@ class StudyResults:
 
     kind: str  # "simulation" or "recordings"
     points: Mapping[str, Mapping[str, Any]]  # simulation settings of each point
-    # Rows of `ankleloop.assessment.scores.evaluate` and `parameter_row`, with columns `point`, `method` and `trial`.
+    # Rows of `ankleloop.assessment.scores.evaluate`, with columns `point`, `method` and `trial`.
     scores: pd.DataFrame
-    # Rows of `ankleloop.assessment.scores.evaluate` and `parameter_row`, with columns `point`, `method` and `trial`.
-    parameters: pd.DataFrame
+    parameters: pd.DataFrame  # rows of `parameter_row`, with the same columns
     labels: Mapping[str, str] = field(default_factory=dict)  # readable name of each method
     name: str = ""  # name of the study, for messages
 

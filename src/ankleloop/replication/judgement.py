@@ -103,9 +103,9 @@ class Replicates:
 class Measurement:
     """A measurement whose 95 % interval was computed where it was made."""
 
-    value: float  # the measurement and the ends of its interval
-    low: float = np.nan  # the measurement and the ends of its interval
-    high: float = np.nan  # the measurement and the ends of its interval
+    value: float  # the measurement
+    low: float = np.nan  # lower end of its interval
+    high: float = np.nan  # upper end of its interval
 
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of its interval."""

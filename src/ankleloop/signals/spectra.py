@@ -21,8 +21,8 @@ class Band:
 
     samples: int  # length of the records
     rate: float  # sampling rate [Hz]
-    lowest: float  # edges of the band [Hz]
-    highest: float  # edges of the band [Hz]
+    lowest: float  # lower edge of the band [Hz]
+    highest: float  # upper edge of the band [Hz]
 
     @cached_property
     def taper(self) -> np.ndarray:

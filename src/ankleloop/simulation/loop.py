@@ -43,13 +43,11 @@ class Loop:
     """
 
     P: np.ndarray  # shape (n, n): state after the sample
-    G: np.ndarray  # shape (n, n): state after the sample
+    G: np.ndarray  # shape (n, 5 + steps): the same by w
     VP: np.ndarray  # shape (steps, n): velocity after each integration step
-    VG: np.ndarray  # shape (steps, n): velocity after each integration step
-    # Shape (3, n): recorded position, intrinsic and reflex torque; D is zero behind an anti-aliasing filter.
-    C: np.ndarray
-    # Shape (3, n): recorded position, intrinsic and reflex torque; D is zero behind an anti-aliasing filter.
-    D: np.ndarray
+    VG: np.ndarray  # shape (steps, 5 + steps): the same by w
+    C: np.ndarray  # shape (3, n): recorded position, intrinsic and reflex torque
+    D: np.ndarray  # shape (3, 5 + steps): the same by w; zero behind an anti-aliasing filter
     # Shape (terms, rows, columns): changes of the entries of `matrix` in proportion to products of powers of x and y,
     # the deviations of stiffness and viscosity from the middle of their ranges as shares of half of them; None where
     # both are constant.

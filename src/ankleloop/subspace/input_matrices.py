@@ -24,10 +24,10 @@ Chunks = Iterable[tuple[np.ndarray, np.ndarray]]  # inputs and outputs of a reco
 class InputMatrices:
     """B, D, initial state and output offset, and the regression that gave them."""
 
-    B: np.ndarray  # shape (n, m): the matrices
-    D: np.ndarray  # shape (n, m): the matrices
-    initial_state: np.ndarray  # shape (n,): state at the first sample, and output without state and input
-    offset: np.ndarray  # shape (n,): state at the first sample, and output without state and input
+    B: np.ndarray  # shape (n, m)
+    D: np.ndarray  # shape (p, m)
+    initial_state: np.ndarray  # shape (n,), of merged records (records, n): state at the first sample
+    offset: np.ndarray  # shape (p,), of merged records (records, p): output without state and input
     rank: int  # rank of the regression
     condition: float  # its condition
 

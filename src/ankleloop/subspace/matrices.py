@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 class Matrices:
     """Matrices of x(t+1) = A x(t) + B u(t), y(t) = C x(t) + D u(t)."""
 
-    A: np.ndarray  # shape (n, n): the matrices
-    B: np.ndarray  # shape (n, n): the matrices
-    C: np.ndarray  # shape (n, n): the matrices
-    D: np.ndarray  # shape (n, n): the matrices
+    A: np.ndarray  # shape (n, n)
+    B: np.ndarray  # shape (n, m)
+    C: np.ndarray  # shape (p, n)
+    D: np.ndarray  # shape (p, m)
     dt: float = 1.0  # sampling interval [s]
     names: tuple[Sequence[str], Sequence[str]] | None = None  # names of inputs and outputs
     # Time by which each input is behind the signal of its name [s]. It is no part of A, B, C, D: u(t) is delayed

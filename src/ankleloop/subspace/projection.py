@@ -36,8 +36,8 @@ class Projection:
     # Shape (block_rows * p, k): left singular vectors: the first n span the extended observability matrix.
     observability: np.ndarray
     singular_values: np.ndarray  # shape (k,): they show the order; a root mean square, or a correlation
-    input_rank: int  # directions that count by the rank policy
-    instrument_rank: int  # directions that count by the rank policy
+    input_rank: int  # directions of the inputs that count by the rank policy
+    instrument_rank: int  # directions of the instruments that count by the rank policy
     condition: float  # ratio of the largest to the smallest singular value of the input directions that count
 
 
