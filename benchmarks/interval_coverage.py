@@ -23,8 +23,8 @@ import yaml
 from ankleloop.assessment.scores import parameter_row
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.registry import identify
-from ankleloop.replication.captions import format_point
-from ankleloop.replication.tables import compare_with_bound, write_table
+from ankleloop.paper.captions import format_point
+from ankleloop.paper.tables import compare_with_bound, write_table
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 

@@ -16,8 +16,8 @@ from pathlib import Path
 import h5py
 
 from ankleloop.methods.long_records import identify_file
-from ankleloop.records.long_record import LongRecord
 from ankleloop.simulation.simulate import simulate
+from ankleloop.trials.long_record import LongRecord
 
 RATE = 100.0  # Hz
 PART = 1000.0  # s: the record consists of simulated trials of this length, end to end

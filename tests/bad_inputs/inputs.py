@@ -15,7 +15,7 @@ import xarray as xr
 
 from ankleloop import identify, simulate
 from ankleloop.joint.estimate import Estimate
-from ankleloop.records.trial import new_trial, save_trial
+from ankleloop.trials.trial import new_trial, save_trial
 
 RATE = 500.0
 TIME = np.arange(300) / RATE

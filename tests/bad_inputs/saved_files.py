@@ -6,7 +6,7 @@ from pathlib import Path
 import h5py
 
 from ankleloop import load_estimate, load_trial, save_estimate
-from ankleloop.records.trial_files import load_trials, save_trials
+from ankleloop.trials.trial_files import load_trials, save_trials
 from bad_inputs.bad_input import BadInput, rows_of
 from bad_inputs.inputs import (
     cut_off,

@@ -10,7 +10,7 @@ from ankleloop import (
     evaluate,
     subspace,
 )
-from ankleloop.records.trial import segment
+from ankleloop.trials.trial import segment
 from bad_inputs.bad_input import BadInput, rows_of
 from bad_inputs.inputs import fitted_estimate, good_trial, simulated_trial
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ankleloop import LongRecord, identify_file, load_trial, save_trial
-from ankleloop.records.trial_files import save_trials
+from ankleloop.trials.trial_files import save_trials
 from bad_inputs.bad_input import BadInput, rows_of
 from bad_inputs.inputs import (
     POSITION,

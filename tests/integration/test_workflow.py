@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from ankleloop.replication.results import read_results
-from ankleloop.replication.trial_counts import COUNTS, count_outcomes, count_trials
+from ankleloop.paper.results import read_results
+from ankleloop.paper.trial_counts import COUNTS, count_outcomes, count_trials
 
 pytestmark = pytest.mark.workflow
 

@@ -46,7 +46,7 @@ sweep_chunk(files, "s", 1, conditions, {"p": {"p": {"values": {}, "options": {}}
 """
 TABLE = """
 import json, sys
-from ankleloop.replication.trial_tables import write_trial_table
+from ankleloop.paper.trial_tables import write_trial_table
 folder, count = sys.argv[1], int(sys.argv[2])
 write_trial_table(f"{folder}/t.parquet", [f"{folder}/0-p.csv"] * count, [f"{folder}/0-s.csv"] * count)
 print(json.dumps(largest_memory()))

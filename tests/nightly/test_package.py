@@ -9,7 +9,7 @@ from package_builds import build, make_environment, run
 
 import ankleloop
 from ankleloop import simulate
-from ankleloop.records.recording_files import FILE_FORMATS, write_recording
+from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
 WORKFLOW = ("snakemake", "papermill", "nbconvert", "IPython", "pytest")
 IMPORT_ALL = f"""

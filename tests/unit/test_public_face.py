@@ -59,7 +59,7 @@ def test_settings_are_the_arguments_of_simulate():
     [
         ("import ankleloop", ("numpy", "xarray", "numba", "scipy", "pydantic")),
         (
-            "import ankleloop.records.trial_files, ankleloop.methods.registry",
+            "import ankleloop.trials.trial_files, ankleloop.methods.registry",
             ("scipy.signal", "scipy.stats", "matplotlib", "control", "h5py"),
         ),
         (

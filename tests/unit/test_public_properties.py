@@ -20,8 +20,8 @@ from ankleloop import (
     segment,
     simulate,
 )
-from ankleloop.records.drift import remove_drift
 from ankleloop.signals.decimation import decimate, decimation_margin
+from ankleloop.trials.drift import remove_drift
 
 RATE = 500.0
 SAMPLES = 400

@@ -3,9 +3,9 @@
 import json
 from pathlib import Path
 
-from ankleloop.records.files import atomic_file
 from ankleloop.studies.provenance import read_provenance, save_provenance
 from ankleloop.studies.run_crate import write_crate
+from ankleloop.trials.files import atomic_file
 
 from job import running
 

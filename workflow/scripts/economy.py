@@ -11,9 +11,9 @@ os.environ.update({f"{name}_THREADS": "1" for name in LIBRARIES})
 
 from itertools import chain
 
-from ankleloop.records.files import atomic_file
-from ankleloop.records.trial_files import load_trials
 from ankleloop.studies.economy import measure_economy
+from ankleloop.trials.files import atomic_file
+from ankleloop.trials.trial_files import load_trials
 
 from job import running
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import pandas as pd
 
 from ankleloop.pages.index import render_index, render_ledger, render_tables
-from ankleloop.records.files import atomic_file
 from ankleloop.studies.provenance import load_provenance
 from ankleloop.studies.results_index import collect_results, read_tables
+from ankleloop.trials.files import atomic_file
 
 from job import running
 

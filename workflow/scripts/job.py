@@ -46,8 +46,8 @@ def print_failed_trials(snakemake, failed):
 
 def print_failures(snakemake):
     """Say on the terminal how many identifications of a chunk failed."""
-    from ankleloop.replication.results import read_results  # here: other jobs do without pandas
-    from ankleloop.replication.trial_counts import describe_failures
+    from ankleloop.paper.results import read_results  # here: other jobs do without pandas
+    from ankleloop.paper.trial_counts import describe_failures
 
     message = describe_failures(read_results([snakemake.output.parameters]))
     if message:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from ankleloop.records.files import atomic_file
 from ankleloop.studies.recordings import analyse_recordings
+from ankleloop.trials.files import atomic_file
 
 from job import progress, running
 

@@ -11,11 +11,11 @@ import papermill
 from nbconvert import HTMLExporter
 
 from ankleloop.pages.notebooks import find_captions, render_notebook_page
-from ankleloop.records.files import atomic_file
-from ankleloop.replication.completeness import check_study
-from ankleloop.replication.results import KEYS
-from ankleloop.replication.trial_counts import describe_failures
-from ankleloop.replication.trial_tables import read_trial_table
+from ankleloop.paper.completeness import check_study
+from ankleloop.paper.results import KEYS
+from ankleloop.paper.trial_counts import describe_failures
+from ankleloop.paper.trial_tables import read_trial_table
+from ankleloop.trials.files import atomic_file
 
 from job import log, running
 

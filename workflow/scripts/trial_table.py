@@ -1,6 +1,6 @@
 """Put the scores and parameters of all trials of a study into one table."""
 
-from ankleloop.replication.trial_tables import write_trial_table
+from ankleloop.paper.trial_tables import write_trial_table
 
 from job import running
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from ankleloop.records.files import atomic_file
-from ankleloop.replication.completeness import check_study
-from ankleloop.replication.evidence import StudyResults
-from ankleloop.replication.ledger import format_ledger, verify
-from ankleloop.replication.results import read_results
+from ankleloop.paper.completeness import check_study
+from ankleloop.paper.evidence import StudyResults
+from ankleloop.paper.ledger import format_ledger, verify
+from ankleloop.paper.results import read_results
+from ankleloop.trials.files import atomic_file
 
 from job import running
 

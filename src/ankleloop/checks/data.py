@@ -28,8 +28,8 @@ from ankleloop.checks.reference import find_reference_faults
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Grid, Regressors
-from ankleloop.records.validation import REQUIRED
 from ankleloop.signals.reference import project_on_reference
+from ankleloop.trials.validation import REQUIRED
 
 MOTION_CHECKS = (check_scale, check_size, check_relation)
 COMPARED = 8  # samples of each channel that are compared first

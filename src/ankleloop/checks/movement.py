@@ -12,11 +12,11 @@ from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Grid, Regressors
 from ankleloop.quantities import QUANTITIES
-from ankleloop.records.validation import REQUIRED
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.reference import unseen_share
 from ankleloop.signals.spectra import segment_spectra
 from ankleloop.subspace.hankel import HankelGram
+from ankleloop.trials.validation import REQUIRED
 
 SMALLEST, LARGEST = 1e-12, 1e12  # rad and N·m: squares of anything beyond leave the range of numbers
 BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave

@@ -77,8 +77,8 @@ def _write_files(trial: xr.Dataset, folder: Path, *, overwrite: bool) -> list[Pa
     """Write a trial in every format, read it again, and compare."""
     import numpy as np
 
-    from ankleloop.records.readers import read_trial
-    from ankleloop.records.recording_files import FILE_FORMATS, write_recording
+    from ankleloop.trials.readers import read_trial
+    from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
     paths = {kind: folder / f"demo-{kind}{suffix}" for kind, (suffix, _) in FILE_FORMATS.items()}
     try:

@@ -131,7 +131,7 @@ def _check_outputs(folder: Path, name: str, path: Path, *, overwrite: bool) -> l
 
 def _move_results(results: Path, folder: Path, outputs: Iterable[Path], path: Path, *, overwrite: bool) -> None:
     """Move results to their names; remove what an earlier run made and this one did not."""
-    from ankleloop.records.files import atomic_file
+    from ankleloop.trials.files import atomic_file
 
     folder.mkdir(parents=True, exist_ok=True)
     for output in outputs:

@@ -11,7 +11,7 @@ import click
 def check_outputs(paths: Iterable[Path], remedy: str, *, overwrite: bool, inputs: Iterable[Path] = ()) -> None:
     """Refuse files that cannot be written, or that exist and are not to be replaced."""
     from ankleloop.errors import DataError
-    from ankleloop.records.files import check_output, holds_content
+    from ankleloop.trials.files import check_output, holds_content
 
     inputs = [*inputs]
     for path in paths:

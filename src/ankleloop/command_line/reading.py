@@ -82,8 +82,8 @@ def _make_option(name: str, field: Any) -> Callable[[Command], Command]:
 
 def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Reading:
     """Map the variables of a file to channels; what the options leave out follows from names and units."""
-    from ankleloop.records.reading_process import list_variables  # here: --help does without numpy
-    from ankleloop.records.variable_names import AmbiguousNameError, find_position_unit, find_variable
+    from ankleloop.trials.reading_process import list_variables  # here: --help does without numpy
+    from ankleloop.trials.variable_names import AmbiguousNameError, find_position_unit, find_variable
 
     stated = {name: _as_number(name, value) for name, value in values.items() if value is not None}
     if no_reference and "reference" in stated:
@@ -130,7 +130,7 @@ def _parse_recording(path: Path, values: Mapping[str, Any]) -> Recording:
 
 def name_recording(path: Path) -> str:
     """Name of a recording, which is part of the names of its files, by the name of its file."""
-    from ankleloop.records.file_formats import find_suffix
+    from ankleloop.trials.file_formats import find_suffix
 
     stem = path.name[: len(path.name) - len(find_suffix(path) or path.suffix)]
     name = re.sub(r"[^A-Za-z0-9_.-]+", "-", stem)

@@ -99,10 +99,10 @@ def _write(new: Path, text: str, files: Sequence[Path], *, overwrite: bool) -> N
     """Write a configuration that the workflow accepts."""
     import yaml
 
-    from ankleloop.records.files import atomic_file
     from ankleloop.studies.checking import ConfigError
     from ankleloop.studies.config_files import check_config_file
     from ankleloop.studies.run_config import read_run
+    from ankleloop.trials.files import atomic_file
 
     with atomic_file(new, overwrite=overwrite, inputs=files) as partial:
         partial.write_text(text, encoding="utf-8")

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin
 from ankleloop.methods.moesp import MoespOptions
 from ankleloop.methods.registry import METHODS
 from ankleloop.options import Options
-from ankleloop.replication.captions import label_setting
+from ankleloop.paper.captions import label_setting
 from ankleloop.simulation.settings import SimulationSettings
 
 

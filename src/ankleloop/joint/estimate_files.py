@@ -18,9 +18,9 @@ from ankleloop.joint.model_files import dump_values, load_values
 from ankleloop.joint.models import model_from_fields
 from ankleloop.joint.regressors import TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
-from ankleloop.records.files import atomic_file, check_readable, parse_precision
-from ankleloop.records.group_files import Fields
-from ankleloop.records.readable_files import name_errors
+from ankleloop.trials.files import atomic_file, check_readable, parse_precision
+from ankleloop.trials.group_files import Fields
+from ankleloop.trials.readable_files import name_errors
 
 PathLike = str | os.PathLike[str]
 MEMORY = 2**21  # bytes of a table that are in memory before they go to a temporary file

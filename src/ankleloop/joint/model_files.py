@@ -18,9 +18,9 @@ from ankleloop.joint.time_varying_course import read_trajectories
 from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.options import check_flag, check_path, show_value
 from ankleloop.quantities import QUANTITIES
-from ankleloop.records.group_files import Fields, read_groups, write_groups
-from ankleloop.records.readable_files import name_errors
 from ankleloop.signals.sampling import check_same_rate, compute_rate
+from ankleloop.trials.group_files import Fields, read_groups, write_groups
+from ankleloop.trials.readable_files import name_errors
 
 FORMAT, VERSION = "ankleloop estimate", 1
 VARIABLE = "estimate"  # of a MATLAB file

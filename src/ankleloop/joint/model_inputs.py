@@ -13,9 +13,9 @@ from ankleloop.errors import DataError
 from ankleloop.joint.hammerstein import BASES, Basis
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors
-from ankleloop.records.group_files import Fields
 from ankleloop.signals.decimation import filter_kernels
 from ankleloop.subspace.matrices import Matrices
+from ankleloop.trials.group_files import Fields
 
 BEYOND = 1.01  # of the range of a basis: less is the ripple of its filters
 

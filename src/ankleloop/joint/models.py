@@ -17,10 +17,10 @@ from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import MOTION, Regressors, torque_dataset
 from ankleloop.joint.time_varying_model import TimeVaryingModel
-from ankleloop.records.group_files import Fields
 from ankleloop.signals.decimation import decimate
 from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.matrices import Matrices
+from ankleloop.trials.group_files import Fields
 
 Trial = xr.Dataset | PreparedTrial
 

@@ -12,9 +12,9 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.hammerstein import Basis, fit_basis
 from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid, widen_grid
-from ankleloop.records.validation import validate
 from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
 from ankleloop.signals.reference import predict_decimated
+from ankleloop.trials.validation import validate
 
 Value = TypeVar("Value")
 
@@ -30,7 +30,7 @@ class PreparedTrial:
     trial : xarray.Dataset
         The trial.
     validated : bool
-        Whether `ankleloop.records.trial.validate` has accepted it already.
+        Whether `ankleloop.trials.trial.validate` has accepted it already.
 
     Raises
     ------

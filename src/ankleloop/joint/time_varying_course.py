@@ -14,7 +14,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Grid
 from ankleloop.quantities import QUANTITIES
-from ankleloop.records.group_files import Fields
+from ankleloop.trials.group_files import Fields
 
 MARGIN = 0.75  # s at either end of a record that responses and filters touch
 FEWEST_CYCLES = 8

@@ -16,8 +16,8 @@ from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import Grid, torque_dataset
 from ankleloop.joint.time_varying_course import Splines, cycle_place, find_onsets, grid_times, schedule_place
-from ankleloop.records.group_files import Fields
 from ankleloop.signals.decimation import decimate
+from ankleloop.trials.group_files import Fields
 
 PADDING = 1.0  # s
 TRAJECTORIES = ("stiffness", "viscosity", "gain")

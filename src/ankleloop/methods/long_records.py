@@ -28,11 +28,11 @@ from ankleloop.methods.moesp import (
     separate_reflex,
 )
 from ankleloop.options import Options, check_path, option
-from ankleloop.records.files import atomic_netcdf, check_output
-from ankleloop.records.long_record import LongRecord
 from ankleloop.signals.decimation import differentiate, differentiation_margin
 from ankleloop.subspace.input_matrices import continue_response
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
+from ankleloop.trials.files import atomic_netcdf, check_output
+from ankleloop.trials.long_record import LongRecord
 
 if TYPE_CHECKING:
     import h5netcdf

@@ -16,8 +16,8 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.method import NOMINAL_DELAY, Trial
 from ankleloop.options import Options, check_choice, show_value
-from ankleloop.records.trial import segment
 from ankleloop.signals.sampling import match_times
+from ankleloop.trials.trial import segment
 
 CRITERIA = ("instrumental", "cross-validation")
 SETTLING = 1.0  # s at either end of a test part

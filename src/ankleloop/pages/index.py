@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ankleloop.pages.rendering import render_page, render_template
 from ankleloop.pages.tables import describe_table
-from ankleloop.replication.judgement import (
+from ankleloop.paper.judgement import (
     BY_CONSTRUCTION,
     CONDITIONAL,
     CONTRADICTION,
@@ -16,7 +16,7 @@ from ankleloop.replication.judgement import (
     OPEN,
     REPRODUCED,
 )
-from ankleloop.replication.ledger import VERDICTS, tabulate_ledger
+from ankleloop.paper.ledger import VERDICTS, tabulate_ledger
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from ankleloop.records.files import atomic_file
+from ankleloop.trials.files import atomic_file
 
 if TYPE_CHECKING:
     import pandas as pd

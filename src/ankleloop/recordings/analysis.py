@@ -23,8 +23,8 @@ from ankleloop.methods.selection import check_selection
 from ankleloop.recordings.checks import Check, check_trial
 from ankleloop.recordings.comparison import UnseenTorque, unseen_torque
 from ankleloop.recordings.validity import caution, reason_against
-from ankleloop.records.trial import segment
 from ankleloop.signals.sampling import match_times
+from ankleloop.trials.trial import segment
 
 OTHER_DELAY = 0.01  # s
 

@@ -11,7 +11,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.model_files import save_estimate
 from ankleloop.joint.regressors import TORQUES
-from ankleloop.records.files import atomic_file, source_files
+from ankleloop.trials.files import atomic_file, source_files
 
 SUFFIXES = (".nc", ".mat", ".csv")
 

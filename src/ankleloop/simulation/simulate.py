@@ -11,11 +11,11 @@ import xarray as xr
 
 from ankleloop.errors import UnstableLoopError
 from ankleloop.options import as_plain, check_memory, show_fields, show_value
-from ankleloop.records.trial import new_trial
 from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias, voluntary_filter
 from ankleloop.simulation.loop import build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import Course, Trajectories, draw_course, trajectories
+from ankleloop.trials.trial import new_trial
 
 HELD_VALUES = 100  # values of noise over which the anti-aliasing filter settles
 TRIAL_ARRAYS = 16  # arrays over all samples of a trial that are in memory at a time, at least

@@ -16,9 +16,9 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.registry import identify
-from ankleloop.records.trial_files import FailedTrial, load_chunks
 from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.studies.table_files import TableRows
+from ankleloop.trials.trial_files import FailedTrial, load_chunks
 
 log = logging.getLogger(__name__)
 

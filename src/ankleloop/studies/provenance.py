@@ -11,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 
 import ankleloop
-from ankleloop.records.files import atomic_file
+from ankleloop.trials.files import atomic_file
 
 
 @dataclass(frozen=True)

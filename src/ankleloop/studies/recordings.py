@@ -17,9 +17,9 @@ from ankleloop.pages.recordings import embed_recording_figures, render_recording
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.records.files import atomic_file
 from ankleloop.studies.failures import locate_errors
 from ankleloop.studies.worker import Worker, WorkerKilledError
+from ankleloop.trials.files import atomic_file
 
 log = logging.getLogger(__name__)
 

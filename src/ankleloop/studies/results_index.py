@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from ankleloop.pages.index import Figure, Results
-from ankleloop.replication.ledger import VERDICTS
+from ankleloop.paper.ledger import VERDICTS
 from ankleloop.studies.provenance import Provenance
 from ankleloop.studies.run_times import measure_span, read_run_times, summarise_run_times
 

@@ -11,10 +11,10 @@ import xarray as xr
 from numpy.random import SeedSequence
 
 from ankleloop.errors import NUMERICAL_ERRORS
-from ankleloop.records.trial_files import FailedTrial, save_trials
 from ankleloop.simulation.simulate import simulate
 from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.studies.seeds import trial_entropy
+from ankleloop.trials.trial_files import FailedTrial, save_trials
 
 log = logging.getLogger(__name__)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ankleloop.replication.results import true_values
+from ankleloop.paper.results import true_values
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.method_checks import find_fault
 from ankleloop.studies.study import SimulatedStudy

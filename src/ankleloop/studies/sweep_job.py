@@ -10,10 +10,10 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.records.files import parse_precision
-from ankleloop.records.trial_files import FailedTrial
 from ankleloop.studies.identification import Methods, Points, identify_trials
 from ankleloop.studies.simulation import simulate_points
+from ankleloop.trials.files import parse_precision
+from ankleloop.trials.trial_files import FailedTrial
 
 PathLike = str | os.PathLike[str]
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from ankleloop.options import Options, option, show_value, suggest_name
-from ankleloop.replication.sweep_quantities import SWEEP_QUANTITIES
+from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
 
 Names = Annotated[list[str], Field(min_length=1)]
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from tempfile import SpooledTemporaryFile
 from typing import Any
 
-from ankleloop.records.files import atomic_file
+from ankleloop.trials.files import atomic_file
 
 MEMORY = 2**23  # bytes of rows that are in memory before they go to a temporary file
 

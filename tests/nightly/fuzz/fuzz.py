@@ -15,11 +15,11 @@ import numpy as np
 import yaml
 
 from ankleloop import DataError, LongRecord, read_trial
-from ankleloop.records import reading_process
-from ankleloop.records.validation import validate
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.config_files import check_config_file
 from ankleloop.studies.study import read_studies
+from ankleloop.trials import reading_process
+from ankleloop.trials.validation import validate
 from fuzz.corpus import READERS, make_corpus
 from fuzz.mutation import mutate
 

@@ -5,7 +5,7 @@ import pytest
 
 from ankleloop import simulate
 from ankleloop.command_line.main import main
-from ankleloop.records.recording_files import write_recording
+from ankleloop.trials.recording_files import write_recording
 
 
 @pytest.fixture

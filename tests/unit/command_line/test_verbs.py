@@ -15,12 +15,12 @@ from ankleloop import load_estimate, new_trial, save_trial, simulate
 from ankleloop.command_line.identify import METHODS
 from ankleloop.command_line.terminal import show_progress
 from ankleloop.recordings.usual_methods import usual_methods
-from ankleloop.records.recording_files import write_recording
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.config_files import check_config_file
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import read_studies
 from ankleloop.studies.worker import Worker
+from ankleloop.trials.recording_files import write_recording
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 

@@ -13,8 +13,8 @@ from ankleloop import identify, load_estimate, load_trial, new_trial, save_estim
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable, load_estimates
 from ankleloop.joint.regressors import TORQUES, torque_dataset
-from ankleloop.records.group_files import read_groups, write_groups
-from ankleloop.records.trial_files import load_trials, save_trials
+from ankleloop.trials.group_files import read_groups, write_groups
+from ankleloop.trials.trial_files import load_trials, save_trials
 
 EXAMPLES = settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

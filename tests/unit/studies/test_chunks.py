@@ -10,15 +10,15 @@ import xarray as xr
 
 from ankleloop import DataError, UnstableLoopError, evaluate, identify, simulate
 from ankleloop.joint.estimate_files import load_estimates
-from ankleloop.records.trial_files import load_chunks, load_trial_of
-from ankleloop.replication.results import read_results
-from ankleloop.replication.trial_counts import describe_failures
+from ankleloop.paper.results import read_results
+from ankleloop.paper.trial_counts import describe_failures
 from ankleloop.simulation import simulate as simulation
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.identification import identify_chunk
 from ankleloop.studies.seeds import trial_entropy
 from ankleloop.studies.simulation import simulate_chunk
 from ankleloop.studies.study import read_studies
+from ankleloop.trials.trial_files import load_chunks, load_trial_of
 
 CONFIG = {
     "studies": {

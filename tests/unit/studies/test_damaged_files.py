@@ -4,12 +4,12 @@ import pytest
 
 from ankleloop import DataError
 from ankleloop.joint.estimate_files import load_estimates
-from ankleloop.records.checksums import LENGTH
-from ankleloop.records.trial_files import load_trial_of
-from ankleloop.replication.results import read_results
+from ankleloop.paper.results import read_results
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.identification import identify_chunk
 from ankleloop.studies.simulation import simulate_chunk
+from ankleloop.trials.checksums import LENGTH
+from ankleloop.trials.trial_files import load_trial_of
 
 METHODS = {"pr": {"method": "pr-moesp", "options": {"basis": "rectifier"}}}
 NAMES = {

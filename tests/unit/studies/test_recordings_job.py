@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 
 from ankleloop import save_trial, simulate
+from ankleloop.paper.results import read_results
 from ankleloop.recordings import files
-from ankleloop.replication.results import read_results
 from ankleloop.studies import recordings as job_of_recordings
 from ankleloop.studies.study import read_studies
 

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from ankleloop.pages.index import render_index
-from ankleloop.replication.ledger import VERDICTS
+from ankleloop.paper.ledger import VERDICTS
 from ankleloop.studies.provenance import Provenance
 from ankleloop.studies.results_index import collect_results
 

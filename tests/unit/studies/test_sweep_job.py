@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.replication.trial_tables import write_trial_table
+from ankleloop.paper.trial_tables import write_trial_table
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies import identification
 from ankleloop.studies.identification import identify_chunk

@@ -1,0 +1,115 @@
+"""Results of a study: reading them, joining them, summaries over trials, and their words and numbers in tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ankleloop.errors import DataError
+from ankleloop.paper.trial_counts import count_outcomes
+
+RATE = 100.0  # Hz, of the identification
+
+KEYS = ["point", "method", "trial"]  # of an estimate
+TEXTS = ("recording", "subject", "condition", "trial")  # of tables of recordings
+# Simulation setting that is the true value of each estimated parameter.
+SETTINGS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}
+SETTINGS |= {name: name for name in ("omega_n", "zeta", "delay")}
+CONDITIONS: dict[str, dict[Any, str]] = {
+    "closed_loop": {True: "closed loop", False: "open loop"},
+    "perturbation": {"prbs": "PRBS", "pulses": "decorrelating pulses"},
+}
+
+
+def read_results(paths: Iterable[str | os.PathLike[str]]) -> pd.DataFrame:
+    """Read tables of scores or parameters, one below the other."""
+    tables = [_read_table(path) for path in paths]
+    return pd.concat([table for table in tables if len(table)] or tables, ignore_index=True)
+
+
+def _read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
+    try:
+        text = Path(path).read_bytes().decode("utf-8")
+        damage = _find_damage(text)
+        table = pd.DataFrame() if damage else pd.read_csv(io.StringIO(text, newline=""), low_memory=False)
+    except (OSError, ValueError, csv.Error) as error:
+        damage = str(error)
+    if damage:
+        raise DataError(f"{path}: the table is damaged ({damage}): delete it, and run again: it is made anew.")
+    if "recording" in table:
+        texts = pd.read_csv(io.StringIO(text, newline=""), dtype=str, keep_default_na=False)
+        texts = texts.where(texts != "")
+        table = table.assign(**{name: texts[name] for name in TEXTS if name in table})
+    return table
+
+
+def _find_damage(text: str) -> str:
+    """What a CSV file that is cut off in a row lacks; of a whole file nothing."""
+    if not text.endswith("\n"):
+        return "it has no end"
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    columns = len(next(reader))
+    for row in reader:
+        if len(row) != columns:
+            return f"line {reader.line_num} has {len(row)} of {columns} cells"
+    return ""
+
+
+def join_scores(parameters: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
+    """Put the VAFs of each estimate beside its parameters."""
+    columns = "vaf_" + scores["torque"] + "_" + scores["against"]
+    vaf = scores.assign(column=columns).pivot_table("vaf", KEYS, "column").rename_axis(columns=None)
+    return parameters.merge(vaf.reset_index(), how="left", on=KEYS)
+
+
+def summarise_columns(
+    table: pd.DataFrame,
+    by: Sequence[str],
+    names: Sequence[str],
+    statistics: Sequence[str] = ("mean", "std", "count"),
+) -> pd.DataFrame:
+    """Summarise columns over trials."""
+    summary = table.groupby(list(by), sort=False)[list(names)].agg(list(statistics))
+    summary.columns = pd.Index([f"{name}_{statistic}" for name, statistic in summary.columns])
+    return summary.reset_index().merge(count_outcomes(table, by), how="left", on=list(by))
+
+
+def true_values(settings: Mapping[str, Any], names: Iterable[str] = tuple(SETTINGS)) -> dict[str, float]:
+    """True values of the parameters that are estimated from simulated trials."""
+    return {name: settings[SETTINGS[name]] for name in names}
+
+
+def true_spectral_radius(settings: Mapping[str, Any]) -> float:
+    """Magnitude of the largest pole of the simulated reflex low-pass at the rate of the identification."""
+    poles = np.roots([1.0, 2.0 * settings["zeta"] * settings["omega_n"], settings["omega_n"] ** 2])
+    slowest = max([*poles.real, -settings["pole"]] if settings.get("pole") else poles.real)
+    return float(np.exp(slowest / RATE))
+
+
+def describe_condition(name: str, value: Any) -> str:
+    """Experimental condition in words."""
+    return CONDITIONS.get(name, {}).get(value, f"{name} {value}")
+
+
+class _Number(float):
+    """A number whose text is a dash if it does not exist."""
+
+    def __format__(self, spec: str) -> str:
+        return "–" if np.isnan(self) else super().__format__(spec)
+
+
+def format_pairs(first: Iterable[float], second: Iterable[float], template: str = "{:.1f} ± {:.1f}") -> list[str]:
+    """Pairs of numbers as text, such as means with standard deviations, or the ends of intervals."""
+    return [template.format(*map(_Number, pair)) for pair in zip(first, second, strict=True)]
+
+
+def format_columns(table: pd.DataFrame, names: Iterable[str], template: str) -> pd.DataFrame:
+    """Columns of numbers as text."""
+    return table.assign(**{name: [template.format(_Number(value)) for value in table[name]] for name in names})

@@ -1,0 +1,182 @@
+"""Files that appear under their name only when they are complete, and never replace another one unasked."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ankleloop.errors import DataError
+from ankleloop.trials.checksums import append_checksum
+from ankleloop.trials.partial_files import partial_path, remove_stale
+from ankleloop.trials.sink import Sink
+
+if TYPE_CHECKING:
+    import h5netcdf
+    import xarray as xr
+
+PathLike = str | os.PathLike[str]
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
+
+PRECISIONS: dict[str, type[np.floating]] = {"double": np.float64, "single": np.float32}
+
+
+def parse_precision(precision: str) -> type[np.floating]:
+    """Type of the floating-point numbers on disk."""
+    if precision not in PRECISIONS:
+        raise ValueError(f"unknown precision {precision!r}; known: {', '.join(PRECISIONS)}.")
+    return PRECISIONS[precision]
+
+
+def check_output(path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()) -> Path:
+    """Check that a file can be written and that nothing is lost by it; long computations do so before they begin."""
+    path = Path(path)
+    try:
+        if not path.parent.is_dir():
+            raise DataError(f"{path}: there is no folder {path.parent}: make it first.")
+        if not os.access(path.parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        with suppress(FileNotFoundError):
+            _check_existing(path, path.lstat(), overwrite, inputs)
+    except OSError as cause:
+        raise _write_error(path, cause) from cause
+    except DataError:
+        raise
+    except ValueError as cause:  # a byte 0 in the path
+        raise DataError(f"{path}: the file cannot be written ({cause}): write to another name.") from cause
+    return path
+
+
+def _check_existing(path: Path, status: os.stat_result, overwrite: bool, inputs: Iterable[PathLike]) -> None:
+    for source in inputs:
+        if path.exists() and os.path.exists(source) and path.samefile(source):
+            raise DataError(f"{path}: the file is being read ({source}): write to another name.")
+    if path.is_dir():
+        raise DataError(f"{path}: this is a folder: write to a file in it.")
+    if not (stat.S_ISREG(status.st_mode) or stat.S_ISLNK(status.st_mode)):
+        raise DataError(f"{path}: this is a device, no file: write to a file.")
+    if not overwrite and holds_content(path):
+        raise DataError(f"{path}: the file exists already: write to another name, or replace it by overwrite=True.")
+
+
+def holds_content(path: PathLike) -> bool:
+    """Whether there is a file of this name in which something is lost if it is replaced."""
+    try:
+        status = Path(path).lstat()
+    except FileNotFoundError:
+        return False
+    return status.st_size > 0 or not stat.S_ISREG(status.st_mode)
+
+
+def _write_error(path: Path, cause: OSError) -> DataError:
+    reason = cause.strerror or str(cause)
+    if cause.errno in FULL:
+        remedy = f"free space in the folder {path.parent}, or write to another disk"
+    elif cause.errno in FORBIDDEN:
+        remedy = f"the folder {path.parent} cannot be written to: allow it, or write to another folder"
+    else:
+        remedy = f"check the folder {path.parent} and the name of the file"
+    return DataError(f"{path}: the file cannot be written ({reason}): {remedy}. Nothing has been changed.")
+
+
+@contextmanager
+def atomic_file(path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()) -> Iterator[Path]:
+    """Provide a temporary path, and move the file to its name if the block ends without an error.
+
+    Of two writers of the same file both write a whole one: the later one replaces the file of the earlier one, or is
+    refused without `overwrite`. If a process is killed, its partial file stays until the file is written again.
+    """
+    inputs = [*inputs]
+    path = check_output(path, overwrite=overwrite, inputs=inputs)
+    remove_stale(path)
+    partial = partial_path(path)
+    try:
+        yield partial
+        _synchronise(partial)
+        check_output(path, overwrite=overwrite, inputs=inputs)  # others may have written it meanwhile
+        _publish(partial, path, overwrite)
+    except OSError as cause:
+        if cause.filename is not None and Path(os.fsdecode(cause.filename)) != partial:  # of another file
+            raise
+        raise _write_error(path, cause) from cause
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _synchronise(partial: Path) -> None:
+    """Have the file on the disk before its name: a power cut must not leave the name without the content."""
+    descriptor = os.open(partial, os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _publish(partial: Path, path: Path, overwrite: bool) -> None:
+    if not overwrite and not os.path.lexists(path):
+        try:
+            os.link(partial, path)  # unlike a renaming it fails where another writer was first
+            return
+        except FileExistsError:
+            check_output(path)
+        except OSError:  # a file system without hard links
+            check_output(path)
+    os.replace(partial, path)
+
+
+@contextmanager
+def atomic_netcdf(
+    path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()
+) -> Iterator[tuple[h5netcdf.File, Sink]]:
+    """Open a NetCDF-4 file to be filled piece by piece, which appears when it is complete, with its checksum."""
+    import h5netcdf  # here, with h5py: few jobs write such files
+
+    with atomic_file(path, overwrite=overwrite, inputs=inputs) as partial:
+        with Sink(partial) as sink, h5netcdf.File(sink, "w") as file:
+            yield file, sink
+        append_checksum(partial)
+
+
+def write_netcdf(
+    data: xr.Dataset | xr.DataTree, path: PathLike, encoding: dict[str, Any] | None = None, *, overwrite: bool = False
+) -> None:
+    """Write a data set or a tree of them as a NetCDF-4 file, which appears when it is complete, with its checksum."""
+    with atomic_file(path, overwrite=overwrite, inputs=source_files(data)) as partial:
+        with Sink(partial) as sink:
+            data.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
+        append_checksum(partial)
+
+
+def source_files(data: xr.Dataset | xr.DataTree) -> set[str]:
+    """Files from which a data set or a tree of data sets has been opened."""
+    nodes = getattr(data, "subtree", (data,))
+    encodings = [holder.encoding for node in nodes for holder in (node, *node.variables.values())]
+    return {encoding["source"] for encoding in encodings if isinstance(encoding.get("source"), str)}
+
+
+def check_readable(path: PathLike) -> None:
+    """Refuse a path from which no file can be read."""
+    path = Path(path)
+    try:
+        kind = path.stat().st_mode
+        if not stat.S_ISREG(kind):
+            name = "a folder" if stat.S_ISDIR(kind) else "a device"
+            raise DataError(f"{path}: this is {name}, no file: check the path.")
+        path.open("rb").close()
+    except (FileNotFoundError, NotADirectoryError):
+        if path.is_symlink():
+            raise DataError(f"{path}: this is a link that leads to no file: check the path.") from None
+        raise DataError(f"{path}: there is no such file: check the path.") from None
+    except DataError:
+        raise
+    except (OSError, ValueError) as cause:  # a ValueError for a byte 0 in the path
+        reason = getattr(cause, "strerror", None) or str(cause)
+        raise DataError(f"{path}: the file cannot be opened ({reason}): check the path and the permission.") from cause

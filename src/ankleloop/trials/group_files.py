@@ -1,0 +1,178 @@
+"""Files of groups of variables: NetCDF-4, where they are groups, and MATLAB v5, where they are structs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ankleloop.errors import DataError
+from ankleloop.trials.files import atomic_file, check_output, check_readable, source_files, write_netcdf
+from ankleloop.trials.readable_files import readable_file
+
+SUFFIXES = (".nc", ".mat")
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Variables and attributes of a group by name, as they come from a file."""
+
+    source: str  # the file and the group, for messages
+    values: Mapping[str, Any]  # arrays, numbers and texts
+
+    def value(self, name: str) -> Any:
+        """Value of a name."""
+        if name not in self.values:
+            raise DataError(f"{self.source}: there is no {name!r}: the file is damaged, or of another origin.")
+        return self.values[name]
+
+    def array(self, name: str, *shape: int, finite: bool = True) -> np.ndarray:
+        """Numbers of a shape, in the order of C; without a shape a vector."""
+        value = self.value(name)
+        try:
+            numbers = np.array(value, dtype=float, order="C")
+        except (TypeError, ValueError) as cause:
+            raise DataError(f"{self.source}: {name!r} does not consist of numbers: the file is damaged.") from cause
+        if finite and not np.isfinite(numbers).all():
+            raise DataError(f"{self.source}: {name!r} is not finite: the file is damaged.")
+        if not shape:
+            return numbers.ravel()
+        if numbers.size != np.prod(shape):
+            expected = " × ".join(map(str, shape))
+            raise DataError(f"{self.source}: {name!r} has {numbers.size} numbers, not {expected}: the file is damaged.")
+        return numbers.reshape(shape)
+
+    def number(self, name: str) -> float:
+        """A single number."""
+        return float(self.array(name, 1)[0])
+
+    def text(self, name: str) -> str:
+        """A text."""
+        text = self.value(name)
+        if not isinstance(text, str):
+            raise DataError(f"{self.source}: {name!r} is no text: the file is damaged.")
+        return text
+
+
+def write_groups(
+    groups: Mapping[str, xr.Dataset], path: str | os.PathLike[str], variable: str, *, overwrite: bool = False
+) -> None:
+    """Write groups of variables to one file; it appears when it is complete."""
+    path = Path(path)
+    write = _choose({".nc": _write_netcdf, ".mat": _write_mat}, path)
+    inputs = set().union(*(source_files(data) for data in groups.values()))
+    check_output(path, overwrite=overwrite, inputs=inputs)
+    write(groups, path, variable, overwrite)
+
+
+def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields]:
+    """Read a file of groups."""
+    path = Path(path)
+    read = _choose({".nc": _read_netcdf, ".mat": _read_mat}, path)
+    check_readable(path)
+    if path.suffix == ".mat":
+        _check_version(path)
+    with readable_file(path, f"{path.suffix} file", "restore it from a copy, or write it again") as readable:
+        contents = read(readable, variable)
+    return {
+        group: Fields(f"{path.name}, group {group}" if group else path.name, values)
+        for group, values in contents.items()
+    }
+
+
+def _choose(functions: Mapping[str, Callable[..., Any]], path: Path) -> Callable[..., Any]:
+    if path.suffix not in functions:
+        raise DataError(f"{path.name}: the file ends in {path.suffix or 'no suffix'}: take {' or '.join(functions)}.")
+    return functions[path.suffix]
+
+
+def _write_netcdf(groups: Mapping[str, xr.Dataset], path: Path, _: str, overwrite: bool) -> None:
+    datasets = {f"/{group}": _split_complex(data.drop_encoding()) for group, data in groups.items()}
+    # Fill values would change numbers.
+    encoding = {group: {name: {"_FillValue": None} for name in data.variables} for group, data in datasets.items()}
+    write_netcdf(xr.DataTree.from_dict(datasets), path, encoding, overwrite=overwrite)
+
+
+def _split_complex(data: xr.Dataset) -> xr.Dataset:
+    """Complex variables, which NetCDF does not have, with a last dimension of real and imaginary part."""
+    pairs = {
+        name: xr.Variable((*variable.dims, "part"), np.stack([variable.values.real, variable.values.imag], axis=-1))
+        for name, variable in data.data_vars.items()
+        if variable.dtype.kind == "c"
+    }
+    return data.assign(pairs)
+
+
+def _read_netcdf(path: Path, _: str) -> dict[str, dict[str, Any]]:
+    import h5netcdf  # here, because its import takes time and workflow jobs do not need it
+
+    with h5netcdf.File(path, "r", phony_dims="access") as file:
+        contents = {}
+        for group, node in {"": file, **file.groups}.items():
+            values = {name: variable[...] for name, variable in node.variables.items()}
+            contents[group] = {name: _as_value(value) for name, value in {**node.attrs, **values}.items()}
+    return contents
+
+
+def _write_mat(groups: Mapping[str, xr.Dataset], path: Path, variable: str, overwrite: bool) -> None:
+    import scipy.io  # here, because its import takes time and workflow jobs do not need it
+
+    structs = {group: _as_struct(data) for group, data in groups.items()}
+    struct = structs.pop("", {}) | {group: fields or np.empty((0, 0)) for group, fields in structs.items()}
+    with atomic_file(path, overwrite=overwrite) as partial:
+        scipy.io.savemat(partial, {variable: struct}, False, do_compression=True, long_field_names=True)
+
+
+def _as_struct(data: xr.Dataset) -> dict[str, Any]:
+    fields = {str(name): float(value) if isinstance(value, int) else value for name, value in data.attrs.items()}
+    for name, values in data.variables.items():
+        array = values.values
+        if array.dtype.kind in "OU":
+            array = array.astype(object)
+            fields[str(name)] = array.item() if array.ndim == 0 else array[:, None]
+            continue
+        if array.dtype.kind in "iu":  # MATLAB calculates with doubles, and integers would make integers of them
+            array = array.astype(float)
+        fields[str(name)] = array[:, None] if array.ndim == 1 else array
+    return fields
+
+
+def _check_version(path: Path) -> None:
+    with open(path, "rb") as file:
+        if file.read(16).startswith(b"MATLAB 7.3"):
+            raise DataError(f"{path.name}: a MATLAB v7.3 file: save it with -v7.")
+
+
+def _read_mat(path: Path, variable: str) -> dict[str, dict[str, Any]]:
+    import scipy.io
+
+    workspace = scipy.io.loadmat(path)
+    if variable not in workspace or workspace[variable].dtype.names is None:
+        raise DataError(f"{path.name}: there is no struct {variable!r}: the file is of another origin.")
+    contents: dict[str, dict[str, Any]] = {"": {}}
+    for name, value in _read_struct(workspace[variable]).items():
+        if value.dtype.names is None:
+            contents[""][name] = _as_value(value)
+        else:
+            contents[name] = {field: _as_value(inner) for field, inner in _read_struct(value).items()}
+    return contents
+
+
+def _read_struct(struct: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: struct[name].item() for name in struct.dtype.names or ()}
+
+
+def _as_value(value: Any) -> Any:
+    """Plain text of a text, in whatever array it comes."""
+    array = np.asarray(value)
+    if array.dtype.kind == "U" and array.size == 0:
+        return ""
+    if array.dtype.kind not in "OSU" or array.size != 1:
+        return value
+    text = array.item()
+    return text.decode() if isinstance(text, bytes) else text

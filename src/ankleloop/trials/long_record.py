@@ -1,0 +1,224 @@
+"""A record that does not fit into memory: it stays in its file, and is read in chunks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from ankleloop.errors import DataError
+from ankleloop.signals.sampling import compute_rate, compute_rate_of_parts, parse_rate
+from ankleloop.trials.channel_files import RATE, TIME
+from ankleloop.trials.channel_units import check_unit
+from ankleloop.trials.channels import Channel
+from ankleloop.trials.file_formats import find_suffix
+from ankleloop.trials.readers import choose_rate, parse_options
+from ankleloop.trials.reading_options import ReadingOptions
+from ankleloop.trials.reading_process import describe_channels, read_samples
+from ankleloop.trials.sample_checks import check_blocks
+from ankleloop.trials.trial import check_shape, check_sizes
+
+SUFFIXES = (".h5", ".hdf5", ".nc")
+BLOCK = 250_000  # samples read at a time: each access to the file costs more than so many numbers
+
+
+@dataclass(frozen=True)
+class LongRecord:
+    """A recording that stays in its HDF5 or NetCDF file, read as `ankleloop.read_trial` reads a short one.
+
+    When the record is made, all of its samples are read and checked: one pass more than those of an identification.
+    This and all other reading is left to another process with limits of time and memory, because a damaged file can
+    crash or halt the HDF5 library; such a file gives a `DataError`. A file that is changed later is refused. True
+    torques of a simulation are not read.
+
+    Parameters
+    ----------
+    path : path-like
+        The file. Variables in groups are named `group/position`.
+    sampling_rate : float, optional
+        Sampling rate [Hz]; by default that of the file, as `read_trial` finds it.
+    position, torque : str
+        Its variables.
+    reference : str or None
+        Variable of the command to the servo, in the unit and with the sign of the position.
+    position_unit : {"rad", "deg"}
+        Unit of position and reference.
+    position_sign, torque_sign : {1, -1}
+        Factors that make the torque oppose stretch.
+    variables : mapping of str to str, optional
+        Further variables, read as the file has them: the name in the pieces that `read` gives, and that in the file.
+
+    Raises
+    ------
+    DataError
+        For another kind of file, and wherever `read_trial` refuses a file, with the same words.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ankleloop.trials.trial import new_trial, save_trial
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_trial(new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0), f"{folder}/trial.nc")
+    ...     record = LongRecord(f"{folder}/trial.nc", reference=None)
+    ...     print(record.samples, record.rate, record.read(1, 3).torque.values)
+    3 100.0 [1. 2.]
+    """
+
+    path: Path
+    sampling_rate: float | None = None
+    position: str = "position"
+    torque: str = "torque"
+    reference: str | None = "reference"
+    position_unit: str = "rad"
+    position_sign: int = 1
+    torque_sign: int = 1
+    variables: Mapping[str, str] | None = field(default=None, hash=False)
+    options: ReadingOptions = field(init=False, repr=False)
+    rate: float = field(init=False, repr=False)
+    samples: int = field(init=False, repr=False)
+    _stamp: tuple[int, ...] = field(init=False, repr=False, compare=False)
+    _ahead: _Piece | None = field(init=False, repr=False, compare=False, default=None)
+
+    def __post_init__(self) -> None:
+        path = Path(self.path)
+        values = {name: getattr(self, name) for name in ReadingOptions.model_fields}
+        self._set(path=path, options=parse_options(path.name, **values))
+        if find_suffix(path) not in SUFFIXES:
+            raise DataError(f"{path.name}: long records are read from {', '.join(SUFFIXES)}; convert it first.")
+        channels = describe_channels(path, self.options)
+        self._set(_stamp=_stamp_file(path))
+        self._fetch([*channels], 0, 1)  # refuses samples that are no numbers
+        time, stated = channels.pop(TIME, None), channels.pop(RATE, None)
+        rate, samples = self._check_extent(channels, time, stated)
+        self._set(rate=rate, sampling_rate=rate, samples=samples)
+        check_blocks(self._blocks(), rate, source=path.name)
+
+    def read(self, start: int, stop: int, channels: Sequence[str] | None = None) -> xr.Dataset:
+        """A piece of the record as a data set in rad and N·m.
+
+        Parameters
+        ----------
+        start, stop : int
+            Samples: the first, and the one before which the piece ends, at the end of the record at the latest.
+        channels : sequence of str, optional
+            Which of position, torque, reference and the further variables; all, by default.
+
+        Returns
+        -------
+        xarray.Dataset
+
+        Raises
+        ------
+        DataError
+            If the file has been changed since the record was made, or cannot be read any more.
+        ValueError
+            For a channel that the record does not have, or a piece without samples.
+        """
+        roles = tuple(channels or self._roles)
+        missing = [role for role in roles if role not in self._roles]
+        if missing:
+            known = ", ".join(self._roles)
+            raise ValueError(f"{self.path.name}: the record has no channel {missing[0]!r}; it has {known}.")
+        if not 0 <= start < min(stop, self.samples):
+            raise ValueError(
+                f"{self.path.name}: there are no samples {start} to {stop}: the record has {self.samples} samples."
+            )
+        stop = min(stop, self.samples)
+        variables = {role: ("time", values) for role, values in self._read_ahead(roles, start, stop).items()}
+        time = ("time", np.arange(start, stop) / self.rate)
+        return xr.Dataset(variables, coords={"time": time}, attrs={"sampling_rate": self.rate})
+
+    @property
+    def _roles(self) -> tuple[str, ...]:
+        """Channels and further variables."""
+        return (*self.options.channels, *self.options.further)
+
+    def _set(self, **values: object) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def _check_extent(
+        self, channels: dict[str, Channel], time: Channel | None, stated: Channel | None
+    ) -> tuple[float, int]:
+        """Sampling rate [Hz] and number of samples, as `read_trial` finds them."""
+        source, options = self.path.name, self.options
+        sizes = {}
+        for role, channel in channels.items():
+            if role not in options.further:
+                check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
+            sizes[role] = check_shape(channel.shape, channel.name, source=source)
+        rate = options.sampling_rate
+        if rate is None and stated is not None:
+            rate = parse_rate(np.asarray(stated.values).item(), source=source)
+        samples = sizes["position"]
+        rate = choose_rate(rate, time, samples, lambda factor: self._measure_rate(time, factor, samples), source=source)
+        check_sizes(sizes, source=source)
+        compute_rate(np.arange(min(samples, 2)) / rate, source=source)  # a single sample is no record
+        return rate, samples
+
+    def _measure_rate(self, time: Channel | None, factor: float, samples: int) -> float:
+        assert time is not None
+
+        def times(start: int, stop: int) -> np.ndarray:
+            part = self._fetch([TIME], start, stop)[TIME]
+            return part if factor == 1.0 else part * factor
+
+        def parts() -> Iterator[np.ndarray]:
+            return (times(start, start + BLOCK) for start in range(0, samples, BLOCK))
+
+        if samples < 2:
+            return compute_rate(times(0, samples), source=self.path.name, name=time.name)
+        ends = float(times(0, 1)[0]), float(times(samples - 1, samples)[0])
+        return compute_rate_of_parts(parts, samples, ends, source=self.path.name, name=time.name)
+
+    def _blocks(self) -> Iterator[dict[str, np.ndarray]]:
+        for start in range(0, self.samples, BLOCK):
+            yield self._read_ahead(self._roles, start, min(start + BLOCK, self.samples))
+
+    def _read_ahead(self, roles: tuple[str, ...], start: int, stop: int) -> dict[str, np.ndarray]:
+        """Samples in rad and N·m; more than are asked for are read, because the next ones are asked for next."""
+        ahead = self._ahead
+        if ahead is None or ahead.roles != roles or not ahead.start <= start <= ahead.stop:
+            ahead = _Piece(roles, start, {role: np.empty(0) for role in roles})
+        if stop > ahead.stop:
+            more = self._fetch(roles, ahead.stop, min(max(stop, start + BLOCK), self.samples))
+            rest = {role: values[start - ahead.start :] for role, values in ahead.values.items()}
+            joined = {role: np.concatenate([rest[role], more[role] * self.options.factor(role)]) for role in roles}
+            ahead = _Piece(roles, start, joined)
+            self._set(_ahead=ahead)
+        return {role: values[start - ahead.start : stop - ahead.start].copy() for role, values in ahead.values.items()}
+
+    def _fetch(self, roles: Sequence[str], start: int, stop: int) -> dict[str, np.ndarray]:
+        """Samples as the file has them."""
+        pieces = read_samples(self.path, self.options, start, stop, list(roles))
+        if _stamp_file(self.path) != self._stamp:
+            raise DataError(
+                f"{self.path.name}: the file has been changed since the record was made: make it again from a copy."
+            )
+        return {role: np.ravel(np.asarray(piece.values)) for role, piece in pieces.items()}
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Samples of some channels from a first one on."""
+
+    roles: tuple[str, ...]
+    start: int
+    values: dict[str, np.ndarray]
+
+    @property
+    def stop(self) -> int:
+        return self.start + min(values.size for values in self.values.values())
+
+
+def _stamp_file(path: Path) -> tuple[int, ...]:
+    """What changes with a file."""
+    try:
+        status = os.stat(path)
+    except OSError:  # it is gone
+        return ()
+    return status.st_ino, status.st_size, status.st_mtime_ns

@@ -1,0 +1,186 @@
+"""Trials from the files of a laboratory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from ankleloop.errors import DataError
+from ankleloop.options import check_path
+from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
+from ankleloop.trials.channel_files import RATE, RATE_NAMES, TIME, TIME_NAMES
+from ankleloop.trials.channel_units import check_unit, time_factor
+from ankleloop.trials.channels import Channel
+from ankleloop.trials.reading_options import ReadingOptions
+from ankleloop.trials.reading_process import read_channels
+from ankleloop.trials.trial import TRUE_TORQUES, as_signal, check_shape, new_trial
+
+if TYPE_CHECKING:
+    import os
+
+LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
+
+
+def read_trial(
+    path: str | os.PathLike[str],
+    *,
+    position: str = "position",
+    torque: str = "torque",
+    reference: str | None = None,
+    sampling_rate: float | None = None,
+    position_unit: str = "rad",
+    position_sign: int = 1,
+    torque_sign: int = 1,
+    variables: Mapping[str, str] | None = None,
+) -> xr.Dataset:
+    r"""Read a trial from a file.
+
+    The file format follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`. Nested
+    variables are named `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files. The true torques of a
+    simulated trial are read too where the file has them beside the torque. Scale, offset and missing samples are
+    applied as the attributes of the file state them. Another process opens the file, with limits of time and memory.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The file.
+    position, torque : str
+        The variables of the file, each of shape (N,), (N, 1) or (1, N).
+    reference : str, optional
+        The variable of the command to the servo; it has the unit and the sign of the position.
+    sampling_rate : float, optional
+        Sampling rate [Hz]. By default it comes from the file: a number called `sampling_rate`, `sample_rate`, `fs` or
+        `Fs`, as a variable or an attribute, beside the position or above it; else from a column `time`, `time_s`, `t`
+        or `Time` [s], `time_ms`, `t_ms` or `time_us`. A time column must be regular. Rates that are given, in the
+        file, and of the time column have to agree within 0.1 %.
+    position_unit : {"rad", "deg"}
+        The unit of position and reference in the file.
+    position_sign, torque_sign : {1, -1}
+        Factors that bring the file to the convention here: the torque opposes stretch, so stiffness is positive.
+    variables : mapping of str to str, optional
+        Further variables, as the one that schedules a joint or the phase of a cycle: the name in the trial, and the
+        variable of the file. Their numbers stay as the file has them.
+
+    Returns
+    -------
+    xarray.Dataset
+        The trial, in rad and N·m over `time` [s] from 0. Its attributes record the name of the file and how the
+        file was read.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, or not within the limits; if it has more than 20 million samples, lacks a variable
+        or a sampling rate, has an irregular time column or one that contradicts the sampling rate, states another unit
+        than `position_unit` or N·m, or holds no valid trial; or if an option has a wrong value.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "trial.csv"
+    ...     _ = path.write_text("t,angle,moment\n0.00,0.0,0\n0.01,0.5,-1\n0.02,0.9,-2\n")
+    ...     trial = read_trial(path, position="angle", torque="moment", position_unit="deg", torque_sign=-1)
+    >>> trial.torque.values.tolist(), trial.attrs["sampling_rate"], trial.attrs["source"]
+    ([-0.0, 1.0, 2.0], 100.0, 'trial.csv')
+    """
+    path = check_path("read_trial", "path", path)
+    options = parse_options(
+        path.name,
+        position=position,
+        torque=torque,
+        reference=reference,
+        sampling_rate=sampling_rate,
+        position_unit=position_unit,
+        position_sign=position_sign,
+        torque_sign=torque_sign,
+        variables=variables,
+    )
+    channels = read_channels(path, options, TRUE_TORQUES)
+    time, rate = channels.pop(TIME, None), channels.pop(RATE, None)
+    signals = {}
+    for role, channel in channels.items():
+        if role not in options.further:
+            check_unit(role, channel.name, channel.unit, options.position_unit, source=path.name)
+        signals[role] = as_signal(np.asarray(channel.values), channel.name, source=path.name) * options.factor(role)
+    stated = options.sampling_rate
+    if stated is None and rate is not None:
+        stated = parse_rate(np.asarray(rate.values).item(), source=path.name)
+    trial = new_trial(
+        **signals,
+        sampling_rate=choose_rate(
+            stated,
+            time,
+            signals["position"].size,
+            lambda factor: _measure_rate(time, factor, path.name),
+            source=path.name,
+        ),
+        source=path.name,
+        **{f"{channel}_variable": name for channel, name in {**options.channels, **options.further}.items()},
+        **options.model_dump(include={"position_unit", "position_sign", "torque_sign"}),
+    )
+    for name in options.further:
+        trial[name].attrs["units"] = channels[name].unit
+    return trial
+
+
+def parse_options(source: str, **values: Any) -> ReadingOptions:
+    """Check the options of reading."""
+    if values.get("sampling_rate") is not None:
+        values["sampling_rate"] = parse_rate(values["sampling_rate"], source=source)
+    try:
+        return ReadingOptions.parse(source, **values)
+    except ValueError as error:
+        raise DataError(str(error)) from None
+
+
+def _measure_rate(time: Channel | None, factor: float, source: str) -> float:
+    """Sampling rate of a time column of a unit [s]."""
+    assert time is not None
+    times = as_signal(np.asarray(time.values), time.name, source=source)
+    return compute_rate(times if factor == 1.0 else times * factor, source=source, name=time.name)
+
+
+def choose_rate(
+    stated: float | None, time: Channel | None, size: int, measure: Callable[[float], float], *, source: str
+) -> float:
+    """Choose the sampling rate: the stated one, else that of the times, which must agree."""
+    if time is None:
+        if stated is None:
+            raise DataError(
+                f"{source}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column "
+                f"({', '.join(TIME_NAMES)}): pass sampling_rate in Hz."
+            )
+        return stated
+    samples = check_shape(time.shape, time.name, source=source)
+    if samples != size:
+        raise DataError(
+            f"{source}: {time.name} has {format_samples(samples)} but position has {size}: cut both to the same."
+        )
+    factor = time_factor(time.name, time.unit, source=source)
+    measured = measure(1.0 if factor is None else factor)
+    if factor is None:
+        _check_plausible(stated, measured, time.name, source)
+    if stated is None:
+        return measured
+    check_same_rate(stated, measured, source=source, name=time.name)
+    return stated
+
+
+def _check_plausible(stated: float | None, measured: float, name: str, source: str) -> None:
+    """Refuse times in ms or µs, where the file does not state a unit."""
+    for unit, factor in (("ms", 1e3), ("µs", 1e6)):
+        if stated is not None and abs(measured * factor - stated) <= 0.01 * stated:
+            raise DataError(
+                f"{source}: {name} seems to be in {unit}: it runs at {measured:.9g} Hz in s, and the sampling rate is "
+                f"{stated:.9g} Hz: write it in s, or call it time_{unit.replace('µ', 'u')}."
+            )
+    if stated is None and measured < LOWEST_RATE:
+        raise DataError(
+            f"{source}: {name} runs at {measured:.9g} Hz, too slow for a joint: is it in ms? Then call it time_ms; or "
+            "pass sampling_rate in Hz."
+        )

@@ -1,0 +1,91 @@
+"""A trial in the files in which laboratories keep recordings, for demonstrations and tests of the readers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ankleloop.errors import DataError
+from ankleloop.trials.files import atomic_file
+
+if TYPE_CHECKING:
+    import os
+
+    import numpy as np
+    import xarray as xr
+
+MATLAB_HEADER = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 ."
+USER_BLOCK = 512  # bytes before the HDF5 file, where MATLAB has its header
+
+
+def write_recording(
+    trial: xr.Dataset, path: str | os.PathLike[str], file_format: str, *, overwrite: bool = False
+) -> None:
+    """Write position, torque and reference of a trial as a recording, without the true torques of a simulation."""
+    if file_format not in FILE_FORMATS:
+        raise DataError(f"there is no file format {file_format!r}; there are {', '.join(FILE_FORMATS)}.")
+    channels = {name: trial[name].values for name in ("position", "torque", "reference") if name in trial}
+    with atomic_file(path, overwrite=overwrite) as partial:
+        FILE_FORMATS[file_format][1](partial, trial["time"].values, channels, float(trial.attrs["sampling_rate"]))
+
+
+def _write_csv(path: Path, time: np.ndarray, channels: Mapping[str, np.ndarray], rate: float) -> None:
+    import pandas as pd  # here, as all libraries of formats: few calls need each
+
+    names = {"position": "angle_deg", "torque": "torque_nm", "reference": "command_deg"}
+    degrees = {name: 1.0 if name == "torque" else 180.0 / math.pi for name in channels}
+    columns = {"time_s": time} | {names[name]: degrees[name] * values for name, values in channels.items()}
+    pd.DataFrame(columns).to_csv(path, index=False)
+
+
+def _write_matlab(path: Path, time: np.ndarray, channels: Mapping[str, np.ndarray], rate: float) -> None:
+    import scipy.io
+
+    scipy.io.savemat(path, {**channels, "fs": rate}, appendmat=False, do_compression=True, oned_as="column")
+
+
+def _write_matlab_hdf5(path: Path, time: np.ndarray, channels: Mapping[str, np.ndarray], rate: float) -> None:
+    import h5py
+    import numpy as np
+
+    with h5py.File(path, "w", userblock_size=USER_BLOCK) as file:
+        for name, values in {**channels, "fs": np.array([rate])}.items():
+            # MATLAB counts dimensions the other way round: a column is a row here.
+            file.create_dataset(name, data=values[None], compression="gzip")
+            file[name].attrs["MATLAB_class"] = np.bytes_("double")
+    with open(path, "r+b") as stream:
+        stream.write(MATLAB_HEADER.ljust(124) + b"\x00\x02IM")
+
+
+def _write_hdf5(path: Path, time: np.ndarray, channels: Mapping[str, np.ndarray], rate: float) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        for name, values in channels.items():
+            file.create_dataset(name, data=values, compression="gzip", fletcher32=True)
+            file[name].attrs["units"] = "N·m" if name == "torque" else "rad"
+        file.attrs["sampling_rate"] = rate
+
+
+def _write_netcdf(path: Path, time: np.ndarray, channels: Mapping[str, np.ndarray], rate: float) -> None:
+    import xarray as xr
+
+    variables = {
+        name: ("time", values, {"units": "N·m" if name == "torque" else "rad"}) for name, values in channels.items()
+    }
+    data = xr.Dataset(variables, coords={"time": ("time", time, {"units": "s"})}, attrs={"sampling_rate": rate})
+    data.to_netcdf(path, engine="h5netcdf")
+
+
+Write = Callable[["Path", "np.ndarray", "Mapping[str, np.ndarray]", float], None]
+
+# Suffix of each format, and what writes it.
+FILE_FORMATS: dict[str, tuple[str, Write]] = {
+    "csv": (".csv", _write_csv),
+    "matlab-5": (".mat", _write_matlab),
+    "matlab-7.3": (".mat", _write_matlab_hdf5),
+    "hdf5": (".h5", _write_hdf5),
+    "netcdf": (".nc", _write_netcdf),
+}

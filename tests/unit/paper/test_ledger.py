@@ -1,0 +1,337 @@
+"""The ledger: every check on both sides of its limit, with one trial, without results, with points in any order."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic_results import CASCADES, CLAIMS, MEASUREMENTS, PAPER, POINTS, TABLES, Studies, build_ledger
+
+from ankleloop.paper.checks import CLAIM_CHECKS, describe_unexplained
+from ankleloop.paper.evidence import parse_settings
+from ankleloop.paper.judgement import BY_CONSTRUCTION, CONTRADICTION, NOT_REPRODUCED, OPEN
+from ankleloop.paper.ledger import CONDITIONAL, VERDICTS, format_ledger
+
+ROWS = {name: [f"{name}/{n.method}/{n.torque}" for n in TABLES[name].itertuples()] for name in TABLES}
+CHECKS = dict(zip(CLAIMS["check"], CLAIMS["id"], strict=True))
+HOLDS = "holds"  # reproduced, or reproduced under the stated conditions of the claim
+
+
+def verdict_of(check, **results):
+    """Verdict on the claim of a check; a stated condition counts as reproduced."""
+    claims = results.pop("claims", CLAIMS)
+    verdict = build_ledger(claims=claims[claims["check"] == check], **results).loc[CHECKS[check], "verdict"]
+    return HOLDS if verdict.startswith("reproduced") else verdict
+
+
+def vaf_at(study, value, methods=None, torques=None, **settings):
+    """VAFs that differ from the default at some points, methods and torques."""
+
+    def vaf(name, values, method, torque):
+        chosen = name == study and (not methods or method in methods) and (not torques or torque in torques)
+        return value if chosen and settings.items() <= values.items() else None
+
+    return {"vaf": vaf}
+
+
+def error_at(study, value, *methods, **settings):
+    """Errors of K that differ from the default at some points and methods."""
+
+    def error(name, values, method):
+        chosen = name == study and (not methods or method in methods) and settings.items() <= values.items()
+        return value if chosen else None
+
+    return {"error": error}
+
+
+def limits(inside, outside):
+    return [(HOLDS, inside), (NOT_REPRODUCED, outside)]
+
+
+def edit_claims(check, **values):
+    claims = CLAIMS.astype(object)
+    claims.loc[claims["check"] == check, list(values)] = list(values.values())
+    return {"claims": claims}
+
+
+T1 = {"reflex_gain": 13.0}
+TORQUES = ("net", "intrinsic", "reflex")
+ONE_PASS = CASCADES[:1]
+CASES = {
+    "open_loop_methods_biased": [
+        (HOLDS, {}),
+        *(
+            (NOT_REPRODUCED, error_at("voluntary", error, method, voluntary=0.5, closed_loop=loop))
+            for method in ("pi-moesp", "po-moesp", "parallel-cascade")
+            # Not off in closed loop, or off in open loop, too: the control counts.
+            for error, loop in ((4.99, True), (5.01, False))
+        ),
+        (NOT_REPRODUCED, error_at("real-time", 4.99, perturbation="pulses")),
+        (NOT_REPRODUCED, error_at("real-time", 34.0, perturbation="pulses")),
+    ],
+    "eiv_unbiased": [
+        *limits({}, error_at("voluntary", 2.01, "eiv-moesp", voluntary=1.0, closed_loop=True)),
+        (HOLDS, error_at("voluntary", 9.0, "eiv-moesp", closed_loop=False)),
+    ],
+    "pr_unbiased": limits({}, error_at("voluntary", -2.01, "pr-moesp", voluntary=0.25, closed_loop=True)),
+    "pr_accurate": limits(
+        {}, {"error": lambda _, __, method: 2.01 if method in ("pr-moesp", "ordinary", "pr-chebyshev") else None}
+    ),
+    "pr_accurate_rectifier": limits({}, {"error": lambda _, __, method: -2.01 if "rectifier" in method else None}),
+    "similar": [
+        (HOLDS, {}),
+        *(
+            (NOT_REPRODUCED, vaf_at("table1", PAPER["pr-moesp", torque] - 2.01, ["eiv-moesp"], [torque]))
+            for torque in TORQUES
+        ),
+    ],
+    "cascade_net_good": [
+        *limits(vaf_at("table1", 80.0, ONE_PASS, ["net"]), vaf_at("table1", 79.99, ONE_PASS, ["net"])),
+        *limits(vaf_at("table1", 80.0, ONE_PASS, ["reflex"]), vaf_at("table1", 80.01, ONE_PASS, ["reflex"])),
+    ],
+    "cascade_better_in_open_loop": [
+        *limits({}, vaf_at("voluntary", 54.99, ONE_PASS, ["intrinsic"], closed_loop=False)),
+        (NOT_REPRODUCED, vaf_at("voluntary", 54.99, ONE_PASS, ["reflex"], closed_loop=False)),
+    ],
+    "figure4_pr": [
+        (HOLDS, {}),
+        *(
+            (NOT_REPRODUCED, vaf_at("figure4", 96.99, ["pr-moesp"], [torque], reflex_gain=gain))
+            for torque, gain in zip(TORQUES, (10.0, 17.0, 30.0), strict=True)
+        ),
+    ],
+    "figure4_cascade_biased": [
+        *limits({}, vaf_at("figure4", 90.01, ONE_PASS, ["intrinsic"], reflex_gain=10.0)),
+        *limits(
+            vaf_at("figure4", 80.0, ONE_PASS, reflex_gain=30.0), vaf_at("figure4", 80.01, ONE_PASS, reflex_gain=30.0)
+        ),
+    ],
+    "figure4_cascade_falls": [
+        # A gain that is 11 ranks out of place leaves a correlation of -0.914, one that is 12 ranks out -0.899.
+        (HOLDS, vaf_at("figure4", 78.5, ONE_PASS, reflex_gain=10.0)),
+        (NOT_REPRODUCED, vaf_at("figure4", 77.5, ONE_PASS, reflex_gain=10.0)),
+    ],
+    "figure4_cause": limits({}, vaf_at("figure4", 99.01, ["parallel-cascade"], ["intrinsic"])),
+    "figure4_count": [(CONTRADICTION, {}), (BY_CONSTRUCTION, edit_claims("figure4_count", paper=21))],
+    "eq17_gain": limits({}, vaf_at("table1", 58.01, ONE_PASS, ["intrinsic"], reflex_gain=2.0)),
+    "eq10_constant": [
+        (BY_CONSTRUCTION, {}),
+        (NOT_REPRODUCED, {"measurements": {"constant_directions": (15, np.nan, np.nan)}}),
+    ],
+    "eq11_zero": limits(
+        vaf_at("table1", 92.5, ["pr-moesp-free-b"], ["net"]), vaf_at("table1", 92.51, ["pr-moesp-free-b"], ["net"])
+    ),
+    "columns_eiv": [
+        (BY_CONSTRUCTION, {}),
+        (NOT_REPRODUCED, {"measurements": {"eiv-moesp_instrument_rows": (120, np.nan, np.nan)}}),
+    ],
+    "columns_pr": [
+        (BY_CONSTRUCTION, {}),
+        (NOT_REPRODUCED, {"measurements": {"pr-moesp_instrument_rows": (30, np.nan, np.nan)}}),
+    ],
+    "economy_time": [
+        *limits({}, {"measurements": {"milliseconds_ratio": (0.9, 0.8, 0.99)}}),
+        (OPEN, {"measurements": {"milliseconds_ratio": (1.2, 0.99, 1.4)}}),
+    ],
+    "economy_memory": limits({}, {"measurements": {"megabytes_ratio": (0.9, 0.9, 0.9)}}),
+    "table2_text": [
+        (CONTRADICTION, {}),
+        (BY_CONSTRUCTION, {"tables": TABLES | {"table2": TABLES["table2"].assign(text=TABLES["table2"]["paper"])}}),
+    ],
+    "real_time_input": [
+        *limits({}, error_at("real-time", 4.99, perturbation="prbs")),
+        (HOLDS, error_at("real-time", -4.99, perturbation="pulses")),
+        (NOT_REPRODUCED, error_at("real-time", -5.01, perturbation="pulses")),
+    ],
+}
+FACTS = ("figure4_count", "eq10_constant", "columns_eiv", "columns_pr", "table2_text")
+MEASURED = {
+    "eq10_constant": "constant_directions",
+    "columns_eiv": "eiv-moesp_instrument_rows",
+    "columns_pr": "correlation_rows",
+    "economy_time": "milliseconds_ratio",
+    "economy_memory": "megabytes_ratio",
+}
+OF_PAPER = ("figure4_count", "table2_text")
+STATISTICAL = [check for check in CLAIM_CHECKS if check not in FACTS]
+OVER_TRIALS = [check for check in STATISTICAL if check not in MEASURED]
+
+
+@pytest.mark.parametrize(
+    ("check", "verdict", "results"), [(check, *case) for check, cases in CASES.items() for case in cases]
+)
+def test_both_sides_of_a_limit(check, verdict, results):
+    assert verdict_of(check, **results) == verdict
+
+
+@pytest.mark.parametrize("case", range(2))
+def test_one_trial_is_never_judged(case):
+    """Neither a result within what is accepted nor one far outside."""
+    far = {"vaf": lambda _, settings, *__: settings["reflex_gain"], "error": lambda *_: 40.0} if case else {}
+    pooled = {"pr_accurate": "table1", "pr_accurate_rectifier": "projection"}  # several studies, one trial of one here
+    ledger = build_ledger(**far, trials=1)
+    rows = ledger.loc[[*ROWS["table1"], *(CHECKS[check] for check in OVER_TRIALS if check not in pooled)]]
+    for check, study in pooled.items():
+        alone = build_ledger(**far, trials=1, points={study: POINTS[study]})
+        rows = pd.concat([rows, alone.loc[[CHECKS[check]]]])
+    assert set(rows["verdict"]) == {OPEN}
+    assert rows["reason"].str.contains("no interval").all()
+    assert rows["difference_low"].isna().all()
+
+
+def test_wide_intervals_leave_every_claim_open():
+    ledger = build_ledger(spread=100.0)
+    assert set(ledger.loc[[CHECKS[check] for check in OVER_TRIALS], "verdict"]) == {OPEN}
+    assert set(ledger.loc[ROWS["table1"], "verdict"]) == {OPEN}
+
+
+@pytest.mark.parametrize("check", CLAIM_CHECKS)
+def test_a_missing_study_or_measurement_leaves_the_claim_open(check):
+    quantities = dict.fromkeys(MEASUREMENTS)
+    ledger = build_ledger(studies={}, measurements=quantities)
+    row = ledger.loc[CHECKS[check]]
+    assert row["verdict"] == (CONTRADICTION if check in OF_PAPER else OPEN)
+    if check not in OF_PAPER:
+        assert any(words in row["reason"] for words in ("was not run", "was run", "was not measured"))
+        assert np.isnan(row["ours"])
+
+
+@pytest.mark.parametrize("check", MEASURED)
+def test_a_missing_quantity_leaves_the_claim_open(check):
+    row = build_ledger(measurements={MEASURED[check]: None}).loc[CHECKS[check]]
+    assert (row["verdict"], row["reason"]) == (OPEN, f"{MEASURED[check]} was not measured.")
+
+
+def ledgers_without_a_point():
+    """Ledgers without each point in turn, by study and number of the point."""
+    for study, points in POINTS.items():
+        for number in (0, 1, -1) if study == "figure4" else range(len(points)):
+            fewer = [point for k, point in enumerate(points) if k != number % len(points)]
+            if fewer:
+                yield build_ledger(points=POINTS | {study: fewer})
+
+
+def test_a_missing_point_leaves_the_claim_open():
+    """Without a point a claim keeps its verdict or is open; each claim on trials needs at least one."""
+    complete, needed = build_ledger()["verdict"], set()
+    for ledger in ledgers_without_a_point():
+        changed = ledger[ledger["verdict"] != complete]
+        assert set(changed["verdict"]) <= {OPEN}
+        assert changed["reason"].str.contains("has no point with").all()
+        needed |= set(changed.index)
+    assert needed == {CHECKS[check] for check in OVER_TRIALS} | set(ROWS["table1"])
+
+
+def test_order_and_further_points_change_nothing():
+    """Points are found by their values: those in another order, and one that differs in a setting no claim names."""
+    order = {study: points[::-1] for study, points in POINTS.items()}
+    further = {
+        study: [{**points[0], "load_inertia": 3.0}, {"reflex_gain": 35.0, "inertia": 0.02}, *points]
+        for study, points in POINTS.items()
+        if study != "table2"
+    }
+    vaf = {"vaf": lambda _, settings, *__: -50.0 if settings["load_inertia"] == 3.0 else None}
+    columns = ["verdict", "ours", "difference", "reason"]
+    for results in ({"points": order}, {"points": POINTS | further, **vaf}):
+        pd.testing.assert_frame_equal(build_ledger(**results)[columns], build_ledger()[columns])
+
+
+def test_settings_that_fit_several_points_leave_the_claim_open():
+    points = POINTS | {"real-time": [{**point, "load_inertia": x} for point in POINTS["real-time"] for x in (2.0, 3.0)]}
+    row = build_ledger(points=points).loc["real-time-input"]
+    assert row["verdict"] == OPEN
+    assert "no point" in row["reason"]
+
+
+def test_every_number_and_claim_has_a_row_and_a_verdict_with_a_reason():
+    table = build_ledger()
+    assert set(CLAIMS["id"]) <= set(table.index)
+    assert len(table) == len(CLAIMS) + 18
+    assert table.index.is_unique
+    assert set(table["verdict"]) <= set(VERDICTS)
+    assert table["reason"].str.match(r".*[^.]\.$").all()
+    assert table["how"].notna().all()
+    assert not table["reason"].str.contains("nan").any()
+
+
+def test_the_interval_in_the_ledger_shows_the_verdict():
+    """The difference of a row with a tolerance of either sign, its interval, and the verdict agree."""
+    ledger = build_ledger(spread=0.5)
+    rows = ledger.loc[[*ROWS["table1"], "eiv-unbiased", "pr-accurate", "similar", "eq11-zero", "eq17-gain"]]
+    low, high, tolerance = (rows[name].astype(float) for name in ("difference_low", "difference_high", "tolerance"))
+    assert (low <= rows["difference"]).all()
+    assert (rows["difference"] <= high).all()
+    inside = (low >= -tolerance) & (high <= tolerance)
+    outside = (low > tolerance) | (high < -tolerance)
+    assert (rows["verdict"].str.startswith("reproduced") == inside).all()
+    assert ((rows["verdict"] == NOT_REPRODUCED) == outside).all()
+
+
+def test_numbers_of_a_table_follow_the_results():
+    def shift(points):
+        def vaf(study, _, method, torque):
+            return PAPER[method, torque] + points if study == "table1" and (method, torque) in PAPER else None
+
+        return {"vaf": vaf}
+
+    rows = build_ledger(**shift(2.0)).loc[ROWS["table1"]]
+    assert set(rows["verdict"]) == {CONDITIONAL}
+    for points, side in ((2.5, "above"), (-2.5, "below")):
+        rows = build_ledger(**shift(points)).loc[ROWS["table1"]]
+        assert set(rows["verdict"]) == {NOT_REPRODUCED}
+        assert rows["reason"].str.contains(f"2.5 points {side} the paper's").all()
+
+
+def test_neither_a_simulated_stand_in_nor_a_table_without_tolerance_has_a_verdict():
+    stand_in = build_ledger().loc[ROWS["table2"]]
+    assert set(stand_in["verdict"]) == {OPEN}
+    assert stand_in["reason"].str.contains("stand-in").all()
+    recordings = {"table2": Studies(kind="recordings")["table2"]}
+    rows = build_ledger(studies=recordings).loc[ROWS["table2"]]
+    assert set(rows["verdict"]) == {OPEN}
+    assert rows["reason"].str.endswith("the table sets no tolerance.").all()
+
+
+def test_unexplained_variance_stands_beside_vafs_near_100():
+    ledger = build_ledger(**vaf_at("table1", 99.9, ["pr-moesp"], ["intrinsic"], **T1))
+    assert "0.05 times the unexplained variance" in ledger.loc["table1/pr-moesp/intrinsic", "reason"]
+    assert "unexplained" not in ledger.loc["table1/parallel-cascade-one-pass/intrinsic", "reason"]
+    assert describe_unexplained(89.9, 99.0) == describe_unexplained(99.0, 89.9) == ""
+
+
+def test_a_cause_stands_only_where_an_arm_shows_it():
+    """K by least squares and with instruments, and by PI-MOESP: what differs is named, nothing else."""
+
+    def errors(least_squares, instruments, pi, opened):
+        arms = {"pr-moesp": least_squares, "pr-moesp-instruments": instruments, "pi-moesp": pi}
+
+        def error(study, settings, method):
+            if study != "voluntary":
+                return None
+            return arms.get(method) if settings["closed_loop"] else opened
+
+        return build_ledger(error=error, spread=0.1).loc["pr-unbiased", "reason"]
+
+    assert "least squares for B and D adds -40.0" in errors(-30.0, 10.0, 0.0, 0.0)
+    assert "fed back causes it, through A and C" in errors(-30.0, 10.0, 0.0, 0.0)
+    same = errors(9.0, 9.0, 9.0, 9.0)
+    assert "an effect of least squares for B and D is not shown" in same
+    assert "its cause is not shown" in same
+    assert "noise that is fed back causes it" not in errors(9.0, 9.0, 0.0, 9.0)
+    assert "causes" not in errors(1.0, 1.0, 1.0, 1.0)
+
+
+def test_settings_of_claims():
+    assert parse_settings("reflex_gain=10:30:1")["reflex_gain"] == [float(gain) for gain in range(10, 31)]
+    assert parse_settings("snr_db=null perturbation=pulses") == {"snr_db": [None], "perturbation": ["pulses"]}
+    assert parse_settings(np.nan) == {}
+    for text in ("gain=3", "reflex_gain", "reflex_gain="):
+        with pytest.raises(ValueError, match="is not a setting of the simulation"):
+            parse_settings(text)
+
+
+def test_the_page_counts_and_explains_the_verdicts():
+    table = build_ledger().reset_index()
+    page = format_ledger(table)
+    for verdict, meaning in VERDICTS.items():
+        assert f"- {(table['verdict'] == verdict).sum()} × **{verdict}**: {meaning}" in page
+    assert page.count("\n| ") == len(table) + 1
+    assert "Condition: one pass" in page

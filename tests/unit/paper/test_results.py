@@ -1,0 +1,112 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from ankleloop.paper.results import (
+    format_columns,
+    format_pairs,
+    join_scores,
+    read_results,
+    summarise_columns,
+    true_spectral_radius,
+    true_values,
+)
+from ankleloop.quantities import QUANTITIES
+from ankleloop.simulation.settings import SimulationSettings
+
+
+@pytest.fixture
+def parameters():
+    """Two points, two methods, two trials; one method has no reflex gain."""
+    rows = [
+        {"point": point, "method": method, "trial": trial, "K": 150.0 + trial, "G": np.nan if method == "riv" else 2.0}
+        for point in ("gain=5", "gain=10")
+        for method in ("riv", "pr-moesp")
+        for trial in (0, 1)
+    ]
+    return pd.DataFrame(rows)
+
+
+def test_chunks_are_read_in_their_order(tmp_path, parameters):
+    paths = [tmp_path / "0.csv", tmp_path / "1.csv"]
+    for path, rows in zip(paths, (parameters[4:], parameters[:4]), strict=True):
+        rows.to_csv(path, index=False)
+    table = read_results(paths)
+    assert table.index.tolist() == list(range(8))
+    pd.testing.assert_frame_equal(table, pd.concat([parameters[4:], parameters[:4]], ignore_index=True))
+
+
+def test_each_estimate_has_the_scores_of_its_own(parameters):
+    keys = parameters[["point", "method", "trial"]]
+    net = keys.assign(torque="net", against="true", vaf=90.0 + np.arange(8.0))
+    reflex = keys.assign(torque="reflex", against="measured", vaf=10.0)
+    scores = pd.concat([net, reflex]).sample(frac=1.0, random_state=1)
+    table = join_scores(parameters, scores)
+    assert table["vaf_net_true"].tolist() == (90.0 + np.arange(8.0)).tolist()
+    assert set(table["vaf_reflex_measured"]) == {10.0}
+    assert list(table[parameters.columns]) == list(parameters.columns)
+    failed = scores[(scores["point"] != "gain=5") | (scores["method"] != "riv") | (scores["trial"] != 1)]
+    reduced = join_scores(parameters, failed)
+    assert np.isnan(reduced["vaf_net_true"].iloc[1])
+    assert reduced["vaf_net_true"].drop(1).tolist() == table["vaf_net_true"].drop(1).tolist()
+
+
+def test_summary_has_the_order_of_the_rows_and_leaves_out_missing_values(parameters):
+    summary = summarise_columns(parameters, ["point", "method"], ["K", "G"])
+    assert list(summary["point"]) == ["gain=5", "gain=5", "gain=10", "gain=10"]
+    assert list(summary.columns[2:5]) == ["K_mean", "K_std", "K_count"]
+    assert summary.loc[0, ["K_mean", "K_count", "G_count"]].tolist() == [150.5, 2, 0]
+    assert summary.loc[0, "K_std"] == pytest.approx(np.sqrt(0.5))
+    assert np.isnan(summary.loc[0, "G_mean"])
+    assert summary[["trials", "failures", "warnings"]].values.tolist() == [[2, 0, 0]] * 4
+
+
+def test_every_true_value_is_that_of_the_simulation():
+    values = true_values(SimulationSettings.defaults())
+    assert values == {"K": 150.0, "B": 0.8, "I": 0.015, "G": 13.0, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
+    assert set(values) <= set(QUANTITIES)
+    assert list(true_values(SimulationSettings.defaults(), ["B", "K"])) == ["B", "K"]
+
+
+def test_numbers_become_text():
+    assert format_pairs([1.25, -3.0], [0.5, 1.0], "{:+.1f} ± {:.1f}") == ["+1.2 ± 0.5", "-3.0 ± 1.0"]
+    table = pd.DataFrame({"method": ["riv"], "K": [150.25]})
+    assert format_columns(table, ["K"], "{:.4g}").to_dict("records") == [{"method": "riv", "K": "150.2"}]
+    assert table["K"].tolist() == [150.25]  # unchanged
+    assert format_pairs([150.0, np.nan], [np.nan, np.nan]) == ["150.0 ± –", "– ± –"]
+    assert format_columns(pd.DataFrame({"K": [np.nan]}), ["K"], "{:.1f}")["K"].tolist() == ["–"]
+    with pytest.raises(ValueError, match="shorter"):
+        format_pairs([1.0, 2.0], [1.0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "radius"),
+    [
+        ({"zeta": 1.0}, np.exp(-0.4)),
+        ({"zeta": 0.5}, np.exp(-0.2)),
+        ({"zeta": 1.25}, np.exp(-0.2)),  # poles at -20 and -80 rad/s
+        ({"zeta": 1.0, "pole": 10.0}, np.exp(-0.1)),
+        ({"zeta": 1.0, "pole": 100.0}, np.exp(-0.4)),
+    ],
+)
+def test_spectral_radius_of_the_true_reflex(settings, radius):
+    values = SimulationSettings(omega_n=40.0, **settings).model_dump()
+    assert true_spectral_radius(values) == pytest.approx(radius, rel=1e-6)
+
+
+def test_text_of_recordings_is_read_as_it_was_written(tmp_path):
+    """A subject 007 is not 7, and NA is not missing."""
+    row = {"recording": "007-NA", "subject": "007", "condition": "NA", "trial": "1.0", "K": 80.0}
+    for number, subject in enumerate(("007", "1e3")):
+        pd.DataFrame([row | {"subject": subject}]).to_csv(tmp_path / f"{number}.csv", index=False)
+    table = read_results([tmp_path / "0.csv", tmp_path / "1.csv"])
+    assert table[["recording", "subject", "condition", "trial"]].values.tolist() == [
+        ["007-NA", "007", "NA", "1.0"],
+        ["007-NA", "1e3", "NA", "1.0"],
+    ]
+    assert table["K"].tolist() == [80.0, 80.0]
+
+
+def test_trials_of_simulations_are_numbers(tmp_path):
+    pd.DataFrame({"point": ["only"], "trial": [3]}).to_csv(tmp_path / "0.csv", index=False)
+    assert read_results([tmp_path / "0.csv"])["trial"].tolist() == [3]

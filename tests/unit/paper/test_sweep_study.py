@@ -1,0 +1,152 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, sweep_options, write_trials
+
+from ankleloop.errors import DataError
+from ankleloop.paper.sweep_captions import describe_design, list_extremes
+from ankleloop.paper.sweep_pictures import draw_map, draw_sweep
+from ankleloop.paper.sweep_quantities import label_parameter
+from ankleloop.paper.sweep_study import SweepStudy
+
+NOTEBOOK = Path(__file__).parents[3] / "notebooks" / "sweep.ipynb"
+POINTS = grid(reflex_gain=[5.0, 10.0, 20.0], voluntary=[0.0, 0.5])
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Write a table of trials and read it as a sweep."""
+
+    def read(table, varied, **options):
+        path = write_trials(tmp_path / "s-trials.parquet", table)
+        return SweepStudy.read(path, varied, LABELS, sweep_options(**options), SETTINGS)
+
+    return read
+
+
+@pytest.fixture
+def sweep(read):
+    table = make_trials(POINTS, fail=lambda row: row["voluntary"] == 0.5 and row["trial"] == 0)
+    return read(table, ["reflex_gain", "voluntary"], difference=["riv", "moesp"])
+
+
+def test_standard_quantities_and_axes_are_those_of_the_table(sweep):
+    assert sweep.quantities == ["vaf_net_true", "vaf_intrinsic_true", "vaf_reflex_true", "K_error", "G_error"]
+    assert [axis.name for axis in sweep.axes] == ["reflex_gain", "voluntary"]
+    assert sweep.difference.label == "Refined instrumental variables − PR-MOESP"
+    assert set(sweep.shown_trials["method"]) == {"riv", "moesp", "riv − moesp"}
+
+
+def test_quantities_without_a_value_are_named_and_left_out(read):
+    table = make_trials(POINTS).assign(zeta=np.nan)
+    sweep = read(table, ["reflex_gain", "voluntary"], quantities=["K", "zeta", "passes"])
+    assert (sweep.quantities, sweep.absent) == (["K"], ["zeta", "passes"])
+    assert "No method of this study gives ζ, passes." in describe_design(sweep)
+    with pytest.raises(DataError, match="no method has a value of zeta"):
+        read(table, ["reflex_gain", "voluntary"], quantities=["zeta"])
+
+
+def test_design_is_described_from_the_table(sweep, read):
+    text = describe_design(sweep)
+    assert "reflex gain [N·m·s/rad]: 5, 10, 20; relative voluntary torque: 0, 0.5" in text
+    assert "6 points, 6 conditions, 3 trials at each point. 36 identifications: 6 failed, and 0 estimates" in text
+    options = read(make_trials(grid(block_rows=[10, 12])), ["block_rows"])
+    assert "2 points, 1 condition (points that differ in options" in describe_design(options)
+
+
+def test_axes_choose_the_picture(read):
+    table = make_trials(grid(reflex_gain=[5.0, 10.0], voluntary=[0.0, 0.5], block_rows=[10, 12]), trials=2)
+    varied = ["reflex_gain", "voluntary", "block_rows"]
+    figure, caption = draw_sweep(read(table, varied))
+    assert len([axis for axis in figure.axes if axis.get_visible()]) == 5 * 3
+    assert caption.startswith("Effect of each parameter")
+    figure, caption = draw_sweep(read(table, varied, axes=["voluntary"], quantities=["K"]))
+    assert figure.axes[0].get_xlabel() == "relative voluntary torque [1]"
+    assert "relative voluntary torque, and over reflex gain, block rows; bands are" in caption
+    figure, caption = draw_map(read(table, varied, quantities=["K"]))
+    titles = [axis.get_title().split("\n")[-1] for axis in figure.axes if axis.get_title()]
+    assert titles == ["block rows 10 samples", "block rows 12 samples"] * 2
+    assert caption.startswith("Means over the trials of each point.")
+
+
+def test_extremes_are_the_ends_of_the_means(sweep):
+    table = list_extremes(sweep, sweep.summarise())
+    rows = table[(table["quantity"] == "net VAF, true [%]") & (table["method"] == "PR-MOESP")].set_index("rank")
+    means = sweep.trials[sweep.trials["method"] == "moesp"].groupby(["reflex_gain", "voluntary"])["vaf_net_true"].mean()
+    for rank, place in (("best", means.idxmax()), ("worst", means.idxmin())):
+        shown = rows.loc[rank, ["reflex gain [N·m·s/rad]", "relative voluntary torque"]]
+        assert tuple(map(float, shown)) == place
+    assert rows.loc["worst", "failures"] == "1"
+    assert len(table) == 5 * 2 * 2
+
+
+def test_error_with_the_smallest_root_mean_square_is_the_best(read):
+    table = make_trials(grid(voluntary=[0.1, 0.2]), trials=2)
+    table["K"] = np.where(table["voluntary"] == 0.1, np.where(table["trial"] == 0, 100.0, 200.0), 153.0)
+    sweep = read(table, ["voluntary"], quantities=["K_error"])
+    best = list_extremes(sweep, sweep.summarise()).set_index(["method", "rank"]).loc[("PR-MOESP", "best")]
+    assert best["relative voluntary torque"] == "0.2"  # a bias of 2 %, against none with a spread of 33 %
+
+
+def test_point_whose_estimates_warn_is_never_the_best(read):
+    table = make_trials(grid(voluntary=[0.1, 0.2, 0.3]), trials=2)
+    table["vaf_net_true"] = 99.0 - 10.0 * table["voluntary"]
+    table["warnings"] = np.where((table["voluntary"] == 0.1) | (table["method"] == "riv"), "a pole", None)
+    sweep = read(table, ["voluntary"], quantities=["vaf_net_true"])
+    ranks = list_extremes(sweep, sweep.summarise()).set_index(["method", "rank"])["relative voluntary torque"]
+    assert ranks.to_dict() == {
+        ("Refined instrumental variables", "worst"): "0.3",
+        ("PR-MOESP", "best"): "0.2",
+        ("PR-MOESP", "worst"): "0.3",
+    }
+
+
+def test_point_with_few_estimates_is_not_ranked(read):
+    table = make_trials(POINTS, trials=4, fail=lambda row: row["voluntary"] == 0.0 and row["trial"] > 0)
+    table.loc[table["voluntary"] == 0.0, "vaf_net_true"] += 0.5
+    sweep = read(table, ["reflex_gain", "voluntary"], quantities=["vaf_net_true"])
+    assert set(list_extremes(sweep, sweep.summarise())["relative voluntary torque"]) == {"0.5"}
+
+
+def test_options_of_one_method_have_its_name_and_unit():
+    assert label_parameter("moesp.block_rows", LABELS) == "block rows of PR-MOESP [samples]"
+    assert label_parameter("block_rows", LABELS) == "block rows [samples]"
+    assert label_parameter("reflex_gain", LABELS) == "reflex gain [N·m·s/rad]"
+
+
+def run_notebook(**parameters):
+    """Run the code of the notebook with parameters in place of its own."""
+    cells = [cell for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+    names = {}
+    for cell in cells:
+        exec("".join(cell["source"]), names)
+        if "parameters" in cell["metadata"].get("tags", ()):
+            assert set(parameters) <= set(names)
+            names.update(parameters)
+    return names
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_notebook_runs_on_the_table_alone(tmp_path, count):
+    values = {"reflex_gain": [5.0, 10.0], "voluntary": [0.0, 0.5], "block_rows": [10, 12]}
+    varied = list(values)[:count]
+    table = make_trials(grid(**{name: values[name] for name in varied}), trials=2)
+    run_notebook(
+        title="A sweep",
+        table_file=str(write_trials(tmp_path / "s-trials.parquet", table)),
+        labels=LABELS,
+        varied=varied,
+        settings=SETTINGS,
+        sweep=sweep_options(quantities=["vaf_net_true"], difference=["riv", "moesp"]),
+        table_stem=str(tmp_path / "s"),
+        figure_stem=str(tmp_path / "s"),
+    )
+    written = {path.name for path in tmp_path.iterdir()}
+    names = ("sweep", "map") if count == 3 else ("sweep",)
+    figures = {f"s-{name}.{suffix}" for name in names for suffix in ("png", "pdf", "csv")}
+    assert written == {"s-trials.parquet", "s.csv", "s.md", *figures}
+    lines = (tmp_path / "s.csv").read_text(encoding="utf-8").splitlines()
+    assert len(lines) == 1 + 2**count * 3  # points, methods and their difference
+    assert "net VAF, true [%]" in (tmp_path / "s.md").read_text(encoding="utf-8")

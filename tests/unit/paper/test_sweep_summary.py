@@ -1,0 +1,180 @@
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, write_trials
+
+from ankleloop.errors import DataError
+from ankleloop.paper.sweep_cells import list_slices, summarise_cells
+from ankleloop.paper.sweep_summary import (
+    pair_methods,
+    read_sweep,
+    summarise_effects,
+    summarise_sweep,
+)
+from ankleloop.plotting.sweep_axes import SweepAxis
+
+QUANTITIES = ["vaf_net_true", "K_error", "G_error", "failures", "warnings"]
+VARIED = ["reflex_gain", "voluntary"]
+POINTS = grid(reflex_gain=[5.0, 10.0, 20.0], voluntary=[0.0, 0.5])
+
+
+def hit(row):
+    return row["trial"] == 1 and row["voluntary"] == 0.5 and row["method"] == "moesp"
+
+
+@pytest.fixture
+def table():
+    return make_trials(POINTS, trials=4, fail=hit, warn=lambda row: row["trial"] == 2)
+
+
+@pytest.fixture
+def trials(table, tmp_path):
+    return read_sweep(write_trials(tmp_path / "t.parquet", table), VARIED, QUANTITIES, SETTINGS)
+
+
+def test_errors_are_relative_to_the_truth_of_each_point(trials, table):
+    np.testing.assert_allclose(trials["G_error"], 100 * (table["G"] - table["reflex_gain"]) / table["reflex_gain"])
+    np.testing.assert_allclose(trials["K_error"], 100 * (table["K"] - 150.0) / 150.0)
+
+
+def test_error_of_a_truth_of_zero_does_not_exist(tmp_path):
+    table = make_trials(grid(reflex_gain=[0.0, 10.0])).assign(G=1.0)
+    trials = read_sweep(write_trials(tmp_path / "t.parquet", table), ["reflex_gain"], ["G_error", "G"], SETTINGS)
+    without = table["reflex_gain"] == 0.0
+    assert trials.loc[without, "G_error"].isna().all()
+    assert trials.loc[~without, "G_error"].notna().all()
+    summary = summarise_sweep(trials, ["reflex_gain"], ["G_error", "G"]).set_index(["reflex_gain", "quantity"])
+    assert summary.loc[(0.0, "G_error"), "n"] == 0
+    assert summary.loc[(0.0, "G"), "n"] == 6
+
+
+def test_summary_equals_numpy_on_each_group(trials):
+    summary = summarise_sweep(trials, ["point", *VARIED, "method"], QUANTITIES)
+    assert len(summary) == len(POINTS) * len(LABELS) * len(QUANTITIES)
+    for row in summary.itertuples():
+        part = trials[(trials["point"] == row.point) & (trials["method"] == row.method)]
+        values = part[row.quantity].to_numpy()
+        values = values[np.isfinite(values)]
+        assert row.n == values.size
+        assert row.mean == pytest.approx(np.mean(values))
+        assert row.sd == pytest.approx(np.std(values, ddof=1))
+        assert (row.low, row.median, row.high) == pytest.approx(tuple(np.quantile(values, [0.1, 0.5, 0.9])))
+        if row.sd > 0:
+            low, high = stats.t.interval(0.95, values.size - 1, values.mean(), stats.sem(values))
+            assert (row.mean - row.margin, row.mean + row.margin) == pytest.approx((low, high))
+        assert (row.trials, row.failures) == (4, int(part["failed"].sum()))
+        assert row.warnings == int(part["warned"].sum()) == 1
+
+
+def test_faults_are_counted_and_are_shares_of_all_trials(trials):
+    summary = summarise_sweep(trials, ["voluntary", "method"], ["failures", "warnings"])
+    shares = summary.pivot(index=["voluntary", "method"], columns="quantity", values="mean")
+    assert shares.loc[(0.5, "moesp"), "failures"] == 25.0
+    assert shares.loc[(0.0, "moesp"), "failures"] == 0.0
+    assert (shares["warnings"] == 25.0).all()
+
+
+def test_empty_values_are_a_group_of_their_own(tmp_path):
+    table = make_trials(grid(snr_db=[10.0, np.nan], closed_loop=[True, False]))
+    trials = read_sweep(write_trials(tmp_path / "t.parquet", table), ["snr_db", "closed_loop"], ["K"], SETTINGS)
+    summary = summarise_sweep(trials, ["snr_db", "closed_loop", "method"], ["K"])
+    assert len(summary) == 8
+    assert summary["snr_db"].isna().sum() == 4
+    assert (summary["trials"] == 3).all()
+
+
+def test_differences_are_those_of_the_same_trial(trials):
+    pairs = pair_methods(trials.sample(frac=1.0, random_state=0), "riv", "moesp", ["K_error"])
+    by_trial = trials.pivot(index=["point", "trial"], columns="method", values="K_error")
+    expected = (by_trial["riv"] - by_trial["moesp"]).rename("K_error")
+    got = pairs.set_index(["point", "trial"])["K_error"].reindex(expected.index)
+    pd.testing.assert_series_equal(got, expected)
+    assert got.isna().sum() == 3  # one method failed
+
+
+def test_a_pair_failed_where_one_method_did(trials):
+    pairs = pair_methods(trials, "riv", "moesp", ["K_error"])
+    assert pairs["failed"].sum() == 3
+    assert set(pairs["method"]) == {"riv − moesp"}
+    assert not (pairs["failed"] & pairs["warned"]).any()
+
+
+def test_pairs_of_different_trials_are_refused(trials):
+    with pytest.raises(DataError, match="different trials"):
+        pair_methods(trials.iloc[1:], "riv", "moesp", ["K_error"])
+    with pytest.raises(DataError, match="twice"):
+        pair_methods(pd.concat([trials, trials.iloc[:1]]), "riv", "moesp", ["K_error"])
+
+
+def test_effect_has_the_interval_over_conditions(trials):
+    axis = SweepAxis.of("voluntary", "v [1]", [0.0, 0.5])
+    effects = summarise_effects(trials, axis, ["vaf_net_true"])
+    part = trials[(trials["voluntary"] == 0.5) & (trials["method"] == "moesp")]
+    means = part.groupby("reflex_gain")["vaf_net_true"].mean()
+    row = effects[(effects["place"] == 0.5) & (effects["method"] == "moesp")].iloc[0]
+    low, _ = stats.t.interval(0.95, 2, means.mean(), stats.sem(means))
+    assert (row["mean"], row["mean"] - row["margin"], row["n"]) == pytest.approx((means.mean(), low, 3))
+    assert (row["trials"], row["failures"]) == (12, 3)
+
+
+def test_effect_of_an_option_has_the_interval_over_trials(tmp_path):
+    table = make_trials(grid(block_rows=[12, 18]), trials=6)
+    trials = read_sweep(write_trials(tmp_path / "t.parquet", table), ["block_rows"], ["K"], SETTINGS)
+    effects = summarise_effects(trials, SweepAxis.of("block_rows", "block rows", [12, 18]), ["K"])
+    assert (effects["n"] == 6).all()
+    part = table[(table["block_rows"] == 12) & (table["method"] == "riv")]["K"]
+    row = effects[(effects["place"] == 12) & (effects["method"] == "riv")].iloc[0]
+    low, high = stats.t.interval(0.95, 5, part.mean(), stats.sem(part))
+    assert (row["mean"] - row["margin"], row["mean"] + row["margin"]) == pytest.approx((low, high))
+
+
+def test_effects_of_many_values_are_means_over_bins():
+    values = np.linspace(0.0, 1.0, 50)
+    trials = make_trials([{"voluntary": value} for value in values], trials=1).assign(failed=False, warned=False)
+    effects = summarise_effects(trials, SweepAxis.of("voluntary", "v", values), ["K"])
+    assert effects["place"].nunique() == 10
+    assert effects["trials"].sum() == len(trials)
+    first = trials[(trials["voluntary"] < 0.1) & (trials["method"] == "riv")]["K"].mean()
+    assert effects[effects["method"] == "riv"].sort_values("place")["mean"].iloc[0] == pytest.approx(first)
+
+
+def test_cells_of_a_grid_are_its_points(trials):
+    axes = tuple(SweepAxis.of(name, name, trials[name]) for name in VARIED)
+    cells, edges = summarise_cells(trials, axes, ["vaf_net_true"])
+    expected = summarise_sweep(trials, ["point", *VARIED, "method"], ["vaf_net_true"])
+    merged = cells.merge(expected, left_on=["x", "y", "method"], right_on=[*VARIED, "method"])
+    assert len(merged) == len(cells) == 12
+    np.testing.assert_allclose(merged["mean_x"], merged["mean_y"])
+    assert [line.size for line in edges] == [4, 3]
+
+
+def test_random_points_are_drawn_one_by_one_or_in_tiles():
+    rng = np.random.default_rng(1)
+    for count, tiled in ((40, False), (700, True)):
+        points = [dict(zip(VARIED, row, strict=True)) for row in rng.random((count, 2)).tolist()]
+        trials = make_trials(points, trials=1).assign(failed=False, warned=False)
+        axes = tuple(SweepAxis.of(name, name, trials[name]) for name in VARIED)
+        cells, edges = summarise_cells(trials, axes, ["K"])
+        assert (edges is not None) == tiled
+        assert cells["trials"].sum() == len(trials)
+        weighted = (cells["mean"] * cells["n"]).sum() / cells["n"].sum()
+        assert weighted == pytest.approx(trials["K"].mean())
+
+
+def test_few_values_of_other_parameters_have_slices(trials):
+    axis = SweepAxis.of("voluntary", "voluntary torque [1]", trials["voluntary"])
+    slices = list_slices(trials, [axis])
+    assert sorted(set(slices.values())) == ["voluntary torque 0", "voluntary torque 0.5"]
+    many = make_trials(grid(voluntary=[0.1 * k for k in range(6)]))
+    assert list_slices(many, [SweepAxis.of("voluntary", "v", many["voluntary"])]) == {}
+
+
+def test_tables_that_lack_something_are_refused(table, tmp_path):
+    path = write_trials(tmp_path / "t.parquet", table)
+    with pytest.raises(DataError, match="no column 'load_stiffness'"):
+        read_sweep(path, ["load_stiffness"], QUANTITIES, SETTINGS)
+    with pytest.raises(DataError, match="no trial of eiv"):
+        read_sweep(path, VARIED, QUANTITIES, SETTINGS, ["eiv"])
+    with pytest.raises(DataError):
+        read_sweep(tmp_path / "nowhere.parquet", VARIED, QUANTITIES, SETTINGS)

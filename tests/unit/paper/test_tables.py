@@ -1,0 +1,105 @@
+"""Tables: errors against a bound, and single records with the interval of their VAF."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ankleloop.paper.tables import compare_with_bound, compare_with_published, format_table
+
+
+def test_errors_of_known_estimators():
+    rng = np.random.default_rng(1)
+    estimates = 150.0 + 2.0 + 3.0 * rng.standard_normal(4000)
+    details = pd.DataFrame(
+        {"point": "p", "method": "m", "K": estimates, "K_low": estimates - 5.88, "K_high": estimates + 5.88}
+    )
+    details["trial"] = range(4000)
+    details["B"] = np.nan
+    table = compare_with_bound(details, {"p": {"K": 150.0, "B": 0.8, "G": 13.0}}, {("p", "m"): {"K": 3.0}})
+    assert list(table["parameter"]) == ["K"]  # B has no value in any trial, G has no column
+    row = table.iloc[0]
+    assert row["bias"] == pytest.approx(2.0, abs=0.2)
+    assert row["sd"] == pytest.approx(3.0, rel=0.05)
+    assert row["rmse"] == pytest.approx(np.sqrt(13.0), rel=0.05)
+    assert row["ratio"] == pytest.approx(row["rmse"] / 3.0)
+    assert row["covered"] == pytest.approx(89.8, abs=2.0)  # P(|z + 2/3| < 1.96)
+    without = compare_with_bound(details.drop(columns=["K_low", "K_high"]), {"p": {"K": 150.0}}, {("p", "m"): {}})
+    assert np.isnan(without["covered"].iloc[0])
+    assert np.isnan(without["ratio"].iloc[0])
+
+
+def test_a_single_record_shows_its_interval():
+    scores = pd.DataFrame(
+        {
+            "method": "m",
+            "torque": ["net", "reflex"],
+            "against": "measured",
+            "vaf": [90.0, 30.0],
+            "low": 88.0,
+            "high": 91.5,
+        }
+    )
+    published = pd.DataFrame({"method": ["m"], "torque": ["net"], "against": ["measured"], "paper": [85.0]})
+    parameters = pd.DataFrame({"method": "m", "trial": [0]})
+    table = compare_with_published(scores, parameters, published, [])
+    assert list(table.columns)[-2:] == ["low", "high"]
+    shown = format_table(table, {"m": "M"})
+    assert shown["ours [%], 95 % interval"].tolist() == ["90.0 (88.0 … 91.5)", "30.0 (88.0 … 91.5)"]
+    several = compare_with_published(pd.concat([scores, scores]), parameters, published, [])
+    assert "low" not in several
+    assert format_table(several, {"m": "M"})["ours [%], mean ± sd"].tolist() == ["90.0 ± 0.00", "30.0 ± 0.00"]
+
+
+@pytest.fixture
+def partly_failed():
+    """Four trials of two methods; one method fails at one point in every trial, and elsewhere in one of them."""
+    parameters, scores = [], []
+    for point in ("p", "q"):
+        for method in ("a", "b"):
+            for trial in range(4):
+                key = {"point": point, "method": method, "trial": trial}
+                if method == "b" and (point == "q" or trial == 3):
+                    parameters.append(key | {"failure": "no pole"})
+                    continue
+                parameters.append(key | {"K": 150.0 + trial, "warnings": "slow" if trial == 0 else ""})
+                scores.append(key | {"torque": "net", "against": "true", "vaf": 90.0 + trial})
+    return pd.DataFrame(parameters), pd.DataFrame(scores)
+
+
+def test_a_table_beside_the_paper_says_how_many_trials_failed(partly_failed):
+    parameters, scores = partly_failed
+    published = pd.DataFrame({"method": ["a"], "torque": ["net"], "against": ["true"], "paper": [91.0]})
+    table = compare_with_published(scores, parameters, published, ["point"])
+    assert list(table.columns) == (
+        [
+            "point",
+            "method",
+            "torque",
+            "against",
+            "paper",
+            "mean",
+            "sd",
+            "n",
+            "trials",
+            "failures",
+            "warnings",
+            "without G",
+        ]
+    )
+    counts = table.set_index(["point", "method"])[["n", "trials", "failures", "warnings"]]
+    assert counts.values.tolist() == [[4, 4, 0, 1], [3, 4, 1, 1], [4, 4, 0, 1], [0, 4, 4, 0]]
+    assert table["mean"].tolist()[:3] == [91.5, 91.0, 91.5]
+    assert np.isnan(table["mean"].iloc[3])
+    shown = format_table(table, {"a": "A", "b": "B"})
+    assert shown[["trials", "failures", "warnings"]].values.tolist()[3] == ["4", "4", "0"]
+    assert shown["ours [%], mean ± sd"].iloc[3] == "–"
+
+
+def test_errors_beside_the_bound_say_how_many_trials_failed(partly_failed):
+    places = [(point, method) for point in ("p", "q") for method in ("a", "b")]
+    truths, bounds = {point: {"K": 151.0} for point in ("p", "q")}, {place: {"K": 1.0} for place in places}
+    table = compare_with_bound(partly_failed[0], truths, bounds)
+    counts = table.set_index(["point", "method"])[["n", "trials", "failures", "warnings"]]
+    assert counts.values.tolist() == [[4, 4, 0, 1], [3, 4, 1, 1], [4, 4, 0, 1], [0, 4, 4, 0]]
+    assert table["bias"].tolist()[:3] == [0.5, 0.0, 0.5]
+    assert table[["mean", "sd", "rmse", "ratio", "covered"]].iloc[3].isna().all()

@@ -1,0 +1,124 @@
+"""Counts of trials that a mean holds, leaves out, or holds with a warning."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ankleloop.assessment.scores import summarise
+from ankleloop.paper.trial_counts import (
+    COUNTS,
+    count_outcomes,
+    count_trials,
+    describe_absence,
+    describe_failures,
+    describe_warnings,
+    list_outcomes,
+    summarise_scores,
+)
+
+
+@pytest.fixture
+def parameters():
+    """Three trials of two methods at two points; the first method fails once and warns once at the first point."""
+    rows = [
+        {"point": point, "gain": gain, "method": method, "trial": trial}
+        for point, gain in (("p", 2.0), ("q", 5.0))
+        for method in ("riv", "pr")
+        for trial in range(3)
+    ]
+    table = pd.DataFrame(rows).assign(failure=None, warnings=None)
+    table.loc[0, "failure"] = "no pole"
+    table.loc[1, "warnings"] = "unstable"
+    table.loc[2, "warnings"] = " "  # no text: no warning
+    table.loc[3, "warnings"] = "unstable"  # another method, the same trial as the failure
+    table["G"] = 10.0
+    table.loc[[0, 1], "G"] = np.nan  # the first one failed
+    return table
+
+
+def test_counts_of_each_method_at_each_point(parameters):
+    counts = count_outcomes(parameters, ["point", "method"])
+    assert counts.values.tolist() == [
+        ["p", "riv", 3, 1, 1, 1],
+        ["p", "pr", 3, 0, 1, 0],
+        ["q", "riv", 3, 0, 0, 0],
+        ["q", "pr", 3, 0, 0, 0],
+    ]
+    assert count_trials(parameters) == 3
+
+
+def test_a_trial_of_several_methods_is_one_trial(parameters):
+    assert count_outcomes(parameters, ["gain"]).values.tolist() == [[2.0, 3, 1, 2, 1], [5.0, 3, 0, 0, 0]]
+    assert count_outcomes(parameters, [])[COUNTS].values.tolist() == [[6, 1, 2, 1]]
+    assert count_outcomes(parameters, ["method"]).values.tolist() == [["riv", 6, 1, 1, 1], ["pr", 6, 0, 1, 0]]
+
+
+def test_a_failure_counts_as_no_warning(parameters):
+    parameters.loc[0, "warnings"] = "a warning before the failure"
+    assert count_outcomes(parameters, ["point", "method"]).iloc[0].tolist() == ["p", "riv", 3, 1, 1, 1]
+    assert list_outcomes(parameters).tolist()[:4] == ["failure", "warning", "estimate", "warning"]
+
+
+def test_scores_keep_their_means_and_their_order(parameters):
+    scores = parameters[parameters["failure"].isna()].drop(columns=["failure", "warnings"])
+    scores = pd.concat(
+        [scores.assign(torque=torque, vaf=np.arange(11.0) + shift) for torque, shift in (("net", 0), ("reflex", 5))]
+    )
+    keys = ["point", "method", "torque"]
+    table = summarise_scores(scores.sort_values(["gain", "method"], ascending=[True, False]), parameters, keys)
+    expected = summarise(scores, keys)
+    merged = table.merge(expected, on=keys, suffixes=("", "_expected"))
+    assert len(merged) == len(table) == 8
+    assert (merged["mean"] == merged["mean_expected"]).all()
+    assert table[["point", "method"]].drop_duplicates().values.tolist() == (
+        [["p", "riv"], ["p", "pr"], ["q", "riv"], ["q", "pr"]]
+    )
+    assert table.query("point == 'p' and method == 'riv'")[["n", *COUNTS]].values.tolist() == [[2, 3, 1, 1, 1]] * 2
+
+
+def test_where_every_trial_failed_a_row_stands_without_a_mean(parameters):
+    parameters.loc[:2, "failure"] = "no pole"
+    scores = parameters[parameters["failure"].isna()].drop(columns=["failure", "warnings"])
+    scores = pd.concat([scores.assign(torque=torque, vaf=90.0) for torque in ("net", "reflex")])
+    table = summarise_scores(scores, parameters, ["point", "method", "torque"])
+    assert table.iloc[:2][["method", "torque", "n", *COUNTS]].values.tolist() == (
+        [["riv", "net", 0, 3, 3, 0, 0], ["riv", "reflex", 0, 3, 3, 0, 0]]
+    )
+    assert table["mean"].isna().tolist() == [True, True] + [False] * 6
+
+
+def test_warnings_are_counted_by_method():
+    table = pd.DataFrame({"method": ["a", "b", "b", "b"], "warnings": [None, "unstable", "unstable", None]})
+    assert (
+        describe_warnings(table, {"b": "B"}) == "2 of 4 estimates came with a warning (B 2) and count like the others"
+    )
+    assert describe_warnings(table.drop(columns="warnings")) == "none of 4 estimates came with a warning"
+    failed = table.assign(failure=["no order fits", None, None, None])
+    text = describe_warnings(failed)
+    assert text.startswith("2 of 3 estimates")
+    assert text.endswith("; 1 identification failed and is left out")
+    assert describe_warnings(failed, {"a": "A"}).endswith("; 1 identification failed and is left out (A 1)")
+
+
+def test_a_figure_of_a_trial_says_what_failed():
+    assert describe_absence(["A", "B"], ["A", "B"]) == ""
+    assert describe_absence(["B"], ["A", "B"]) == " The identification of this trial failed for: A."
+    with pytest.raises(ValueError, match="set another number as figure: trial"):
+        describe_absence([], ["A"])
+
+
+def test_reasons_of_failures_are_counted_whatever_their_numbers():
+    reasons = [f"the loop is unstable after {number / 7:.3g} s." for number in range(50)] + ["no pole."] * 3
+    points = [f"gain={number}" for number in range(53)]
+    table = pd.DataFrame({"point": points, "method": "riv", "trial": 0, "failure": reasons})
+    table = pd.concat([table, table.assign(trial=1, failure=None)])
+    for rows in (table, table.astype(dict.fromkeys(("point", "method", "failure"), "category"))):
+        assert describe_failures(rows) == (
+            "53 of 106 identifications failed; means leave them out. 50 of them, such as riv at gain=0: the loop is "
+            "unstable after 0 s. 3 of them, such as riv at gain=50: no pole"
+        )
+
+
+def test_rare_reasons_of_failures_are_counted():
+    table = pd.DataFrame({"point": "only", "method": "riv", "failure": [letter * 3 for letter in "abcdefg"]})
+    assert describe_failures(table).endswith(": eee. Other reasons are in the table of trials (2)")

@@ -1,0 +1,135 @@
+"""Scale, offset and missing samples by the same rule in every format; units of channels."""
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+import xarray as xr
+
+from ankleloop.errors import DataError
+from ankleloop.trials.channel_units import check_unit, find_unit_in_name, time_factor
+from ankleloop.trials.decoding import decode
+from ankleloop.trials.readers import read_trial
+
+RATE = 500.0
+P = 0.02 * np.sin(np.arange(300) / 10)
+TQ = 3.0 * np.cos(np.arange(300) / 10)
+
+
+@pytest.mark.parametrize("kind", ["int16", "int32", "uint16", "float32"])
+@pytest.mark.parametrize(
+    "attributes", [{"scale_factor": 0.5}, {"add_offset": 3.0}, {"scale_factor": 2.0, "add_offset": -1.0}]
+)
+def test_samples_are_those_of_xarray(kind, attributes):
+    stored = np.array([0, 1, 7, 100, 7], dtype=kind)
+    attributes = {**attributes, "_FillValue": stored.dtype.type(7)}
+    data = xr.decode_cf(xr.Dataset({"x": ("t", stored, attributes)}))
+    np.testing.assert_allclose(decode(stored, attributes, source="a", name="x"), data.x.values, rtol=1e-7)
+
+
+def test_plain_samples_are_not_touched():
+    stored = np.arange(5, dtype=np.int16)
+    assert decode(stored, {"units": "rad"}, source="a", name="x") is stored
+
+
+def test_unsigned_samples():
+    stored = np.array([0, -56, -1], dtype=np.int8)
+    numbers = decode(
+        stored, {"_Unsigned": "true", "scale_factor": 2.0, "_FillValue": np.int8(-1)}, source="a", name="x"
+    )
+    np.testing.assert_array_equal(numbers, [0.0, 400.0, np.nan])
+
+
+def test_samples_that_were_never_written_are_missing():
+    numbers = decode(np.array([1.0, 9.969209968386869e36]), {}, source="a", name="x")
+    np.testing.assert_array_equal(numbers, [1.0, np.nan])
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf, "two", np.array([1.0, 2.0])])
+def test_impossible_scales_are_refused(value):
+    with pytest.raises(DataError, match=r"^a: .*scale_factor"):
+        decode(np.arange(3), {"scale_factor": value}, source="a", name="x")
+
+
+@pytest.mark.parametrize("engine", ["h5py", "h5netcdf", "scipy", "matlab"])
+def test_packed_positions_of_every_format(tmp_path, engine):
+    stored = np.round(P * 1e6).astype(np.int32)
+    packing = {"scale_factor": 1e-6, "_FillValue": np.int32(-(2**31)), "units": "rad"}
+    path = tmp_path / {"h5py": "a.h5", "matlab": "a.mat"}.get(engine, "a.nc")
+    if engine in ("h5py", "matlab"):
+        with h5py.File(path, "w", userblock_size=512 if engine == "matlab" else 0) as file:
+            file["position"], file["torque"], file["fs"] = stored, TQ, RATE
+            file["position"].attrs.update(packing)
+    else:
+        data = xr.Dataset({"position": ("t", stored, packing), "torque": ("t", TQ)}, attrs={"fs": RATE})
+        data.to_netcdf(path, engine=engine)
+    np.testing.assert_allclose(read_trial(path).position, stored * 1e-6, rtol=1e-12)
+    np.testing.assert_allclose(read_trial(path).position, P, atol=6e-7)
+
+
+def test_missing_samples_are_refused_by_their_number(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["position"], file["torque"], file["fs"] = P, np.where(np.arange(300) == 40, -999.0, TQ), RATE
+        file["torque"].attrs["missing_value"] = -999.0
+    with pytest.raises(DataError, match=r"a.h5: torque is not finite at sample 40 "):
+        read_trial(tmp_path / "a.h5")
+
+
+# --- units
+
+
+@pytest.mark.parametrize(("name", "unit"), [("angle_deg", "rad"), ("angle [rad]", "deg"), ("angle (Degrees)", "rad")])
+def test_a_unit_in_the_name_counts(name, unit):
+    with pytest.raises(DataError, match="according to the file, but position_unit is"):
+        check_unit("position", name, "", unit, source="a")
+
+
+def test_names_without_units():
+    assert [find_unit_in_name(name, ("s", "ms", "deg")) for name in ("torques", "ms", "arms", "a_s_b")] == [""] * 4
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "factor"),
+    [
+        ("time", "", None),
+        ("time_s", "", 1.0),
+        ("time_ms", "", 1e-3),
+        ("t_us", "", 1e-6),
+        ("time", "ms", 1e-3),
+        ("time", "Seconds since 2026-01-31 12:00", 1.0),
+        ("time_ms", "milliseconds", 1e-3),
+    ],
+)
+def test_units_of_time(name, unit, factor):
+    assert time_factor(name, unit, source="a") == factor
+
+
+def test_units_of_time_that_contradict_the_name():
+    with pytest.raises(DataError, match="time_ms is in 's' according to the file, but its name says ms"):
+        time_factor("time_ms", "s", source="a")
+
+
+@pytest.mark.parametrize(("name", "unit"), [("time_ms", None), ("time", "milliseconds")])
+def test_times_in_ms(tmp_path, name, unit):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["position"], file["torque"], file[name] = P, TQ, np.arange(300) * 2.0
+        if unit:
+            file[name].attrs["units"] = unit
+    assert read_trial(tmp_path / "a.h5").attrs["sampling_rate"] == RATE
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "µs")])
+def test_times_without_unit_that_contradict_the_rate(tmp_path, factor, unit):
+    scipy.io.savemat(
+        tmp_path / "a.mat", {"position": P, "torque": TQ, "time": factor * np.arange(300) / RATE, "fs": RATE}
+    )
+    with pytest.raises(DataError, match=rf"time seems to be in {unit}: it runs at"):
+        read_trial(tmp_path / "a.mat")
+
+
+def test_times_without_unit_that_are_too_slow(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "time": 2.0 * np.arange(300)})
+    with pytest.raises(
+        DataError, match=r"time runs at 0.5 Hz, too slow for a joint: is it in ms\? Then call it time_ms"
+    ):
+        read_trial(tmp_path / "a.mat")

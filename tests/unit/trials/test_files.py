@@ -1,0 +1,415 @@
+"""Nothing is overwritten unasked, and a writer that fails or is killed leaves nothing behind."""
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+import pytest
+import xarray as xr
+
+from ankleloop import (
+    DataError,
+    LongRecord,
+    identify,
+    identify_file,
+    load_trial,
+    save_estimate,
+    save_trial,
+    simulate,
+)
+from ankleloop.joint.estimate_files import EstimateTable
+from ankleloop.paper.tables import write_table
+from ankleloop.recordings.export import export_estimate
+from ankleloop.trials import partial_files
+from ankleloop.trials.files import (
+    atomic_file,
+    atomic_netcdf,
+    check_output,
+    check_readable,
+    source_files,
+    write_netcdf,
+)
+from ankleloop.trials.group_files import write_groups
+from ankleloop.trials.partial_files import partial_path, remove_stale
+from ankleloop.trials.sink import Sink
+from ankleloop.trials.trial_files import save_trials
+
+
+@pytest.fixture(scope="module")
+def trial():
+    return simulate(seed=1, duration=20.0)
+
+
+@pytest.fixture(scope="module")
+def estimate(trial):
+    return identify(trial, "pr-moesp")
+
+
+GROUPS = {"": xr.Dataset(attrs={"a": 1.0}), "x": xr.Dataset({"k": ("n", np.arange(3.0))})}
+
+
+def write_text(path, **options):
+    with atomic_file(path, **options) as partial:
+        partial.write_text("new")
+
+
+def write_stream(path, **options):
+    with atomic_netcdf(path, **options) as (file, sink):
+        file.dimensions = {"n": 3}
+        file.create_variable("k", ("n",), float)[:] = np.arange(3.0)
+        sink.check()
+
+
+def save_figure(path, **options):
+    from matplotlib.figure import Figure
+
+    from ankleloop.plotting.style import save_figure
+
+    save_figure(Figure(), path.with_suffix(""), suffixes=[path.suffix], **options)
+
+
+def write_estimates(estimate, path, **options):
+    table = EstimateTable()
+    table.add(estimate, point="only", name="m", number=0)
+    table.write(path, **options)
+
+
+# Every function that writes: the name of its file, and the call with the trial, its estimate and the path.
+WRITERS = {
+    "atomic_file": ("x.txt", lambda t, e, path, **o: write_text(path, **o)),
+    "atomic_netcdf": ("x.nc", lambda t, e, path, **o: write_stream(path, **o)),
+    "write_netcdf": ("x.nc", lambda t, e, path, **o: write_netcdf(t, path, **o)),
+    "write_groups.nc": ("x.nc", lambda t, e, path, **o: write_groups(GROUPS, path, "v", **o)),
+    "write_groups.mat": ("x.mat", lambda t, e, path, **o: write_groups(GROUPS, path, "v", **o)),
+    "save_trial": ("x.nc", lambda t, e, path, **o: save_trial(t, path, **o)),
+    "save_trials": ("x.nc", lambda t, e, path, **o: save_trials([t], path, **o)),
+    "save_estimate.nc": ("x.nc", lambda t, e, path, **o: save_estimate(e, path, **o)),
+    "save_estimate.mat": ("x.mat", lambda t, e, path, **o: save_estimate(e, path, **o)),
+    "estimate table": ("x.parquet", lambda t, e, path, **o: write_estimates(e, path, **o)),
+    "export_estimate.csv": ("x.csv", lambda t, e, path, **o: export_estimate(e, path, **o)),
+    "write_table": ("x.csv", lambda t, e, path, **o: write_table(t.to_dataframe().head(), path.with_suffix(""), **o)),
+    "save_figure": ("x.png", lambda t, e, path, **o: save_figure(path, **o)),
+}
+writers = pytest.mark.parametrize("writer", WRITERS)
+
+
+@writers
+def test_an_existing_file_is_replaced_only_with_overwrite(trial, estimate, tmp_path, writer):
+    name, write = WRITERS[writer]
+    path = tmp_path / name
+    path.write_text("the only recording")
+    with pytest.raises(DataError, match=rf"{name}: the file exists already: .*overwrite=True"):
+        write(trial, estimate, path)
+    assert path.read_text() == "the only recording"
+    assert os.listdir(tmp_path) == [name]
+    write(trial, estimate, path, overwrite=True)
+    assert path.read_bytes() != b"the only recording"
+    assert not [item for item in os.listdir(tmp_path) if item.startswith(".")]
+
+
+@writers
+def test_an_empty_file_that_a_module_for_temporary_files_made_is_written(trial, estimate, tmp_path, writer):
+    name, write = WRITERS[writer]
+    (tmp_path / name).touch()
+    write(trial, estimate, tmp_path / name)
+    assert (tmp_path / name).stat().st_size > 0
+
+
+# --- The file that is read
+
+
+@pytest.fixture
+def recording(trial, tmp_path):
+    save_trial(trial, tmp_path / "rec.nc")
+    return tmp_path / "rec.nc"
+
+
+def hard_link(path):
+    os.link(path, path.with_name("hard.nc"))
+    return path.with_name("hard.nc")
+
+
+def soft_link(path):
+    path.with_name("soft.nc").symlink_to(path.name)
+    return path.with_name("soft.nc")
+
+
+def detour(path):
+    (path.parent / "folder").mkdir()
+    return path.parent / "folder" / ".." / path.name
+
+
+@pytest.mark.parametrize("alias", [lambda path: path, hard_link, soft_link, detour], ids=["name", "hard", "soft", ".."])
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_long_record_is_never_written_over(recording, alias, overwrite, swapped):
+    before, other = recording.read_bytes(), alias(recording)
+    source, output = (other, recording) if swapped else (recording, other)
+    with pytest.raises(DataError, match=r"the file is being read \(.*\): write to another name"):
+        identify_file(LongRecord(source), output, overwrite=overwrite)
+    assert recording.read_bytes() == other.read_bytes() == before
+
+
+def test_what_a_data_set_reads_from_is_never_written_over(recording, trial):
+    before = recording.read_bytes()
+    with xr.open_dataset(recording, engine="h5netcdf", decode_times=False) as opened:
+        assert source_files(opened) == source_files(opened[["torque"]]) == {str(recording)}
+        for write in (save_trial, write_netcdf):
+            with pytest.raises(DataError, match="the file is being read"):
+                write(opened, recording, overwrite=True)
+        save_trial(opened, recording.with_name("copy.nc"))
+    assert recording.read_bytes() == before
+    assert load_trial(recording.with_name("copy.nc")).identical(trial)
+    save_trial(load_trial(recording), recording, overwrite=True)  # a loaded trial is in memory
+    assert load_trial(recording).identical(trial)
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".mat", ".csv"])
+def test_the_torques_of_a_long_record_are_not_written_over_by_their_estimate(recording, tmp_path, suffix):
+    estimate = identify_file(LongRecord(recording), tmp_path / "torques.nc")
+    link = tmp_path / f"link{suffix}"
+    link.symlink_to("torques.nc")
+    with pytest.raises(DataError, match="the file is being read"):
+        export_estimate(estimate, link, overwrite=True)
+    estimate.torque.close()
+
+
+def test_torques_are_replaced_only_with_overwrite(recording, tmp_path):
+    (tmp_path / "torques.nc").write_text("of another record")
+    with pytest.raises(DataError, match="the file exists already"):
+        identify_file(LongRecord(recording), tmp_path / "torques.nc", progress=lambda *_: pytest.fail("begun"))
+    identify_file(LongRecord(recording), tmp_path / "torques.nc", overwrite=True).torque.close()
+
+
+# --- What is no file
+
+
+def test_outputs_that_are_no_files(tmp_path):
+    for path, message in (
+        (tmp_path, "this is a folder"),
+        (tmp_path / "none" / "x.nc", "there is no folder .*: make it first"),
+        (Path("/dev/null"), "this is a device"),
+        (tmp_path / ("x" * 300), r"cannot be written \(File name too long\)"),
+        (tmp_path / "a\0b", r"cannot be written \(embedded null"),
+    ):
+        for overwrite in (False, True):
+            with pytest.raises(DataError, match=message):
+                check_output(path, overwrite=overwrite)
+            with pytest.raises(DataError, match=message):
+                write_text(path, overwrite=overwrite)
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "lost").symlink_to("nowhere")
+    for name in ("loop", "lost"):
+        with pytest.raises(DataError, match=r"exists already|cannot be written"):
+            write_text(tmp_path / name)
+
+
+def test_inputs_that_are_no_files(tmp_path):
+    (tmp_path / "loop.nc").symlink_to("loop.nc")
+    (tmp_path / "lost.nc").symlink_to("nowhere.nc")
+    for path, message in (
+        (tmp_path, "this is a folder, no file"),
+        (tmp_path / "none.nc", "there is no such file"),
+        (tmp_path / "none" / "x.nc", "there is no such file"),
+        (tmp_path / "lost.nc", "this is a link that leads to no file"),
+        (tmp_path / ("x" * 300), r"cannot be opened \(File name too long\)"),
+        (tmp_path / "a\0b", r"cannot be opened \(embedded null"),
+        (Path("/dev/null"), "this is a device, no file"),
+        (tmp_path / "loop.nc", r"cannot be opened \(Too many levels of symbolic links\)"),
+    ):
+        for call in (check_readable, load_trial):
+            with pytest.raises(DataError, match=message):
+                call(path)
+
+
+# --- A disk that is full, a folder that is read-only
+
+LIMITED = """
+import resource, signal, sys
+from itertools import product
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+import test_files
+from ankleloop import DataError, identify, simulate
+
+trial = simulate(seed=1, duration=20.0)
+estimate = identify(trial, "pr-moesp")
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+for limit, writer, exists in product((4, 20_000), test_files.WRITERS, (False, True)):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
+    name, write = test_files.WRITERS[writer]
+    path = Path(sys.argv[2]) / str(limit) / f"{writer}-{exists}" / name
+    path.parent.mkdir(parents=True)
+    if exists:
+        path.write_text("good")
+    try:
+        write(trial, estimate, path, overwrite=exists)
+    except DataError as error:
+        print(limit, writer, exists, [item.name for item in path.parent.iterdir()], error, sep="|")
+"""
+
+
+def test_a_full_disk_leaves_the_good_file_and_nothing_else(tmp_path):
+    """A file that reaches the limit of its size fails like one on a full disk; HDF5 alone would crash the process."""
+    command = [sys.executable, "-c", LIMITED, str(Path(__file__).parent), str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert (run.returncode, run.stderr) == (0, "")
+    lines = [line.split("|") for line in run.stdout.splitlines()]
+    refused = {limit: {line[1] for line in lines if line[0] == limit} for limit in ("4", "20000")}
+    assert refused["4"] == {*WRITERS} - {"atomic_file"}  # what `write_text` writes is not larger
+    assert refused["20000"] >= {"write_netcdf", "save_trial", "save_trials"}  # in the middle of the samples
+    for limit, writer, exists, items, message in lines:
+        name = WRITERS[writer][0]
+        path = tmp_path / limit / f"{writer}-{exists}" / name
+        assert items == (f"['{name}']" if exists == "True" else "[]"), writer
+        assert exists == "False" or path.read_text() == "good"
+        assert f"{path}: the file cannot be written (File too large): free space in the folder {path.parent}" in message
+
+
+def test_a_full_device():
+    """/dev/full refuses all that is written."""
+    sink = Sink.__new__(Sink)
+    sink._file, sink._failure = open("/dev/full", "rb+", buffering=0), None  # noqa: SIM115
+    with pytest.raises(OSError, match="No space left") as failure, sink:  # noqa: PT012
+        assert sink.write(b"lost") == 4
+        raise RuntimeError("that follows from it")
+    assert failure.value.errno == errno.ENOSPC
+
+
+def test_a_folder_that_is_read_only(trial):
+    with pytest.raises(DataError, match=r"^/sys/x.nc: the file cannot be written \(.*\): .*the folder /sys"):
+        save_trial(trial, "/sys/x.nc")
+    program = (
+        "import os, sys; from ankleloop.trials.files import check_output;"
+        "os.getuid() or os.setuid(65534); check_output(sys.argv[1])"
+    )
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        os.chmod(folder, 0o555)
+        run = subprocess.run([sys.executable, "-c", program, f"{folder}/x.nc"], capture_output=True, text=True)
+        os.chmod(folder, 0o755)
+    assert (
+        f"x.nc: the file cannot be written (Permission denied): the folder {folder} cannot be written to" in run.stderr
+    )
+
+
+def test_an_error_of_another_file_stays_what_it_is(tmp_path):
+    with pytest.raises(FileNotFoundError, match="elsewhere"), atomic_file(tmp_path / "x.txt") as partial:  # noqa: PT012
+        partial.write_text("new")
+        (tmp_path / "elsewhere").read_text()
+    assert os.listdir(tmp_path) == []
+
+
+# --- Processes that are killed, and several writers
+
+WRITER = """
+import sys, time
+from ankleloop.trials.files import atomic_file, atomic_netcdf
+with atomic_netcdf(sys.argv[1]) as (file, sink):
+    print("ready", flush=True)
+    time.sleep(60)
+"""
+
+
+def start_writer(path):
+    process = subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def test_the_partial_file_of_a_killed_writer_is_removed_and_that_of_a_living_one_is_not(tmp_path):
+    path = tmp_path / "torques.nc"
+    dead, living = start_writer(path), start_writer(path)
+    dead.send_signal(signal.SIGKILL)
+    dead.communicate()
+    assert len(os.listdir(tmp_path)) == 2
+    write_text(tmp_path / "other.nc")  # the partial files of another file are not touched
+    write_text(tmp_path / "torques.nc.nc")
+    assert len(os.listdir(tmp_path)) == 4
+    write_text(path)
+    (partial,) = [name for name in os.listdir(tmp_path) if name.startswith(".")]
+    assert f"-{living.pid}-" in partial
+    living.kill()
+    living.communicate()
+    write_text(path, overwrite=True)
+    assert sorted(os.listdir(tmp_path)) == ["other.nc", "torques.nc", "torques.nc.nc"]
+
+
+def test_partial_files_of_another_computer_or_start_of_this_one(tmp_path, monkeypatch):
+    path = tmp_path / "x.nc"
+    host, start = partial_files._computer()
+    for computer, age, stays in (
+        (("0" * 8, start), 0.0, True),
+        (("0" * 8, start), 8 * 86400.0, False),
+        ((host, "0" * 8), 0.0, False),
+        ((host, start), 8 * 86400.0, True),  # this process lives
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(partial_files, "_computer", lambda computer=computer: computer)
+            partial = partial_path(path)
+        partial.touch()
+        os.utime(partial, (time.time() - age,) * 2)
+        remove_stale(path)
+        assert partial.exists() == stays
+        partial.unlink(missing_ok=True)
+
+
+@pytest.mark.parametrize("name", ["a[b]*?.nc", "ä" * 120 + ".nc", "x" * 250])
+def test_partial_files_of_unusual_names(tmp_path, name):
+    write_text(tmp_path / name)
+    assert os.listdir(tmp_path) == [name]
+    assert len(os.fsencode(partial_path(tmp_path / name).name)) <= 255
+
+
+def test_of_two_writers_the_second_is_refused_or_replaces_the_file_as_a_whole(tmp_path):
+    path = tmp_path / "x.txt"
+    with pytest.raises(DataError, match="the file exists already"), atomic_file(path) as partial:  # noqa: PT012
+        partial.write_text("second")
+        write_text(path)
+    assert path.read_text() == "new"
+    with atomic_file(path, overwrite=True) as partial:
+        partial.write_text("second")
+        write_text(path, overwrite=True)
+    assert path.read_text() == "second"
+    assert os.listdir(tmp_path) == ["x.txt"]
+
+
+def test_many_writers_at_once(tmp_path):
+    """One of them wins, all others are refused, and none leaves a partial file; also among threads, with HDF5."""
+    path, outcomes = tmp_path / "x.nc", []
+
+    def write(number):
+        try:
+            write_netcdf(xr.Dataset({"number": ("n", np.full(1000, number))}), path)
+            outcomes.append(number)
+        except DataError as error:
+            outcomes.append(str(error).partition(": ")[2][:23])
+
+    threads = [threading.Thread(target=write, args=(number,)) for number in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert os.listdir(tmp_path) == ["x.nc"]
+    (winner,) = [outcome for outcome in outcomes if isinstance(outcome, int)]
+    assert outcomes.count("the file exists already") == 7
+    with h5netcdf.File(path) as file:
+        assert set(file["number"][:]) == {winner}
+
+
+def test_without_hard_links_a_file_is_renamed(tmp_path, monkeypatch):
+    def fail(*_):
+        raise OSError(errno.EPERM, "no links")
+
+    monkeypatch.setattr(os, "link", fail)
+    write_text(tmp_path / "x.txt")
+    assert os.listdir(tmp_path) == ["x.txt"]
+    with pytest.raises(DataError, match="the file exists already"):
+        write_text(tmp_path / "x.txt")

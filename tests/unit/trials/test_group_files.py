@@ -1,0 +1,70 @@
+"""Groups of variables in a file: both containers give back what was written."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from ankleloop import DataError
+from ankleloop.trials.group_files import Fields, read_groups, write_groups
+
+NUMBERS = {
+    "scalar": ((), 0.1 + 0.2),
+    "count": ((), 3),
+    "vector": ("n", np.array([1.0, -0.0, 5e-324])),
+    "single": ("one", np.array([2.5])),
+    "nothing": ("none", np.empty(0)),
+    "matrix": (("n", "m"), np.arange(6.0).reshape(3, 2)),
+    "row": (("one", "m"), np.array([[1.0, 2.0]])),
+    "integers": ("n", np.array([1, 2, 300])),
+}
+
+
+@pytest.fixture(params=[".nc", ".mat"])
+def path(request, tmp_path):
+    return tmp_path / f"file{request.param}"
+
+
+def test_numbers_and_texts_come_back(path):
+    texts = {"text": "σ · 'quoted'\nline", "empty": "", "number": 2.0}
+    data = xr.Dataset(NUMBERS | {"long": ((), "x" * 70_000)}, {"name": ["a", "bc"]}, texts)
+    write_groups({"": xr.Dataset(attrs={"kind": "test"}), "data": data, "bare": xr.Dataset()}, path, "contents")
+    groups = read_groups(path, "contents")
+    assert groups[""].text("kind") == "test"
+    assert groups["data"].text("text") == texts["text"]
+    assert groups["data"].text("empty") == ""
+    assert groups["data"].text("long") == "x" * 70_000
+    assert groups["data"].number("number") == 2.0
+    for name, (_, values) in NUMBERS.items():
+        read = groups["data"].array(name, *np.shape(values))
+        assert read.tobytes() == np.asarray(values, dtype=float).tobytes(), name
+        assert read.flags["C_CONTIGUOUS"]
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_complex_numbers_have_a_form_in_both_containers(path):
+    write_groups({"data": xr.Dataset({"poles": ("n", np.array([1 + 2j, 3 - 4j]))})}, path, "contents")
+    read = np.asarray(read_groups(path, "contents")["data"].value("poles"))
+    pairs = read if path.suffix == ".nc" else np.column_stack([read.ravel().real, read.ravel().imag])
+    np.testing.assert_array_equal(pairs, [[1.0, 2.0], [3.0, -4.0]])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda fields: fields.number("none"), "f, group g: there is no 'none'"),
+        (lambda fields: fields.array("text", 3), "f, group g: 'text' does not consist of numbers"),
+        (lambda fields: fields.array("ragged"), "f, group g: 'ragged' does not consist of numbers"),
+        (lambda fields: fields.text("vector"), "f, group g: 'vector' is no text"),
+        (lambda fields: fields.array("vector", 2, 2), "f, group g: 'vector' has 3 numbers, not 2 × 2"),
+        (lambda fields: fields.number("vector"), "f, group g: 'vector' has 3 numbers, not 1"),
+        (lambda fields: fields.array("infinite"), "f, group g: 'infinite' is not finite"),
+    ],
+)
+def test_values_of_another_form_are_refused_by_name(call, message):
+    values = {"text": "abc", "vector": np.ones(3), "ragged": [[1.0], [1.0, 2.0]], "infinite": [np.inf]}
+    with pytest.raises(DataError, match=message):
+        call(Fields("f, group g", values))
+
+
+def test_values_that_are_not_finite_can_be_allowed():
+    assert np.isnan(Fields("f", {"x": [np.nan]}).array("x", 1, finite=False)[0])

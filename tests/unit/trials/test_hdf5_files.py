@@ -1,0 +1,93 @@
+"""Variables of HDF5 files: links, samples in other files, dimensions without a variable."""
+
+import h5netcdf
+import h5py
+import numpy as np
+import pytest
+
+from ankleloop.errors import DataError
+from ankleloop.trials.readers import read_trial
+
+RATE = 500.0
+P = 0.02 * np.sin(np.arange(300) / 10)
+TQ = 3.0 * np.cos(np.arange(300) / 10)
+
+
+@pytest.fixture
+def path(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["data/angle"], file["torque"] = P, TQ
+        file["data"].attrs["fs"] = RATE
+        file.attrs["fs"] = RATE
+    return tmp_path / "a.h5"
+
+
+def link(path, name, target):
+    with h5py.File(path, "a") as file:
+        file[name] = target
+
+
+@pytest.mark.parametrize(
+    ("name", "target"), [("position", "/data/angle"), ("position", "data/angle"), ("data/position", "angle")]
+)
+def test_soft_links_are_followed(path, name, target):
+    link(path, name, h5py.SoftLink(target))
+    np.testing.assert_array_equal(read_trial(path, position=name).position, P)
+
+
+def test_a_link_to_a_group_of_links(path):
+    link(path, "other", h5py.SoftLink("/data"))
+    link(path, "data/position", h5py.SoftLink("angle"))
+    np.testing.assert_array_equal(read_trial(path, position="other/position").position, P)
+
+
+def test_hard_links_that_form_a_loop(path):
+    with h5py.File(path, "a") as file:
+        file["data/data"] = file["data"]
+    np.testing.assert_array_equal(read_trial(path, position="data/data/data/angle").position, P)
+    with pytest.raises(DataError, match=r"there is no variable 'angle'; the file has: data/angle, torque\. Name one"):
+        read_trial(path, position="angle")
+
+
+def test_a_link_to_another_file(path):
+    link(path, "position", h5py.ExternalLink("b.h5", "/angle"))
+    with pytest.raises(DataError, match=r"^a.h5: position is a link to /angle in another file, b.h5: read that"):
+        read_trial(path)
+
+
+def test_samples_in_other_files(path, tmp_path):
+    layout = h5py.VirtualLayout((300,), "f8")
+    layout[:] = h5py.VirtualSource(tmp_path / "gone.h5", "position", (300,))
+    with h5py.File(path, "a") as file:
+        file.create_virtual_dataset("virtual", layout, fillvalue=0.0)
+        file.create_dataset("external", (300,), "f8", external=[(str(tmp_path / "a.raw"), 0, 2400)])
+    for name in ("virtual", "external"):
+        with pytest.raises(DataError, match=rf"^a.h5: the samples of {name} are in other files: copy"):
+            read_trial(path, position=name)
+
+
+def test_a_dimension_without_a_variable_is_no_time(tmp_path):
+    with h5netcdf.File(tmp_path / "a.nc", "w") as file:
+        file.dimensions = {"time": 300}
+        for name, values in (("position", P), ("torque", TQ)):
+            file.create_variable(name, ("time",), float)[:] = values
+    with h5py.File(tmp_path / "a.nc", "a") as file:
+        assert file["time"].shape == (300,)  # zeros
+    with pytest.raises(DataError, match=r"a.nc: there is no sampling rate \(.*\) and no time column"):
+        read_trial(tmp_path / "a.nc")
+    assert read_trial(tmp_path / "a.nc", sampling_rate=RATE).attrs["sampling_rate"] == RATE
+
+
+def test_a_name_behind_a_link_that_is_not_there(path):
+    link(path, "other", h5py.SoftLink("/data"))
+    with pytest.raises(DataError, match=r"^a.h5: there is no variable 'other/angel'; the file has: data/angle, torque"):
+        read_trial(path, position="other/angel")
+
+
+def test_a_rate_in_khz(path):
+    with h5py.File(path, "a") as file:
+        file["data/position"], file["data/sampling_rate"] = P, 0.5
+        del file["data"].attrs["fs"]
+        file["data/sampling_rate"].attrs["units"] = "kHz"
+    with pytest.raises(DataError, match=r"data/sampling_rate is in 'kHz' according to the file: write it in Hz"):
+        read_trial(path, position="data/position")

@@ -1,0 +1,363 @@
+"""Trials from files: formats, names, units, signs and sampling rates."""
+
+import gzip
+
+import h5netcdf
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+import xarray as xr
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ankleloop.errors import DataError
+from ankleloop.trials.readers import read_trial
+from ankleloop.trials.trial import TRUE_TORQUES, new_trial, save_trial
+
+RATE = 500.0
+T = np.arange(300) / RATE
+P = 0.02 * np.sin(2 * np.pi * 3 * T)
+TQ = 3.0 * np.cos(2 * np.pi * 3 * T)
+R = 0.02 * np.sign(P + 1e-9)
+
+
+def assert_signals(trial, rate=RATE, rtol=0.0):
+    np.testing.assert_allclose(trial.position, P, rtol=rtol)
+    np.testing.assert_allclose(trial.torque, TQ, rtol=rtol)
+    assert trial.attrs["sampling_rate"] == rate
+
+
+def write_csv(path, **columns):
+    pd.DataFrame({"time": T, "position": P, "torque": TQ} | columns).to_csv(path, index=False)
+    return path
+
+
+def write_v73(path, tree, attributes=()):
+    """An HDF5 file as MATLAB writes it: a header in a user block, arrays transposed, structs as groups."""
+
+    def write(group, name, value):
+        if isinstance(value, dict):
+            struct = group.create_group(name)
+            struct.attrs["MATLAB_class"] = np.bytes_("struct")
+            for key, item in value.items():
+                write(struct, key, item)
+            return
+        group[name] = np.atleast_2d(np.asarray(value, float))
+        group[name].attrs["MATLAB_class"] = np.bytes_("double")
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in tree.items():
+            write(file, name, value)
+        file.create_group("#refs#")["a"] = np.zeros((1, 2))
+        for name, attribute, value in attributes:
+            file[name].attrs[attribute] = value
+    with open(path, "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    return path
+
+
+# --- CSV
+
+
+def test_csv_of_pandas(tmp_path):
+    trial = read_trial(write_csv(tmp_path / "a.csv", command=R), reference="command")
+    assert_signals(trial)
+    np.testing.assert_array_equal(trial.reference, R)
+
+
+def test_csv_gz_of_raw_text(tmp_path):
+    lines = [f"{t:.3f},{p!r},{tq!r}" for t, p, tq in zip(T, P.tolist(), TQ.tolist(), strict=True)]
+    with gzip.open(tmp_path / "a.csv.gz", "wt", encoding="utf-8") as file:
+        file.write("\n".join(["time_s,position_rad,torque_nm", *lines]) + "\n")
+    assert_signals(read_trial(str(tmp_path / "a.csv.gz"), position="position_rad", torque="torque_nm"))
+
+
+def test_csv_with_blanks_empty_lines_and_byte_order_mark(tmp_path):
+    lines = [f" {p!r}, {tq!r},  ," for p, tq in zip(P.tolist(), TQ.tolist(), strict=True)]
+    text = "\n\n".join(["position, torque, note,", *lines]) + "\n\n\n"
+    (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert_signals(read_trial(tmp_path / "a.csv", sampling_rate=RATE))
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("blank", [False, True])
+def test_text_in_a_cell_is_located_by_its_line(tmp_path, compressed, blank):
+    lines = ["time,position,torque", *(f"{t},{p},{tq}" for t, p, tq in zip(T, P, TQ, strict=True))]
+    lines[11] = f"{T[10]},n.v.t.,{TQ[10]}"
+    if blank:
+        lines[5:5] = ["", ""]
+    path = tmp_path / ("a.csv.gz" if compressed else "a.csv")
+    with (gzip.open if compressed else open)(path, "wt", encoding="utf-8") as file:
+        file.write("\n".join(lines))
+    line = 14 if blank else 12
+    with pytest.raises(
+        DataError, match=rf"^{path.name}: position is not a number in line {line} but 'n.v.t.': correct"
+    ):
+        read_trial(path)
+
+
+# --- MATLAB
+
+
+def test_mat_v5_struct(tmp_path):
+    data = {"rec": {"ankle": {"pos": P, "tq": TQ, "cmd": R}, "Fs": RATE, "name": "S1"}, "fs": 1.0}
+    scipy.io.savemat(tmp_path / "a.mat", data)
+    names = {"position": "rec.ankle.pos", "torque": "rec.ankle.tq", "reference": "rec.ankle.cmd"}
+    assert_signals(read_trial(tmp_path / "a.mat", **names))
+    with pytest.raises(DataError, match=r"there is no variable 'rec.pos'; the file has: rec.ankle.pos, rec.ankle.tq, "):
+        read_trial(tmp_path / "a.mat", position="rec.pos", torque="rec.ankle.tq")
+
+
+def test_mat_v4(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "fs": RATE}, format="4")
+    assert_signals(read_trial(tmp_path / "a.mat"))
+
+
+@pytest.mark.parametrize("wrap", [lambda x: x[None, :], lambda x: x[:, None]], ids=["transposed", "as-is"])
+def test_mat_v73(tmp_path, wrap):
+    path = write_v73(tmp_path / "a.mat", {"position": wrap(P), "torque": wrap(TQ), "fs": RATE})
+    assert path.read_bytes()[:10] == b"MATLAB 7.3"
+    assert_signals(read_trial(path))
+
+
+def test_mat_v73_struct(tmp_path):
+    path = write_v73(tmp_path / "a.mat", {"rec": {"ankle": {"pos": P, "tq": TQ}, "Fs": RATE}, "fs": 1.0})
+    assert_signals(read_trial(path, position="rec.ankle.pos", torque="rec.ankle.tq"))
+    with pytest.raises(
+        DataError, match=r"no variable 'position'; the file has: fs, rec.Fs, rec.ankle.pos, rec.ankle.tq\."
+    ):
+        read_trial(path)
+
+
+def test_mat_v73_empty_array_is_not_its_size(tmp_path):
+    tree = {"position": [0, 0], "torque": TQ, "fs": RATE}
+    path = write_v73(tmp_path / "a.mat", tree, [("position", "MATLAB_empty", np.uint8(1))])
+    with pytest.raises(DataError, match=r"^a.mat: position is empty"):
+        read_trial(path)
+
+
+# --- HDF5
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".hdf5"])
+def test_hdf5(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    with h5py.File(path, "w") as file:
+        file["position"], file["torque"] = P, TQ[None, :]
+        file["position"].attrs["units"] = "rad"
+        file.attrs["sampling_rate"] = RATE
+    assert_signals(read_trial(path))
+    assert_signals(read_trial(path, position="/position"))
+
+
+@pytest.mark.parametrize("owner", ["trial/ankle/position", "trial/ankle", "trial", "/"])
+@pytest.mark.parametrize("name", ["fs", "Fs", "sampling_rate", "sample_rate"])
+def test_hdf5_groups_and_their_rate(tmp_path, owner, name):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["trial/ankle/position"], file["trial/ankle/torque"] = P, TQ
+        file["other/fs"] = 1.0
+        file[owner].attrs[name] = RATE
+    assert_signals(read_trial(tmp_path / "a.h5", position="trial/ankle/position", torque="trial/ankle/torque"))
+
+
+def test_hdf5_rate_beside_the_position_comes_first(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["trial/position"], file["trial/torque"], file["trial/fs"] = P, TQ, [RATE]
+        file.attrs["sampling_rate"] = 1.0
+    assert_signals(read_trial(tmp_path / "a.h5", position="trial/position", torque="trial/torque"))
+
+
+# --- NetCDF
+
+
+@pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
+def test_netcdf_of_xarray(tmp_path, engine):
+    data = xr.Dataset({"position": ("t", P), "torque": ("t", TQ)}, coords={"t": T})
+    data.to_netcdf(tmp_path / "a.nc", engine=engine)
+    assert_signals(read_trial(tmp_path / "a.nc"))
+
+
+def test_netcdf_groups(tmp_path):
+    with h5netcdf.File(tmp_path / "a.nc", "w") as file:
+        group = file.create_group("trial")
+        group.dimensions = {"sample": P.size}
+        for name, values in (("position", P), ("torque", TQ)):
+            group.create_variable(name, ("sample",), float)[:] = values
+        group.attrs["fs"] = RATE
+    assert_signals(read_trial(tmp_path / "a.nc", position="trial/position", torque="/trial/torque"))
+
+
+def test_true_torques_of_a_netcdf_trial(tmp_path):
+    true_torques = {name: (k + 2) * TQ for k, name in enumerate(TRUE_TORQUES)}
+    save_trial(new_trial(P, TQ, RATE, R, **true_torques, seed=1), tmp_path / "a.nc")
+    trial = read_trial(tmp_path / "a.nc", reference="reference", torque_sign=-1, position_sign=-1)
+    for name, values in ({"position": P, "torque": TQ, "reference": R} | true_torques).items():
+        np.testing.assert_array_equal(trial[name], -values)
+    assert "reference" not in read_trial(tmp_path / "a.nc")
+
+
+# --- units and signs
+
+
+@pytest.mark.parametrize("unit", ["Degrees", b"degree", "°"])
+def test_stated_units_contradict_the_option(tmp_path, unit):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["position"], file["torque"], file["fs"] = np.rad2deg(P), TQ, RATE
+        file["position"].attrs["units"] = unit
+    with pytest.raises(
+        DataError, match=r"position is in '.*' .*, but position_unit is 'rad': pass position_unit='deg'"
+    ):
+        read_trial(tmp_path / "a.h5")
+    assert_signals(read_trial(tmp_path / "a.h5", position_unit="deg"), rtol=1e-15)
+
+
+def test_degrees_without_a_stated_unit_are_refused(tmp_path):
+    path = write_csv(tmp_path / "a.csv", position=np.rad2deg(P))
+    with pytest.raises(
+        DataError, match=r"^a.csv: position moves at .* is the position in degrees\? pass position_unit='deg'"
+    ):
+        read_trial(path)
+    assert_signals(read_trial(path, position_unit="deg"), rtol=1e-14)
+
+
+def test_degrees_and_sign_apply_to_the_reference(tmp_path):
+    path = write_csv(tmp_path / "a.csv", position=np.rad2deg(P), cmd=np.rad2deg(R))
+    trial = read_trial(path, reference="cmd", position_unit="deg", position_sign=-1)
+    np.testing.assert_allclose(trial.position, -P, rtol=1e-14)
+    np.testing.assert_allclose(trial.reference, -R, rtol=1e-14)
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(sign=st.sampled_from([1, -1]), torque_sign=st.sampled_from([1, -1]), seed=st.integers(0, 2**32 - 1))
+def test_signs_applied_twice_cancel(tmp_path, sign, torque_sign, seed):
+    rng = np.random.default_rng(seed)
+    first = new_trial(*(0.01 * rng.standard_normal((2, 20))), 100.0, rng.standard_normal(20), torque_noise=np.zeros(20))
+    signs = {"reference": "reference", "position_sign": sign, "torque_sign": torque_sign}
+    for name in ("a.nc", "b.nc"):
+        (tmp_path / name).unlink(missing_ok=True)
+    save_trial(first, tmp_path / "a.nc")
+    save_trial(read_trial(tmp_path / "a.nc", **signs), tmp_path / "b.nc")
+    second = read_trial(tmp_path / "b.nc", **signs)
+    xr.testing.assert_equal(second, first)
+
+
+def test_attributes_record_the_options(tmp_path):
+    path = write_csv(tmp_path / "a.csv", angle=np.rad2deg(P))
+    trial = read_trial(path, position="angle", position_unit="deg", position_sign=-1, torque_sign=-1)
+    assert trial.attrs == {
+        "sampling_rate": RATE,
+        "source": "a.csv",
+        "position_variable": "angle",
+        "torque_variable": "torque",
+        "position_unit": "deg",
+        "position_sign": -1,
+        "torque_sign": -1,
+    }
+    assert trial.position.attrs["units"] == "rad"
+
+
+# --- sampling rate and time
+
+
+@pytest.mark.parametrize("file_format", [".csv", ".mat", ".h5"])
+def test_a_stated_rate_that_contradicts_the_file(tmp_path, file_format):
+    path = tmp_path / f"a{file_format}"
+    columns = {"position": P, "torque": TQ}
+    if file_format == ".csv":  # a table has no single number
+        write_csv(path, time=T, **columns)
+    elif file_format == ".mat":
+        scipy.io.savemat(path, {**columns, "fs": RATE})
+    else:
+        with h5py.File(path, "w") as file:
+            file.update(columns)
+            file.attrs["fs"] = RATE
+    with pytest.raises(DataError, match=rf"stated as {RATE / 2:g} Hz, but .*{RATE:g} Hz"):
+        read_trial(path, sampling_rate=RATE / 2)
+    assert_signals(read_trial(path, sampling_rate=RATE))
+
+
+def test_a_stated_rate_settles_what_the_file_does_not_say(tmp_path):
+    columns = {"position": P, "torque": TQ}
+    scipy.io.savemat(tmp_path / "a.mat", {**columns, "fs": "fast"})
+    scipy.io.savemat(tmp_path / "b.mat", {**columns, "fs": RATE / 10, "Fs": RATE})
+    for name in ("a.mat", "b.mat"):
+        assert_signals(read_trial(tmp_path / name, sampling_rate=RATE))
+
+
+def test_option_and_time_must_agree(tmp_path):
+    path = write_csv(tmp_path / "a.csv")
+    with pytest.raises(DataError, match=r"^a.csv: .* stated as 1000 Hz, but time runs at 500 Hz: correct the one"):
+        read_trial(path, sampling_rate=1000.0)
+    assert_signals(read_trial(path, sampling_rate=RATE * 1.0005), rate=RATE * 1.0005)
+
+
+def test_rate_of_the_file_and_time_must_agree(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "t": T, "fs": 1000.0})
+    with pytest.raises(DataError, match="stated as 1000 Hz, but t runs at 500 Hz"):
+        read_trial(tmp_path / "a.mat")
+
+
+def test_time_column_may_start_at_any_time(tmp_path):
+    trial = read_trial(write_csv(tmp_path / "a.csv", time=T + 1.7e9))
+    assert_signals(trial, rate=trial.attrs["sampling_rate"])
+    assert trial.attrs["sampling_rate"] == pytest.approx(RATE, rel=1e-6)
+    assert trial.time[0] == 0.0
+
+
+def test_time_of_another_length(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "time": T[:-1]})
+    with pytest.raises(DataError, match="time has 299 samples but position has 300: cut both"):
+        read_trial(tmp_path / "a.mat")
+
+
+def test_torque_variable_t_is_not_the_time(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"p": P, "t": TQ, "fs": RATE})
+    assert_signals(read_trial(tmp_path / "a.mat", position="p", torque="t"))
+
+
+# --- files that cannot be read
+
+
+def test_missing_variable_lists_the_variables(tmp_path):
+    message = r"^a.csv: there is no variable 'angle'; the file has: time, position, torque\. Name one of these"
+    with pytest.raises(DataError, match=message):
+        read_trial(write_csv(tmp_path / "a.csv"), position="angle")
+
+
+# --- real recordings
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".h5", ".nc"])
+def test_further_variables(tmp_path, suffix):
+    """They keep their numbers and their unit, whatever the position has."""
+    position, torque = np.sin(np.arange(50.0)), np.cos(np.arange(50.0))
+    data = {"angle": position, "torque": torque, "knee": 30.0 + position, "emg": torque**2}
+    path = tmp_path / f"trial{suffix}"
+    if suffix == ".csv":
+        pd.DataFrame(data).to_csv(path, index=False)
+    elif suffix == ".mat":
+        scipy.io.savemat(path, data)
+    elif suffix == ".h5":
+        with h5py.File(path, "w") as file:
+            for name, values in data.items():
+                file[name] = values
+            file["knee"].attrs["units"] = "degrees of the knee"
+    else:
+        xr.Dataset({name: ("time", values) for name, values in data.items()}).to_netcdf(path, engine="h5netcdf")
+    trial = read_trial(
+        path,
+        position="angle",
+        sampling_rate=100.0,
+        position_unit="deg",
+        position_sign=-1,
+        variables={"knee_angle": "knee", "activity": "emg"},
+    )
+    np.testing.assert_allclose(trial["position"], -np.deg2rad(position))
+    np.testing.assert_allclose(trial["knee_angle"], data["knee"])
+    np.testing.assert_allclose(trial["activity"], data["emg"])
+    assert trial["knee_angle"].attrs["units"] == ("degrees of the knee" if suffix == ".h5" else "")
+    assert trial.attrs["knee_angle_variable"] == "knee"
+    with pytest.raises(DataError, match="hip"):
+        read_trial(path, position="angle", sampling_rate=100.0, variables={"hip_angle": "hip"})

@@ -1,0 +1,178 @@
+"""Trials: made from arrays, cut, saved and loaded."""
+
+import os
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from ankleloop.errors import DataError
+from ankleloop.trials.trial import TRUE_TORQUES, load_trial, new_trial, save_trial, segment
+
+RATE = 1000.0
+T = np.arange(500) / RATE
+POSITION = 0.02 * np.sin(2 * np.pi * 3 * T)
+TORQUE = 3.0 * np.cos(2 * np.pi * 3 * T)
+REFERENCE = 0.02 * np.sign(POSITION + 1e-9)
+
+
+@pytest.fixture
+def trial():
+    return new_trial(POSITION, TORQUE, RATE, REFERENCE, torque_reflex=TORQUE / 3, seed=7, subject="S1")
+
+
+# --- new_trial
+
+
+def test_new_trial_keeps_the_contract(trial):
+    assert set(trial.data_vars) == {"position", "torque", "reference", "torque_reflex"}
+    assert trial.attrs == {"sampling_rate": RATE, "seed": 7, "subject": "S1"}
+    assert isinstance(trial.attrs["sampling_rate"], float)
+    np.testing.assert_array_equal(trial.position, POSITION)
+    np.testing.assert_allclose(trial.time, T, rtol=1e-15)
+    for name, variable in trial.variables.items():
+        assert variable.dims == ("time",), name
+        assert variable.dtype == np.float64
+        assert variable.attrs["long_name"]
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("position", "rad"),
+        ("reference", "rad"),
+        ("torque", "N·m"),
+        ("time", "s"),
+        ("emg", ""),
+        ("torque_of_mass", "N·m"),
+    ]
+    + [(name, "N·m") for name in TRUE_TORQUES],
+)
+def test_units(name, unit):
+    extras = dict.fromkeys((*TRUE_TORQUES, "emg", "torque_of_mass"), TORQUE)
+    assert new_trial(POSITION, TORQUE, RATE, REFERENCE, **extras)[name].attrs["units"] == unit
+
+
+def test_attributes_have_types_of_netcdf():
+    trial = new_trial(POSITION, TORQUE, RATE, a=np.float32(0.5), b=np.int8(3), c=True, d=None, e=np.array(2.0), f="x")
+    attributes = {name: value for name, value in trial.attrs.items() if name != "sampling_rate"}
+    assert attributes == {"a": 0.5, "b": 3, "c": 1, "e": 2.0, "f": "x"}
+    assert {type(value) for value in attributes.values()} == {int, float, str}
+
+
+@pytest.mark.parametrize("value", [1j, {}, 2**70, b"bytes"])
+def test_attributes_of_other_types_are_refused(value):
+    with pytest.raises(DataError, match=r"the attribute setting is .*: pass a string, a float or a 64-bit integer"):
+        new_trial(POSITION, TORQUE, RATE, setting=value)
+
+
+@pytest.mark.parametrize("name", ["torque", "reference", "emg"])
+def test_unequal_lengths_are_refused(name):
+    arrays = {"position": POSITION, "torque": TORQUE} | {name: TORQUE[:-1]}
+    with pytest.raises(DataError, match=f"{name} has 499 samples but position has 500: cut all variables"):
+        new_trial(**arrays, sampling_rate=RATE)
+
+
+def test_masked_samples_count_as_missing():
+    with pytest.raises(DataError, match=r"position is not finite at sample 40 \(0.04 s\)"):
+        new_trial(np.ma.masked_array(POSITION, np.arange(500) == 40), TORQUE, RATE)
+
+
+def test_variable_time_is_refused():
+    with pytest.raises(DataError, match="time is made from sampling_rate: do not pass it"):
+        new_trial(POSITION, TORQUE, RATE, time=T)
+
+
+# --- segment
+
+
+def test_segment_keeps_its_times(trial):
+    part = segment(trial, 0.1, 0.4)
+    xr.testing.assert_identical(part, trial.isel(time=slice(100, 400)))
+
+
+def test_segment_outside_the_trial_is_refused(trial):
+    with pytest.raises(DataError, match=r"from 0.6 to 0.9 s has no samples: the trial covers 0 to 0.499 s"):
+        segment(trial, 0.6, 0.9)
+
+
+def test_segment_must_be_a_valid_trial(trial):
+    trial.torque[:100] = 1.0
+    with pytest.raises(DataError, match=r"^segment 0 to 0.1 s: torque is constant"):
+        segment(trial, 0.0, 0.1)
+
+
+# --- save_trial, load_trial
+
+_finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
+_attributes = st.one_of(
+    st.integers(-(2**63), 2**63 - 1),
+    st.floats(allow_nan=False),
+    st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20),
+)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    position=hnp.arrays(float, 20, elements=st.floats(-0.1, 0.1), unique=True),
+    torque=hnp.arrays(float, 20, elements=st.floats(-1e15, 1e15), unique=True),
+    emg=hnp.arrays(float, 22, elements=_finite),
+    rate=st.floats(1.0, 30.0),
+    attribute=_attributes,
+)
+def test_round_trip_is_bit_exact(tmp_path_factory, position, torque, emg, rate, attribute):
+    path = tmp_path_factory.mktemp("trials") / "trial.nc"
+    position, torque = [0.0, 0.1, *position], [0.0, 1.0, *torque]
+    trial = new_trial(position, torque, rate, emg=emg, setting=attribute)
+    save_trial(trial, path)
+    loaded = load_trial(path)
+    assert loaded.identical(trial)
+    assert {name: type(value) for name, value in loaded.attrs.items()} == {
+        name: type(value) for name, value in trial.attrs.items()
+    }
+    for name in trial.variables:  # identical() takes -0.0 for 0.0
+        assert loaded[name].to_numpy().tobytes() == trial[name].to_numpy().tobytes()
+
+
+def test_packed_encoding_does_not_change_samples(trial, tmp_path):
+    trial.torque.encoding = {"dtype": "int16", "scale_factor": 0.01, "_FillValue": -1}
+    save_trial(trial, tmp_path / "trial.nc")
+    assert load_trial(tmp_path / "trial.nc").identical(trial)
+
+
+def test_file_does_not_contain_its_path(trial, tmp_path):
+    save_trial(trial, str(tmp_path / "trial.nc"))
+    assert load_trial(str(tmp_path / "trial.nc")).encoding == {}
+    assert str(tmp_path).encode() not in (tmp_path / "trial.nc").read_bytes()
+
+
+def test_file_is_reproducible(trial, tmp_path):
+    for name in ("a.nc", "b.nc"):
+        save_trial(trial, tmp_path / name)
+    assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+
+
+def test_invalid_trial_is_not_saved(trial, tmp_path):
+    trial.torque[5] = np.nan
+    with pytest.raises(DataError, match=r"^trial.nc: torque is not finite at sample 5"):
+        save_trial(trial, tmp_path / "trial.nc")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("content", [b"", b"not a netcdf file", b"\x89HDF\r\n\x1a\n" + bytes(100)])
+def test_loading_other_formats(tmp_path, content):
+    (tmp_path / "trial.nc").write_bytes(content)
+    with pytest.raises(DataError, match=r"trial.nc: not a readable NetCDF-4 file .*write it with save_trial"):
+        load_trial(tmp_path / "trial.nc")
+
+
+def test_loading_validates_the_trial(trial, tmp_path):
+    save_trial(trial, tmp_path / "trial.nc")
+    with h5py.File(tmp_path / "trial.nc", "r+") as file:
+        file["time"][300:] += 0.05
+    with pytest.raises(DataError, match=r"^trial.nc: time is irregular at sample 300 \(0.35 s\)"):
+        load_trial(tmp_path / "trial.nc")

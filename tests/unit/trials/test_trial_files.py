@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+from ankleloop import DataError, new_trial, simulate
+from ankleloop.trials.trial_files import load_chunks, load_trial_of, load_trials, save_trials
+
+
+def make_trials(count=3, samples=50, **attributes):
+    rng = np.random.default_rng(0)
+    return [
+        new_trial(*(0.01 * rng.standard_normal((2, samples))), 100.0, subject="S1", number=k, **attributes)
+        for k in range(count)
+    ]
+
+
+def test_trials_that_cannot_share_a_file(tmp_path):
+    with pytest.raises(DataError, match="no trials"):
+        save_trials([], tmp_path / "trials.nc")
+    with pytest.raises(DataError, match="trial 1 of only differs from the first trial"):
+        save_trials([*make_trials(1), *make_trials(1, samples=60)], tmp_path / "trials.nc")
+    with pytest.raises(DataError, match="no folder"):
+        save_trials(make_trials(1), tmp_path / "nowhere" / "trials.nc")
+    with pytest.raises(ValueError, match=r"zip\(\) argument"):
+        save_trials(make_trials(2), tmp_path / "trials.nc", index=[("a", 0)])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_trials_of_several_points_in_one_file(tmp_path):
+    trials, index = make_trials(4), [("a", 0), ("a", 1), ("b", 0), ("b", 1)]
+    save_trials(trials, tmp_path / "trials.nc", index=index)
+    (chunk,) = load_chunks(tmp_path / "trials.nc")
+    assert list(zip(chunk.points, chunk.numbers, strict=True)) == index
+    for trial, (point, number) in zip(trials, index, strict=True):
+        loaded = load_trial_of([tmp_path / "trials.nc"], point, number)
+        np.testing.assert_array_equal(loaded["torque"], trial["torque"])
+        assert loaded.attrs == trial.attrs
+
+
+def test_a_point_whose_trials_are_in_several_files(tmp_path):
+    trials = make_trials(5)
+    save_trials(trials[:3], tmp_path / "0.nc", index=[("a", k) for k in range(3)])
+    save_trials(trials[3:], tmp_path / "1.nc", index=[("a", k) for k in (3, 4)])
+    paths = [tmp_path / "0.nc", tmp_path / "1.nc"]
+    for number, trial in enumerate(trials):
+        np.testing.assert_array_equal(load_trial_of(paths, "a", number)["torque"], trial["torque"])
+    for point, number in (("a", 5), ("b", 0)):
+        with pytest.raises(DataError, match=f"no trial file has trial {number} of the point '{point}'"):
+            load_trial_of(paths, point, number)
+
+
+def test_single_precision_halves_the_file_and_rounds_far_below_a_converter(tmp_path):
+    trials = [simulate(seed=k, duration=10.0) for k in range(3)]
+    for precision in ("double", "single"):
+        save_trials(iter(trials), tmp_path / f"{precision}.nc", precision=precision)
+    assert (tmp_path / "single.nc").stat().st_size < 0.6 * (tmp_path / "double.nc").stat().st_size
+    for before, after in zip(trials, load_trials(tmp_path / "single.nc"), strict=True):
+        assert after["torque"].dtype == np.float64
+        for name in before.data_vars:
+            error = np.abs(after[name] - before[name]).max() / np.abs(before[name]).max()
+            assert error < 1e-7
+    with pytest.raises(ValueError, match="unknown precision 'half'; known: double, single"):
+        save_trials(trials, tmp_path / "half.nc", precision="half")
+
+
+def test_constant_signals_take_a_number_for_each_trial(tmp_path):
+    quiet = [simulate(seed=k, duration=10.0, snr_db=None, voluntary=0.0) for k in range(3)]
+    loud = [simulate(seed=k, duration=10.0) for k in range(3)]
+    save_trials(quiet, tmp_path / "quiet.nc")
+    save_trials(loud, tmp_path / "loud.nc")
+    assert (tmp_path / "quiet.nc").stat().st_size < 0.75 * (tmp_path / "loud.nc").stat().st_size
+    for before, after in zip(quiet, load_trials(tmp_path / "quiet.nc"), strict=True):
+        np.testing.assert_array_equal(after["torque_noise"], before["torque_noise"])
+        assert after["torque_noise"].sizes == before["torque_noise"].sizes
+
+
+def test_quiet_and_loud_trials_share_a_file_in_single_precision(tmp_path):
+    trials = [simulate(seed=0, duration=10.0, snr_db=None), simulate(seed=1, duration=10.0)]
+    save_trials(trials, tmp_path / "trials.nc", precision="single")
+    save_trials(trials[1:], tmp_path / "loud.nc", precision="single")
+    assert (tmp_path / "trials.nc").stat().st_size < 2.1 * (tmp_path / "loud.nc").stat().st_size
+    assert not load_trial_of([tmp_path / "trials.nc"], "only", 0)["torque_noise"].any()
+
+
+def test_more_trials_than_are_read_at_a_time(tmp_path):
+    save_trials(make_trials(37), tmp_path / "trials.nc")
+    assert [trial.attrs["number"] for trial in load_trials(tmp_path / "trials.nc")] == list(range(37))
+    assert [len(chunk.trials) for chunk in load_chunks(tmp_path / "trials.nc")] == [25, 12]
+
+
+def test_attributes_in_which_trials_differ_keep_their_values_and_types(tmp_path):
+    trials = [trial.assign_attrs(gain=gain) for trial, gain in zip(make_trials(3), (2, 2.0, 3), strict=True)]
+    trials[2].attrs.pop("subject")
+    save_trials(trials, tmp_path / "trials.nc")
+    for before, after in zip(trials, load_trials(tmp_path / "trials.nc"), strict=True):
+        assert after.attrs == before.attrs
+        assert type(after.attrs["gain"]) is type(before.attrs["gain"])

@@ -1,0 +1,151 @@
+"""The contract of a trial: each fault is refused by a message that names it."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from ankleloop.errors import DataError
+from ankleloop.signals.sampling import compute_rate
+from ankleloop.trials import validation
+from ankleloop.trials.trial import new_trial
+from ankleloop.trials.validation import validate
+
+RATE = 1000.0
+T = np.arange(500) / RATE
+POSITION = 0.02 * np.sin(2 * np.pi * 3 * T)
+TORQUE = 3.0 * np.cos(2 * np.pi * 3 * T)
+REFERENCE = 0.02 * np.sign(POSITION + 1e-9)
+
+
+@pytest.fixture
+def trial():
+    return new_trial(POSITION, TORQUE, RATE, REFERENCE, torque_reflex=TORQUE / 3, seed=7, subject="S1")
+
+
+def test_segment_is_valid(trial):
+    assert validate(trial.isel(time=slice(100, 400))).time.size == 300
+
+
+@pytest.mark.parametrize("rate", [0, -5.0, np.nan, np.inf])
+def test_sampling_rate_must_be_positive_and_finite(trial, rate):
+    with pytest.raises(DataError, match=r"^x: sampling_rate must be .* between 0.001 and 1e9 Hz, got"):
+        validate(trial.assign_attrs(sampling_rate=rate), source="x")
+
+
+def test_missing_sampling_rate(trial):
+    del trial.attrs["sampling_rate"]
+    with pytest.raises(DataError, match=r"the attribute sampling_rate is missing: set trial.attrs"):
+        validate(trial)
+
+
+@pytest.mark.parametrize("name", ["position", "reference", "torque_reflex"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_samples_must_be_finite(trial, name, value):
+    trial[name][[123, 200]] = value
+    message = rf"^x: {name} is not finite at sample 123 \(0.123 s\), 2 samples in all: cut .* or repair the channel"
+    with pytest.raises(DataError, match=message):
+        validate(trial, source="x")
+
+
+def test_time_of_a_sample_counts_from_the_start_of_the_time_axis(trial):
+    trial.torque[123] = np.nan
+    with pytest.raises(DataError, match=r"at sample 23 \(0.123 s\), 1 sample in all"):
+        validate(trial.isel(time=slice(100, None)))
+
+
+@pytest.mark.parametrize("name", ["position", "torque"])
+@pytest.mark.parametrize("noise", [0.0, 1e-16])
+def test_constant_channels_are_refused(trial, name, noise):
+    trial[name][:] = 0.5 + noise * np.random.default_rng(0).standard_normal(500)
+    with pytest.raises(DataError, match=rf"^x: {name} is constant \(0.5 at all 500 samples\): check the channel"):
+        validate(trial, source="x")
+
+
+def test_constant_true_torque_is_accepted():
+    assert "torque_voluntary" in new_trial(POSITION, TORQUE, RATE, torque_voluntary=np.zeros(500))
+
+
+def test_two_samples_are_accepted():
+    assert new_trial([0.0, 0.001], [1.0, 2.0], RATE).time.size == 2
+
+
+def test_position_in_degrees_is_refused():
+    with pytest.raises(
+        DataError, match=r"position moves at 21.59 rad/s at sample \d+ \(\S+ s\), above 20 rad/s: is the"
+    ) as e:
+        new_trial(np.rad2deg(POSITION), TORQUE, RATE)
+    assert "pass position_unit='deg'" in str(e.value)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 5000.0, 20000.0])
+def test_position_noise_is_accepted(rate):
+    time = np.arange(int(rate)) / rate
+    noise = 0.01 * np.random.default_rng(1).standard_normal(time.size)
+    position = 0.02 * np.sin(2 * np.pi * 3 * time) + noise
+    assert np.max(np.abs(np.diff(position))) * rate > 20.0
+    new_trial(position, np.cos(time), rate)
+
+
+@settings(max_examples=50)
+@given(hnp.arrays(float, st.integers(2, 40), elements=st.floats(-1.0, 1.0)), st.sampled_from([100.0, 700.0, 1000.0]))
+def test_peak_speed_is_the_largest_difference_of_means(position, rate):
+    half = min(max(1, round(0.003 * rate)), (position.size - 1) // 2)
+    speeds = {k: abs(position[k] - position[k - 1]) * rate for k in range(1, position.size)}
+    if half:
+        inside = range(half, position.size - half)
+        means = {k: (position[k + 1 : k + half + 1].mean(), position[k - half : k].mean()) for k in inside}
+        speeds = {k: abs(after - before) / (half + 1) * rate for k, (after, before) in means.items()}
+    sample, speed = validation.peak_speed(position, rate)
+    assert speed == pytest.approx(max(speeds.values()), abs=1e-9)
+    assert speed == 0.0 or speeds[sample] == pytest.approx(speed, abs=1e-9)
+
+
+def test_other_types_are_refused(trial):
+    with pytest.raises(DataError, match="position is of type float32, not float64: make the trial with new_trial"):
+        validate(trial.assign(position=trial.position.astype("float32")))
+    with pytest.raises(DataError, match=r"a trial is an xarray.Dataset, not dict: make it with new_trial"):
+        validate({"position": POSITION})
+
+
+def _with_time(trial, time):
+    return trial.assign_coords(time=("time", time))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda t: np.where(np.arange(500) < 300, t, t + 0.05),
+            r"irregular at sample 300 \(0.35 s\): it steps by 0.051 s",
+        ),
+        (
+            lambda t: np.where(np.arange(500) < 300, t, t - 0.001),
+            r"irregular at sample 300 \(0.299 s\): it steps by 0 s",
+        ),
+        (lambda t: np.where(np.arange(500) == 300, t + 4e-5, t), r"irregular at sample 300 \(0.30004 s\)"),
+        (lambda t: np.where(np.arange(500) == 300, np.nan, t), r"time is not finite at sample 300 \(1 sample in all\)"),
+        (lambda t: t[::-1], "irregular at sample 1 "),
+        (lambda t: 2 * t, r"stated as 1000 Hz, but time runs at 500 Hz: correct the one"),
+    ],
+    ids=["gap", "duplicate", "jitter", "nan", "backwards", "other-rate"],
+)
+def test_time_must_be_regular(trial, change, message):
+    with pytest.raises(DataError, match=message):
+        validate(_with_time(trial, change(trial.time.to_numpy())))
+
+
+def test_time_in_single_precision_is_regular():
+    time = (np.arange(300_000) / RATE).astype(np.float32).astype(float)
+    assert compute_rate(time, source="x") == pytest.approx(RATE, rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [1e-18, 1e18])
+@pytest.mark.parametrize("name", ["torque", "reference"])
+def test_numbers_that_no_joint_has_are_refused(factor, name):
+    phase = np.arange(100) / 10
+    channels = {"position": 0.02 * np.sin(phase), "torque": np.cos(phase), "reference": np.sin(phase)}
+    channels[name] = factor * channels[name]
+    with pytest.raises(DataError, match=rf"{name} (varies by|reaches) .*no channel of a joint does: check its unit"):
+        new_trial(**channels, sampling_rate=100.0)
