@@ -52,21 +52,21 @@ def export_outputs(notebook: nbformat.NotebookNode) -> str:
     return exporter.from_notebook_node(notebook)[0]
 
 
-def check_results_of(parameters: Mapping) -> None:
-    """Refuse a simulated study of which results are missing; the article shows several, each with a page of its own.
+def check_results_of(study: Mapping) -> None:
+    """Refuse a simulated study of which results are missing.
 
     The table of all trials, which the page of a sweep shows, has been checked when it was written.
     """
-    if parameters.get("kind") == "simulation" and parameters["parameters"]:
+    if study["kind"] == "simulation" and study["parameters"]:
         names = ("parameters", "scores", "points", "labels")
-        check_study(*(parameters[name] for name in names), snakemake.params.trials)
+        check_study(*(study[name] for name in names), snakemake.params.trials)
 
 
-def describe_failures_of(parameters: Mapping) -> str:
-    """How many identifications of a simulated study failed; the article shows several, each with a page of its own."""
-    if parameters.get("kind") != "simulation":
+def describe_failures_of(study: Mapping) -> str:
+    """How many identifications of a simulated study failed."""
+    if study["kind"] != "simulation":
         return ""
-    return describe_failures(read_trial_table(parameters["table_file"], [*KEYS, "failure"]))
+    return describe_failures(read_trial_table(study["table_file"], [*KEYS, "failure"]))
 
 
 def write_captions(captions: Mapping[bytes, str], folder: Path) -> None:
@@ -77,8 +77,10 @@ def write_captions(captions: Mapping[bytes, str], folder: Path) -> None:
 
 with running(snakemake):
     notebook, parameters = snakemake.input.notebook, dict(snakemake.params.parameters)
+    study = parameters.get("study")  # the article shows several, each of which has a page of its own
     check_parameters(notebook, parameters)
-    check_results_of(parameters)
+    if study:
+        check_results_of(study)
     if snakemake.output.get("figures"):  # a folder, which the notebook fills
         Path(snakemake.output.figures).mkdir(parents=True, exist_ok=True)
     executed = execute(notebook, parameters)
@@ -89,6 +91,6 @@ with running(snakemake):
     log.info("executed %s", notebook)
     report = next(path for path in snakemake.output if path.endswith(".html"))
     with atomic_file(report, overwrite=True) as path:
-        note, index = describe_failures_of(parameters), "index.html" if "studies" in parameters else "../index.html"
-        page = render_notebook_page(parameters["title"], body, note, index=index)
+        note, title = (describe_failures_of(study), study["title"]) if study else ("", parameters["title"])
+        page = render_notebook_page(title, body, note, index="../index.html" if study else "index.html")
         path.write_text(page, encoding="utf-8")

@@ -25,6 +25,11 @@ def label_setting(name: str) -> tuple[str, str]:
     return NAMES.get(name, name.replace("_", " ")), SimulationSettings.unit(name)
 
 
+def label_axis(name: str) -> str:
+    """Label of an axis or a column of a simulation setting."""
+    return "{} [{}]".format(*label_setting(name))
+
+
 def format_setting(name: str, value: float) -> str:
     """Value of a simulation setting with its unit."""
     unit = SimulationSettings.unit(name)

@@ -119,11 +119,6 @@ class StudyResults:
         """Mean error of K [% of the true K]; raises `MissingEvidence` if there are no such results."""
         return Mean.of(self.stiffness_errors(point, method))
 
-    def stiffness_difference(self, point: str, *methods: str) -> Mean:
-        """Mean difference of the errors of K by two methods on the same trials [% of the true K]."""
-        first, second = (self.stiffness_errors(point, method) for method in methods)
-        return Mean.of(first - second)
-
     def _select(self, table: pd.DataFrame, column: str, point: str, method: str, **keys: str) -> pd.Series:
         """A column of the rows of a point and a method with some values in other columns, by trial."""
         rows = table[(table["point"] == point) & (table["method"] == method)] if len(table) else table

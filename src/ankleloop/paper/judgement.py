@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import pandas as pd
@@ -16,20 +15,12 @@ from ankleloop.signals.vaf import confidence_margin
 LEVEL = 0.95  # of the intervals
 REPRODUCED, NOT_REPRODUCED, OPEN = "reproduced", "not reproduced", "cannot be judged"
 CONDITIONAL = "reproduced under stated conditions"
+AT_TOLERANCE = "at the tolerance"
 CONTRADICTION, BY_CONSTRUCTION = "contradiction in the paper", "by construction"
+# Shares of the tolerance: of the distance from it, and of half the interval, of what lies at the tolerance.
+NEAR, NARROW = 0.1, 0.25
 
 Range = tuple[float, float]
-
-
-class Quantity(Protocol):
-    """A result with an interval."""
-
-    @property
-    def value(self) -> float:
-        """The result."""
-
-    def interval(self, level: float = LEVEL) -> Range:
-        """Ends of its confidence interval; nan where there is none."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +56,6 @@ class Mean:
         """The mean and half of its 95 % interval in words."""
         return format_interval(self.value, self.margin(), ".4g")
 
-    def scale(self, factor: float, offset: float = 0.0) -> Mean:
-        """The mean of the sample times a factor, plus an offset."""
-        return Mean(self.value * factor + offset, self.error * abs(factor), self.freedom)
-
     def __sub__(self, other: Mean) -> Mean:
         """Difference of independent means, with the degrees of freedom of Welch and Satterthwaite."""
         first, second = self.error**2, other.error**2
@@ -101,17 +88,18 @@ class Replicates:
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measurement whose 95 % interval was computed where it was made."""
+    """A measurement whose 95 % interval was computed where it was made; it is compared alone."""
 
     value: float  # the measurement
     low: float = np.nan  # lower end of its interval
     high: float = np.nan  # upper end of its interval
 
-    def interval(self, level: float = LEVEL) -> Range:
+    def interval(self, _level: float = LEVEL) -> Range:
         """Ends of its interval."""
-        if level != LEVEL:
-            raise ValueError(f"the interval of this measurement is known at {LEVEL:.0%} only, not at {level:.1%}.")
         return self.low, self.high
+
+
+Quantity = Mean | Replicates | Measurement
 
 
 @dataclass(frozen=True)
@@ -152,14 +140,19 @@ class Comparison:
         smallest, largest = self.accepted
         if low >= smallest and high <= largest:
             return REPRODUCED
-        return NOT_REPRODUCED if high < smallest or low > largest else OPEN
+        if high < smallest or low > largest:
+            return NOT_REPRODUCED
+        ends = [end for end in self.accepted if low <= end <= high]
+        near = any(abs(self.difference - end) <= NEAR * abs(end) for end in ends)
+        narrow = any(high - low <= 2.0 * NARROW * abs(end) for end in ends)
+        return AT_TOLERANCE if near and narrow else OPEN
 
 
 @dataclass(frozen=True)
 class Judgement:
     """Verdict on a claim, and the comparison that decides it."""
 
-    verdict: str  # "reproduced", "not reproduced" or "cannot be judged"
+    verdict: str  # "reproduced", "not reproduced", "at the tolerance" or "cannot be judged"
     decisive: Comparison  # of the comparisons with this verdict the one with the least room
     level: float  # level of its interval
 
@@ -179,7 +172,7 @@ class Judgement:
             return f"{label}there is no result"
         if math.isnan(low + high):
             return f"{label}there is no interval, which takes two trials or more"
-        place = "reaches beyond" if self.verdict == OPEN else "lies outside"
+        place = "lies outside" if self.verdict == NOT_REPRODUCED else "reaches beyond"
         return (
             f"{label}the difference, {low:.3g} … {high:.3g} at {100 * self.level:.4g} %, {place} what is accepted, "
             f"{_describe_range(*self.decisive.accepted)}"
@@ -229,7 +222,9 @@ def judge(comparisons: Sequence[Comparison]) -> Judgement:
     failures = [comparison for comparison in comparisons if comparison.verdict(simultaneous) == NOT_REPRODUCED]
     if failures:
         return _find_decisive(NOT_REPRODUCED, failures, simultaneous)
-    return _find_decisive(OPEN, [part for part in comparisons if part.verdict(LEVEL) != REPRODUCED], simultaneous)
+    unsure = [part for part in comparisons if part.verdict(LEVEL) != REPRODUCED]
+    at_tolerance = all(part.verdict(LEVEL) == AT_TOLERANCE for part in unsure)
+    return _find_decisive(AT_TOLERANCE if at_tolerance else OPEN, unsure, simultaneous)
 
 
 def _find_decisive(verdict: str, comparisons: Sequence[Comparison], level: float) -> Judgement:

@@ -12,6 +12,7 @@ from ankleloop.paper.checks import CLAIM_CHECKS
 from ankleloop.paper.claim_checks import CheckResult, Claim, check_table_number
 from ankleloop.paper.evidence import Evidence, MissingEvidence, StudyResults
 from ankleloop.paper.judgement import (
+    AT_TOLERANCE,
     BY_CONSTRUCTION,
     CONDITIONAL,
     CONTRADICTION,
@@ -25,12 +26,15 @@ from ankleloop.paper.tables import format_number
 VERDICTS = {
     REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
     CONDITIONAL: "the same, with something assumed that the paper does not give",
+    AT_TOLERANCE: "the limit lies in a narrow interval, our value within a tenth of the tolerance from it: no number of "
+    "trials that a run has decides",
     NOT_REPRODUCED: "the whole interval lies outside; if a claim needs several comparisons, that of one of them, all "
     "intervals taken to hold together with 95 %",
     OPEN: "the interval reaches across the limit, there is none (a single trial), or a result is missing",
     CONTRADICTION: "the paper says two things; no run can change that",
     BY_CONSTRUCTION: "it follows from a definition; no run can change that",
 }
+PAPER, FINDING = "paper", "finding"  # whose statement a row is: the paper's or ours
 
 
 def verify(
@@ -38,15 +42,19 @@ def verify(
     tables: Mapping[str, pd.DataFrame],
     studies: Mapping[str, StudyResults],
     measurements: pd.DataFrame,
+    findings: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
-    """Check every claim and every number of the published tables."""
+    """Check every number of the published tables, every claim of the paper, and our own findings, by one rule."""
     evidence = Evidence(studies, measurements.set_index("quantity"), tables)
     numbers = [
         _table_claim(name, number, studies[name].labels if name in studies else {})
         for name, table in tables.items()
         for number in table.to_dict("records")
     ]
-    return pd.DataFrame([_ledger_row(claim, evidence) for claim in [*numbers, *claims.to_dict("records")]])
+    rows = [_ledger_row(claim, evidence) | {"source": PAPER} for claim in [*numbers, *claims.to_dict("records")]]
+    if findings is not None:
+        rows += [_ledger_row(claim, evidence) | {"source": FINDING} for claim in findings.to_dict("records")]
+    return pd.DataFrame(rows)
 
 
 def _table_claim(name: str, number: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:
@@ -66,37 +74,33 @@ def _table_claim(name: str, number: Mapping[str, Any], labels: Mapping[str, str]
 def _ledger_row(claim: Claim, evidence: Evidence) -> dict[str, Any]:
     check = CLAIM_CHECKS[claim["check"]] if "check" in claim else check_table_number
     try:
-        result = check(claim, evidence)
+        outcome = _judge_result(check(claim, evidence))
     except MissingEvidence as missing:
-        result = CheckResult(str(missing).rstrip("."))
-    outcome = _judge_result(result)
-    verdict = outcome.pop("verdict")
-    if verdict == REPRODUCED and isinstance(claim["conditions"], str) and claim["conditions"]:
-        verdict = CONDITIONAL
+        outcome = {"verdict": OPEN, "reason": str(missing)}
+    if outcome["verdict"] == REPRODUCED and isinstance(claim["conditions"], str) and claim["conditions"]:
+        outcome["verdict"] = CONDITIONAL
+    outcome["reason"] = outcome["reason"].rstrip(".") + "."
+    numbers = ("ours", "uncertainty", "difference", "difference_low", "difference_high")
     return {
         **{name: claim[name] for name in ("id", "section", "statement", "unit", "paper")},
-        "ours": outcome.pop("ours", np.nan),
-        "uncertainty": outcome.pop("uncertainty", np.nan),
+        **{name: outcome.get(name, np.nan) for name in numbers[:2]},
         "tolerance": claim.get("tolerance"),
-        **{name: outcome.pop(name, np.nan) for name in ("difference", "difference_low", "difference_high")},
-        "verdict": verdict,
-        "reason": result.reason + outcome.pop("explanation", "") + ".",
-        "conditions": claim["conditions"],
-        "how": claim["how"],
+        **{name: outcome.get(name, np.nan) for name in numbers[2:]},
+        **{name: outcome[name] for name in ("verdict", "reason")},
+        **{name: claim[name] for name in ("conditions", "how")},
     }
 
 
 def _judge_result(result: CheckResult) -> dict[str, Any]:
-    """Verdict on the result of a check, with the numbers that it rests on and a phrase that explains it."""
+    """Verdict on the result of a check, with the numbers that it rests on and its reason."""
     if result.fact is not None:
-        return {"verdict": result.fact.verdict, "ours": result.fact.value}
-    if not result.comparisons:
-        return {"verdict": OPEN}
+        return {"verdict": result.fact.verdict, "ours": result.fact.value, "reason": result.reason}
     judgement = judge(result.comparisons)
     decisive = judgement.decisive
     ours = result.ours or decisive.ours
     low, high = ours.interval()
     difference_low, difference_high = judgement.interval
+    explanation = judgement.explanation
     return {
         "verdict": judgement.verdict,
         "ours": ours.value,
@@ -104,8 +108,16 @@ def _judge_result(result: CheckResult) -> dict[str, Any]:
         "difference": decisive.difference,
         "difference_low": difference_low,
         "difference_high": difference_high,
-        "explanation": f" – {judgement.explanation}" if judgement.explanation else "",
+        "reason": result.reason + (f" – {explanation}" if explanation else ""),
     }
+
+
+def count_held(ledger: pd.DataFrame) -> str:
+    """How many numbers and claims of the paper hold, of those that can be decided."""
+    counts = ledger.loc[ledger["source"] == PAPER, "verdict"].value_counts()
+    held = sum(int(counts.get(verdict, 0)) for verdict in (REPRODUCED, CONDITIONAL))
+    decided = held + int(counts.get(NOT_REPRODUCED, 0))
+    return f"{held} of the {decided} numbers and claims of the paper that can be decided hold"
 
 
 def format_ledger(ledger: pd.DataFrame) -> str:
@@ -115,8 +127,8 @@ def format_ledger(ledger: pd.DataFrame) -> str:
     lines = [
         "# Verification",
         "",
-        f"{len(ledger)} numbers and claims of the paper, each judged by one rule in code (column `how` of "
-        "`verification.csv` says what is compared; the claims are in `data/published`):",
+        f"{count_held(ledger)}, under the assumptions that are stated. One rule in code judges all rows (column `how` "
+        "of `verification.csv` says what is compared; the claims are in `data/published`):",
         "",
         *summary,
         "",

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
-from ankleloop.paper.comparisons import format_mean
 from ankleloop.paper.results import join_scores
 from ankleloop.paper.trial_counts import count_outcomes
 from ankleloop.signals.vaf import confidence_margin
@@ -107,16 +106,3 @@ def _remove_omissions(warnings: pd.Series) -> pd.Series:
     for step in OMITTED_STEPS:
         warnings = warnings.str.replace(describe_omission(step), "", regex=False)
     return warnings
-
-
-def describe_changes(rows: pd.DataFrame, quantities: Mapping[str, tuple[str, float, str, float]]) -> str:
-    """The largest change of each quantity that leaving out a step makes, if it is beyond its 95 % interval."""
-    phrases = []
-    for column, (name, factor, unit, least) in quantities.items():
-        change, margin = factor * rows[f"{column}_cost"], factor * rows[f"{column}_cost_margin"]
-        size = change.abs().where((change.abs() > margin) & (change.abs() >= least))
-        if size.notna().any():
-            row = size.idxmax()
-            text = f"{name} {format_mean(change[row], margin[row], '+')} {unit}".rstrip()
-            phrases.append(f"{text} ({rows['method'][row]})")
-    return "; ".join(phrases) or "no such change"

@@ -15,7 +15,7 @@ import pandas as pd
 from ankleloop.errors import DataError
 from ankleloop.paper.trial_counts import count_outcomes
 
-RATE = 100.0  # Hz, of the identification
+RATE = 100.0  # Hz, of the identification by default
 
 KEYS = ["point", "method", "trial"]  # of an estimate
 TEXTS = ("recording", "subject", "condition", "trial")  # of tables of recordings
@@ -86,11 +86,11 @@ def true_values(settings: Mapping[str, Any], names: Iterable[str] = tuple(SETTIN
     return {name: settings[SETTINGS[name]] for name in names}
 
 
-def true_spectral_radius(settings: Mapping[str, Any]) -> float:
-    """Magnitude of the largest pole of the simulated reflex low-pass at the rate of the identification."""
+def true_spectral_radius(settings: Mapping[str, Any], rate: float = RATE) -> float:
+    """Magnitude of the largest pole of the simulated reflex low-pass at the rate of the identification [Hz]."""
     poles = np.roots([1.0, 2.0 * settings["zeta"] * settings["omega_n"], settings["omega_n"] ** 2])
     slowest = max([*poles.real, -settings["pole"]] if settings.get("pole") else poles.real)
-    return float(np.exp(slowest / RATE))
+    return float(np.exp(slowest / rate))
 
 
 def describe_condition(name: str, value: Any) -> str:
@@ -107,7 +107,8 @@ class _Number(float):
 
 def format_pairs(first: Iterable[float], second: Iterable[float], template: str = "{:.1f} ± {:.1f}") -> list[str]:
     """Pairs of numbers as text, such as means with standard deviations, or the ends of intervals."""
-    return [template.format(*map(_Number, pair)) for pair in zip(first, second, strict=True)]
+    pairs = zip(map(_Number, first), map(_Number, second), strict=True)
+    return [f"{pair[0]}" if np.isnan(pair[0]) else template.format(*pair) for pair in pairs]
 
 
 def format_columns(table: pd.DataFrame, names: Iterable[str], template: str) -> pd.DataFrame:

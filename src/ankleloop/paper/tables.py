@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ankleloop.paper.results import format_pairs
 from ankleloop.paper.trial_counts import COUNTS, count_outcomes, summarise_scores
+from ankleloop.signals.vaf import confidence_margin
 from ankleloop.trials.files import atomic_file
 
 
@@ -20,11 +22,7 @@ def compare_with_published(
     """Mean and standard deviation over trials beside the published numbers."""
     keys = ["method", "torque", "against"]
     table = summarise_scores(scores, parameters, [*by, *keys]).merge(published, how="left", on=keys)
-    columns = [*by, *keys, "paper", "mean", "sd", "n", *COUNTS]
-    if "low" in scores and (table["n"] == 1).all():  # one record each: no spread over trials, but an interval
-        table = table.merge(scores[[*by, *keys, "low", "high"]], on=[*by, *keys])
-        columns += ["low", "high"]
-    return table[columns]
+    return table[[*by, *keys, "paper", "mean", "sd", "n", *COUNTS]]
 
 
 def compare_with_bound(
@@ -73,25 +71,26 @@ def format_number(value: float, spec: str) -> str:
     return "–" if pd.isna(value) else f"{value:{spec}}"
 
 
-def format_table(table: pd.DataFrame, labels: Mapping[str, str], decimals: int = 1) -> pd.DataFrame:
-    """A table as people read it: labels for methods, mean ± sd, difference to the paper, numbers of trials."""
-    spec = f".{decimals}f"
+def format_means(
+    summary: pd.DataFrame, name: str, template: str = "{:.1f} ± {:.1f}", *, truth: pd.Series | None = None
+) -> list[str]:
+    """Means over trials ± half of their 95 % intervals; as errors in percent where true values are given."""
+    means = summary[f"{name}_mean"]
+    margins = pd.Series(confidence_margin(summary[f"{name}_std"], summary[f"{name}_count"]), summary.index)
+    if truth is not None:
+        means, margins = 100.0 * (means / truth - 1.0), 100.0 * margins / truth
+    return format_pairs(means, margins, template)
+
+
+def format_table(table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
+    """A table as people read it: labels for methods, mean ± half its 95 % interval, difference to the paper, counts."""
     numbers = [name for name in ("paper", "mean", "sd", "n", *COUNTS, "low", "high") if name in table]
     cells = table.drop(columns=numbers).assign(method=table["method"].map(labels))
     settings = cells.select_dtypes("number").columns
     cells[settings] = cells[settings].map("{:g}".format).astype(object)
-    cells["paper [%]"] = [format_number(value, spec) for value in table["paper"]]
-    if "low" in table:
-        cells["ours [%], 95 % interval"] = [
-            f"{format_number(row.mean, spec)} ({format_number(row.low, spec)} … {format_number(row.high, spec)})"
-            for row in table.itertuples()
-        ]
-    else:
-        cells["ours [%], mean ± sd"] = [
-            format_number(mean, spec) + (f" ± {sd:.{decimals + 1}f}" if pd.notna(sd) else "")
-            for mean, sd in zip(table["mean"], table["sd"], strict=True)
-        ]
-    cells["difference [points]"] = [format_number(value, f"+{spec}") for value in table["mean"] - table["paper"]]
+    cells["paper [%]"] = [format_number(value, ".0f") for value in table["paper"]]
+    cells["ours [%]"] = format_pairs(table["mean"], confidence_margin(table["sd"], table["n"]), "{:.1f} ± {:.2f}")
+    cells["difference [points]"] = [format_number(value, "+.1f") for value in table["mean"] - table["paper"]]
     return cells.assign(**{name: table[name].astype(str) for name in COUNTS})
 
 

@@ -1,4 +1,4 @@
-"""Studies of joints that change in time: mean trajectories over trials, and the measures of their errors."""
+"""Studies of joints that change in time: mean trajectories over trials, their errors, and limits of these."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy import stats
 
+from ankleloop.assessment.cramer_rao import trajectory_bound
 from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
@@ -25,6 +27,9 @@ NAMES = {"stiffness": "K", "viscosity": "B", "gain": "G"}  # of the trajectories
 SCORES = ("nrmse", "bias", "covered", "rise")  # of a trajectory in the table of trials
 VARIATIONS = {"cycle": "{:g} cycles", "time": "over {:g} s", "schedule": "scheduling variable, {:g} s"}
 PLACES = 101
+SEED = 0  # of the perturbation, on which the bound hardly depends
+SIMULATED = frozenset(SimulationSettings.model_fields)  # points of a study have options of methods beside these
+COVERED = (92.0, 97.0)  # % of the places: shares that a 95 % band is taken to hold
 SPREAD = (0.025, 0.975)  # quantiles of the trials
 
 
@@ -131,12 +136,6 @@ def count_cycles(details: pd.DataFrame) -> str:
     return " to ".join(dict.fromkeys(f"{count:.0f}" for count in (counts.min(), counts.max()) if counts.size))
 
 
-def describe_cycles(details: pd.DataFrame) -> str:
-    """How many whole cycles of a trial were identified, in a sentence; empty without cycles."""
-    cycles = count_cycles(details)
-    return f" Of a trial {cycles} whole cycles are identified, those that no edge of the record touches." * bool(cycles)
-
-
 def setting_titles(points: Mapping[str, Mapping[str, Any]], varied: Sequence[str]) -> dict[str, str]:
     """Each setting of a study in a few words: what differs between them."""
     return {point: _title(settings, varied) for point, settings in points.items()}
@@ -172,3 +171,54 @@ def typical_points(points: Mapping[str, Mapping[str, Any]], most: int = 4) -> li
         return names
     step = len(names) / most
     return [names[int((number + 0.5) * step)] for number in range(most)]
+
+
+def compare_with_bound(details: pd.DataFrame, points: Mapping[str, Mapping[str, Any]], method: str) -> pd.DataFrame:
+    r"""Errors of a method beside the smallest ones of estimates without bias, for each setting and parameter.
+
+    The efficiency is the mean square of the bound over all places, over the mean square error over places and trials.
+    That of the mean over the places is likewise; with n trials of normal errors about the truth its 95 % interval is
+    the efficiency times the quantiles of :math:`\chi^2_n / n`.
+    """
+    rows = []
+    for point, part in details[details["method"] == method].groupby("point", sort=False):
+        settings = {name: points[str(point)][name] for name in points[str(point)] if name in SIMULATED}
+        if settings.get("variation_shape") == "square":
+            continue
+        bound = trajectory_bound(seed=SEED, **settings)
+        dimension = str(next(iter(bound.sizes)))
+        truths = profile_trajectories(settings, dimension, bound[dimension].values)
+        for name in TRAJECTORY_TRUTHS:
+            unit = 100.0 / float(truths[name].mean())
+            errors, means = part[f"{name}_nrmse"].dropna(), part[f"{name}_bias"].dropna()
+            row = {"root_error": _mean_square(errors), "bound": unit**2 * float((bound[name] ** 2).mean())}
+            row |= {"root_mean_error": _mean_square(means), "mean_bound": unit**2 * float(bound[f"{name}_mean"] ** 2)}
+            mean_efficiency = 100.0 * row["mean_bound"] / row["root_mean_error"]
+            low, high = mean_efficiency * stats.chi2.ppf((0.025, 0.975), means.size) / means.size
+            efficiencies = {"efficiency": 100.0 * row["bound"] / row["root_error"], "mean_efficiency": mean_efficiency}
+            roots = {key: float(np.sqrt(value)) for key, value in row.items()}
+            rows.append(
+                {"point": point, "parameter": name, **roots, **efficiencies, "mean_low": low, "mean_high": high}
+            )
+    return pd.DataFrame(rows)
+
+
+def _mean_square(errors: pd.Series) -> float:
+    return float((errors**2).mean())
+
+
+def count_coverage(table: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFrame:
+    """How many bands hold the truth at 92 to 97 % of the places, for each method and parameter."""
+    low, high = COVERED
+    rows = []
+    bands = table.dropna(subset="covered")
+    for (method, parameter), part in bands.groupby(["method", "parameter"], sort=False):
+        margin = part["covered_margin"].fillna(np.inf)  # of a single trial
+        less, more = part["covered"] + margin < low, part["covered"] - margin > high
+        inside = (part["covered"] - margin >= low) & (part["covered"] + margin <= high)
+        least = part.loc[part["covered"].idxmin()]
+        counts = {"less": int(less.sum()), "more": int(more.sum()), "open": int((~(less | more | inside)).sum())}
+        half = "" if np.isnan(least["covered_margin"]) else f" ± {least['covered_margin']:.0f}"
+        smallest = f"{least['covered']:.0f}{half} ({titles[least['point']]})"
+        rows.append({"method": method, "parameter": parameter, "settings": len(part), **counts, "smallest": smallest})
+    return pd.DataFrame(rows, columns=["method", "parameter", "settings", "less", "more", "open", "smallest"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
@@ -75,17 +75,6 @@ def count_trials(parameters: pd.DataFrame) -> int:
     return int(count_outcomes(parameters, ["point", "method"])["trials"].max())
 
 
-def describe_absence(shown: Collection[str], wanted: Collection[str]) -> str:
-    """What a figure of a single trial lacks because its identification failed."""
-    if not shown:
-        raise ValueError(
-            "the trial that the figure shows could not be identified: set another number as figure: trial in the "
-            "configuration of the study."
-        )
-    missing = [name for name in wanted if name not in shown]
-    return f" The identification of this trial failed for: {'; '.join(missing)}." if missing else ""
-
-
 def describe_failures(parameters: pd.DataFrame) -> str:
     """Say how many identifications failed, and why; means leave them out."""
     columns = ["point", "method", "failure"]
@@ -102,39 +91,21 @@ def describe_failures(parameters: pd.DataFrame) -> str:
     return ". ".join(parts)
 
 
-def describe_warnings(parameters: pd.DataFrame, labels: Mapping[str, str] | None = None) -> str:
-    """How many estimates came with a warning, and how many identifications failed."""
+def describe_warnings(parameters: pd.DataFrame, labels: Mapping[str, str]) -> str:
+    """How many identifications failed, and how many estimates came with a warning, for each method that has any."""
     counts = list_faults(parameters).groupby(parameters["method"], sort=False).sum()
-    failures, warnings = (int(counts[name].sum()) for name in ("failures", "warnings"))
-    estimates = len(parameters) - failures
-    words = "identification failed and is" if failures == 1 else "identifications failed and are"
-    end = f"; {failures} {words} left out{_list_methods(counts['failures'], labels)}" if failures else ""
-    if not warnings:
-        return f"none of {estimates} estimates came with a warning{end}"
-    details = _list_methods(counts["warnings"], labels)
-    verb = "counts" if warnings == 1 else "count"
-    return f"{warnings} of {estimates} estimates came with a warning{details} and {verb} like the others{end}"
-
-
-def _list_methods(counts: pd.Series, labels: Mapping[str, str] | None) -> str:
-    """Numbers of the methods that have any, in brackets."""
-    if not labels:
-        return ""
-    return f" ({', '.join(f'{labels.get(name, name)} {count}' for name, count in counts[counts > 0].items())})"
-
-
-def describe_counts(parameters: pd.DataFrame, labels: Mapping[str, str] | None = None) -> str:
-    """What the columns `trials`, `failures` and `warnings` of a table are, and their numbers in the whole study."""
-    return (
-        "Failures are trials without an estimate, warnings are trials whose estimate came with a warning. Means leave "
-        "out the failed trials and include those with a warning; those of G, ωn and ζ leave out the trials without G, "
-        "whose reflex path is no ramp with a low-pass behind it. "
-        f"In this study, {describe_warnings(parameters, labels)}."
-    )
+    texts = []
+    for name, words in (("failures", "without an estimate"), ("warnings", "with a warning")):
+        methods = counts.loc[counts[name] > 0, name]
+        parts = ", ".join(f"{labels.get(method, method)} {count}" for method, count in methods.items())
+        texts.append(f"{words}: {methods.sum()} of {len(parameters)}" + (f" ({parts})" if parts else ""))
+    return f"Identifications {'; '.join(texts)}."
 
 
 def describe_faults(parameters: pd.DataFrame) -> str:
     """What a ring around a symbol of a figure says; nothing where no symbol has one."""
-    if not list_faults(parameters).any(axis=None):
-        return ""
-    return " Rings mark means of which a trial failed, which leave it out, or came with a warning, which hold it."
+    return (
+        "Rings mark means of which a trial failed or came with a warning."
+        if list_faults(parameters).any(axis=None)
+        else ""
+    )

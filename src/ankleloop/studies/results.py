@@ -48,7 +48,7 @@ def report_parameters(
     figure_stem: str,
     table_file: str = "",
 ) -> dict[str, Any]:
-    """Parameters of the notebook of a study; every notebook takes the same, that of a sweep two more."""
+    """Parameters of the notebook of a study: what `ankleloop.pages.study_page.StudyPage` holds."""
     parameters = {
         "study": study.name,
         "kind": study.kind,
@@ -67,7 +67,7 @@ def report_parameters(
     if isinstance(study, SimulatedStudy) and shows_sweep(study):
         shared = study.settings.simulation.model_dump()
         parameters |= {"settings": shared, "sweep": study.settings.sweep.model_dump()}
-    return parameters
+    return {"study": parameters}
 
 
 def article_parameters(

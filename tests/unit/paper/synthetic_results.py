@@ -14,6 +14,7 @@ from ankleloop.simulation.settings import SimulationSettings
 
 PUBLISHED = Path(__file__).parents[3] / "data" / "published"
 CLAIMS = pd.read_csv(PUBLISHED / "claims.csv")
+FINDINGS = pd.read_csv(PUBLISHED.parent / "findings.csv")
 TABLES = {name: pd.read_csv(PUBLISHED / f"{name}.csv") for name in ("table1", "table2")}
 PAPER = {(n.method, n.torque): n.paper for n in TABLES["table1"].itertuples()}
 LOOPS = [{"closed_loop": loop} for loop in (True, False)]
@@ -35,7 +36,7 @@ METHODS = {
     "table1": ("pr-moesp", "pr-moesp-free-b", "eiv-moesp", *CASCADES),
     "table2": ("pr-moesp", "eiv-moesp", *CASCADES),
     "figure4": ("pr-moesp", *CASCADES),
-    "voluntary": ("pr-moesp", "pr-moesp-instruments", "eiv-moesp", "pi-moesp", "po-moesp", *CASCADES),
+    "voluntary": ("pr-moesp", "pr-moesp-instruments", "eiv-moesp", "pi-moesp", "po-moesp", *CASCADES, "riv"),
     "projection": ("ordinary", "ordinary-rectifier"),
     "obstacles": ("pr-chebyshev", "pr-rectifier"),
     "real-time": ("real-time",),
@@ -131,4 +132,4 @@ def build_ledger(studies=None, measurements=(), claims=CLAIMS, tables=TABLES, **
     table = pd.DataFrame(
         [(name, *values) for name, values in quantities.items() if values], columns=["quantity", "value", "low", "high"]
     )
-    return verify(claims, tables, Studies(**results) if studies is None else studies, table).set_index("id")
+    return verify(claims, tables, Studies(**results) if studies is None else studies, table, FINDINGS).set_index("id")

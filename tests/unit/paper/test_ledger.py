@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic_results import CASCADES, CLAIMS, MEASUREMENTS, PAPER, POINTS, TABLES, Studies, build_ledger
+from synthetic_results import CASCADES, CLAIMS, FINDINGS, MEASUREMENTS, PAPER, POINTS, TABLES, Studies, build_ledger
 
 from ankleloop.paper.checks import CLAIM_CHECKS, describe_unexplained
 from ankleloop.paper.evidence import parse_settings
@@ -11,7 +11,7 @@ from ankleloop.paper.judgement import BY_CONSTRUCTION, CONTRADICTION, NOT_REPROD
 from ankleloop.paper.ledger import CONDITIONAL, VERDICTS, format_ledger
 
 ROWS = {name: [f"{name}/{n.method}/{n.torque}" for n in TABLES[name].itertuples()] for name in TABLES}
-CHECKS = dict(zip(CLAIMS["check"], CLAIMS["id"], strict=True))
+CHECKS = {row.check: row.id for row in [*CLAIMS.itertuples(), *FINDINGS.itertuples()]}
 HOLDS = "holds"  # reproduced, or reproduced under the stated conditions of the claim
 
 
@@ -70,6 +70,15 @@ CASES = {
     "eiv_unbiased": [
         *limits({}, error_at("voluntary", 2.01, "eiv-moesp", voluntary=1.0, closed_loop=True)),
         (HOLDS, error_at("voluntary", 9.0, "eiv-moesp", closed_loop=False)),
+    ],
+    "riv_unbiased": limits({}, error_at("voluntary", 2.01, "riv", voluntary=0.5, closed_loop=True)),
+    "net_vaf_hides_bias": [
+        (NOT_REPRODUCED, {}),
+        (HOLDS, error_at("voluntary", -5.01, "pr-moesp", voluntary=1.0, closed_loop=True)),
+        (
+            NOT_REPRODUCED,
+            error_at("voluntary", -5.01, "pr-moesp", voluntary=1.0) | vaf_at("voluntary", 50.01, ["riv"], ["net"]),
+        ),
     ],
     "pr_unbiased": limits({}, error_at("voluntary", -2.01, "pr-moesp", voluntary=0.25, closed_loop=True)),
     "pr_accurate": limits(
@@ -244,7 +253,7 @@ def test_settings_that_fit_several_points_leave_the_claim_open():
 def test_every_number_and_claim_has_a_row_and_a_verdict_with_a_reason():
     table = build_ledger()
     assert set(CLAIMS["id"]) <= set(table.index)
-    assert len(table) == len(CLAIMS) + 18
+    assert len(table) == len(CLAIMS) + 18 + len(FINDINGS)
     assert table.index.is_unique
     assert set(table["verdict"]) <= set(VERDICTS)
     assert table["reason"].str.match(r".*[^.]\.$").all()
@@ -295,28 +304,6 @@ def test_unexplained_variance_stands_beside_vafs_near_100():
     assert "0.05 times the unexplained variance" in ledger.loc["table1/pr-moesp/intrinsic", "reason"]
     assert "unexplained" not in ledger.loc["table1/parallel-cascade-one-pass/intrinsic", "reason"]
     assert describe_unexplained(89.9, 99.0) == describe_unexplained(99.0, 89.9) == ""
-
-
-def test_a_cause_stands_only_where_an_arm_shows_it():
-    """K by least squares and with instruments, and by PI-MOESP: what differs is named, nothing else."""
-
-    def errors(least_squares, instruments, pi, opened):
-        arms = {"pr-moesp": least_squares, "pr-moesp-instruments": instruments, "pi-moesp": pi}
-
-        def error(study, settings, method):
-            if study != "voluntary":
-                return None
-            return arms.get(method) if settings["closed_loop"] else opened
-
-        return build_ledger(error=error, spread=0.1).loc["pr-unbiased", "reason"]
-
-    assert "least squares for B and D adds -40.0" in errors(-30.0, 10.0, 0.0, 0.0)
-    assert "fed back causes it, through A and C" in errors(-30.0, 10.0, 0.0, 0.0)
-    same = errors(9.0, 9.0, 9.0, 9.0)
-    assert "an effect of least squares for B and D is not shown" in same
-    assert "its cause is not shown" in same
-    assert "noise that is fed back causes it" not in errors(9.0, 9.0, 0.0, 9.0)
-    assert "causes" not in errors(1.0, 1.0, 1.0, 1.0)
 
 
 def test_settings_of_claims():

@@ -73,7 +73,7 @@ def test_numbers_become_text():
     table = pd.DataFrame({"method": ["riv"], "K": [150.25]})
     assert format_columns(table, ["K"], "{:.4g}").to_dict("records") == [{"method": "riv", "K": "150.2"}]
     assert table["K"].tolist() == [150.25]  # unchanged
-    assert format_pairs([150.0, np.nan], [np.nan, np.nan]) == ["150.0 ± –", "– ± –"]
+    assert format_pairs([150.0, np.nan], [np.nan, np.nan]) == ["150.0 ± –", "–"]
     assert format_columns(pd.DataFrame({"K": [np.nan]}), ["K"], "{:.1f}")["K"].tolist() == ["–"]
     with pytest.raises(ValueError, match="shorter"):
         format_pairs([1.0, 2.0], [1.0])

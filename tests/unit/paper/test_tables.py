@@ -1,10 +1,11 @@
-"""Tables: errors against a bound, and single records with the interval of their VAF."""
+"""Tables: errors against a bound, means with their intervals, numbers beside the paper."""
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
-from ankleloop.paper.tables import compare_with_bound, compare_with_published, format_table
+from ankleloop.paper.tables import compare_with_bound, compare_with_published, format_means, format_table
 
 
 def test_errors_of_known_estimators():
@@ -28,26 +29,12 @@ def test_errors_of_known_estimators():
     assert np.isnan(without["ratio"].iloc[0])
 
 
-def test_a_single_record_shows_its_interval():
-    scores = pd.DataFrame(
-        {
-            "method": "m",
-            "torque": ["net", "reflex"],
-            "against": "measured",
-            "vaf": [90.0, 30.0],
-            "low": 88.0,
-            "high": 91.5,
-        }
-    )
-    published = pd.DataFrame({"method": ["m"], "torque": ["net"], "against": ["measured"], "paper": [85.0]})
-    parameters = pd.DataFrame({"method": "m", "trial": [0]})
-    table = compare_with_published(scores, parameters, published, [])
-    assert list(table.columns)[-2:] == ["low", "high"]
-    shown = format_table(table, {"m": "M"})
-    assert shown["ours [%], 95 % interval"].tolist() == ["90.0 (88.0 … 91.5)", "30.0 (88.0 … 91.5)"]
-    several = compare_with_published(pd.concat([scores, scores]), parameters, published, [])
-    assert "low" not in several
-    assert format_table(several, {"m": "M"})["ours [%], mean ± sd"].tolist() == ["90.0 ± 0.00", "30.0 ± 0.00"]
+def test_means_stand_with_half_of_their_interval():
+    summary = pd.DataFrame({"K_mean": [153.0, 150.0, np.nan], "K_std": [3.0, np.nan, np.nan], "K_count": [9, 1, 0]})
+    margin = stats.t.ppf(0.975, 8)  # times sd / sqrt(9) = 1
+    assert format_means(summary, "K", "{:.2f} ± {:.2f}") == [f"153.00 ± {margin:.2f}", "150.00 ± –", "–"]
+    errors = format_means(summary, "K", "{:+.1f} ± {:.2f}", truth=pd.Series([150.0, 150.0, 150.0]))
+    assert errors == [f"+2.0 ± {margin / 1.5:.2f}", "+0.0 ± –", "–"]
 
 
 @pytest.fixture
@@ -92,7 +79,8 @@ def test_a_table_beside_the_paper_says_how_many_trials_failed(partly_failed):
     assert np.isnan(table["mean"].iloc[3])
     shown = format_table(table, {"a": "A", "b": "B"})
     assert shown[["trials", "failures", "warnings"]].values.tolist()[3] == ["4", "4", "0"]
-    assert shown["ours [%], mean ± sd"].iloc[3] == "–"
+    assert shown["ours [%]"].iloc[3] == "–"
+    assert shown["ours [%]"].iloc[0].startswith("91.5 ± ")
 
 
 def test_errors_beside_the_bound_say_how_many_trials_failed(partly_failed):

@@ -9,7 +9,6 @@ from ankleloop.paper.trial_counts import (
     COUNTS,
     count_outcomes,
     count_trials,
-    describe_absence,
     describe_failures,
     describe_warnings,
     list_outcomes,
@@ -87,24 +86,12 @@ def test_where_every_trial_failed_a_row_stands_without_a_mean(parameters):
     assert table["mean"].isna().tolist() == [True, True] + [False] * 6
 
 
-def test_warnings_are_counted_by_method():
+def test_failures_and_warnings_are_counted_by_method():
     table = pd.DataFrame({"method": ["a", "b", "b", "b"], "warnings": [None, "unstable", "unstable", None]})
-    assert (
-        describe_warnings(table, {"b": "B"}) == "2 of 4 estimates came with a warning (B 2) and count like the others"
-    )
-    assert describe_warnings(table.drop(columns="warnings")) == "none of 4 estimates came with a warning"
-    failed = table.assign(failure=["no order fits", None, None, None])
-    text = describe_warnings(failed)
-    assert text.startswith("2 of 3 estimates")
-    assert text.endswith("; 1 identification failed and is left out")
-    assert describe_warnings(failed, {"a": "A"}).endswith("; 1 identification failed and is left out (A 1)")
-
-
-def test_a_figure_of_a_trial_says_what_failed():
-    assert describe_absence(["A", "B"], ["A", "B"]) == ""
-    assert describe_absence(["B"], ["A", "B"]) == " The identification of this trial failed for: A."
-    with pytest.raises(ValueError, match="set another number as figure: trial"):
-        describe_absence([], ["A"])
+    text = describe_warnings(table, {"b": "B"})
+    assert text == "Identifications without an estimate: 0 of 4; with a warning: 2 of 4 (B 2)."
+    failed = describe_warnings(table.assign(failure=["no order fits", None, None, None]), {})
+    assert failed.startswith("Identifications without an estimate: 1 of 4 (a 1);")
 
 
 def test_reasons_of_failures_are_counted_whatever_their_numbers():

@@ -59,7 +59,9 @@ def test_notebooks_with_a_line_for_each_point_are_refused_for_many():
 
 def test_the_notebook_of_a_sweep_has_settings_and_pictures_and_no_points():
     study = read(notebook="sweep", keep="scores", points={"reflex_gain": [8.0, 12.0], "pr-moesp.block_rows": [12, 15]})
-    parameters = report_parameters(study, {}, published="data", table_stem="t", figure_stem="f", table_file="t.parquet")
+    parameters = report_parameters(
+        study, {}, published="data", table_stem="t", figure_stem="f", table_file="t.parquet"
+    )["study"]
     assert shows_sweep(study)
     assert parameters["points"] == {}
     assert parameters["varied"] == ["reflex_gain", "pr-moesp.block_rows"]
