@@ -99,9 +99,7 @@ def check_net_vaf_hides_bias(claim: Claim, evidence: Evidence) -> CheckResult:
     point = study.point(**claim_settings(claim), closed_loop=True)
     lead = study.vaf_difference(point, *((method, "net", "measured") for method in ("pr-moesp", "riv")))
     error = study.stiffness_error(point, "pr-moesp")
-    reason = (
-        f"net VAF of PR-MOESP less that of riv {format_signed(lead)} points; its error of K {format_signed(error)} %"
-    )
+    reason = f"net VAF of PR-MOESP less that of riv {format_signed(lead)} points; error of K {format_signed(error)} %"
     comparisons = [
         Comparison("net VAF", lead, at_least(0.0)),
         Comparison("error of K", error, at_least(tolerance), size=True),

@@ -45,5 +45,5 @@ def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]
     methods = rows["statement"].str.split(" by ").str[-1]
     cells = pd.DataFrame({"method": methods, "torque": keys[2] + " [% VAF]", "cell": texts})
     table = cells.pivot(index="method", columns="torque", values="cell")
-    table = table.loc[dict.fromkeys(cells["method"]), list(dict.fromkeys(cells["torque"]))]
+    table = table.loc[cells["method"].unique(), cells["torque"].unique()]
     return table.rename_axis(columns=None).reset_index(), dict(zip(texts, rows["verdict"], strict=True))
