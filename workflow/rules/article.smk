@@ -56,6 +56,7 @@ rule economy:
 rule verify:
     input:
         published=OF_PAPER,
+        findings=repository_file("data/findings.csv"),
         economy="results/tables/economy.csv",
         scores=chunk_files_of_article("scores"),
         parameters=chunk_files_of_article("parameters"),
@@ -100,6 +101,7 @@ rule article:
         diagrams=[f"results/figures/{name}.png" for name in DIAGRAMS],
         economy="results/tables/economy.csv",
         verification="results/verification.csv",
+        conclusions=repository_file("data/conclusions.yaml"),
         notebook=repository_file("notebooks/article.ipynb"),
     output:
         page=report(
@@ -127,6 +129,7 @@ rule article:
                 for study in ARTICLE
             },
             verification=input.verification,
+            conclusions=input.conclusions,
             economy=input.economy,
             diagrams=list(input.diagrams),
         ),

@@ -32,7 +32,8 @@ with running(snakemake):
         for name, description in snakemake.params.studies.items()
     }
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}
-    ledger = verify(published.pop("claims"), published, studies, pd.read_csv(snakemake.input.economy))
+    claims, findings = published.pop("claims"), pd.read_csv(snakemake.input.findings)
+    ledger = verify(claims, published, studies, pd.read_csv(snakemake.input.economy), findings)
     with atomic_file(snakemake.output.ledger, overwrite=True) as path:
         ledger.to_csv(path, index=False)
     with atomic_file(snakemake.output.page, overwrite=True) as path:

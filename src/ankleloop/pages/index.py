@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ankleloop.pages.rendering import render_page, render_template
 from ankleloop.pages.tables import describe_table
 from ankleloop.paper.judgement import (
+    AT_TOLERANCE,
     BY_CONSTRUCTION,
     CONDITIONAL,
     CONTRADICTION,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 VERDICT_COLOURS = {
     REPRODUCED: "#b7dfc2",
     CONDITIONAL: "#dff0c8",
+    AT_TOLERANCE: "#eef0c0",
     NOT_REPRODUCED: "#f3b8a6",
     OPEN: "#e3e3e3",
     CONTRADICTION: "#f6dd9b",

@@ -55,9 +55,11 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def render_table(table: pd.DataFrame, links: Mapping[str, str] | None = None) -> str:
-    """Table as HTML."""
-    return render_template("table.html.j2", table=describe_table(table, links))
+def render_table(
+    table: pd.DataFrame, links: Mapping[str, str] | None = None, *, colours: Mapping[str, str] | None = None
+) -> str:
+    """Table as HTML; cells with a colour have it as background."""
+    return render_template("table.html.j2", table=describe_table(table, links, colours=colours))
 
 
 def render_paragraphs(items: Iterable[tuple[str, str]]) -> str:

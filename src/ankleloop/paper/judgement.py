@@ -17,8 +17,7 @@ REPRODUCED, NOT_REPRODUCED, OPEN = "reproduced", "not reproduced", "cannot be ju
 CONDITIONAL = "reproduced under stated conditions"
 AT_TOLERANCE = "at the tolerance"
 CONTRADICTION, BY_CONSTRUCTION = "contradiction in the paper", "by construction"
-# Shares of the tolerance: of the distance from it, and of half the interval, of what lies at the tolerance.
-NEAR, NARROW = 0.1, 0.25
+NEAR = 0.1  # share of the tolerance within which a value lies at it, if its interval is no wider than the tolerance
 
 Range = tuple[float, float]
 
@@ -144,7 +143,7 @@ class Comparison:
             return NOT_REPRODUCED
         ends = [end for end in self.accepted if low <= end <= high]
         near = any(abs(self.difference - end) <= NEAR * abs(end) for end in ends)
-        narrow = any(high - low <= 2.0 * NARROW * abs(end) for end in ends)
+        narrow = any(high - low <= 2.0 * abs(end) for end in ends)
         return AT_TOLERANCE if near and narrow else OPEN
 
 

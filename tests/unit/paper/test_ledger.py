@@ -71,7 +71,7 @@ CASES = {
         *limits({}, error_at("voluntary", 2.01, "eiv-moesp", voluntary=1.0, closed_loop=True)),
         (HOLDS, error_at("voluntary", 9.0, "eiv-moesp", closed_loop=False)),
     ],
-    "riv_unbiased": limits({}, error_at("voluntary", 2.01, "riv", voluntary=0.5, closed_loop=True)),
+    "riv_unbiased": limits({}, error_at("voluntary", 5.01, "riv", voluntary=0.5, closed_loop=True)),
     "net_vaf_hides_bias": [
         (NOT_REPRODUCED, {}),
         (HOLDS, error_at("voluntary", -5.01, "pr-moesp", voluntary=1.0, closed_loop=True)),
