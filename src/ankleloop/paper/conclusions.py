@@ -24,7 +24,7 @@ def conclude(ledger: pd.DataFrame, conclusions: Conclusions, claim: str, part: s
         return ""
     row = rows.iloc[0]
     if row["verdict"] == conclusions[claim]["verdict"]:
-        return conclusions[claim][part].format(**row).strip()
+        return conclusions[claim][part].format(**row, size=abs(row["ours"])).strip()
     return f"**{row['statement']}: {row['verdict']} in this run.** {row['reason']}"
 
 
