@@ -17,7 +17,7 @@ REPRODUCED, NOT_REPRODUCED, OPEN = "reproduced", "not reproduced", "cannot be ju
 CONDITIONAL = "reproduced under stated conditions"
 AT_TOLERANCE = "at the tolerance"
 CONTRADICTION, BY_CONSTRUCTION = "contradiction in the paper", "by construction"
-NEAR = 0.1  # share of the tolerance within which a value lies at it, if its interval is no wider than the tolerance
+NEAR = 0.2  # share of the tolerance within which a value lies at it, if its interval is no wider than the tolerance
 
 Range = tuple[float, float]
 

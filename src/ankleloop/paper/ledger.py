@@ -26,7 +26,7 @@ from ankleloop.paper.tables import format_number
 VERDICTS = {
     REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
     CONDITIONAL: "the same, with something assumed that the paper does not give",
-    AT_TOLERANCE: "the limit lies in a narrow interval, our value within a tenth of the tolerance from it: no number "
+    AT_TOLERANCE: "the limit lies in a narrow interval, our value within a fifth of the tolerance from it: no number "
     "of trials that a run has decides",
     NOT_REPRODUCED: "the whole interval lies outside; if a claim needs several comparisons, that of one of them, all "
     "intervals taken to hold together with 95 %",
