@@ -1,0 +1,59 @@
+"""What the notebooks of all studies share."""
+
+import pandas as pd
+import pytest
+
+from ankleloop.pages.study_page import StudyPage, fold
+from ankleloop.simulation.settings import SimulationSettings
+
+
+@pytest.fixture
+def page(tmp_path):
+    """Two gains, two methods, two trials; one identification failed and one came with a warning."""
+    keys = [(gain, method, trial) for gain in (5.0, 13.0) for method in ("riv", "pr") for trial in range(2)]
+    rows = [
+        {"point": f"g={gain:g}", "reflex_gain": gain, "method": method, "trial": trial} for gain, method, trial in keys
+    ]
+    parameters = pd.DataFrame(rows).assign(K=150.0, failure=None, warnings=None)
+    parameters.loc[0, ["K", "failure"]] = [None, "no pole"]
+    parameters.loc[3, "warnings"] = "unstable"
+    scores = pd.DataFrame(rows).drop(columns="reflex_gain").assign(torque="net", against="true", vaf=90.0).iloc[1:]
+    files = {"scores": tmp_path / "scores.csv", "parameters": tmp_path / "parameters.csv"}
+    for table, path in ((scores, files["scores"]), (parameters, files["parameters"])):
+        table.to_csv(path, index=False)
+    return StudyPage(
+        study="s",
+        kind="simulation",
+        title="A study",
+        labels={"riv": "RIV", "pr": "PR <&>"},
+        algorithms={"riv": "riv", "pr": "pr-moesp"},
+        points={f"g={gain:g}": SimulationSettings(reflex_gain=gain).model_dump() for gain in (5.0, 13.0)},
+        varied=["reflex_gain"],
+        figure={"methods": None, "trial": 0, "start": 0.0, "length": 5.0},
+        published="data/published",
+        table_stem=str(tmp_path / "s"),
+        figure_stem=str(tmp_path / "s"),
+        **{name: [str(path)] for name, path in files.items()},
+    )
+
+
+def test_rows_of_curves_have_a_panel_for_each_column(page):
+    curves = page.stack("reflex_gain", {"VAF": "vaf_net_true", "K": "K", "G": "G"})
+    assert curves["panel"].value_counts().to_dict() == {"VAF": 8, "K": 8, "G": 8}
+    assert curves.loc[curves["panel"] == "G", "value"].isna().all()  # a column that no method of the study has
+    assert curves["outcome"].tolist()[:4] == ["failure", "estimate", "estimate", "warning"]
+    assert set(curves["series"]) == {"RIV", "PR <&>"}
+
+
+def test_the_note_of_a_figure_counts_trials_and_says_what_rings_are(page):
+    note = page.fold("A note.", rings=True).data
+    assert page.typical == "g=13"
+    for words in ("A note.", "2 trials at each point", "1 of 8 (RIV 1)", "1 of 8 (PR &lt;&amp;&gt; 1)", "Rings mark"):
+        assert words in note
+    assert fold("<b>", ["a", "", "b"]).data == "<details><summary>&lt;b&gt;</summary><p>a b</p></details>"
+
+
+def test_a_figure_of_a_trial_that_failed_by_every_method_is_refused(page):
+    assert list(page.select_estimates({"riv": {}, "pr": {0: "estimate"}}, ["riv", "pr"])) == ["PR <&>"]
+    with pytest.raises(ValueError, match="set another number as figure: trial"):
+        page.select_estimates({"riv": {}, "pr": {1: "estimate"}}, ["riv", "pr"])
