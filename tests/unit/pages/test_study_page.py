@@ -17,9 +17,9 @@ def page(tmp_path):
     parameters = pd.DataFrame(rows).assign(K=150.0, failure=None, warnings=None)
     parameters.loc[0, ["K", "failure"]] = [None, "no pole"]
     parameters.loc[3, "warnings"] = "unstable"
-    scores = pd.DataFrame(rows).drop(columns="reflex_gain").assign(torque="net", against="true", vaf=90.0).iloc[1:]
+    scores = pd.DataFrame(rows).drop(columns="reflex_gain").assign(torque="net", against="measured", vaf=90.0)
     files = {"scores": tmp_path / "scores.csv", "parameters": tmp_path / "parameters.csv"}
-    for table, path in ((scores, files["scores"]), (parameters, files["parameters"])):
+    for table, path in ((scores.iloc[1:], files["scores"]), (parameters, files["parameters"])):
         table.to_csv(path, index=False)
     return StudyPage(
         study="s",
@@ -38,7 +38,7 @@ def page(tmp_path):
 
 
 def test_rows_of_curves_have_a_panel_for_each_column(page):
-    curves = page.stack("reflex_gain", {"VAF": "vaf_net_true", "K": "K", "G": "G"})
+    curves = page.stack("reflex_gain", {"VAF": "vaf_net_measured", "K": "K", "G": "G"})
     assert curves["panel"].value_counts().to_dict() == {"VAF": 8, "K": 8, "G": 8}
     assert curves.loc[curves["panel"] == "G", "value"].isna().all()  # a column that no method of the study has
     assert curves["outcome"].tolist()[:4] == ["failure", "estimate", "estimate", "warning"]
