@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
@@ -11,15 +11,14 @@ import xarray as xr
 
 from ankleloop.checks.channels import VERDICTS, Finding, merge_findings
 from ankleloop.checks.data import check_signals, refuse_repeated_trials
-from ankleloop.checks.loop import LARGEST_BIAS, FeedbackTest, feedback_test, path_bias
+from ankleloop.checks.loop import check_loop, path_bias
 from ankleloop.checks.movement import (
     check_excitation,
-    check_reference,
     check_sign,
     fit_stiffness_by_instruments,
 )
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
-from ankleloop.checks.reference import find_reference_faults
+from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import MOTION, Regressors
@@ -27,8 +26,6 @@ from ankleloop.methods.method import Trial, delay_option, rate_option
 from ankleloop.options import Options, option, show_fields
 from ankleloop.recordings.validity import describe_validity, valid_methods
 from ankleloop.signals.reference import project_on_reference
-
-SHOWN_BIAS = 0.1  # % of K: a smaller limit is not spelt out
 
 Methods = dict[str, dict[str, Any]]
 
@@ -142,8 +139,8 @@ def check_trial(trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | Prepar
     if len(records) < len(prepared):
         return Check([length, merge_findings(findings)], "undecided", {})
     signals = [check_signals(part, record.grid, delay) for part, record in zip(prepared, records, strict=True)]
-    usable, strength = _check_reference(prepared, records, delay)
-    loop, feedback = _check_loop(records, usable)
+    usable, strength = check_instrument(prepared, records, delay)
+    loop, feedback = check_loop(records, usable)
     bias, merged = path_bias(records), len(records) > 1
     return Check(
         findings=[
@@ -195,64 +192,3 @@ def _check_signs(records: Sequence[Regressors], *, by_reference: bool) -> list[F
         check_sign(*fit_stiffness_by_instruments(signal[:, :MOTION], signal[:, MOTION], instruments[:, :MOTION]))
         for signal, instruments in zip(signals, explained, strict=True)
     ]
-
-
-def _check_reference(
-    trials: Sequence[PreparedTrial], records: Sequence[Regressors], delay: float
-) -> tuple[bool, Finding]:
-    """Whether the reference can serve as an instrument."""
-    if records[0].reference is None:
-        advice = (
-            "Record the command of the servo, or name its variable: without it a closed loop cannot be told from an "
-            "open one."
-        )
-        return False, Finding("reference", "warning", f"there is none. {advice}")
-    finding = check_reference(records)
-    if finding.verdict == "ok":
-        faults = [find_reference_faults(trial, records[0].reference_name, delay) for trial in trials]
-        first = [next(iter(of_trial), finding) for of_trial in faults]
-        finding = merge_findings(first) if any(faults) else finding
-    # Without a reference the recording may still be identified as one in open loop.
-    return finding.verdict == "ok", replace(finding, verdict="ok" if finding.verdict == "ok" else "warning")
-
-
-def _check_loop(records: Sequence[Regressors], usable: bool) -> tuple[str, Finding]:
-    """Whether torque feeds back on the position; undecided unless the reference is usable."""
-    if not usable:
-        text = (
-            "undecided: this cannot be told without a usable reference. Methods for open loop hold only if it is open."
-        )
-        return "undecided", Finding("loop", "warning", text)
-    try:
-        test = feedback_test(records)
-    except DataError as error:
-        return "undecided", Finding("loop", "warning", f"undecided: {error}")
-    return test.loop, Finding("loop", "warning" if test.loop == "undecided" else "ok", _describe_loop(test))
-
-
-def _describe_loop(test: FeedbackTest) -> str:
-    """Outcome of the test in sentences."""
-    text = (
-        f"{test.loop}: the movement that the reference does not explain and the torque that the movement does not "
-        f"explain have a mean squared coherence of {test.coherence:.2f} (p = {test.p_value:.2g})"
-    )
-    if test.loop == "closed":
-        interval = f"{test.bias - test.margin:.3g} … {test.bias + test.margin:.3g}"
-        return (
-            f"{text}, and the torque does work on the load. By this K of a second-order model by least squares is off "
-            f"by {test.bias:.3g} % (98 % interval {interval} %)."
-        )
-    text += ", but the torque does no work on the load" if test.coherent else ", no more than chance"
-    limit = f"{max(test.limit, SHOWN_BIAS):.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
-    if test.loop == "open":
-        return f"{text}. Whatever feedback there is biases K by least squares by less than {limit}."
-    text = f"{text}. But K by least squares may be off by as much as {limit}"
-    if abs(test.bias) > test.margin:
-        return (
-            f"{text}, and is off by {test.bias:.2g} % in this record, which is no chance: the position is noisy, or "
-            "torque feeds back. A stronger perturbation makes either matter less."
-        )
-    return (
-        f"{text}: feedback of this size would not have been seen. About {test.sufficient_duration:.2g} s, or a "
-        "stronger perturbation, would decide."
-    )
