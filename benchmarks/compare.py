@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from tools import ROOT
 
-HERE = Path(__file__).resolve().parents[1]
 RELATIVE, OF_ERROR = 1e-6, 1e-3
 KEYS = ["study", "point", "method", "trial"]
 WORST = 8  # columns that are listed of a table
@@ -114,7 +114,7 @@ def main():
         print_estimates()
         return
     for path in sorted((arguments.other / "results" / "tables").glob("*.csv")):
-        present = HERE / "results" / "tables" / path.name
+        present = ROOT / "results" / "tables" / path.name
         if not present.exists():
             print(f"{path.stem}: missing")
             continue
@@ -126,10 +126,10 @@ def main():
         texts = [f"{column} ×{excess:.2g} in {count} of {len(old)}" for column, (excess, count) in worst[:WORST]]
         print(f"{path.stem}: {'; '.join(texts) or 'equal'}")
     columns = ["id", "verdict"]
-    ledgers = [pd.read_csv(tree / "results" / "verification.csv")[columns] for tree in (arguments.other, HERE)]
+    ledgers = [pd.read_csv(tree / "results" / "verification.csv")[columns] for tree in (arguments.other, ROOT)]
     print("verdicts equal" if ledgers[0].equals(ledgers[1]) else ledgers[0].compare(ledgers[1]))
     if "ANKLELOOP_RECORDINGS" in os.environ:
-        compare_estimates(read_estimates(arguments.other), read_estimates(HERE))
+        compare_estimates(read_estimates(arguments.other), read_estimates(ROOT))
 
 
 if __name__ == "__main__":

@@ -4,11 +4,9 @@ Two tables, of which `benchmarks/measured.py` makes a page. Where the model is c
 the settings of the study `efficiency` in config/config.yaml. Where the model is incomplete, it is for what the same
 fit gives on an infinitely long record: a third-order reflex fitted by second order, a reflex with a threshold fitted
 by a rectifier, a stiffness that drifts within the record. A record a hundred times as long stands for the infinitely
-long one; it takes two gigabytes of memory. No trial is written to disk. Writes results/tables/coverage.csv,
-coverage.md, coverage-incomplete.csv and coverage-incomplete.md.
+long one; it takes two gigabytes of memory. No trial is written to disk.
 """
 
-import argparse
 import multiprocessing
 import os
 from functools import partial
@@ -24,7 +22,7 @@ from ankleloop.assessment.scores import parameter_row
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.registry import identify
 from ankleloop.paper.captions import format_point
-from ankleloop.paper.tables import compare_with_bound, write_table
+from ankleloop.paper.tables import compare_with_bound
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
@@ -93,36 +91,3 @@ def compute_coverage(estimates, truths):
     wide = table.pivot_table("covered", "point", "parameter", sort=False).map("{:.1f}".format)
     wide["robust"] = (100.0 * robust).map("{:.0f}".format)
     return table, wide.reset_index()
-
-
-def write_coverage(estimates, truths, path, caption):
-    """Write the coverage of some points and print it."""
-    table, wide = compute_coverage(estimates, truths)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_table(table, path, wide, caption, overwrite=True)
-    print(wide.to_string(index=False), caption, sep="\n", flush=True)
-
-
-def main():
-    """Simulate and identify the trials, and print both tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--trials", type=int, default=1000)
-    parser.add_argument("--cores", type=int, default=2)
-    parser.add_argument("--folder", type=Path, default=CONFIG.parents[1] / "results" / "tables")
-    arguments = parser.parse_args()
-    share = "the last column is the share of trials with robust intervals [%]"
-    trials = f"{arguments.trials} trials in each setting; {share}"
-
-    points = read_points()
-    estimates = estimate_points(points, arguments.trials, arguments.cores)
-    caption = f"95 % intervals of `riv` that hold the truth [%]; {trials}."
-    write_coverage(estimates, read_truths(points), arguments.folder / "coverage", caption)
-
-    truths = estimate_truths(INCOMPLETE)
-    estimates = estimate_points(INCOMPLETE, arguments.trials, arguments.cores)
-    caption = f"95 % intervals of `riv` that hold what the same fit gives on a long record [%]; {trials}."
-    write_coverage(estimates, truths, arguments.folder / "coverage-incomplete", caption)
-
-
-if __name__ == "__main__":
-    main()

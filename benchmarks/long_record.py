@@ -7,13 +7,13 @@ the time. The last line that it prints is its result as JSON.
 import argparse
 import json
 import multiprocessing
-import resource
 import sys
 import tempfile
 import time
 from pathlib import Path
 
 import h5py
+from tools import peak_memory
 
 from ankleloop.methods.long_records import identify_file
 from ankleloop.simulation.simulate import simulate
@@ -51,15 +51,6 @@ def write_record(path, samples):
 def print_progress(name, share):
     """Progress of a pass."""
     print(f"\r{name} {100 * share:.0f} %   ", end="" if share < 1 else "\n", file=sys.stderr)
-
-
-def peak_memory():
-    """Most memory that the program has had [MiB]; `ru_maxrss` can be that of the process which began it."""
-    try:
-        lines = Path("/proc/self/status").read_text().splitlines()
-    except OSError:  # not Linux
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
 
 def main():
@@ -103,7 +94,6 @@ def main():
         "mib_before": memory_before,
         "torque_samples": written,
         "vaf": float(estimate.diagnostics["vaf"]),
-        "compression": estimate.diagnostics["compression"],
         **{name: float(value) for name, value in estimate.stiffness.items()},
     }
     print(json.dumps(result))

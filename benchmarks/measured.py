@@ -10,12 +10,10 @@ import subprocess
 import sys
 import time
 from datetime import UTC, datetime
-from pathlib import Path
 from statistics import median
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
 
-import dag
 import faults
 import interval_coverage
 import numpy as np
@@ -23,20 +21,14 @@ import pandas as pd
 import scaling
 import time_varying
 from scipy import signal
+from tools import ROOT, format_table
 
 from ankleloop import METHODS, cramer_rao, identify, simulate
 from ankleloop.subspace import moesp
 
-ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "measured"
 TRIALS = 300  # of each setting, for the intervals and errors of riv
 CASES = ("light, 30 %, 40 cycles", "light, 100 %, 100 cycles", "moderate, 30 %, 40 cycles")
-
-
-def format_table(rows):
-    """Rows, dictionaries with the same keys, as Markdown."""
-    lines = [list(rows[0]), ["---"] * len(rows[0]), *(row.values() for row in rows)]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
 def measure_speed():
@@ -66,16 +58,6 @@ def measure_speed():
 
 def measure_scaling():
     """Dry runs of large studies, one and two cores, and long records."""
-    runs = [
-        {
-            "trials": f"{run['trials']:,}",
-            "cores": run["cores"],
-            "jobs": run["jobs"],
-            "seconds": f"{run['seconds']:.0f}",
-            "trials per second and core": f"{run['trials'] / run['seconds'] / run['cores']:.1f}",
-        }
-        for run in scaling.scale_cores(1000)
-    ]
     records = []
     for samples in (360_000, 3_600_000):
         command = [sys.executable, ROOT / "benchmarks" / "long_record.py", "--samples", str(samples)]
@@ -84,9 +66,9 @@ def measure_scaling():
         row = {"hours": f"{result['hours']:.0f}", "samples": f"{samples:,}", "seconds": f"{result['seconds']:.1f}"}
         records.append(row | {"peak memory [MiB]": f"{result['mib']:.0f}"})
     return {
-        "The list of jobs": f"Dry runs, time of the processor.\n\n{dag.format_table(list(dag.measure_all([1000])))}",
+        "The list of jobs": f"Dry runs, time of the processor.\n\n{format_table(scaling.measure_dry_runs(1000))}",
         "Cores": "A sweep over two settings and an option, by two methods, with the start of Snakemake and of all "
-        f"jobs.\n\n{format_table(runs)}",
+        f"jobs.\n\n{format_table(scaling.scale_cores(1000))}",
         "Long records": f"PR-MOESP on a record at 100 Hz, streamed from its file.\n\n{format_table(records)}",
     }
 

@@ -27,8 +27,9 @@ import pandas as pd
 import programs
 from datasets import Case, make_data, score_model
 from kernels import prepare_kernels
+from tools import ROOT, peak_memory
 
-RESULTS = Path(__file__).resolve().parents[1] / "results" / "benchmarks"
+RESULTS = ROOT / "results" / "benchmarks"
 MEMORY_LIMIT = 8 * 2**30  # bytes of address space of a process whose memory is measured
 ROUNDS = 31
 BUDGET = 2.0  # s of each program in one case, in which it is run once for each round
@@ -123,22 +124,15 @@ def print_memory(name, case):
     data, program = make_data(case), programs.select_programs(case)[name]
     program(make_data(_shorten(case)), case.block_rows)  # loads packages and compiles
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
-    before = _peak_memory(reset=True)
+    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # Linux only: the peak begins anew
+    before = peak_memory()
     program(data, case.block_rows)
-    print(json.dumps(_peak_memory() - before))
+    print(json.dumps(peak_memory() - before))
 
 
 def _shorten(case):
     """The case with as many samples as a warm-up needs."""
     return case._replace(samples=min(case.samples, WARM_UP_SAMPLES))
-
-
-def _peak_memory(*, reset=False):
-    """Most memory that the process has had since the last reset [MiB]; Linux only."""
-    if reset:
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-    lines = Path("/proc/self/status").read_text(encoding="ascii", errors="ignore").splitlines()
-    return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
 
 def compare(case, rounds):
@@ -172,9 +166,7 @@ def compare(case, rounds):
         elif name in runs:
             row["failure"] = runs[name].failure
         rows.append(row)
-    table = pd.DataFrame(rows)
-    table.loc[table["program"] == "ankleloop", "compression"] = programs.find_compression(data, case.block_rows)
-    return table
+    return pd.DataFrame(rows)
 
 
 def sweep(rounds):

@@ -40,11 +40,6 @@ def ankleloop(data, block_rows):
     return model.A, model.B, model.C, model.D
 
 
-def find_compression(data, block_rows):
-    """How ankleloop compresses the data, "gram" or "qr"."""
-    return _identify_by_ankleloop(data, block_rows).diagnostics["compression"]
-
-
 def ankleloop_with_torques(data, block_rows):
     """The same and the three torques."""
     estimate = _identify_by_ankleloop(data, block_rows)

@@ -2,6 +2,7 @@
 
 import matplotlib
 import pandas as pd
+import tools
 
 from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.method_styles import MethodStyle
@@ -63,33 +64,16 @@ def format_table(table):
     for name, text in FORMATS.items():
         cells[name] = [text.format(value) if pd.notna(value) else "" for value in cells[name]]
     cells["failure"] = cells["failure"].fillna("")
-    lines = [list(COLUMNS.values()), ["---"] * cells.shape[1], *cells.astype(str).values.tolist()]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+    return tools.format_table(cells.rename(columns=COLUMNS).to_dict("records")) + "\n"
 
 
 def describe_ratios(table):
     """Time of ankleloop over that of `ctrlsys` for each data set, as a Markdown list."""
     rows = table[(table["program"] == "ankleloop") & table["over_ctrlsys_median"].notna()]
-    routes = {"gram": "by inner products", "qr": "by a triangular factor"}
     return "\n".join(
-        f"- {describe_case(row)} ({routes[row.compression]}): **{row.over_ctrlsys_median:.2f}** "
+        f"- {describe_case(row)}: **{row.over_ctrlsys_median:.2f}** "
         f"({row.over_ctrlsys_low:.2f} … {row.over_ctrlsys_high:.2f})"
         for row in rows.itertuples()
-    )
-
-
-def describe_torques(table):
-    """Time of PR-MOESP with its torques over that of `ctrlsys` for open-loop data of the same size, in words."""
-    texts = []
-    for (samples, rows), part in table[table["kind"].isin(["open loop", "paper"])].groupby(["samples", "block_rows"]):
-        times = part.set_index("program")["ms"]
-        open_loop = part[part["kind"] == "open loop"].set_index("program")["ms"]
-        if {"ankleloop with torques", "ctrlsys"} <= set(times.index) and "ctrlsys" in open_loop:
-            ratio = times["ankleloop with torques"] / open_loop["ctrlsys"]
-            texts.append(f"{ratio:.2f} at {samples:,} samples and {rows} block rows")
-    return (
-        "PR-MOESP with its torques from decimated signals takes this part of the time that `ctrlsys` takes for "
-        f"open-loop data of the same size: {'; '.join(texts)}."
     )
 
 

@@ -11,7 +11,6 @@ Run by: python benchmarks/resources.py
 import argparse
 import json
 import math
-import os
 import subprocess
 import sys
 import tempfile
@@ -21,12 +20,11 @@ import numpy as np
 import pandas as pd
 import yaml
 from scipy.optimize import nnls
+from tools import ROOT, SNAKEMAKE, workflow_environment
 
 from ankleloop import METHODS, simulate
 from ankleloop.studies.resources import BLOCK_ROWS, MEASURED, READ_TRIALS
 
-ROOT = Path(__file__).resolve().parents[1]
-SNAKEMAKE = Path(sys.executable).with_name("snakemake")
 RATE = 1000.0  # recorded samples of a second
 IDENTIFICATION_RATE = 100.0
 # Trials and duration [s] of the chunks. Snakemake looks twice a second at a job that takes less than 15 s.
@@ -110,8 +108,7 @@ def run_studies(studies, folder):
     file = folder / "studies.yaml"
     file.write_text(yaml.safe_dump({"run": list(studies), "studies": studies}), encoding="utf-8")
     command = [SNAKEMAKE, "--snakefile", ROOT / "Snakefile", "--cores", "1", "--configfile", file, "--quiet", "all"]
-    path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-    subprocess.run(command, cwd=folder, env={**os.environ, "PYTHONPATH": path}, check=True)
+    subprocess.run(command, cwd=folder, env=workflow_environment(), check=True)
 
 
 def measure_snakemake(folder):

@@ -18,6 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pandas as pd
+from tools import ROOT, format_table
 
 from ankleloop.assessment.cramer_rao import trajectory_bound
 from ankleloop.assessment.scores import TRAJECTORY_TRUTHS, score_rows, score_trajectories
@@ -26,7 +27,6 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.methods.registry import identify
 from ankleloop.simulation.simulate import simulate
 
-ROOT = Path(__file__).resolve().parents[1]
 CYCLE = 1.4  # s
 BOUNDS = 5  # trials of a case whose bound is computed; it hardly depends on the perturbation
 CYCLES = (20, 40, 100, 200, 400)  # of records whose memory is measured
@@ -137,15 +137,6 @@ def run_trial(settings, seed, methods):
     return rows
 
 
-def compare(table, rows):
-    """Mean errors over those of least squares on the same trials, as text."""
-    squares = table[(table["method"] == "least squares") & table["seed"].isin(rows["seed"])]
-    if squares.empty or rows["method"].iloc[0] == "least squares":
-        return ""
-    ratios = [f"{rows[f'{k}_nrmse'].mean() / squares[f'{k}_nrmse'].mean():.2f}" for k in TRAJECTORY_TRUTHS]
-    return f" error over that of least squares {'/'.join(ratios)}"
-
-
 def measure_memory(cycles, seed=0):
     """Largest memory that an identification allocates beside its trial [MB]."""
     prepared = prepare(simulate(seed=seed, **case(LIGHT, 0.3, cycles)))
@@ -168,33 +159,29 @@ def bound_errors(settings, seeds):
     return values
 
 
-def show_efficiency(bound, rows):
-    """Bounds of variances over mean squares of the errors of trajectories, and of their means, as text."""
-    whole = [f"{100 * bound[name] / np.mean(rows[f'{name}_nrmse'] ** 2):.0f}" for name in TRAJECTORY_TRUTHS]
-    means = [f"{100 * bound[f'{name}_mean'] / np.mean(rows[f'{name}_bias'] ** 2):.0f}" for name in TRAJECTORY_TRUTHS]
-    deviations = [f"{bound[name] ** 0.5:.2f}" for name in TRAJECTORY_TRUTHS]
-    return f" bound {' '.join(deviations)} efficiency {'/'.join(whole)} % of the means {'/'.join(means)} %"
+def summarise(table, bound):
+    """Rows with the means of a case by each method, and half of the 95 % intervals of the errors.
 
-
-def summarise(table, bound=None):
-    """Means over trials with half of their 95 % intervals for the errors."""
-    lines = []
-    for (name, method), rows in table.groupby(["case", "method"], sort=False):
-        half = 1.96 / np.sqrt(max(len(rows), 1))
-        errors = [f"{rows[f'{k}_nrmse'].mean():5.2f}±{half * rows[f'{k}_nrmse'].std():4.2f}" for k in TRAJECTORY_TRUTHS]
-        bias = " ".join(f"{rows[f'{k}_bias'].mean():6.2f}" for k in ("K", "B", "G"))
-        covered = "/".join(f"{rows[f'{k}_covered'].mean():.0f}" for k in ("K", "B", "G"))
-        lines.append(
-            f"{name:44s} {method:23s} n={len(rows):3d} error {' '.join(errors)} bias {bias} "
-            f"(K ±{half * rows['K_bias'].std():.2f}) covered {covered} "
-            f"vaf {rows['intrinsic vaf'].mean():.2f}/{rows['reflex vaf'].mean():.2f} "
-            f"p<.05 {100 * (rows['p'] < 0.05).mean():.1f} % rounds {rows['rounds'].mean():.1f} "
-            f"converged {100 * rows['converged'].mean():.0f} % {rows['seconds'].mean():.3f} s"
-            + (f" holds riv {rows['agrees with riv'].mean():.1f} %" if rows["agrees with riv"].notna().any() else "")
-            + compare(table[table["case"] == name], rows)
-            + (show_efficiency(bound, rows) if bound and method == "riv-tv" else "")
-        )
-    return "\n".join(lines)
+    `over least squares` is the ratio of mean errors on the same trials; efficiencies are bounds of variances over mean
+    squares of the errors, of the trajectories and of their means.
+    """
+    means, rows = table.groupby("method", sort=False).mean(numeric_only=True), []
+    for method, part in table.groupby("method", sort=False):
+        row = {"case": part["case"].iloc[0], "method": method, "trials": len(part)}
+        for name in TRAJECTORY_TRUTHS:
+            error, mean = part[f"{name}_nrmse"], means.loc[method]
+            row[f"error of {name} [%]"] = f"{error.mean():.2f} ± {1.96 * error.std() / np.sqrt(len(part)):.2f}"
+            row[f"bias of {name} [%]"] = f"{mean[f'{name}_bias']:.2f}"
+            row[f"{name} held by bands [%]"] = f"{mean[f'{name}_covered']:.0f}"
+            if "least squares" in means.index:
+                row[f"{name} over least squares"] = f"{error.mean() / means.loc['least squares', f'{name}_nrmse']:.2f}"
+            whole, average = np.mean(error**2), np.mean(part[f"{name}_bias"] ** 2)
+            efficiencies = f"{100 * bound[name] / whole:.0f}, {100 * bound[f'{name}_mean'] / average:.0f}"
+            row[f"efficiency of {name} [%]"] = efficiencies
+        shown = ("intrinsic vaf", "reflex vaf", "rounds", "converged", "seconds", "agrees with riv")
+        row |= {name: f"{means.loc[method, name]:.3g}" for name in shown}
+        rows.append(row | {"p < 0.05 [%]": f"{100 * (part['p'] < 0.05).mean():.1f}"})
+    return rows
 
 
 def main():
@@ -212,7 +199,7 @@ def main():
             memory = measure_memory(cycles)
             print(f"{cycles:4d} cycles: {memory:6.1f} MB, {memory / cycles:.3f} MB for each cycle", flush=True)
         return
-    tables = []
+    tables, summary = [], []
     for name, settings in CASES.items():
         if not any(part in name for part in arguments.cases):
             continue
@@ -221,7 +208,9 @@ def main():
             rows += run_trial(settings, seed, arguments.methods)
         tables.append(pd.DataFrame(rows).assign(case=name))
         seeds = range(arguments.first_seed, arguments.first_seed + min(arguments.trials, BOUNDS))
-        print(summarise(tables[-1], bound_errors(settings, seeds)), flush=True)
+        summary += summarise(tables[-1], bound_errors(settings, seeds))
+        print(f"{name} …", flush=True)
+    print(format_table(summary))
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     pd.concat(tables).to_csv(arguments.output, index=False)
 

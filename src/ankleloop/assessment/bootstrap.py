@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -175,7 +175,8 @@ def block_bootstrap(
         resampled = _change_torque(original, time, rate, _draw_blocks(rng, residual, length) - residual)
         try:
             row = _sample_row(resampled, identify(resampled, method, **options))
-            _check_names(row, names)
+            if missing := sorted(names - row.keys()):  # its column would have gaps
+                raise DataError(f"{missing[0]} could not be estimated.")
             rows.append({name: row[name] for name in names})
         except NUMERICAL_ERRORS as error:
             reasons[str(error)] += 1
@@ -214,10 +215,3 @@ def _sample_row(trial: PreparedTrial, estimate: Estimate) -> dict[str, float]:
         if not np.isfinite(value):
             raise DataError(f"{name} is not finite.")
     return row
-
-
-def _check_names(row: Mapping[str, float], names: Collection[str]) -> None:
-    """Refuse a repetition without a parameter that the record itself has: its column would have gaps."""
-    missing = sorted(set(names) - set(row))
-    if missing:
-        raise DataError(f"{missing[0]} could not be estimated.")

@@ -99,30 +99,12 @@ def cramer_rao(
         known_delay=known_delay,
         **settings,
     )
-    return dict(zip(names, map(float, _standard_deviations(names, information)), strict=True))
+    deviations = np.sqrt(np.diag(invert_information(information, names)))
+    return dict(zip(names, deviations.tolist(), strict=True))
 
 
-def _standard_deviations(names: list[str], information: np.ndarray) -> np.ndarray:
-    try:
-        return np.sqrt(np.diag(invert_information(information)))
-    except SingularInformation as error:
-        confused = ", ".join(names[k] for k in error.places)
-        raise DataError(
-            f"the record does not tell {confused} apart: their information is singular. Use a longer record, a richer "
-            "perturbation, or other parameters."
-        ) from None
-
-
-class SingularInformation(ArithmeticError):
-    """Information that does not tell some parameters apart; `places` are theirs."""
-
-    def __init__(self, places: np.ndarray) -> None:
-        super().__init__("singular information")
-        self.places = places
-
-
-def invert_information(information: np.ndarray) -> np.ndarray:
-    """Smallest covariance of parameters; infinite variances where the record has no information.
+def invert_information(information: np.ndarray, names: Sequence[str] | None = None) -> np.ndarray:
+    """Smallest covariance of named parameters, or of splines; infinite variances where the record has no information.
 
     Shapes: information (parameters, parameters).
     """
@@ -134,7 +116,14 @@ def invert_information(information: np.ndarray) -> np.ndarray:
     select, scale = np.ix_(known, known), np.outer(size[known], size[known])
     values, vectors = np.linalg.eigh(information[select] / scale)
     if not values[0] > len(values) * PRECISION * values[-1]:
-        raise SingularInformation(known[np.abs(vectors[:, 0]) > 0.1])
+        confused, remedy = "the splines", "fewer knots"
+        if names is not None:
+            confused = ", ".join(names[k] for k in known[np.abs(vectors[:, 0]) > 0.1])
+            remedy = "other parameters"
+        raise DataError(
+            f"the record does not tell {confused} apart: their information is singular. Use a longer record, a richer "
+            f"perturbation, or {remedy}."
+        )
     covariance[select] = np.linalg.inv(information[select] / scale) / scale
     return covariance
 
@@ -167,7 +156,7 @@ def fisher_information(
             "the bound is derived for constant parameters and random disturbances: variation must be null, movement "
             "and locked_torque must be 0."
         )
-    clean = simulate(seed=seed, **{**dict(all_settings), "snr_db": None, "voluntary": 0.0})
+    clean = simulate(seed=seed, **{**dict(all_settings), **UNDISTURBED})
     regressors = prepare(clean).regressors(
         delay=all_settings.delay, basis="rectifier", identification_rate=identification_rate
     )
@@ -259,16 +248,6 @@ class TrajectoryInformation:
     course: Course  # what K, B and G vary with
     dynamics: ReflexDynamics  # the true dynamics
 
-    def covariance(self) -> np.ndarray:
-        """Smallest covariance of the unknowns; infinite variances where the record has no information."""
-        try:
-            return invert_information(self.matrix)
-        except SingularInformation:
-            raise DataError(
-                "the record does not tell the splines apart: their information is singular. Use a longer record, a "
-                "richer perturbation, or fewer knots."
-            ) from None
-
 
 def trajectory_bound(
     *,
@@ -327,7 +306,7 @@ def trajectory_bound(
     information = trajectory_information(
         seed=seed, knots=knots, identification_rate=identification_rate, known_delay=known_delay, **settings
     )
-    covariance, bases, course = information.covariance(), information.bases, information.course
+    covariance, bases, course = invert_information(information.matrix), information.bases, information.course
     places = np.linspace(0.0, 1.0, PLACES)
     low, high = course.limits
     bound = xr.Dataset(coords={course.dimension: low + (high - low) * places})

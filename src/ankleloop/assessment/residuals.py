@@ -130,15 +130,11 @@ def _whiten(band: Band, x: np.ndarray) -> np.ndarray:
 def _independent_lags(band: Band, lags: float) -> np.ndarray:
     """Lags [s] at which correlations of white signals within the band are uncorrelated."""
     reach = _count_lags(band, lags) // 2
-    return _lag_step(band) * np.arange(-reach, reach + 1)
-
-
-def _lag_step(band: Band) -> float:
-    return 0.5 / (band.highest - band.lowest)
+    return np.arange(-reach, reach + 1) / (2.0 * (band.highest - band.lowest))
 
 
 def _count_lags(band: Band, lags: float) -> int:
-    return 2 * int(lags / _lag_step(band)) + 1
+    return 2 * int(2.0 * lags * (band.highest - band.lowest)) + 1
 
 
 def _whiteness(power: np.ndarray, band: Band) -> float:

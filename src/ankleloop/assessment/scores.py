@@ -170,7 +170,10 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
     row |= {name: estimate.diagnostics[name] for name in DIAGNOSTICS if name in estimate.diagnostics}
     if "torque_reflex" in prepared.trial and "poles" in estimate.diagnostics:
         row |= _pole_error(np.asarray(estimate.diagnostics["poles"]), estimate, prepared.trial.attrs)
-    row |= _unseen_scores(estimate.diagnostics.get("selection"))
+    if selection := estimate.diagnostics.get("selection"):
+        chosen = selection["chosen"].items()
+        scores = next(found["scores"] for found in selection["candidates"] if chosen <= found.items())
+        row |= {f"unseen_{name.replace('-', '_')}": score for name, score in scores.items()}
     if "variation_p" in estimate.diagnostics:
         row["variation_p"] = estimate.diagnostics["variation_p"]["all"]
     row |= score_trajectories(prepared, estimate)
@@ -192,15 +195,6 @@ def _pole_error(poles: np.ndarray, estimate: Estimate, settings: Mapping[str, An
 @lru_cache
 def _true_poles(omega_n: float, zeta: float, pole: float | None, rate: float) -> np.ndarray:
     return np.linalg.eigvals(ReflexDynamics(omega_n, zeta, pole).matrices(rate)[0])
-
-
-def _unseen_scores(selection: Mapping[str, Any] | None) -> dict[str, float]:
-    """Scores of the selected options on data that were not fitted."""
-    if selection is None:
-        return {}
-    chosen = selection["chosen"]
-    scores = next(row["scores"] for row in selection["candidates"] if all(row[name] == chosen[name] for name in chosen))
-    return {f"unseen_{name.replace('-', '_')}": score for name, score in scores.items()}
 
 
 def summarise(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:

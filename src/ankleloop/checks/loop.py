@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from ankleloop.checks.channels import Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.decimation import PASSBAND
@@ -21,6 +22,7 @@ BAND = (0.5, 20.0)  # Hz
 APART = 3  # bins between which the values of a Hann window are independent
 LEVEL = 0.01
 LARGEST_BIAS = 2.0  # % of K: the scatter of K in a record of a minute (95 % interval of riv) hides a smaller bias
+SHOWN_BIAS = 0.1  # % of K: a smaller limit is not spelt out
 REFLEX_LAGS = 0.4  # s
 DISCARDED = 1e-6  # of the largest singular value
 
@@ -240,3 +242,45 @@ def _fit_stiffness(records: Sequence[Regressors], *, with_reflex: bool) -> float
     scale = np.maximum(stacked.std(axis=0), np.finfo(float).tiny)
     values = np.linalg.lstsq(stacked / scale, np.concatenate(torque), rcond=DISCARDED)[0]
     return float(values[0] / scale[0])
+
+
+def check_loop(records: Sequence[Regressors], usable: bool) -> tuple[str, Finding]:
+    """Whether torque feeds back on the position; undecided unless the reference is usable."""
+    if not usable:
+        text = (
+            "undecided: this cannot be told without a usable reference. Methods for open loop hold only if it is open."
+        )
+        return "undecided", Finding("loop", "warning", text)
+    try:
+        test = feedback_test(records)
+    except DataError as error:
+        return "undecided", Finding("loop", "warning", f"undecided: {error}")
+    return test.loop, Finding("loop", "warning" if test.loop == "undecided" else "ok", _describe_loop(test))
+
+
+def _describe_loop(test: FeedbackTest) -> str:
+    """Outcome of the test in sentences."""
+    text = (
+        f"{test.loop}: the movement that the reference does not explain and the torque that the movement does not "
+        f"explain have a mean squared coherence of {test.coherence:.2f} (p = {test.p_value:.2g})"
+    )
+    if test.loop == "closed":
+        interval = f"{test.bias - test.margin:.3g} … {test.bias + test.margin:.3g}"
+        return (
+            f"{text}, and the torque does work on the load. By this K of a second-order model by least squares is off "
+            f"by {test.bias:.3g} % (98 % interval {interval} %)."
+        )
+    text += ", but the torque does no work on the load" if test.coherent else ", no more than chance"
+    limit = f"{max(test.limit, SHOWN_BIAS):.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
+    if test.loop == "open":
+        return f"{text}. Whatever feedback there is biases K by least squares by less than {limit}."
+    text = f"{text}. But K by least squares may be off by as much as {limit}"
+    if abs(test.bias) > test.margin:
+        return (
+            f"{text}, and is off by {test.bias:.2g} % in this record, which is no chance: the position is noisy, or "
+            "torque feeds back. A stronger perturbation makes either matter less."
+        )
+    return (
+        f"{text}: feedback of this size would not have been seen. About {test.sufficient_duration:.2g} s, or a "
+        "stronger perturbation, would decide."
+    )

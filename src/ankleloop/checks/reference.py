@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
 
-from ankleloop.checks.channels import Finding
-from ankleloop.checks.movement import motion_products, multiply_deviations, regress_torque
+from ankleloop.checks.channels import Finding, merge_findings
+from ankleloop.checks.movement import check_reference, motion_products, multiply_deviations, regress_torque
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import Grid
+from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.signals.decimation import decimate
 
 RATE = 100.0  # Hz, about: at it an actuator of 5 … 60 Hz makes the position late enough to be seen
@@ -147,3 +148,22 @@ def _unexplained_share(signals: Sequence[np.ndarray], y: np.ndarray, leads: int,
         return 1.0
     gram, products = lagged @ lagged.T + np.diag(RIDGE * rows * power), lagged @ target
     return 1.0 - float(products @ np.linalg.lstsq(gram, products, rcond=None)[0]) / energy
+
+
+def check_instrument(
+    trials: Sequence[PreparedTrial], records: Sequence[Regressors], delay: float
+) -> tuple[bool, Finding]:
+    """Whether the reference can serve as an instrument."""
+    if records[0].reference is None:
+        advice = (
+            "Record the command of the servo, or name its variable: without it a closed loop cannot be told from an "
+            "open one."
+        )
+        return False, Finding("reference", "warning", f"there is none. {advice}")
+    finding = check_reference(records)
+    if finding.verdict == "ok":
+        faults = [find_reference_faults(trial, records[0].reference_name, delay) for trial in trials]
+        first = [next(iter(of_trial), finding) for of_trial in faults]
+        finding = merge_findings(first) if any(faults) else finding
+    # Without a reference the recording may still be identified as one in open loop.
+    return finding.verdict == "ok", replace(finding, verdict="ok" if finding.verdict == "ok" else "warning")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -103,29 +103,27 @@ def analyse(
     if check.verdict == "refused":
         return Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": " ".join(check.reasons)}]))
     prepared = [prepare(part) for part in trials]
-    results: dict[str, _Result] = {}
-    rows = []
+    analysis, rows = Analysis(check, {}, {}, pd.DataFrame()), []
     for number, (label, specification) in enumerate(methods.items(), start=1):
         log.info("method %d of %d: %s", number, len(methods), label)
         row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": specification["method"]}
         reason = _reason_against(check, specification, len(trials) > 1)
         if reason is None:
             try:
-                results[label] = _analyse_method(prepared, specification, check, reference)
-                row |= {"valid": True, **results[label].row}
+                estimates, unseen, scores = _fit(prepared, specification)
+                test = _test_residual(prepared, estimates, check.instrumental, reference)
+                details = _describe_estimates(prepared, specification, check, estimates, test)
+                row |= {"valid": True, **scores, **details}
+                analysis.records[label], analysis.residuals[label] = estimates, test
+                if unseen:
+                    analysis.unseen[label] = unseen
             except DataError as error:
                 reason = str(error)
             except NUMERICAL_ERRORS as error:
                 log.warning("%s failed", label, exc_info=True)
                 reason = f"it failed numerically ({type(error).__name__}: {error})"
         rows.append(row if reason is None else row | {"valid": False, "trusted": False, "warnings": reason})
-    return Analysis(
-        check,
-        records={label: result.estimates for label, result in results.items()},
-        residuals={label: result.residual for label, result in results.items()},
-        table=pd.DataFrame(rows),
-        unseen={label: result.unseen for label, result in results.items() if result.unseen},
-    )
+    return replace(analysis, table=pd.DataFrame(rows))
 
 
 def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -138,38 +136,31 @@ def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     return {name: max(candidates) for name, candidates in values.items()}
 
 
-@dataclass(frozen=True, eq=False)
-class _Result:
-    """What one method gives: estimates of the trials, test of the residual, unseen torque, row of the table."""
-
-    estimates: list[Estimate]
-    residual: ResidualTest
-    unseen: list[UnseenTorque]
-    row: dict[str, Any]
-
-
-def _analyse_method(
-    trials: list[PreparedTrial], specification: Mapping[str, Any], check: Check, reference: str
-) -> _Result:
-    """Fit a method to the halves and to the whole, score it, and test its residual."""
-    estimates, unseen, scores = _fit(trials, specification)
-    longest = int(np.argmax([part.samples("time").size for part in trials]))
-    test = _test_residual(trials[longest], estimates[longest], check.instrumental, reference)
-    row = {**scores, **_test_columns(test), **parameter_row(trials[0], estimates[0])}
-    warnings = estimates[0].fit_warnings
+def _describe_estimates(
+    trials: list[PreparedTrial],
+    specification: Mapping[str, Any],
+    check: Check,
+    estimates: list[Estimate],
+    test: ResidualTest,
+) -> dict[str, Any]:
+    """Columns of the table about the estimates of a method; the parameters are those of the first trial."""
+    estimate, warnings = estimates[0], estimates[0].fit_warnings
+    row = {f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")}
+    row |= parameter_row(trials[0], estimate)
     if warnings:  # the covariance belongs to a solution that was not reached, or to another model
-        withheld = {f"{name}_{end}" for name in estimates[0].intervals for end in ("low", "high")} | {"intervals"}
+        withheld = {f"{name}_{end}" for name in estimate.intervals for end in ("low", "high")} | {"intervals"}
         row = {name: value for name, value in row.items() if name not in withheld}
-    row |= {"warnings": " ".join(warnings), "trusted": not warnings}
     # Warnings about the data concern all methods alike, so they do not decide between them.
-    about_data = estimates[0].diagnostics.get("data_warnings", ())
-    row["caution"] = " ".join(
-        filter(None, (caution(specification["method"], check.loop, check.reference), *about_data))
-    )
-    # A test whether the joint changes takes what the model or an instrument leaves out for a change.
-    row["incomplete"] = bool(test.related or about_data or estimates[0].diagnostics.get("alternatives"))
-    row["assumptions"] = " ".join(_describe_assumptions(trials, estimates[0], specification))
-    return _Result(estimates, test, unseen, row)
+    about_data = estimate.diagnostics.get("data_warnings", ())
+    cautions = caution(specification["method"], check.loop, check.reference), *about_data
+    return row | {
+        "warnings": " ".join(warnings),
+        "trusted": not warnings,
+        "caution": " ".join(filter(None, cautions)),
+        # A test whether the joint changes takes what the model or an instrument leaves out for a change.
+        "incomplete": bool(test.related or about_data or estimate.diagnostics.get("alternatives")),
+        "assumptions": " ".join(_describe_assumptions(trials, estimate, specification)),
+    }
 
 
 def _describe_assumptions(
@@ -279,8 +270,15 @@ def _score(pairs: Iterable[tuple[PreparedTrial, Estimate]], columns: Mapping[str
     return scores
 
 
-def _test_residual(trial: PreparedTrial, estimate: Estimate, instrumental: bool, reference: str) -> ResidualTest:
-    """Test the residual against the position, or unless the loop is open against what the reference explains of it."""
+def _test_residual(
+    trials: list[PreparedTrial], estimates: list[Estimate], instrumental: bool, reference: str
+) -> ResidualTest:
+    """Test the residual of the longest trial.
+
+    It is tested against the position, or unless the loop is open against what the reference explains of it.
+    """
+    longest = int(np.argmax([part.samples("time").size for part in trials]))
+    trial, estimate = trials[longest], estimates[longest]
     time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
     residual = trial.channel_at("torque", time, rate) - estimate.torque["net"].values
     if not instrumental:
@@ -291,7 +289,3 @@ def _test_residual(trial: PreparedTrial, estimate: Estimate, instrumental: bool,
     predicted = trial.predict_inputs(regressors)[:, 0]
     rows, common = match_times(regressors.time, time)
     return residual_test(residual[common], predicted[rows], rate)
-
-
-def _test_columns(test: ResidualTest) -> dict[str, bool | float]:
-    return {f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
@@ -11,24 +11,21 @@ import xarray as xr
 
 from ankleloop.checks.channels import VERDICTS, Finding, merge_findings
 from ankleloop.checks.data import check_signals, refuse_repeated_trials
-from ankleloop.checks.loop import LARGEST_BIAS, FeedbackTest, feedback_test, path_bias
+from ankleloop.checks.loop import check_loop, path_bias
 from ankleloop.checks.movement import (
     check_excitation,
-    check_reference,
     check_sign,
     fit_stiffness_by_instruments,
 )
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
-from ankleloop.checks.reference import find_reference_faults
+from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.methods.method import Trial, delay_option, rate_option
-from ankleloop.options import Options, option
+from ankleloop.options import Options, option, show_fields
 from ankleloop.recordings.validity import describe_validity, valid_methods
 from ankleloop.signals.reference import project_on_reference
-
-SHOWN_BIAS = 0.1  # % of K: a smaller limit is not spelt out
 
 Methods = dict[str, dict[str, Any]]
 
@@ -90,15 +87,8 @@ class _CheckOptions(Options):
     identification_rate: float = rate_option()
 
 
-def check_trial(
-    trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial],
-    *,
-    reference: str = "reference",
-    delay: float = 0.04,
-    order: int = 2,
-    block_rows: int = 15,
-    identification_rate: float = 100.0,
-) -> Check:
+@show_fields(_CheckOptions)
+def check_trial(trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial], **options: Any) -> Check:
     """Check what can be identified from a recording before anything is fitted to it.
 
     The checks are: length and rates; clipping, stretches at rest and spikes of position and torque; their size, and how
@@ -111,14 +101,9 @@ def check_trial(
     ----------
     trial : xarray.Dataset or PreparedTrial, or list of those
         The recording: a trial, or several short ones that are to be merged into one identification.
-    reference : str
-        Variable that serves as reference.
-    delay : float
-        Reflex delay [s].
-    order, block_rows : int
-        Largest order and block rows that a subspace method will use.
-    identification_rate : float
-        Rate of the identification [Hz].
+    **options
+        `reference`, the variable that serves as reference; reflex `delay` [s]; largest `order` and `block_rows` that a
+        subspace method will use; `identification_rate` [Hz].
 
     Returns
     -------
@@ -138,46 +123,39 @@ def check_trial(
     >>> check.verdict, check.loop, "riv" in check.methods
     ('ok', 'closed', True)
     """
-    options = _CheckOptions.parse(
-        "check_trial",
-        reference=reference,
-        delay=delay,
-        order=order,
-        block_rows=block_rows,
-        identification_rate=identification_rate,
-    )
-    delay, order, block_rows = options.delay, options.order, options.block_rows
-    identification_rate = options.identification_rate
+    values = _CheckOptions.parse("check_trial", **options)
+    reference, delay, rate = values.reference, values.delay, values.identification_rate
     trials = list(trial) if isinstance(trial, (list, tuple)) else [trial]
     if not trials:
         raise DataError("there are no trials to check.")
     prepared = [prepare(cast(Trial, part)) for part in trials]
     refuse_repeated_trials(prepared)
     datasets = [part.trial for part in prepared]
-    length = check_length(datasets, identification_rate)
+    length = check_length(datasets, rate)
     if length.verdict == "refused":
         return Check([length], "undecided", {})
     has_reference = reference != "position" and all(reference in dataset for dataset in datasets)
-    records, findings = _prepare_records(prepared, delay, identification_rate, reference if has_reference else None)
+    records, findings = _prepare_records(prepared, delay, rate, reference if has_reference else None)
     if len(records) < len(prepared):
         return Check([length, merge_findings(findings)], "undecided", {})
-    usable, strength = _check_reference(prepared, records, delay)
-    loop, feedback = _check_loop(records, usable)
-    bias = path_bias(records)
+    signals = [check_signals(part, record.grid, delay) for part, record in zip(prepared, records, strict=True)]
+    usable, strength = check_instrument(prepared, records, delay)
+    loop, feedback = check_loop(records, usable)
+    bias, merged = path_bias(records), len(records) > 1
     return Check(
         findings=[
             length,
-            *_check_signals(prepared, records, delay),
+            *map(merge_findings, zip(*signals, strict=True)),
             merge_findings(_check_signs(records, by_reference=usable and loop != "open")),
             merge_findings([check_coherence(record) for record in records]),
-            check_excitation([record.inputs[:, 1] for record in records], order, block_rows),
+            check_excitation([record.inputs[:, 1] for record in records], values.order, values.block_rows),
             merge_findings([check_drift(record) for record in records]),
             strength,
             feedback,
-            _check_methods(loop, usable, bias, merged=len(records) > 1),
+            Finding("methods", "ok" if usable else "warning", describe_validity(loop, usable, bias, merged=merged)),
         ],
         loop=loop,
-        methods=valid_methods(loop, usable, bias, merged=len(records) > 1),
+        methods=valid_methods(loop, usable, bias, merged=merged),
         spectra=estimate_spectra(records),
         reference=usable,
         path_bias=bias,
@@ -191,18 +169,13 @@ def _prepare_records(
     records, findings = [], []
     for trial in trials:
         try:
-            options: dict[str, Any] = {"delay": delay, "basis": "rectifier", "identification_rate": rate}
-            records.append(trial.regressors(**options, reference=reference))
+            records.append(
+                trial.regressors(delay=delay, basis="rectifier", identification_rate=rate, reference=reference)
+            )
             findings.append(Finding("signals", "ok", ""))
         except DataError as error:
             findings.append(Finding("signals", "refused", str(error)))
     return records, findings
-
-
-def _check_signals(trials: Sequence[PreparedTrial], records: Sequence[Regressors], delay: float) -> list[Finding]:
-    """The worst finding about each property of position and torque."""
-    findings = [check_signals(trial, record.grid, delay) for trial, record in zip(trials, records, strict=True)]
-    return [merge_findings(of_property) for of_property in zip(*findings, strict=True)]
 
 
 def _check_signs(records: Sequence[Regressors], *, by_reference: bool) -> list[Finding]:
@@ -219,70 +192,3 @@ def _check_signs(records: Sequence[Regressors], *, by_reference: bool) -> list[F
         check_sign(*fit_stiffness_by_instruments(signal[:, :MOTION], signal[:, MOTION], instruments[:, :MOTION]))
         for signal, instruments in zip(signals, explained, strict=True)
     ]
-
-
-def _check_reference(
-    trials: Sequence[PreparedTrial], records: Sequence[Regressors], delay: float
-) -> tuple[bool, Finding]:
-    """Whether the reference can serve as an instrument."""
-    if records[0].reference is None:
-        advice = (
-            "Record the command of the servo, or name its variable: without it a closed loop cannot be told from an "
-            "open one."
-        )
-        return False, Finding("reference", "warning", f"there is none. {advice}")
-    finding = check_reference(records)
-    if finding.verdict == "ok":
-        faults = [find_reference_faults(trial, records[0].reference_name, delay) for trial in trials]
-        first = [next(iter(of_trial), finding) for of_trial in faults]
-        finding = merge_findings(first) if any(faults) else finding
-    # Without a reference the recording may still be identified as one in open loop.
-    return finding.verdict == "ok", replace(finding, verdict="ok" if finding.verdict == "ok" else "warning")
-
-
-def _check_loop(records: Sequence[Regressors], usable: bool) -> tuple[str, Finding]:
-    """Whether torque feeds back on the position; undecided unless the reference is usable."""
-    if not usable:
-        text = (
-            "undecided: this cannot be told without a usable reference. Methods for open loop hold only if it is open."
-        )
-        return "undecided", Finding("loop", "warning", text)
-    try:
-        test = feedback_test(records)
-    except DataError as error:
-        return "undecided", Finding("loop", "warning", f"undecided: {error}")
-    return test.loop, Finding("loop", "warning" if test.loop == "undecided" else "ok", _describe_loop(test))
-
-
-def _describe_loop(test: FeedbackTest) -> str:
-    """Outcome of the test in sentences."""
-    text = (
-        f"{test.loop}: the movement that the reference does not explain and the torque that the movement does not "
-        f"explain have a mean squared coherence of {test.coherence:.2f} (p = {test.p_value:.2g})"
-    )
-    if test.loop == "closed":
-        interval = f"{test.bias - test.margin:.3g} … {test.bias + test.margin:.3g}"
-        return (
-            f"{text}, and the torque does work on the load. By this K of a second-order model by least squares is off "
-            f"by {test.bias:.3g} % (98 % interval {interval} %)."
-        )
-    text += ", but the torque does no work on the load" if test.coherent else ", no more than chance"
-    limit = f"{max(test.limit, SHOWN_BIAS):.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
-    if test.loop == "open":
-        return f"{text}. Whatever feedback there is biases K by least squares by less than {limit}."
-    text = f"{text}. But K by least squares may be off by as much as {limit}"
-    if abs(test.bias) > test.margin:
-        return (
-            f"{text}, and is off by {test.bias:.2g} % in this record, which is no chance: the position is noisy, or "
-            "torque feeds back. A stronger perturbation makes either matter less."
-        )
-    return (
-        f"{text}: feedback of this size would not have been seen. About {test.sufficient_duration:.2g} s, or a "
-        "stronger perturbation, would decide."
-    )
-
-
-def _check_methods(loop: str, reference: bool, bias: float, *, merged: bool) -> Finding:
-    """Which methods are valid."""
-    text = describe_validity(loop, reference, bias, merged=merged)
-    return Finding("methods", "ok" if reference else "warning", text)

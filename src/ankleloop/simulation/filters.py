@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ankleloop.kernels import kernel
-from ankleloop.signals.statespace import companion, discretise_foh, step_matrices
+from ankleloop.signals.statespace import companion, step_matrices
 from ankleloop.simulation.settings import SimulationSettings
 
 ANTIALIAS_ORDER = 4
@@ -70,11 +70,9 @@ def antialias_denominator(cutoff: float) -> np.ndarray:
 @lru_cache
 def _antialias_filter(cutoff: float, rate: float, hold: str) -> DiscreteFilter:
     A, B, C = companion(antialias_denominator(cutoff))
-    if hold == "foh":
-        A, B, C, D = discretise_foh(A, B, C, 1.0 / rate)
-        return DiscreteFilter(np.ascontiguousarray(A), B[:, 0].copy(), C[0], float(D[0, 0]))
     F, before, now = step_matrices(A, B, 1.0 / rate)
-    return DiscreteFilter(np.ascontiguousarray(F), (before + now)[:, 0].copy(), C[0], 0.0)
+    B, D = (F @ now + before, float(C[0] @ now[:, 0])) if hold == "foh" else (before + now, 0.0)
+    return DiscreteFilter(np.ascontiguousarray(F), B[:, 0].copy(), C[0], D)
 
 
 def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", "foh"]) -> np.ndarray:
@@ -84,8 +82,7 @@ def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", 
     """
     if settings.antialias_cutoff is None:
         return x
-    system = _antialias_filter(settings.antialias_cutoff, settings.recording_rate, hold)
-    return system.run(x)
+    return _antialias_filter(settings.antialias_cutoff, settings.recording_rate, hold).run(x)
 
 
 @lru_cache

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from ankleloop.errors import UnstableLoopError
 from ankleloop.options import as_plain, check_memory, show_fields, show_value
 from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias, voluntary_filter
-from ankleloop.simulation.loop import build_loop, run_loop
+from ankleloop.simulation.loop import run_loop
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.simulation.trajectories import Course, Trajectories, draw_course, trajectories
+from ankleloop.simulation.trajectories import Course, draw_course, trajectories
 from ankleloop.trials.trial import new_trial
 
 HELD_VALUES = 100  # values of noise over which the anti-aliasing filter settles
@@ -90,46 +89,41 @@ def _count_bytes(settings: SimulationSettings) -> float:
     return 8.0 * samples
 
 
-class _Streams(NamedTuple):
-    """Random generators of one trial, one for each signal."""
-
-    perturbation: np.random.Generator
-    voluntary: np.random.Generator
-    noise: np.random.Generator
-    course: np.random.Generator
-
-
-class _Disturbance(NamedTuple):
-    """A torque [N·m] that is fed back, and the same behind the anti-aliasing filter; shape (samples,)."""
-
-    torque: np.ndarray
-    record: np.ndarray
-
-
 def _simulate(settings: SimulationSettings, seed: int | np.random.SeedSequence) -> xr.Dataset:
-    settling = round(settings.settling * settings.recording_rate)
-    samples = settling + round(settings.duration * settings.recording_rate)
-    streams = _open_streams(seed)
-    course = draw_course(settings, streams.course)
-    time = np.arange(-settling, samples - settling) / settings.recording_rate
-    varies = settings.variation is not None
-    variation = trajectories(course, time + 0.5 / settings.recording_rate) if varies else None
-    command = _draw_command(settings, streams.perturbation, course, time)
-    silence = _Disturbance(np.zeros(samples), np.zeros(samples))
-    response = _run_stable_loop(settings, command, silence, silence, variation)
-    voluntary = noise = silence
-    deviation = float(np.std((response[1] + response[2])[settling:]))
+    rate, settling = settings.recording_rate, round(settings.settling * settings.recording_rate)
+    for_perturbation, for_voluntary, for_noise, for_course = _open_streams(seed)
+    course = draw_course(settings, for_course)
+    time = np.arange(-settling, round(settings.duration * rate)) / rate
+    joint = trajectories(course, time + 0.5 / rate)
+    command = _draw_command(settings, for_perturbation, course, time)
+    voluntary = noise = np.zeros(time.size)
+    response = run_loop(settings, joint, command, noise, voluntary)
+    deviation = float(np.std((response[1] + response[2])[settling:]))  # of the clean net torque
     if settings.voluntary > 0 or settings.locked_torque > 0:
-        voluntary = _draw_voluntary(settings, streams, course, time, deviation)
+        voluntary = deviation * _draw_voluntary(settings, for_voluntary, course, time)
     if settings.snr_db is not None:
-        noise = _draw_measurement_noise(settings, streams, samples, 10 ** (-settings.snr_db / 20) * deviation)
+        noise = 10 ** (-settings.snr_db / 20) * deviation * _draw_noise(settings, for_noise, time.size)
     if settings.movement > 0:
         command = command + course.movement(time)
-    if voluntary is not silence or noise is not silence or settings.movement > 0:
-        response = _run_stable_loop(settings, command, noise, voluntary, variation)
-    signals = *response, voluntary.record, noise.record, antialias(command, settings, "zoh")
-    truths = _describe_course(course, time[settling:])
-    return _make_trial(settings, seed, truths, *(signal[settling:] for signal in signals))
+    if voluntary.any() or noise.any() or settings.movement > 0:
+        response = run_loop(settings, joint, command, noise, voluntary)
+    held, linear = (antialias(x, settings, "zoh") for x in (command, noise)), antialias(voluntary, settings, "foh")
+    reference, noise = (x[settling:] for x in held)
+    position, intrinsic, reflex, voluntary = (x[settling:] for x in (*response, linear))
+    return new_trial(
+        position,
+        intrinsic + reflex + voluntary + noise,
+        rate,
+        reference,
+        torque_intrinsic=intrinsic,
+        torque_reflex=reflex,
+        torque_voluntary=voluntary,
+        torque_noise=noise,
+        **_describe_course(course, time[settling:]),
+        # As text where the entropy is too long for an integer of a file.
+        seed=seed if isinstance(seed, int) and seed < 2**63 else str(_seed_sequence(seed)),
+        **{name: _as_attribute(value) for name, value in settings},
+    )
 
 
 def _describe_course(course: Course, time: np.ndarray) -> dict[str, np.ndarray]:
@@ -140,42 +134,9 @@ def _describe_course(course: Course, time: np.ndarray) -> dict[str, np.ndarray]:
     elif settings.variation == "cycle" or settings.perturbation_locked or settings.locked_torque or settings.movement:
         variables["phase"] = course.phase(time)
     if settings.variation is not None:
-        truth = trajectories(course, time)
-        variables |= {
-            "stiffness_true": truth.stiffness,
-            "viscosity_true": truth.viscosity,
-            "reflex_gain_true": truth.gain,
-        }
+        names = ("stiffness_true", "viscosity_true", "reflex_gain_true")
+        variables |= dict(zip(names, trajectories(course, time), strict=True))
     return variables
-
-
-def _make_trial(
-    settings: SimulationSettings,
-    seed: int | np.random.SeedSequence,
-    truths: dict[str, np.ndarray],
-    position: np.ndarray,
-    intrinsic: np.ndarray,
-    reflex: np.ndarray,
-    voluntary: np.ndarray,
-    noise: np.ndarray,
-    reference: np.ndarray,
-) -> xr.Dataset:
-    """Trial of recorded signals, with its seed and settings as attributes."""
-    attributes = {name: _as_attribute(value) for name, value in settings}
-    return new_trial(
-        position,
-        intrinsic + reflex + voluntary + noise,
-        settings.recording_rate,
-        reference,
-        torque_intrinsic=intrinsic,
-        torque_reflex=reflex,
-        torque_voluntary=voluntary,
-        torque_noise=noise,
-        **truths,
-        # As text where the entropy is too long for an integer of a file.
-        seed=seed if isinstance(seed, int) and abs(seed) < 2**63 else str(_seed_sequence(seed)),
-        **attributes,
-    )
 
 
 def _as_attribute(value: Any) -> Any:
@@ -199,27 +160,40 @@ def _seed_sequence(seed: int | np.random.SeedSequence) -> np.random.SeedSequence
     return seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
 
 
-def _open_streams(seed: int | np.random.SeedSequence) -> _Streams:
-    """Random generators of a trial.
+def _open_streams(seed: int | np.random.SeedSequence) -> list[np.random.Generator]:
+    """Random generators of perturbation, voluntary torque, noise and course.
 
     The keys of the child sequences are set here: `SeedSequence.spawn` counts its calls, so the same seed would give
     other bits the next time.
     """
     root = _seed_sequence(seed)
-    keys = [(*root.spawn_key, k) for k in range(len(_Streams._fields))]
-    return _Streams(*(np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key)) for key in keys))
+    children = [np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, k)) for k in range(4)]
+    return [np.random.default_rng(child) for child in children]
+
+
+def draw_perturbation(settings: SimulationSettings, rng: np.random.Generator, samples: int) -> np.ndarray:
+    """Draw a pseudorandom binary sequence, or short pulses of independent random sign with zeros in between [rad].
+
+    A pulse ends before its reflex begins, and its sign is independent of the next one. So the position and its
+    derivatives are uncorrelated with the reflex torque, except for the smearing by the actuator.
+
+    Shapes: returns (samples,).
+    """
+    interval = round(settings.switching_interval * settings.recording_rate)
+    count = -(-samples // interval)
+    if settings.perturbation == "prbs":
+        levels, length = rng.integers(0, 2, size=count) - 0.5, interval
+    else:
+        levels = rng.choice([-0.5, 0.0, 0.0, 0.5], size=count)
+        length = round(settings.pulse_length * settings.recording_rate)
+    return settings.amplitude * np.outer(levels, np.arange(interval) < length).ravel()[:samples]
 
 
 def _draw_command(
     settings: SimulationSettings, rng: np.random.Generator, course: Course, time: np.ndarray
 ) -> np.ndarray:
     """Perturbation [rad], shape (samples,)."""
-    interval = round(settings.switching_interval * settings.recording_rate)
-    if settings.perturbation == "prbs":
-        command = draw_prbs(rng, time.size, interval, settings.amplitude)
-    else:
-        length = round(settings.pulse_length * settings.recording_rate)
-        command = draw_pulses(rng, time.size, interval, length, settings.amplitude)
+    command = draw_perturbation(settings, rng, time.size)
     if not settings.perturbation_locked:
         return command
     # Each cycle begins with the first samples.
@@ -228,25 +202,22 @@ def _draw_command(
 
 
 def _draw_voluntary(
-    settings: SimulationSettings, streams: _Streams, course: Course, time: np.ndarray, deviation: float
-) -> _Disturbance:
-    """Voluntary torque, at random and in step with the cycle, for a deviation [N·m] of the clean net torque."""
-    torque = np.zeros(time.size)
+    settings: SimulationSettings, rng: np.random.Generator, course: Course, time: np.ndarray
+) -> np.ndarray:
+    """Voluntary torque, at random and in step with the cycle, over the deviation of the clean net torque."""
+    torque = settings.locked_torque * course.locked_torque(time)
     if settings.voluntary > 0:
-        rate, cutoff = settings.recording_rate, settings.voluntary_cutoff
-        torque = settings.voluntary * deviation * draw_voluntary_torque(streams.voluntary, time.size, rate, cutoff)
-    if settings.locked_torque > 0:
-        torque += settings.locked_torque * deviation * course.locked_torque(time)
-    return _Disturbance(torque, antialias(torque, settings, "foh"))
+        system, warmup, deviation = voluntary_filter(settings.recording_rate, settings.voluntary_cutoff)
+        slow = system.run(rng.standard_normal(warmup + time.size))[warmup:]
+        torque = torque + settings.voluntary / deviation * slow
+    return torque
 
 
-def _draw_measurement_noise(
-    settings: SimulationSettings, streams: _Streams, samples: int, deviation: float
-) -> _Disturbance:
-    """Measurement noise that has a standard deviation [N·m] behind the anti-aliasing filter."""
+def _draw_noise(settings: SimulationSettings, rng: np.random.Generator, samples: int) -> np.ndarray:
+    """White noise whose values are held, of unit standard deviation behind the anti-aliasing filter."""
     hold = round(settings.recording_rate / settings.noise_rate)
-    torque = deviation / _recorded_noise_deviation(settings, hold) * draw_noise(streams.noise, samples, hold)
-    return _Disturbance(torque, antialias(torque, settings, "zoh"))
+    levels = rng.standard_normal(-(-samples // hold))
+    return np.repeat(levels, hold)[:samples] / _recorded_noise_deviation(settings, hold)
 
 
 @lru_cache
@@ -255,65 +226,3 @@ def _recorded_noise_deviation(settings: SimulationSettings, hold: int) -> float:
     pulse = np.zeros(HELD_VALUES * hold)
     pulse[:hold] = 1.0
     return float(np.sqrt(np.sum(antialias(pulse, settings, "zoh") ** 2) / hold))
-
-
-def _run_stable_loop(
-    settings: SimulationSettings,
-    command: np.ndarray,
-    noise: _Disturbance,
-    voluntary: _Disturbance,
-    variation: Trajectories | None,
-) -> np.ndarray:
-    """Recorded position, intrinsic and reflex torque, shape (3, samples); a loop that diverges is an error."""
-    loop = build_loop(settings)
-    record, divergence = run_loop(loop, settings, command, noise.torque, voluntary.torque, variation)
-    if divergence >= 0:
-        raise UnstableLoopError(
-            f"the closed loop is unstable: the position passes ±{settings.position_limit:g} rad after "
-            f"{divergence / settings.recording_rate:.3g} s. "
-            f"Parameters: load_inertia={settings.load_inertia:g} kg·m², load_viscosity={settings.load_viscosity:g} "
-            f"N·m·s/rad, load_stiffness={settings.load_stiffness:g} N·m/rad, reflex_gain={settings.reflex_gain:g} "
-            f"N·m·s/rad, delay={settings.delay:g} s, stiffness={settings.stiffness:g} N·m/rad, "
-            f"viscosity={settings.viscosity:g} N·m·s/rad. "
-            "Take a heavier or more damped load, or a lower reflex gain."
-        )
-    return record
-
-
-def draw_prbs(rng: np.random.Generator, samples: int, interval: int, amplitude: float) -> np.ndarray:
-    """Draw a pseudorandom binary sequence that switches at random multiples of an interval.
-
-    Shapes: returns (samples,).
-    """
-    levels = rng.integers(0, 2, size=-(-samples // interval)) - 0.5
-    return amplitude * np.repeat(levels, interval)[:samples]
-
-
-def draw_pulses(rng: np.random.Generator, samples: int, interval: int, length: int, amplitude: float) -> np.ndarray:
-    """Draw short pulses of independent random sign at random multiples of an interval, with zeros in between.
-
-    A pulse ends before its reflex begins, and its sign is independent of the next one. So the position and its
-    derivatives are uncorrelated with the reflex torque, except for the smearing by the actuator.
-
-    Shapes: returns (samples,).
-    """
-    signs = rng.choice([-0.5, 0.0, 0.0, 0.5], size=-(-samples // interval))
-    shape = (np.arange(interval) < length).astype(float)
-    return amplitude * np.outer(signs, shape).ravel()[:samples]
-
-
-def draw_voluntary_torque(rng: np.random.Generator, samples: int, rate: float, cutoff: float) -> np.ndarray:
-    """Draw Gaussian noise through a second-order Bessel low-pass, of unit standard deviation.
-
-    Shapes: returns (samples,).
-    """
-    system, warmup, deviation = voluntary_filter(rate, cutoff)
-    return system.run(rng.standard_normal(warmup + samples))[warmup:] / deviation
-
-
-def draw_noise(rng: np.random.Generator, samples: int, hold: int) -> np.ndarray:
-    """Draw white Gaussian noise of unit standard deviation, each value of which is held for some samples.
-
-    Shapes: returns (samples,).
-    """
-    return np.repeat(rng.standard_normal(-(-samples // hold)), hold)[:samples]

@@ -81,30 +81,37 @@ def trajectories(course: Course, time: np.ndarray) -> Trajectories:
 
     Shapes: time (N,).
     """
-    place = course.place(time)
-    return Trajectories(*(_profile(course.settings, name, place) for name in PARAMETERS))
+    settings, place = course.settings, course.place(time)
+    stiffness, viscosity, gain = (_profile(settings, name, place) for name in PARAMETERS)
+    if settings.stiffness_drift != 0:
+        stiffness = settings.stiffness * (1.0 + settings.stiffness_drift * (place - 0.5))
+    return Trajectories(stiffness, viscosity, gain)
 
 
-def parameter_ranges(settings: SimulationSettings) -> dict[str, tuple[float, float]]:
-    """Smallest and largest value of stiffness, viscosity and gain, by name."""
-    ranges = {}
-    for name, setting in PARAMETERS.items():
-        mean, share, table = getattr(settings, setting), *_variation(settings, name)
-        ranges[name] = (mean * (1 - share), mean * (1 + share)) if table is None else (min(table), max(table))
+def parameter_ranges(settings: SimulationSettings) -> np.ndarray:
+    """Smallest and largest value of stiffness, viscosity and gain, shape (3, 2)."""
+    ranges = []
+    for name in PARAMETERS:
+        mean, share, table = _variation(settings, name)
+        ranges.append([mean * (1 - share), mean * (1 + share)] if table is None else [min(table), max(table)])
     drift = 0.5 * abs(settings.stiffness_drift) * settings.stiffness
-    low, high = ranges["stiffness"]
-    return {**ranges, "stiffness": (low - drift, high + drift)}
+    ranges[0] = [ranges[0][0] - drift, ranges[0][1] + drift]
+    return np.array(ranges)
 
 
-def _variation(settings: SimulationSettings, name: str) -> tuple[float, tuple[float, ...] | None]:
-    return getattr(settings, f"{name}_variation"), getattr(settings, f"{name}_table")
+def _variation(settings: SimulationSettings, name: str) -> tuple[float, float, tuple[float, ...] | None]:
+    """Mean of a parameter, its relative variation, and its table."""
+    mean = getattr(settings, PARAMETERS[name])
+    return mean, getattr(settings, f"{name}_variation"), getattr(settings, f"{name}_table")
 
 
 def _profile(settings: SimulationSettings, name: str, place: np.ndarray) -> np.ndarray:
     """Values of a parameter at places within 0 … 1."""
-    mean, (share, table) = getattr(settings, PARAMETERS[name]), _variation(settings, name)
+    mean, share, table = _variation(settings, name)
     if table is not None:
         values = np.array([*table, table[0]]) if settings.variation == "cycle" else np.array(table)
         return np.interp(place, np.linspace(0.0, 1.0, values.size), values)
+    if share == 0:
+        return np.full(place.size, mean)
     wave = np.cos(2 * np.pi * (place - getattr(settings, f"{name}_peak")))
     return mean * (1.0 + share * (np.where(wave > 0, 1.0, -1.0) if settings.variation_shape == "square" else wave))

@@ -6,7 +6,8 @@ import pytest
 import ankleloop
 from ankleloop import identify, new_trial, simulate
 from ankleloop.methods.real_time import _lag_input, _track
-from ankleloop.simulation.simulate import draw_pulses
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.simulate import draw_perturbation
 
 QUIET = {"snr_db": None, "voluntary": 0.0, "closed_loop": False, "duration": 60.0, "reflex_gain": 5.0}
 
@@ -94,7 +95,8 @@ def test_lags_before_the_record_are_its_first_value():
 
 
 def test_pulses_are_symmetric_and_half_of_the_intervals_have_none():
-    x = draw_pulses(np.random.default_rng(1), 400_000, 200, 20, 0.04)
+    settings = SimulationSettings(perturbation="pulses", switching_interval=0.2)
+    x = draw_perturbation(settings, np.random.default_rng(1), 400_000)
     starts = x[::200]
     assert set(np.unique(x)) == {-0.02, 0.0, 0.02}
     assert np.mean(starts == 0) == pytest.approx(0.5, abs=0.05)

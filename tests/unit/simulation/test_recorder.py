@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy import signal as sps
+from test_loop import run
 
 from ankleloop import simulate
-from ankleloop.simulation.loop import build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
 
 RATE = 1000.0
@@ -28,7 +28,7 @@ def test_signals_are_those_of_the_loop(closed_loop):
     command = np.repeat(rng.uniform(-0.02, 0.02, 20), 100)
     noise = np.repeat(rng.standard_normal(200), 10)
     time = np.arange(command.size) / RATE
-    record, _ = run_loop(build_loop(settings), settings, command, noise, np.zeros(command.size))
+    record = run(settings, command, noise, np.zeros(command.size))
     closed = np.polyadd(LOAD, JOINT)
     for channel, factor in ((0, [1.0]), (1, JOINT)):
         numerator, denominator = np.polymul(SERVO[0], factor), SERVO[1]

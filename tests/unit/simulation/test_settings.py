@@ -23,7 +23,7 @@ from ankleloop.simulation.settings import SimulationSettings
 )
 def test_a_simulation_beyond_the_memory_is_refused_before_it_begins(monkeypatch, settings, size):
     monkeypatch.setattr(arguments, "_find_memory", lambda: 10**9)
-    monkeypatch.setattr(sys.modules["ankleloop.simulation.simulate"], "build_loop", None)  # nothing is computed
+    monkeypatch.setattr(sys.modules["ankleloop.simulation.simulate"], "run_loop", None)  # nothing is computed
     with pytest.raises(
         ValueError, match=rf"^simulate: this would need {size} of memory, and the machine has 1 GB: take a"
     ):

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from test_loop import AdaptiveSolution, append_net, external_signals
+from test_loop import AdaptiveSolution, append_net, external_signals, run
 
 from ankleloop import DataError, load_trial, save_trial, simulate
 from ankleloop.joint.prepared import prepare
-from ankleloop.simulation.loop import build_loop, run_loop
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 
@@ -64,10 +63,7 @@ def test_a_changing_joint_against_an_adaptive_solver(parameters, noise):
         settings = SimulationSettings(
             integration_rate=integration_rate, recording_rate=factor * RATE, **VARIATION, **parameters
         )
-        middle = (np.arange(factor * external[0].size) + 0.5) / settings.recording_rate
-        variation = trajectories(course, middle)
-        record, divergence = run_loop(build_loop(settings), settings, *refine(factor, *external), variation)
-        assert divergence == -1
+        record = run(settings, *refine(factor, *external), course=course)
         error = np.max(np.abs(append_net(record[:, ::factor]) - expected), axis=1) / np.max(np.abs(expected), axis=1)
         assert np.all(error < tolerance), dict(zip(("position", "intrinsic", "reflex", "net"), error, strict=True))
 

@@ -297,9 +297,10 @@ def test_one_trial_that_fails_among_others_of_its_point(tmp_path, monkeypatch):
     """The error names it, and no other is lost."""
     run_loop = simulation.run_loop
 
-    def run_or_diverge(loop, settings, command, *torques):
-        record, divergence = run_loop(loop, settings, command, *torques)
-        return record, 5000 if np.array_equal(command, marked) else divergence
+    def run_or_diverge(settings, joint, command, *torques):
+        if np.array_equal(command, marked):
+            raise UnstableLoopError("the closed loop is unstable")
+        return run_loop(settings, joint, command, *torques)
 
     points = {"p": {"settings": STABLE, "first": 0, "stop": 20}}
     simulate_chunk(tmp_path / "all.nc", "small", 3, points)
