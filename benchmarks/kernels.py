@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from ankleloop.subspace.hankel import HankelGram, HankelRows
-from ankleloop.subspace.input_matrices import OutputRegression, solve_regression
+from ankleloop.subspace.hankel import hankel_gram
+from ankleloop.subspace.input_matrices import OutputRegression
+from ankleloop.subspace.sources import MemoryOptions, select_rows
 
 SIGNIFICANT = 80  # directions of deficient inputs that count
 
@@ -31,19 +32,18 @@ def prepare_kernels(data, block_rows):
     signals = np.column_stack([data.u, data.y] if open_loop else [data.u, data.y, data.reference])
     m, n = data.u.shape[1], data.order
     mean, deviation = signals.mean(axis=0), signals.std(axis=0)
-    instruments = np.arange(m) if open_loop else np.arange(m + 1, signals.shape[1])
-    hankel_rows = HankelRows.select(m, 1, instruments, block_rows, block_rows, 0)
+    options = MemoryOptions(block_rows=block_rows, order=n, instruments="past-reference", projection="ordinary", dt=1.0)
+    hankel_rows = select_rows(options, (m, 1, signals.shape[1] - m - 1), open_loop=open_loop)
     indices = hankel_rows.indices
     dynamic = None if data.regressors is None else data.regressors.reflex
-    regression = OutputRegression(0.5 * np.eye(n), np.ones((1, n)), m, dynamic)
+    regression = OutputRegression(0.5 * np.eye(n), np.ones((1, n)), m, dynamic, 1, offsets=True)
 
     def run():
         x = (signals - mean) / deviation
-        gram = HankelGram(hankel_rows.window, hankel_rows.lags)
-        gram.add(x)
-        columns = _project(gram.matrix(indices), hankel_rows.sizes)[:, :n]
+        gram = hankel_gram([x], hankel_rows.window, hankel_rows.lags)
+        columns = _project(gram[np.ix_(indices, indices)], hankel_rows.sizes)[:, :n]
         np.linalg.eigvals(np.linalg.lstsq(columns[:-1], columns[1:], rcond=None)[0])
-        solve_regression(regression, [[(x[:, :m], x[:, m : m + 1])]], None, 1e-10)
+        regression.solve([[x]], None, 1e-10)
 
     return run
 

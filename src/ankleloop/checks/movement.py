@@ -15,7 +15,7 @@ from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.reference import unseen_share
 from ankleloop.signals.spectra import segment_spectra
-from ankleloop.subspace.hankel import HankelGram
+from ankleloop.subspace.hankel import hankel_gram
 from ankleloop.trials.validation import REQUIRED
 
 SMALLEST, LARGEST = 1e-12, 1e12  # rad and N·m: squares of anything beyond leave the range of numbers
@@ -231,13 +231,8 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
         return Finding("excitation", "refused", text)
     # Decimation leaves the uppermost part of the band empty, which limits the rank of any movement.
     attainable = int(np.floor(2 * PASSBAND * rows))
-    products = np.zeros((rows, rows))
-    for velocity in velocities:
-        if velocity.size >= rows:
-            gram = HankelGram(rows, subtract_means=False)
-            gram.add(velocity[:, None])
-            products += gram.matrix()
-    values = np.linalg.eigvalsh(products)[::-1]
+    grams = [hankel_gram([velocity[:, None]], rows, subtract_means=False) for velocity in velocities]
+    values = np.linalg.eigvalsh(np.sum(grams, axis=0))[::-1]
     rank = int(np.count_nonzero(values > EXCITED * values[0]))
     if rank < attainable:
         return Finding(

@@ -29,7 +29,7 @@ from ankleloop.methods.moesp import (
 )
 from ankleloop.options import Options, check_path, option
 from ankleloop.signals.decimation import differentiate, differentiation_margin
-from ankleloop.subspace.input_matrices import continue_response
+from ankleloop.signals.statespace import simulate_states
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
 from ankleloop.trials.files import atomic_netcdf, check_output
 from ankleloop.trials.long_record import LongRecord
@@ -276,8 +276,8 @@ def _write_torques(
         for (start, stop), part in chunks.passes(basis, "torques"):
             u, path = part.inputs - input_means, model.select_inputs(part.reflex)
             intrinsic = u[:, ~part.reflex] @ model.D[0, ~part.reflex]
-            reflex, state = continue_response(path.A, path.B, path.C, path.D, u[:, part.reflex], state)
-            reflex = reflex[:, 0]
+            states, state = simulate_states(path.A, np.ascontiguousarray(u[:, part.reflex] @ path.B.T), state)
+            reflex = states @ path.C[0] + u[:, part.reflex] @ path.D[0]
             torques = {"time": part.time, "net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
             for name, values in torques.items():
                 variables[name][start:stop] = values

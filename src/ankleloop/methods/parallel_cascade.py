@@ -19,7 +19,7 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import Method, check_lags, delay_option, rate_option
 from ankleloop.options import Options, option
-from ankleloop.subspace.hankel import HankelGram
+from ankleloop.subspace.hankel import hankel_gram
 
 PASS_CEILING = 10_000  # beyond any loop that converges at all
 SQUARED = 1e-10  # least ratio of eigenvalues for which inner products show all directions
@@ -113,9 +113,7 @@ def _paths(
     """
     inputs = regressors.inputs[:, [0, -1]]
     window = rows[0] + regressors.torque.size - rows[-1]
-    gram = HankelGram(window)
-    gram.add(np.column_stack([inputs, regressors.torque]))
-    products = gram.matrix()
+    products = hankel_gram([np.column_stack([inputs, regressors.torque])], window)
     present = rows[0] * 3  # row of lag 0 of the first of three channels
     torque = present + 2
     indices = [present - 3 * path_lags + channel for channel, path_lags in enumerate(lags)]

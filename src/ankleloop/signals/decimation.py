@@ -15,7 +15,6 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.errors import DataError
 from ankleloop.kernels import kernel
-from ankleloop.options import check_integer, check_number
 
 # Fractions of the identification rate: for 100 Hz data, flat to 38 Hz and zero from the Nyquist frequency of 50 Hz on.
 PASSBAND, STOPBAND = 0.38, 0.50
@@ -27,20 +26,18 @@ VELOCITY_PASSBAND, VELOCITY_STOPBAND = 150.0, 250.0
 
 def decimation_factor(sampling_rate: float, identification_rate: float) -> int:
     """Number of recorded samples per identified sample."""
-    rate = check_number("decimation", "identification_rate", identification_rate, "Hz", gt=0)
-    sampling_rate = check_number("decimation", "sampling_rate", sampling_rate, "Hz", gt=0)
-    ratio = sampling_rate / rate
+    ratio = sampling_rate / identification_rate
     if ratio > LARGEST_FACTOR + 0.5:
         raise DataError(
-            f"the sampling rate ({sampling_rate:g} Hz) is {ratio:.6g} times the identification rate ({rate:g} Hz), but "
-            f"must be at most {LARGEST_FACTOR} times: raise identification_rate, for example "
-            f"{sampling_rate / LARGEST_FACTOR:.12g} Hz, or resample the record."
+            f"the sampling rate ({sampling_rate:g} Hz) is {ratio:.6g} times the identification rate "
+            f"({identification_rate:g} Hz), but must be at most {LARGEST_FACTOR} times: raise identification_rate, for "
+            f"example {sampling_rate / LARGEST_FACTOR:.12g} Hz, or resample the record."
         )
     factor = round(ratio)
     if factor < 1 or abs(ratio - factor) > 1e-6 * factor:
         raise DataError(
             f"the sampling rate ({sampling_rate:g} Hz) is not a whole multiple of the identification rate "
-            f"({rate:g} Hz): choose an identification_rate that divides it, "
+            f"({identification_rate:g} Hz): choose an identification_rate that divides it, "
             f"for example {sampling_rate / max(1, int(np.ceil(ratio - 1e-9))):.12g} Hz, or resample the record."
         )
     return factor
@@ -91,7 +88,7 @@ def decimation_taps(factor: int, derivative: int) -> tuple[np.ndarray, int]:
 
 def decimation_margin(factor: int) -> int:
     """Recorded samples that the widest decimation kernel needs on either side of a decimated sample."""
-    return decimation_taps(check_integer("decimation", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR), 1)[1]
+    return decimation_taps(factor, 1)[1]
 
 
 def decimate(
@@ -103,10 +100,6 @@ def decimate(
 
     Shapes: x (N,); returns (count,).
     """
-    factor = check_integer("decimate", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR)
-    first, count = check_integer("decimate", "first", first, "samples"), check_integer("decimate", "count", count)
-    rate = check_number("decimate", "rate", rate, "Hz", gt=0)
-    derivative = check_integer("decimate", "derivative", derivative, ge=0, le=2)
     signal = np.asarray(x, dtype=float)
     taps, half = decimation_taps(factor, derivative)
     start, stop = first - half, first + factor * (count - 1) + half + 1
@@ -134,24 +127,15 @@ def convolve_strided(x: np.ndarray, taps: np.ndarray, start: int, stride: int, c
 # Sums may be reordered, so that the compiler adds several terms at a time.
 @kernel(fastmath={"contract", "reassoc"})
 def _sum_products(rows, weights, start, stride, count):
-    """Weighted sums that begin every `stride` samples; two at a time, so that each weight is loaded once for both."""
+    """Weighted sums that begin every `stride` samples."""
     out = np.empty((rows.shape[0], count))
-    n = weights.size
     for c in range(rows.shape[0]):
-        x = rows[c, start:]
-        for i in range(0, count - 1, 2):
-            first, second = x[i * stride : i * stride + n], x[(i + 1) * stride : (i + 1) * stride + n]
-            a, b = 0.0, 0.0
-            for k in range(n):
-                a += weights[k] * first[k]
-                b += weights[k] * second[k]
-            out[c, i], out[c, i + 1] = a, b
-        if count % 2:
-            last = x[(count - 1) * stride : (count - 1) * stride + n]
-            a = 0.0
-            for k in range(n):
-                a += weights[k] * last[k]
-            out[c, count - 1] = a
+        for i in range(count):
+            piece = rows[c, start + i * stride :][: weights.size]
+            total = 0.0
+            for k in range(weights.size):
+                total += weights[k] * piece[k]
+            out[c, i] = total
     return out
 
 
@@ -160,7 +144,6 @@ def lowpass(x: ArrayLike, factor: int) -> np.ndarray:
 
     Shapes: x (N,); returns (N,).
     """
-    factor = check_integer("lowpass", "factor", factor, "samples", ge=1, le=LARGEST_FACTOR)
     x = np.asarray(x, dtype=float)
     taps, half = decimation_taps(factor, 0)
     return convolve(x - x.mean(), taps)[half : half + x.size]
@@ -176,25 +159,17 @@ def convolve(x: np.ndarray, taps: np.ndarray) -> np.ndarray:
     return irfft(rfft(x, size) * rfft(taps, size), size)[:length]
 
 
-def _velocity_taps(rate: float, shift: float) -> tuple[np.ndarray, int]:
-    """Taps of the wide differentiator, delayed by a fraction of a sample, and their half length."""
+def _velocity_taps(rate: float, delay: float) -> tuple[np.ndarray, int, int]:
+    """Taps of the wide differentiator, delayed by a fraction of a sample, their half length, and the whole samples."""
     stopband = min(VELOCITY_STOPBAND, 0.5 * rate)
     passband = min(VELOCITY_PASSBAND, 0.6 * stopband)
-    return design_lowpass(float(rate), passband, stopband, 1, float(shift))
-
-
-def _check_rate_and_delay(rate: float, delay: float) -> tuple[float, float]:
-    return (
-        check_number("differentiate", "rate", rate, "Hz", gt=0, le=1e9),
-        check_number("differentiate", "delay", delay, "s", ge=-1000, le=1000),
-    )
+    whole = round(delay * rate)
+    return *design_lowpass(float(rate), passband, stopband, 1, round(delay * rate - whole, 9)), whole
 
 
 def differentiation_margin(rate: float, delay: float = 0.0) -> tuple[int, int]:
     """Recorded samples that `differentiate` needs before and after each sample of its result."""
-    rate, delay = _check_rate_and_delay(rate, delay)
-    half = _velocity_taps(rate, 0.0)[1]
-    whole = round(delay * rate)
+    _, half, whole = _velocity_taps(rate, delay)
     return half + whole, half - whole
 
 
@@ -205,10 +180,8 @@ def differentiate(x: ArrayLike, rate: float, delay: float = 0.0) -> np.ndarray:
 
     Shapes: x (N,); returns (N,).
     """
-    rate, delay = _check_rate_and_delay(rate, delay)
     x = np.asarray(x, dtype=float)
-    whole = round(delay * rate)
-    taps, half = _velocity_taps(rate, round(delay * rate - whole, 9))
+    taps, half, whole = _velocity_taps(rate, delay)
     if x.size < taps.size + abs(whole):
         raise DataError(
             f"a record of {x.size} samples is too short to differentiate: it takes at least {taps.size + abs(whole)}."
@@ -224,18 +197,15 @@ def filter_kernels(rate: float, identification_rate: float, delay: float) -> dic
 
     Each signal at a recorded sample n is the sum of kernel · x(n - lag) over the lags.
     """
-    rate, delay = _check_rate_and_delay(rate, delay)
     factor = decimation_factor(rate, identification_rate)
-    half = decimation_margin(factor)
-    rows = [decimation_taps(factor, derivative) for derivative in range(3)]
-    kernels = [
-        np.pad(taps, half - length) * identification_rate**derivative for derivative, (taps, length) in enumerate(rows)
-    ]
-    whole = round(delay * rate)
-    taps, length = _velocity_taps(rate, round(delay * rate - whole, 9))
+    margin, kernels = decimation_margin(factor), []
+    for derivative in range(3):
+        taps, half = decimation_taps(factor, derivative)
+        kernels.append(np.pad(taps, margin - half) * identification_rate**derivative)
+    taps, half, whole = _velocity_taps(rate, delay)
     return {
         "decimation_kernel": np.array(kernels),
-        "decimation_lag": np.arange(-half, half + 1),
+        "decimation_lag": np.arange(-margin, margin + 1),
         "velocity_kernel": taps,
-        "velocity_lag": np.arange(-length, length + 1) + whole,
+        "velocity_lag": np.arange(-half, half + 1) + whole,
     }

@@ -23,6 +23,11 @@ ROWS_PER_LAG = 4  # at least
 CHUNK = 20_000  # rows whose leads and lags are in memory at a time
 
 
+# For each record leads and lags of the reference, shape (rows, shifts), and signals at the same samples less their
+# means, shape (rows, channels).
+Parts = Sequence[tuple[np.ndarray, np.ndarray]]
+
+
 @dataclass(frozen=True, eq=False)
 class ReferenceProjection:
     """Signals of records, and what the reference does not explain of them."""
@@ -31,17 +36,8 @@ class ReferenceProjection:
     # touch.
     signals: list[np.ndarray]
     residuals: list[np.ndarray]  # shape (rows, channels): what the common response to the reference leaves
-    rank: int  # independent directions of the leads and lags
-
-    @property
-    def rows(self) -> int:
-        """Samples of all records."""
-        return sum(len(part) for part in self.signals)
-
-    @property
-    def shrinkage(self) -> float:
-        """Share of a residual's power that the fit to the reference leaves in it."""
-        return 1.0 - self.rank / self.rows
+    rows: int  # samples of all records
+    shrinkage: float  # share of a residual's power that the fit to the reference leaves in it
 
 
 def project_on_reference(
@@ -56,8 +52,10 @@ def project_on_reference(
     """
     parts = _cut_records(references, channels, rate)
     coefficients, rank = _fit_response(parts)
-    residuals = [part.signal - part.response(coefficients) for part in parts]
-    return ReferenceProjection([part.signal for part in parts], residuals, rank)
+    rows = sum(len(signal) for _, signal in parts)
+    return ReferenceProjection(
+        [signal for _, signal in parts], _residuals(parts, coefficients), rows, 1.0 - rank / rows
+    )
 
 
 def unseen_share(references: Sequence[np.ndarray], signals: Sequence[np.ndarray], rate: float) -> float:
@@ -66,76 +64,61 @@ def unseen_share(references: Sequence[np.ndarray], signals: Sequence[np.ndarray]
     Shapes: references, signals (N,).
     """
     parts = _cut_records(references, [signal[:, None] for signal in signals], rate, halves=2)
-    pairs = [part.split() for part in parts]
-    halves = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+    pairs = [[np.split(x, [len(x) // 2]) for x in part] for part in parts]
+    halves = [[(shifted[half], _centre(signal[half])) for shifted, signal in pairs] for half in (0, 1)]
     residual = 0.0
     for training, test in (halves, halves[::-1]):
-        coefficients, _ = _fit_response(training)
-        residual += sum(float(np.sum((part.signal - part.response(coefficients)) ** 2)) for part in test)
-    return 1.0 - residual / sum(float(np.sum(part.signal**2)) for half in halves for part in half)
+        residual += sum(float(np.sum(part**2)) for part in _residuals(test, _fit_response(training)[0]))
+    return 1.0 - residual / sum(float(np.sum(signal**2)) for half in halves for _, signal in half)
 
 
-def fit_lagged_response(
-    references: Sequence[np.ndarray], signals: Sequence[np.ndarray], leads: int, lags: int
-) -> np.ndarray:
-    """Finite response of signals to leads and lags of references, by least squares.
+def predict_from_reference(
+    signals: Sequence[np.ndarray], references: Sequence[np.ndarray], leads: int = 15, lags: int = 80
+) -> list[np.ndarray]:
+    """Predict signals from leads and lags of the reference: the prediction is free of noise that is fed back.
 
-    Shapes: references (N, q), signals (N, m); returns (leads + lags + 1, q, m), from the furthest lead to the oldest
-    lag.
+    Shapes: signals (N, m), references (N, q); returns (N, m).
     """
+    taps = leads + lags + 1
     parts = _align(references, signals, leads, lags)
-    coefficients, _ = _fit_response(parts)
-    # Leads and lags of each reference run from the oldest lag to the furthest lead.
-    return np.moveaxis(coefficients.reshape(references[0].shape[1], leads + lags + 1, -1)[:, ::-1], 0, 1)
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """Leads and lags of the reference, shape (rows, shifts), and signals at the same samples less their means."""
-
-    shifted: np.ndarray
-    signal: np.ndarray
-
-    def chunks(self) -> Iterator[tuple[np.ndarray, slice]]:
-        """Leads and lags less their means in chunks of rows: all of them at once would not fit in a long record."""
-        mean = self.shifted.mean(axis=0)
-        for start in range(0, len(self.signal), CHUNK):
-            rows = slice(start, start + CHUNK)
-            yield self.shifted[rows] - mean, rows
-
-    def response(self, coefficients: np.ndarray) -> np.ndarray:
-        """What coefficients of the leads and lags explain of the signals."""
-        return np.concatenate([shifted @ coefficients for shifted, _ in self.chunks()])
-
-    def split(self) -> tuple[_Part, _Part]:
-        """The two halves of the rows."""
-        middle = len(self.signal) // 2
-        first, second = (
-            _Part(self.shifted[rows], self.signal[rows] - self.signal[rows].mean(axis=0))
-            for rows in (slice(None, middle), slice(middle, None))
+    if sum(len(signal) for _, signal in parts) < taps * references[0].shape[1]:
+        samples = " + ".join(str(len(record)) for record in references)
+        raise DataError(
+            f"a record of {samples} samples is too short to predict its inputs from {taps} leads and lags "
+            "of the reference: record longer, or use input_matrices='least-squares'."
         )
-        return first, second
+    coefficients, _ = _fit_response(parts)
+    padded = [np.pad(_centre(record), ((lags, leads), (0, 0))) for record in references]
+    return [_shift(record, taps) @ coefficients for record in padded]
 
 
-def _align(references: Sequence[np.ndarray], signals: Sequence[np.ndarray], leads: int, lags: int) -> list[_Part]:
+def _shift(reference: np.ndarray, taps: int) -> np.ndarray:
+    """Leads and lags at all samples that have them, from the oldest lag to the furthest lead.
+
+    Shapes: reference (N,) or (N, q); returns (N - taps + 1, taps), or q times as many columns.
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(reference, taps, axis=0)
+    return windows.reshape(len(windows), -1)
+
+
+def _centre(x: np.ndarray) -> np.ndarray:
+    return x - x.mean(axis=0)
+
+
+def _align(references: Sequence[np.ndarray], signals: Sequence[np.ndarray], leads: int, lags: int) -> Parts:
     """Leads and lags of the references of each record that is longer than these, and the signals."""
-    parts = []
-    for reference, values in zip(references, signals, strict=True):
-        rows = len(reference) - leads - lags
-        if rows > 1:
-            windows = np.lib.stride_tricks.sliding_window_view(reference, leads + lags + 1, axis=0)
-            signal = values[lags : lags + rows]
-            parts.append(_Part(windows.reshape(rows, -1), signal - signal.mean(axis=0)))
-    return parts
+    taps = leads + lags + 1
+    pairs = [pair for pair in zip(references, signals, strict=True) if len(pair[0]) > taps]
+    return [(_shift(r, taps), _centre(signal[lags : len(r) - leads])) for r, signal in pairs]
 
 
 def _cut_records(
     references: Sequence[np.ndarray], channels: Sequence[np.ndarray], rate: float, halves: int = 1
-) -> list[_Part]:
+) -> Parts:
     """The parts of records, of which enough has to remain beside the response."""
     leads, lags = round(LEADS * rate), round(LAGS * rate)
     parts = _align(references, channels, leads, lags)
-    length, needed = sum(len(part.signal) for part in parts), halves * ROWS_PER_LAG * (leads + lags + 1)
+    length, needed = sum(len(signal) for _, signal in parts), halves * ROWS_PER_LAG * (leads + lags + 1)
     if length < needed:
         raise DataError(
             f"{length / rate:.3g} s remain beside the response to {(leads + lags) / rate:.3g} s of the reference, and "
@@ -144,18 +127,33 @@ def _cut_records(
     return parts
 
 
-def _fit_response(parts: Sequence[_Part]) -> tuple[np.ndarray, int]:
+def _generate_rows(shifted: np.ndarray) -> Iterator[tuple[np.ndarray, slice]]:
+    """Leads and lags less their means, some rows at a time: all of them at once would not fit in a long record."""
+    mean = shifted.mean(axis=0)
+    for start in range(0, len(shifted), CHUNK):
+        rows = slice(start, start + CHUNK)
+        yield shifted[rows] - mean, rows
+
+
+def _fit_response(parts: Parts) -> tuple[np.ndarray, int]:
     """Coefficients of the leads and lags, and their rank; directions without excitation are left out."""
-    shifts, channels = parts[0].shifted.shape[1], parts[0].signal.shape[1]
-    gram, products = np.zeros((shifts, shifts)), np.zeros((shifts, channels))
-    for part in parts:
-        for shifted, rows in part.chunks():
-            gram += shifted.T @ shifted
-            products += shifted.T @ part.signal[rows]
+    gram: np.ndarray | float = 0.0
+    products: np.ndarray | float = 0.0
+    for shifted, signal in parts:
+        for chunk, rows in _generate_rows(shifted):
+            gram, products = gram + chunk.T @ chunk, products + chunk.T @ signal[rows]
     values, vectors = np.linalg.eigh(gram)
     excited = values > DISCARDED * values[-1]
     directions = vectors[:, excited] / np.sqrt(values[excited])
     return directions @ (directions.T @ products), int(excited.sum())
+
+
+def _residuals(parts: Parts, coefficients: np.ndarray) -> list[np.ndarray]:
+    """What coefficients of the leads and lags leave of the signals."""
+    return [
+        signal - np.concatenate([chunk @ coefficients for chunk, _ in _generate_rows(shifted)])
+        for shifted, signal in parts
+    ]
 
 
 def fit_finite_response(
@@ -195,11 +193,6 @@ def _solve_correlations(
     return linalg.solve_toeplitz(autocorrelation, np.fft.irfft(weight * spectrum.conj() * target, size)[shifts])
 
 
-def _respond(x: np.ndarray, taps: np.ndarray, leads: int) -> np.ndarray:
-    """Output of a finite response that begins some samples ahead, on the samples of the input."""
-    return convolve(x, taps)[leads:][: x.size]
-
-
 def predict_decimated(y: np.ndarray, reference: np.ndarray, grid: tuple[int, int, int], rate: float) -> np.ndarray:
     """Part of a decimated signal that the recorded reference explains, at the recording rate.
 
@@ -209,12 +202,9 @@ def predict_decimated(y: np.ndarray, reference: np.ndarray, grid: tuple[int, int
     taps = fit_finite_response(y, decimate(reference, *grid), rate / factor)
     recorded_taps = np.zeros(factor * (taps.size - 1) + 1)
     recorded_taps[::factor] = taps
-    return _respond(lowpass(reference, factor), recorded_taps, factor * round(LEADS * rate / factor))
-
-
-def _residual(y: np.ndarray, x: np.ndarray, taps: np.ndarray, rate: float) -> np.ndarray:
-    response = _respond(x - x.mean(), taps, round(LEADS * rate))
-    return (y - y.mean() - response)[taps.size : -taps.size]
+    return convolve(lowpass(reference, factor), recorded_taps)[factor * round(LEADS * rate / factor) :][
+        : reference.size
+    ]
 
 
 def explained_share(y: np.ndarray, x: np.ndarray, rate: float) -> float:
@@ -226,7 +216,8 @@ def explained_share(y: np.ndarray, x: np.ndarray, rate: float) -> float:
     residual = total = 0.0
     for training, test in (halves, halves[::-1]):
         taps = fit_finite_response(y[training], x[training], rate)
-        target = y[test] - y[test].mean()
-        residual += np.sum(_residual(y[test], x[test], taps, rate) ** 2)
-        total += np.sum(target[taps.size : -taps.size] ** 2)
+        target, inner = _centre(y[test]), slice(taps.size, -taps.size)
+        response = convolve(_centre(x[test]), taps)[round(LEADS * rate) :][: target.size]
+        residual += np.sum((target - response)[inner] ** 2)
+        total += np.sum(target[inner] ** 2)
     return float(1.0 - residual / total)

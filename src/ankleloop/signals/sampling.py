@@ -50,17 +50,13 @@ def compute_rate_of_parts(
 ) -> float:
     """Compute the sampling rate of regular times that are read in parts: the same rate, and the same faults."""
     mean = (ends[1] - ends[0]) / (size - 1)
-    end, faults, first, deviation = 0, 0, -1, 0.0
-    for start, times in _join(parts()):
-        finite = np.isfinite(times)
-        if not finite.all():
-            bad = start + np.flatnonzero(~finite)
-            bad = bad[bad >= end]  # the part before has counted the time that it shares
-            first = int(bad[0]) if bad.size and not faults else first
-            faults += bad.size
-        elif not faults:
-            deviation = max(deviation, float(np.max(np.abs(np.diff(times) - mean), initial=0.0)))
-        end = start + times.size
+    faults, first, deviation = 0, -1, 0.0
+    for start, times, steps in _generate_steps(parts()):
+        bad = np.flatnonzero(~np.isfinite(times))
+        first = start + int(bad[0]) if bad.size and not faults else first
+        faults += bad.size
+        if not faults:
+            deviation = max(deviation, float(np.max(np.abs(steps - mean), initial=0.0)))
     if faults:
         raise DataError(
             f"{source}: {name} is not finite at sample {first} ({format_samples(faults)} in all): repair it."
@@ -74,35 +70,33 @@ def compute_rate_of_parts(
     return float(f"{1.0 / mean:.9g}")
 
 
-def _join(parts: Iterable[np.ndarray]) -> Iterator[tuple[int, np.ndarray]]:
-    """Parts with the last time of the part before, and the number of their first time."""
+def _generate_steps(parts: Iterable[np.ndarray]) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Number of the first sample of each part, its times, and its steps with that from the part before."""
     start, last = 0, np.empty(0)
-    for part in parts:
-        yield start - last.size, np.concatenate([last, part]) if last.size else part
-        start, last = start + part.size, part[-1:].copy() if part.size else last
+    for times in parts:
+        yield start, times, np.diff(times, prepend=last)
+        start, last = start + times.size, times[-1:].copy() if times.size else last
 
 
 def _check_steps(
     parts: Callable[[], Iterable[np.ndarray]], size: int, tolerance: float, source: str, name: str
 ) -> None:
     """Refuse times of which a step differs from their median by more than a tolerance."""
+    # Every so many steps, whatever the parts; the first step of a part ends at its first sample, but for the first one.
     stride = -(-size // MOST_STEPS)
-    median = float(
-        np.median(np.concatenate([np.diff(times)[-start % stride :: stride] for start, times in _join(parts())]))
-    )
-    faults, first = 0, (0, 0.0, 0.0)
-    for start, times in _join(parts()):
-        steps = np.diff(times)
+    chosen = [steps[min(1 - start, 0) % stride :: stride] for start, _, steps in _generate_steps(parts())]
+    median = float(np.median(np.concatenate(chosen)))
+    faults, first = 0, ""
+    for start, times, steps in _generate_steps(parts()):
         bad = np.flatnonzero((np.abs(steps - median) > tolerance * abs(median)) | (steps <= 0))
         if bad.size and not faults:
-            first = (start + int(bad[0]) + 1, times[bad[0] + 1], steps[bad[0]])
+            k = int(bad[0]) + times.size - steps.size
+            first = f"sample {start + k} ({times[k]:g} s): it steps by {steps[bad[0]]:g} s"
         faults += bad.size
     if faults:
-        sample, time, step = first
         raise DataError(
-            f"{source}: {name} is irregular at sample {sample} ({time:g} s): it steps by {step:g} s where {median:g} s "
-            f"is usual ({format_samples(faults)} in all): cut the trial there or resample it; if the times are only "
-            "rounded, write them with more digits."
+            f"{source}: {name} is irregular at {first} where {median:g} s is usual ({format_samples(faults)} in all): "
+            "cut the trial there or resample it; if the times are only rounded, write them with more digits."
         )
 
 

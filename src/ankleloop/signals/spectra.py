@@ -8,7 +8,6 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ankleloop.options import check_integer
 from ankleloop.signals.decimation import PASSBAND
 
 LOWEST = 0.05  # Hz: drifts and means lie below
@@ -34,14 +33,10 @@ class Band:
         return taper
 
     @cached_property
-    def _selection(self) -> np.ndarray:
-        frequency = np.fft.rfftfreq(self.samples, 1.0 / self.rate)
-        return (frequency >= self.lowest) & (frequency <= self.highest)
-
-    @cached_property
     def frequency(self) -> np.ndarray:
         """Frequencies of the band [Hz], shape (frequencies,)."""
-        return np.fft.rfftfreq(self.samples, 1.0 / self.rate)[self._selection]
+        frequency = np.fft.rfftfreq(self.samples, 1.0 / self.rate)
+        return frequency[(frequency >= self.lowest) & (frequency <= self.highest)]
 
     @cached_property
     def s(self) -> np.ndarray:
@@ -64,7 +59,8 @@ class Band:
         Shapes: x (..., N); returns (..., frequencies).
         """
         x = np.asarray(x, dtype=float)
-        return np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)[..., self._selection]
+        transform = np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)
+        return transform[..., self.first_bin :][..., : self.frequency.size]
 
     @property
     def first_bin(self) -> int:
@@ -101,8 +97,6 @@ def segment_spectra(x: ArrayLike, length: int, step: int) -> np.ndarray:
 
     Shapes: x (N,); returns (segments, length // 2 + 1).
     """
-    length = check_integer("segment_spectra", "length", length, "samples", ge=1)
-    step = check_integer("segment_spectra", "step", step, "samples", ge=1)
     segments = np.lib.stride_tricks.sliding_window_view(np.asarray(x, dtype=float), length)[::step]
     return np.fft.rfft((segments - segments.mean(axis=1, keepdims=True)) * np.hanning(length), axis=1)
 

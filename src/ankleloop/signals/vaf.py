@@ -9,7 +9,6 @@ from scipy import special
 from ankleloop.errors import DataError
 from ankleloop.options import as_real, check_number
 
-SMALLEST, LARGEST = 1e-150, 1e150  # variances beyond these are computed of scaled signals
 TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %
 
 
@@ -52,63 +51,43 @@ def vaf(measured: ArrayLike, estimated: ArrayLike) -> float:
     >>> float(round(vaf([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 4.0]), 6))
     85.0
     """
-    error, variance, _ = _finite_variances(*_as_signals(measured, estimated), 1)
+    error, variance, _ = _variances(measured, estimated, 1)
     return 100.0 * (1.0 - error / variance)
 
 
-def _as_signals(measured: ArrayLike, estimated: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Signal and estimate as arrays of one length."""
-    signals = as_real(measured, "measured signal"), as_real(estimated, "estimated signal")
-    if signals[0].ndim != 1 or signals[0].shape != signals[1].shape:
-        raise DataError(
-            f"VAF needs two 1-D signals of equal length, got measured of shape {signals[0].shape} and estimated of "
-            f"shape {signals[1].shape}: cut both to the same samples."
-        )
-    if signals[0].size < 2:
-        raise DataError(f"VAF needs signals of at least 2 samples, got {signals[0].size}.")
-    return np.ascontiguousarray(signals[0]), np.ascontiguousarray(signals[1])
+def _variances(measured: ArrayLike, estimated: ArrayLike, width: int) -> tuple[float, float, float]:
+    """Variances of the error and of the measured signal, and the long-run variance of the influence on their ratio.
 
-
-def _finite_variances(measured: np.ndarray, estimated: np.ndarray, width: int) -> tuple[float, float, float]:
-    """What `_variances` gives; of signals whose squares overflow or vanish, after division by a power of two.
-
-    The VAF does not depend on the unit.
+    Signals are divided by a power of two first: the VAF does not depend on the unit, and squares neither overflow nor
+    vanish.
     """
-    result = _variances(measured, estimated, width)
-    if not SMALLEST < result[1] <= result[0] + result[1] < LARGEST:
-        size = float(np.max(np.abs(measured), initial=0.0))
-        if 0.0 < size < np.inf:
-            scale = 2.0 ** -np.floor(np.log2(size))
-            measured, estimated = measured * scale, estimated * scale
-            result = _variances(measured, estimated, width)
-    _check_variances(measured, estimated, *result[:2])
-    return result
-
-
-def _check_variances(measured: np.ndarray, estimated: np.ndarray, error: float, variance: float) -> None:
-    """Refuse signals without a VAF, by their variances: those not finite, and a constant measured signal."""
-    if not np.isfinite(error + variance):
-        for name, signal in (("measured", measured), ("estimated", estimated)):
-            faults = np.flatnonzero(~np.isfinite(signal))
-            if faults.size:
-                raise DataError(
-                    f"the {name} signal is not finite at sample {faults[0]} ({faults.size} samples in all)."
-                )
-        if np.isinf(error):
-            raise DataError("the estimated signal is 1e150 times as large as the measured one: check its unit.")
-    # A constant differs from its mean by rounding only, so its variance is compared with the size of the signal.
-    if not variance > (np.finfo(float).eps * np.max(np.abs(measured), initial=0.0)) ** 2:
-        raise DataError("the measured signal is constant, so it has no variance to account for.")
-
-
-def _variances(measured: np.ndarray, estimated: np.ndarray, width: int) -> tuple[float, float, float]:
-    """Variances of the error and of the measured signal, and the long-run variance of the influence on their ratio."""
+    signals = {"measured": as_real(measured, "measured signal"), "estimated": as_real(estimated, "estimated signal")}
+    y, estimate = signals.values()
+    if y.ndim != 1 or y.shape != estimate.shape:
+        raise DataError(
+            f"VAF needs two 1-D signals of equal length, got measured of shape {y.shape} and estimated of "
+            f"shape {estimate.shape}: cut both to the same samples."
+        )
+    if y.size < 2:
+        raise DataError(f"VAF needs signals of at least 2 samples, got {y.size}.")
+    for name, signal in signals.items():
+        faults = np.flatnonzero(~np.isfinite(signal))
+        if faults.size:
+            raise DataError(f"the {name} signal is not finite at sample {faults[0]} ({faults.size} samples in all).")
+    size = float(np.max(np.abs(y)))
+    scale = 2.0 ** -np.floor(np.log2(size)) if size > 0.0 else 1.0
+    y, estimate = scale * y, scale * estimate
     with np.errstate(all="ignore"):  # of signals that are refused
-        signal, error = measured - measured.mean(), measured - estimated
+        signal, error = y - y.mean(), y - estimate
         error = error - error.mean()
         variances = error @ error / error.size, signal @ signal / signal.size
-        influence = error**2 / variances[0] - signal**2 / variances[1]
-        return *variances, _sum_covariances(influence, width)
+        spread = _sum_covariances(error**2 / variances[0] - signal**2 / variances[1], min(width, y.size))
+    if not np.isfinite(variances[0]):
+        raise DataError("the estimated signal is 1e150 times as large as the measured one: check its unit.")
+    # A constant differs from its mean by rounding only, so its variance is compared with the size of the signal.
+    if not variances[1] > (np.finfo(float).eps * scale * size) ** 2:
+        raise DataError("the measured signal is constant, so it has no variance to account for.")
+    return *variances, spread
 
 
 def _sum_covariances(x: np.ndarray, width: int) -> float:
@@ -136,10 +115,9 @@ def vaf_with_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> t
 
     Shapes: measured, estimated (N,).
     """
-    signal, estimate = _as_signals(measured, estimated)
-    error, variance, spread = _finite_variances(signal, estimate, min(lags, signal.size - 1) + 1)
+    error, variance, spread = _variances(measured, estimated, lags + 1)
     if error == 0.0:
         return 100.0, 100.0, 100.0
-    deviation, share = TWO_SIDED * np.sqrt(spread / signal.size), error / variance
+    deviation, share = TWO_SIDED * np.sqrt(spread / np.size(measured)), error / variance
     value, low, high = (float(100.0 * (1.0 - share * np.exp(sign * deviation))) for sign in (0.0, 1.0, -1.0))
     return value, low, high

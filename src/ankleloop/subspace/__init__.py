@@ -1,7 +1,7 @@
 """Linear subspace identification of any linear system; nothing here depends on joints."""
 
 from ankleloop.subspace.hankel import block_hankel
-from ankleloop.subspace.input_matrices import estimate_input_matrices, simulate_response
+from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp, moesp_chunks
 
-__all__ = ["SubspaceEstimate", "block_hankel", "estimate_input_matrices", "moesp", "moesp_chunks", "simulate_response"]
+__all__ = ["SubspaceEstimate", "block_hankel", "moesp", "moesp_chunks", "simulate_response"]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +11,7 @@ from ankleloop.errors import DataError
 from ankleloop.kernels import kernel
 from ankleloop.options import check_integer
 
-COLUMNS = 1024  # at a time
+COLUMNS = 2048  # at a time
 SUM = 256  # products: sums of sums round less than one long sum
 
 
@@ -48,8 +47,8 @@ def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarra
     array([[1., 2., 3.],
            [2., 3., 4.]])
     """
-    rows, columns = (check_integer("block_hankel", name, n) for name, n in (("rows", rows), ("columns", columns)))
-    first = check_integer("block_hankel", "first", first)
+    sizes = {"rows": rows, "columns": columns, "first": first}
+    rows, columns, first = (check_integer("block_hankel", name, size) for name, size in sizes.items())
     x = np.asarray(x, dtype=float)
     x = x[:, None] if x.ndim == 1 else x
     if min(rows, columns) < 1 or first < 0 or first + rows + columns - 1 > x.shape[0]:
@@ -80,8 +79,10 @@ def generate_columns(chunks: Iterable[np.ndarray], window: int, rows: np.ndarray
         rest = x[count:]
 
 
-class HankelGram:
-    r"""Gram matrix H Hᵀ of the Hankel matrix of one record, each row less its mean, accumulated over chunks.
+def hankel_gram(
+    chunks: Iterable[np.ndarray], window: int, lags: np.ndarray | None = None, *, subtract_means: bool = True
+) -> np.ndarray:
+    r"""Gram matrix H Hᵀ of the Hankel matrix of a record that comes in chunks, each row less its mean.
 
     Rows of a Hankel matrix are shifts of one signal. So the products of each pair of block rows follow from those of
     the pair before, by the samples that enter and leave the window of n columns,
@@ -92,56 +93,31 @@ class HankelGram:
     and Van Huffel, "A fast algorithm for subspace state-space system identification via exploitation of the
     displacement structure", J. Comput. Appl. Math. 132, 71-81, 2001).
 
-    Parameters
-    ----------
-    window : int
-        Block rows.
-    lags : ndarray of int, optional
-        For each channel, up to how many block rows later its products with other rows are computed; the rest is nan.
-    subtract_means : bool
-        Whether each row is less its mean.
+    `lags` says for each channel up to how many block rows later its products with other rows are computed; the rest is
+    nan. A record without a single column has products of zero.
+
+    Shapes: chunks (N, m), lags (m,); returns (window * m, window * m).
     """
-
-    def __init__(self, window: int, lags: np.ndarray | None = None, *, subtract_means: bool = True) -> None:
-        self.window, self.lags, self.subtract_means = window, lags, subtract_means
-        self.columns = 0
-        self._head = self._tail = np.empty((0, 0))
-        self._products: np.ndarray | float = 0.0
-        self._sums: np.ndarray | float = 0.0
-
-    def add(self, chunk: np.ndarray) -> None:
-        """Add the next samples of the record.
-
-        Shapes: chunk (N, m).
-        """
-        x = np.concatenate([self._tail, chunk]) if self._tail.size else chunk
-        columns = max(0, len(x) - self.window + 1)
-        if columns and not self.columns:
-            self._head = x[: self.window - 1].copy()
-        self._tail = x[columns:].copy()
-        self.columns += columns
-        self._sums = self._sums + x[:columns].sum(axis=0)
-        lags = np.full(x.shape[1], self.window) if self.lags is None else self.lags
-        self._products = self._products + _sum_lagged_products(np.ascontiguousarray(x), columns, lags, self.window)
-
-    def matrix(self, rows: np.ndarray | None = None) -> np.ndarray:
-        """The Gram matrix of the samples added so far, of all or some of its rows.
-
-        Shapes: rows (k,); returns (k, k).
-
-        Raises
-        ------
-        DataError
-            If there are fewer samples than one column has.
-        """
-        if not self.columns:
-            raise DataError(f"the record is shorter than the {self.window} samples of one Hankel column.")
-        gram = _displace_products(self._products, self._head.ravel(), self._tail.ravel())
-        shifts = np.cumsum(self._tail - self._head, axis=0)
-        means = np.concatenate([self._sums, (self._sums + shifts).ravel()]) / np.sqrt(self.columns)
-        if rows is not None:
-            gram, means = gram[np.ix_(rows, rows)], means[rows]
-        return gram - np.outer(means, means) if self.subtract_means else gram
+    head, tail, columns = np.empty((0, 0)), np.empty((0, 0)), 0
+    products: np.ndarray | float = 0.0
+    sums: np.ndarray | float = 0.0
+    for chunk in chunks:
+        x = np.concatenate([tail, chunk]) if tail.size else chunk
+        count = max(0, len(x) - window + 1)
+        if count and not columns:
+            head = x[: window - 1].copy()
+        tail, columns = x[count:].copy(), columns + count
+        sums = sums + x[:count].sum(axis=0)
+        reach = np.full(x.shape[1], window) if lags is None else lags
+        products = products + _sum_lagged_products(np.ascontiguousarray(x), count, reach, window)
+    if not columns:
+        return np.zeros((window * tail.shape[1],) * 2)
+    gram = _displace_products(products, head.ravel(), tail.ravel())
+    if subtract_means:
+        shifts = np.cumsum(tail - head, axis=0)
+        means = np.concatenate([sums, (sums + shifts).ravel()]) / np.sqrt(columns)
+        gram -= np.outer(means, means)
+    return gram
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.
@@ -189,41 +165,3 @@ def _displace_products(products, head, tail):
             value = products[i, j] if k < 0 else gram[k, m] + tail[k] * tail[m] - head[k] * head[m]
             gram[i, j], gram[j, i] = value, value
     return gram
-
-
-class HankelRows(NamedTuple):
-    """Rows of future inputs U, instruments Z and future outputs Y, which a projection takes."""
-
-    indices: np.ndarray  # of the rows in the Hankel matrix of all channels over the window
-    sizes: tuple[int, int]  # rows of U and of Z
-    window: int  # samples that one column reaches over
-    lags: np.ndarray  # block rows that each channel reaches over
-
-    @classmethod
-    def select(
-        cls, inputs: int, outputs: int, instruments: np.ndarray, block_rows: int, past: int, leads: int
-    ) -> HankelRows:
-        """The rows of records that hold inputs, outputs and, possibly, a reference side by side.
-
-        The instruments consist of some channels, of so many block rows before the future and within it.
-        """
-        # The reference is among the channels only where the instruments consist of it.
-        channels, window = max(inputs + outputs, int(instruments.max(initial=-1)) + 1), past + block_rows
-        starts = channels * np.arange(window)
-        u, y = np.arange(inputs), inputs + np.arange(outputs)
-        parts = (starts[past:], u), (starts[: past + leads], instruments), (starts[past:], y)
-        indices = np.concatenate([np.add.outer(rows, part).ravel() for rows, part in parts])
-        lags = np.full(channels, block_rows)
-        lags[instruments] = window  # they reach into the past, all other channels into the future alone
-        return cls(indices, (inputs * block_rows, instruments.size * (past + leads)), window, lags)
-
-    def count_columns(self, lengths: Sequence[int]) -> int:
-        """Columns of the Hankel matrices of all records."""
-        columns = sum(max(0, length - self.window + 1) for length in lengths)
-        if columns < self.indices.size:
-            raise DataError(
-                f"the record of {' + '.join(map(str, lengths))} samples is shorter than its Hankel window: "
-                f"{self.indices.size} Hankel rows need at least {self.indices.size + self.window - 1} samples. Record "
-                "longer, or use fewer block_rows or instrument_rows."
-            )
-        return columns

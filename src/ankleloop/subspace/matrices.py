@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from itertools import compress
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,9 +28,12 @@ class Matrices:
     input_delays: Sequence[float] | None = None
 
     def select_inputs(self, inputs: np.ndarray) -> Matrices:
-        """The model with some of its inputs only."""
-        names = None if self.names is None else (_select(self.names[0], inputs), self.names[1])
-        delays = None if self.input_delays is None else _select(self.input_delays, inputs)
+        """The model with some of its inputs only.
+
+        Shapes: inputs (m,), of flags.
+        """
+        names = None if self.names is None else (tuple(compress(self.names[0], inputs)), self.names[1])
+        delays = None if self.input_delays is None else tuple(compress(self.input_delays, inputs))
         return Matrices(self.A, self.B[:, inputs], self.C, self.D[:, inputs], self.dt, names, delays)
 
     def frequency_response(self, z: np.ndarray) -> np.ndarray:
@@ -49,7 +53,3 @@ class Matrices:
         inputs, outputs = self.names if self.names is not None else (None, None)
         matrices = (self.A, self.B, self.C, self.D)
         return StateSpace(*matrices, self.dt, inputs=inputs, outputs=outputs, remove_useless_states=False)
-
-
-def _select(values: Sequence[Any], inputs: np.ndarray) -> tuple[Any, ...]:
-    return tuple(np.array(values, dtype=object)[inputs].tolist())

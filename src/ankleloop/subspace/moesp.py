@@ -6,7 +6,7 @@ in memory or in chunks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,16 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ankleloop.options import check_memory, show_fields, show_value
-from ankleloop.subspace.hankel import HankelRows
+from ankleloop.subspace.input_matrices import OutputRegression
 from ankleloop.subspace.matrices import Matrices
-from ankleloop.subspace.projection import (
-    Projection,
-    choose_order,
-    project_correlation,
-    project_factor,
-    project_gram,
-    realise,
-)
+from ankleloop.subspace.projection import choose_order, project_correlation, project_factor, project_gram, realise
 from ankleloop.subspace.sources import (
     Chunk,
     ChunkSource,
@@ -32,7 +25,7 @@ from ankleloop.subspace.sources import (
     MemorySource,
     Source,
     SubspaceOptions,
-    select_channels,
+    select_rows,
 )
 
 if TYPE_CHECKING:
@@ -156,7 +149,7 @@ def moesp(
     """
     positional = {"block_rows": block_rows, "order": order, "instruments": instruments, "projection": projection}
     all_options = MemoryOptions.parse("moesp", **positional, dt=dt, **options)
-    return _identify(MemorySource(u, y, reference, dynamic, predicted_inputs, all_options), all_options)
+    return _identify(MemorySource(u, y, reference, predicted_inputs, all_options), dynamic, all_options)
 
 
 @show_fields(SubspaceOptions)
@@ -208,21 +201,32 @@ def moesp_chunks(
     """
     positional = {"block_rows": block_rows, "order": order, "instruments": instruments, "projection": projection}
     all_options = SubspaceOptions.parse("moesp_chunks", **positional, dt=dt, **options)
-    return _identify(ChunkSource(chunks, dynamic, all_options), all_options)
+    return _identify(ChunkSource(chunks, all_options), dynamic, all_options)
 
 
-def _identify(source: Source, options: SubspaceOptions) -> SubspaceEstimate:
+def _identify(source: Source, dynamic: ArrayLike | None, options: SubspaceOptions) -> SubspaceEstimate:
     """The body of the family: project the Hankel rows, realise A and C, estimate B and D."""
-    _check_names(options.names, source.sizes)
-    rows = _select_rows(source, options)
+    m, p, _ = source.sizes
+    for kind, group, size in zip(("inputs", "outputs"), options.names or (), (m, p), strict=False):
+        if len(group) != size:
+            raise ValueError(f"names must have {size} names of {kind}, got {show_value(list(group))}.")
+    rows = select_rows(options, source.sizes, open_loop=source.open_loop)
     # The Gram matrix, a copy in the order of the projection, and its eigenvectors.
     check_memory("moesp", 3 * 8.0 * rows.indices.size**2, "use fewer block_rows, instrument_rows or instrument_leads")
-    projection, compression = _project(source, rows, options)
+    gram = source.compute_gram(rows)
+    arguments = rows.sizes, rows.count_columns(source.lengths), options.rank_tolerance, options.order or 1
+    if options.projection == "correlation":
+        compression, projection = "gram", project_correlation(gram, *arguments)
+    else:
+        squares = project_gram(gram, *arguments)
+        compression = "gram" if squares else "qr"
+        projection = squares or project_factor(source.factor_rows(rows), *arguments)
     largest = (options.block_rows - 1) // 2
     order = choose_order(projection.singular_values, largest) if options.order is None else options.order
-    A, C, poles, unstable_radius = realise(projection.observability, source.sizes[1], order)
-    inputs = source.estimate_input_matrices(A, C)
-    u_scale, y_scale = source.scales[0], source.scales[1][:, None]
+    A, C, poles, unstable_radius = realise(projection.observability, p, order)
+    regression = OutputRegression(A, C, m, dynamic, len(source.lengths), offsets=source.offsets)
+    inputs = regression.solve(source.generate_records(), source.predicted, options.regression_tolerance)
+    u_scale, y_scale = source.scale[:m], source.scale[m : m + p, None]
     matrices = Matrices(A, inputs.B / u_scale, y_scale * C, y_scale * inputs.D / u_scale, options.dt, options.names)
     stable = unstable_radius is None
     diagnostics = {
@@ -233,7 +237,7 @@ def _identify(source: Source, options: SubspaceOptions) -> SubspaceEstimate:
         "condition": projection.condition,
         "instrument_rows": rows.sizes[1],
         "instrument_rank": projection.instrument_rank,
-        "input_matrices": source.input_matrices,
+        "input_matrices": "instruments" if source.predicted else "least-squares",
         "regression_rank": inputs.rank,
         "regression_condition": inputs.condition,
         "stable": stable,
@@ -243,33 +247,3 @@ def _identify(source: Source, options: SubspaceOptions) -> SubspaceEstimate:
         "warnings": [] if stable else [UNSTABLE.format(radius=unstable_radius, order=order)],
     }
     return SubspaceEstimate(matrices, projection.singular_values, inputs.initial_state, diagnostics)
-
-
-def _check_names(names: tuple[Sequence[str], Sequence[str]] | None, sizes: tuple[int, int, int]) -> None:
-    """Refuse names of another number of inputs or outputs."""
-    for kind, group, size in zip(("inputs", "outputs"), names or (), sizes, strict=False):
-        if len(group) != size:
-            raise ValueError(f"names must have {size} names of {kind}, got {show_value(list(group))}.")
-
-
-def _select_rows(source: Source, options: SubspaceOptions) -> HankelRows:
-    """Hankel rows of the options, with the default number of past block rows."""
-    inputs, outputs, _ = source.sizes
-    channels = select_channels("past-input" if source.open_loop else options.instruments, source.sizes)
-    past = options.instrument_rows or options.block_rows
-    if not channels.size:
-        past = 0
-    elif options.instrument_rows is None and options.projection == "correlation":
-        # This form spends m·s directions on the inputs; p·s more are for the outputs.
-        past = max(past, -(-(inputs + outputs) * past // channels.size))
-    return HankelRows.select(inputs, outputs, channels, options.block_rows, past, options.instrument_leads)
-
-
-def _project(source: Source, rows: HankelRows, options: SubspaceOptions) -> tuple[Projection, str]:
-    """Projection of the Hankel rows from inner products, or else from a triangular factor; and which of the two."""
-    gram = source.compute_gram(rows)
-    arguments = rows.sizes, rows.count_columns(source.lengths), options.rank_tolerance, options.least_order
-    if options.projection == "correlation":
-        return project_correlation(gram, *arguments), "gram"
-    projection = project_gram(gram, *arguments)
-    return (projection, "gram") if projection else (project_factor(source.factor_rows(rows), *arguments), "qr")

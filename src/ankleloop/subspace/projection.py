@@ -87,11 +87,6 @@ def project_factor(
     Shapes: factor (k, k).
     """
     m, z = sizes
-    tolerance = max(rank_tolerance, LEAST_TOLERANCE)
-    limits = tolerance * np.linalg.norm(factor[:m, :m]), tolerance * np.linalg.norm(factor[:, m : m + z])
-    if z >= order and _bound(factor[:m, :m]) > limits[0] and _bound(factor[m : m + z, m : m + z]) > limits[1]:
-        condition = 1.0 / float(lapack.dtrcon(factor[:m, :m])[0])
-        return _decompose(factor[m : m + z, m + z :].T, (m, z), condition, np.sqrt(columns))
     left, values, _ = np.linalg.svd(factor[:m, :m])
     rank = int(np.sum(values > rank_tolerance * values[0]))
     condition = float(values[0] / values[rank - 1]) if rank else np.inf
@@ -100,7 +95,7 @@ def project_factor(
     if z == 0:
         return _decompose(residual.T, (rank, 0), condition, np.sqrt(columns))
     # Relative to the instruments before the inputs were removed, because the residual may be nothing but rounding.
-    limit = tolerance * np.linalg.norm(factor[:, m : m + z], 2)
+    limit = max(rank_tolerance, LEAST_TOLERANCE) * np.linalg.norm(factor[:, m : m + z], 2)
     left, values, _ = np.linalg.svd(residual[:, :z], full_matrices=False)
     directions = left[:, values > limit]
     _check_rank(directions.shape[1], order)
@@ -130,12 +125,6 @@ def project_correlation(
     return _decompose((outputs - inputs @ solution).T, (int(rank), instrument_rank), condition, columns)
 
 
-def _bound(factor: np.ndarray) -> float:
-    """A number that the smallest singular value of a triangular matrix is not below: singular values take long."""
-    inverse, info = lapack.dtrtri(factor)
-    return 0.0 if info else 1.0 / float(np.linalg.norm(np.triu(inverse)))
-
-
 def _find_directions(
     gram: np.ndarray, rank_tolerance: float, total: np.ndarray | None = None
 ) -> tuple[np.ndarray, float, float] | None:
@@ -146,8 +135,8 @@ def _find_directions(
     bound = np.abs(gram if total is None else total).sum(axis=0).max()  # of the largest eigenvalue
     certain = max(MARGIN * len(gram) * ROUNDING, rank_tolerance**2) * bound
     factor, info = lapack.dpotrf(gram)
-    inverse = lapack.dtrtri(factor)[0] if not info else factor
-    if not info and certain * np.sum(np.triu(inverse) ** 2) < 1.0:  # then all count, and eigenvectors take longer
+    inverse, info = lapack.dtrtri(factor) if not info else (factor, info)
+    if not info and certain * np.sum(inverse**2) < 1.0:  # then all count, and eigenvectors take longer
         return inverse, float(np.sqrt(np.linalg.norm(gram, 1) / lapack.dpocon(factor, 1.0)[0])), bound
     values, vectors = np.linalg.eigh(gram)
     largest = values[-1] if total is None else np.linalg.eigvalsh(total)[-1]

@@ -19,25 +19,27 @@ def are_merged(x: Any) -> bool:
     return isinstance(x, (list, tuple)) and len(x) > 0 and all(np.ndim(record) == 2 for record in x)
 
 
-def list_records(x: Any, merged: bool | None = None, name: str = "signal") -> list[np.ndarray]:
-    """List the records of a signal as two-dimensional arrays.
+def list_records(x: Any, name: str, merged: bool, lengths: Sequence[int] | None = None) -> list[np.ndarray]:
+    """List the records of a signal as two-dimensional arrays, which have the lengths of the inputs.
 
     Shapes: x (N,); returns (N, m).
     """
-    merged = are_merged(x) if merged is None else merged
     if merged and not isinstance(x, (list, tuple)):
         raise DataError(f"the {name} must be a list of records as the inputs are, got {show_value(x)}.")
     records = [as_real(record, name) for record in (x if merged else [x])]
-    if not records:
-        raise DataError("there are no records.")
     records = [record[:, None] if record.ndim == 1 else record for record in records]
-    widths = [record.shape[1] if record.ndim == 2 else -1 for record in records]
-    for k, width in enumerate(widths):
-        if width != widths[0] or width < 0:
+    for k, record in enumerate(records):
+        if record.ndim != 2 or record.shape[1] != records[0].shape[1]:
             raise DataError(
-                f"record {k} of the {name} has shape {records[k].shape}, record 0 {records[0].shape}: every record "
+                f"record {k} of the {name} has shape {record.shape}, record 0 {records[0].shape}: every record "
                 "must be (samples, channels), with the same channels."
             )
+    if lengths is not None and len(records) != len(lengths):
+        raise DataError(f"{len(lengths)} records of inputs, {len(records)} of the {name}: give one for each.")
+    for k, (record, length) in enumerate(zip(records, lengths or [], strict=False)):
+        if len(record) != length:
+            number = f" in record {k}" if len(records) > 1 else ""
+            raise DataError(f"{length} samples of inputs, {len(record)} of the {name}{number}: cut them to one length.")
     return records
 
 
@@ -64,33 +66,25 @@ def scale_records(
     size = np.max([np.abs(record.mean(axis=0)) for record in records], axis=0)
     if not np.all(scale > np.maximum(SMALLEST, ROUNDING * size)) or scale.max() > LARGEST:
         varies = np.any([np.ptp(record, axis=0) > 0 for record in records], axis=0)
-        refuse_range(np.where(varies, scale, 1.0), name)
-        refuse_constant(scale, size, name)
+        refuse_spread(scale, size, varies, name)
     divisor = scale if scaling else np.ones_like(scale)
     return [record / divisor for record in (deviations if subtract_means else records)], divisor
 
 
-def refuse_constant(scale: np.ndarray, size: np.ndarray, name: str) -> None:
-    """Refuse channels that deviate from their mean by rounding alone.
+def refuse_spread(scale: np.ndarray, size: np.ndarray, varies: np.ndarray, name: str) -> None:
+    """Refuse channels whose squares overflow or vanish, or that deviate from their mean by rounding alone.
 
-    Shapes: scale, size (m,).
+    Shapes: scale, size, varies (m,).
     """
-    constant = scale <= ROUNDING * size
-    if constant.any():
-        raise DataError(f"{name} {constant.argmax()} is constant and carries no information: leave it out.")
-
-
-def refuse_range(scale: np.ndarray, name: str) -> None:
-    """Refuse channels whose squares overflow or vanish.
-
-    Shapes: scale (m,).
-    """
-    faults = np.flatnonzero(~((scale >= SMALLEST) & (scale <= LARGEST)))
+    faults = np.flatnonzero(varies & ~((scale >= SMALLEST) & (scale <= LARGEST)))
     if faults.size:
         raise DataError(
             f"{name} {faults[0]} has a standard deviation of {scale[faults[0]]:g}, which must be "
             f"{describe_limits(ge=SMALLEST, le=LARGEST)}: express it in another unit."
         )
+    constant = scale <= ROUNDING * size
+    if constant.any():
+        raise DataError(f"{name} {constant.argmax()} is constant and carries no information: leave it out.")
 
 
 def refuse_not_finite(records: Sequence[np.ndarray], name: str, first: int = 0) -> None:

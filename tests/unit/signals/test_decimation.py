@@ -117,29 +117,19 @@ def test_factor(rate, identification_rate, factor):
     assert decimation_factor(rate, identification_rate) == factor
 
 
-@pytest.mark.parametrize(("rate", "identification_rate"), [(1000.0, 300.0), (1000.0, 128.0), (100.0, 1000.0)])
-def test_the_factor_must_be_whole(rate, identification_rate):
-    with pytest.raises(DataError, match=f"{rate:g} Hz.*{identification_rate:g} Hz") as error:
-        decimation_factor(rate, identification_rate)
-    suggestion = float(str(error.value).split("for example ")[1].split(" Hz")[0])
-    assert decimation_factor(rate, suggestion) >= 1
-
-
 @settings(deadline=None)
 @given(st.sampled_from([200.0, 999.9, 1000.0, 1024.0, 44100.0]), st.integers(1, 400).map(float))
 @example(1000.0, 150.0)
+@example(100.0, 1000.0)
 def test_the_suggested_rate_divides_the_sampling_rate(rate, identification_rate):
     try:
-        decimation_factor(rate, identification_rate)
+        assert decimation_factor(rate, identification_rate) * identification_rate == pytest.approx(rate)
     except DataError as error:
-        suggestion = float(str(error).split("for example ")[1].split(" Hz")[0])
+        message = str(error)
+        assert f"({rate:g} Hz)" in message
+        assert f"({identification_rate:g} Hz)" in message
+        suggestion = float(message.split("for example ")[1].split(" Hz")[0])
         assert decimation_factor(rate, suggestion) >= 1
-
-
-@pytest.mark.parametrize("identification_rate", [0.0, -100.0, float("nan"), float("inf"), True, "100", None])
-def test_the_rate_must_be_positive(identification_rate):
-    with pytest.raises(ValueError, match=r"identification_rate must be .*above 0 Hz"):
-        decimation_factor(1000.0, identification_rate)
 
 
 def test_a_factor_whose_kernel_would_take_the_memory_is_refused():
@@ -148,5 +138,3 @@ def test_a_factor_whose_kernel_would_take_the_memory_is_refused():
         DataError, match=r"1e\+06 Hz\) is 1e\+15 times the identification rate \(1e-09 Hz\), but must be at"
     ):
         decimation_factor(1e6, 1e-9)
-    with pytest.raises(ValueError, match="factor must be between 1 and 10000 samples, got 1000000"):
-        decimation_margin(10**6)

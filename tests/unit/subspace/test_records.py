@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError
+from ankleloop.signals.reference import predict_from_reference
 from ankleloop.subspace import moesp, simulate_response
-from ankleloop.subspace.records import list_records, scale_records
-from ankleloop.subspace.sources import predict_from_reference
+from ankleloop.subspace.records import scale_records
 
 A = np.array([[0.75, -0.37], [0.37, 0.75]])
 B = np.array([[1.0, 0.3], [-0.5, 0.8]])
@@ -135,5 +135,5 @@ def test_the_error_names_records_that_do_not_agree():
     y[1][7] = np.nan
     with pytest.raises(DataError, match="output 0 is not finite at sample 7 of record 1"):
         moesp(u, y, 6, 2)
-    with pytest.raises(DataError, match="there are no records"):
-        list_records([], merged=True)
+    with pytest.raises(DataError, match="2 records of inputs, 0 of the output"):
+        moesp(u, [], 6, 2)
