@@ -56,14 +56,6 @@ def test_estimates_whose_records_begin_at_different_samples(tmp_path):
         assert_same_torque(loaded, saved)
 
 
-def test_trials_with_an_estimated_delay(tmp_path):
-    estimates = [identify(simulate(seed=1, duration=20.0, delay=delay), "riv", delay=None) for delay in (0.03, 0.07)]
-    assert len({estimate.torque.sizes["time"] for estimate in estimates}) == 2
-    save(estimates, tmp_path / "0.nc")
-    for loaded, saved in zip(load(tmp_path / "0.nc"), estimates, strict=True):
-        assert_same_torque(loaded, saved)
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_loaded_estimates_predict(tmp_path, method):
     trials = [simulate(seed=seed, duration=15.0) for seed in (1, 2)]
@@ -79,13 +71,6 @@ def test_loaded_estimates_predict(tmp_path, method):
             continue
         assert loaded.predict(trials[0]).torque.identical(saved.predict(trials[0]).torque)
         assert (loaded.matrices is None) == (saved.matrices is None)
-
-
-def test_reflex_parameters_that_one_trial_lacks(tmp_path):
-    with_gain, without = (make_estimate(reflex=reflex) for reflex in ({"delay": 0.04, "G": 13.0}, {"delay": 0.05}))
-    for estimates in ([with_gain, without], [without, with_gain]):
-        save(estimates, tmp_path / "estimates.nc", overwrite=True)
-        assert [e.reflex for e in load(tmp_path / "estimates.nc")] == [e.reflex for e in estimates]
 
 
 def test_the_file_is_a_plain_table(tmp_path):
