@@ -57,21 +57,16 @@ class MotionProducts:
     # Shape (3,): K, B and I of a model without a reflex by least squares.
     stiffness: np.ndarray
     explained: float  # share of the torque's variance that this model explains
-
-    @property
-    def deviations(self) -> tuple[float, float]:
-        """Standard deviations of position and torque."""
-        position, *_, torque = np.sqrt(self.products.diagonal() / self.grid.samples).tolist()
-        return position, torque
+    deviations: tuple[float, float]  # standard deviations of position and torque
 
 
 @once
 def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
     """Products of a trial."""
     recorded = {name: trial.samples(name) for name in REQUIRED}
-    return MotionProducts(
-        recorded, trial.rate, grid, *regress_torque([*trial.motion(grid), trial.channel("torque", grid)])
-    )
+    signals, products, stiffness, explained = regress_torque([*trial.motion(grid), trial.channel("torque", grid)])
+    position, *_, torque = np.sqrt(products.diagonal() / grid.samples).tolist()
+    return MotionProducts(recorded, trial.rate, grid, signals, products, stiffness, explained, (position, torque))
 
 
 def regress_torque(signals: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:

@@ -114,12 +114,6 @@ def test_what_is_computed_is_freed_with_the_trial(trials):
         gc.enable()
 
 
-def test_a_plain_trial_is_computed_anew_each_time(trials, calls):
-    for _ in range(2):
-        prepare(trials[0]).regressors(**OPTIONS)
-    assert len(calls) == 2 * len(set(calls))
-
-
 def test_a_value_is_computed_once_for_each_set_of_arguments(trials):
     count = []
 
