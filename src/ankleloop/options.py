@@ -7,7 +7,7 @@ flag, a float without a fraction is a whole number, numbers of numpy are numbers
 from __future__ import annotations
 
 import inspect
-import math
+import operator
 import os
 import re
 import reprlib
@@ -29,6 +29,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 KINDS = {"int": "a whole number", "float": "a finite number", "bool": "true or false", "string": "text", "str": "text"}
 BOUNDS = {"greater_than_equal": "ge", "less_than_equal": "le", "greater_than": "gt", "less_than": "lt"}
+IS_WITHIN = {"ge": operator.ge, "le": operator.le, "gt": operator.gt, "lt": operator.lt}
 PLAIN = (str, bool, int, NoneType, dict, list, tuple)  # types that need no conversion; floats may be whole numbers
 LARGEST_MEMORY = 64 * 2**30  # bytes, of a machine that does not state its memory
 CONTROL_GROUP = Path("/sys/fs/cgroup/memory.max")  # of a container, or of a job on a cluster
@@ -128,10 +129,10 @@ class Options(BaseModel):
         ValueError
             For a value of another type or out of its range; the message has owner, name, value, unit and bounds.
         """
-        cls.check_names(owner, values)
         try:
             return cls(**values)
         except ValidationError as error:
+            cls.check_names(owner, values)
             raise ValueError(f"{owner}: {cls.describe(error)}") from None
 
     @classmethod
@@ -301,7 +302,7 @@ def check_number(owner: str, name: str, value: Any, unit: str = "1", **limits: f
     number = as_plain(value)
     if type(number) not in (int, float) or not abs(number) <= sys.float_info.max:
         _refuse(owner, name, value, "a finite number", unit, limits)
-    if not _is_within(number, **limits):
+    if not all(IS_WITHIN[bound](number, limit) for bound, limit in limits.items()):
         _refuse(owner, name, value, "", unit, limits)
     return float(number)
 
@@ -311,15 +312,9 @@ def check_integer(owner: str, name: str, value: Any, unit: str = "1", **limits: 
     number = as_plain(value)
     if type(number) not in (int, float) or not (type(number) is int or number.is_integer()):
         _refuse(owner, name, value, "a whole number", unit, limits)
-    if not _is_within(number, **limits):
+    if not all(IS_WITHIN[bound](number, limit) for bound, limit in limits.items()):
         _refuse(owner, name, value, "", unit, limits)
     return int(number)
-
-
-def _is_within(
-    number: float, ge: float = -math.inf, gt: float = -math.inf, le: float = math.inf, lt: float = math.inf
-) -> bool:
-    return ge <= number <= le and gt < number < lt
 
 
 def _refuse(owner: str, name: str, value: Any, kind: str, unit: str, limits: dict[str, float]) -> NoReturn:

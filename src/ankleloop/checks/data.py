@@ -11,7 +11,6 @@ from ankleloop.checks.channels import CHANNEL_CHECKS, Finding
 from ankleloop.checks.movement import (
     CERTAIN,
     COPY,
-    MotionProducts,
     check_bandwidth,
     check_excitation,
     check_reference,
@@ -26,7 +25,7 @@ from ankleloop.checks.movement import (
 )
 from ankleloop.checks.reference import find_reference_faults
 from ankleloop.errors import DataError
-from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import MOTION, Grid, Regressors
 from ankleloop.signals.reference import project_on_reference
 from ankleloop.trials.validation import REQUIRED
@@ -57,31 +56,40 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     """
     warnings = []
     for number, trial in enumerate(trials, 1):
-        findings = [*_check_trial(trial, use), *find_reference_faults(trial, use.reference, use.delay)]
+        findings = _find_faults(trial, use.delay, use.identification_rate, use.reference or "reference")
+        findings = [*findings, *find_reference_faults(trial, use.reference, use.delay)]
         place = f"trial {number} of {len(trials)}: " if len(trials) > 1 else ""
         warnings += [f"{place}{finding.text}" for finding in findings]
     warnings += [finding.text for finding in _check_references(trials, use)]
-    if not warnings:  # what a fault of a channel excites, or does not, says little
-        warnings += [finding.text for finding in [_check_excitation(trials, use)] if finding.verdict != "ok"]
-    return warnings
+    if warnings:  # what a fault of a channel excites, or does not, says little
+        return warnings
+    velocities = [trial.motion(trial.grid(use.identification_rate, use.delay))[1] for trial in trials]
+    if max(velocity.size for velocity in velocities) < 2 * (2 * use.block_rows + use.order):
+        return []  # the method says itself that they are too short
+    excitation = check_excitation(velocities, use.order, use.block_rows)
+    return [] if excitation.verdict == "ok" else [excitation.text]
 
 
-def _grid(trial: PreparedTrial, use: DataUse) -> Grid:
-    return trial.grid(use.identification_rate, use.delay)
-
-
-def _check_trial(trial: PreparedTrial, use: DataUse) -> list[Finding]:
+@once
+def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str) -> list[Finding]:
     """Findings about one trial that are not ok; each is computed once for all methods that take it."""
-    grid, reference = _grid(trial, use), use.reference or "reference"
-    return trial.memoise(("data findings", grid, reference), lambda: _find_faults(trial, grid, use, reference))
-
-
-def _find_faults(trial: PreparedTrial, grid: Grid, use: DataUse, reference: str) -> list[Finding]:
+    grid = trial.grid(rate, delay)
+    findings = check_signals(trial, grid, delay)
+    for finding in findings:
+        if finding.name == "scale" and finding.verdict != "ok":
+            raise DataError(finding.text)
     motion = motion_products(trial, grid)
-    if (scale := check_scale(motion)).verdict != "ok":
-        raise DataError(scale.text)
-    findings = [*check_signals(trial, grid, use.delay), _check_sign(trial, motion, use, reference)]
-    return [finding for finding in findings if finding.verdict != "ok"]
+    sign = check_sign(motion.stiffness, motion.explained)
+    if sign.verdict != "ok" and reference != "position" and reference in trial.trial:
+        # Least squares may be off by fed-back torque; what the reference explains is not.
+        record = _regressors(trial, delay, rate, reference)
+        if check_reference([record]).verdict == "ok":
+            assert record.reference is not None
+            projection = project_on_reference([record.reference], [motion.signals.T], record.rate)
+            signals, residuals = projection.signals[0], projection.residuals[0]
+            instruments = signals[:, :MOTION] - residuals[:, :MOTION]
+            sign = check_sign(*fit_stiffness_by_instruments(signals[:, :MOTION], signals[:, MOTION], instruments))
+    return [finding for finding in (*findings, sign) if finding.verdict != "ok"]
 
 
 def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Finding]:
@@ -89,30 +97,17 @@ def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Findin
 
     `ankleloop.recordings.checks.check_trial` shows all of them, an identification warns of those that are not ok.
     """
-    channels = [check(trial, name) for check in CHANNEL_CHECKS for name in REQUIRED]
-    velocity = trial.memoise(("velocity noise", delay), lambda: check_velocity(trial, delay))
     motion = motion_products(trial, grid)
-    return [*channels, velocity, check_bandwidth(trial), *(check(motion) for check in MOTION_CHECKS)]
+    return [
+        *(check(trial, name) for check in CHANNEL_CHECKS for name in REQUIRED),
+        check_velocity(trial, delay),
+        check_bandwidth(trial),
+        *(check(motion) for check in MOTION_CHECKS),
+    ]
 
 
-def _check_sign(trial: PreparedTrial, motion: MotionProducts, use: DataUse, reference: str) -> Finding:
-    """Sign of the torque by least squares, and where that is negative by what the reference explains."""
-    finding = check_sign(motion.stiffness, motion.explained)
-    if finding.verdict == "ok" or reference == "position" or reference not in trial.trial:
-        return finding
-    record = _regressors(trial, use, reference)
-    if check_reference([record]).verdict != "ok":
-        return finding
-    assert record.reference is not None
-    projection = project_on_reference([record.reference], [motion.signals.T], record.rate)
-    signals, explained = projection.signals[0], projection.signals[0] - projection.residuals[0]
-    return check_sign(*fit_stiffness_by_instruments(signals[:, :MOTION], signals[:, MOTION], explained[:, :MOTION]))
-
-
-def _regressors(trial: PreparedTrial, use: DataUse, reference: str) -> Regressors:
-    return trial.regressors(
-        delay=use.delay, basis="rectifier", identification_rate=use.identification_rate, reference=reference
-    )
+def _regressors(trial: PreparedTrial, delay: float, rate: float, reference: str) -> Regressors:
+    return trial.regressors(delay=delay, basis="rectifier", identification_rate=rate, reference=reference)
 
 
 def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Finding]:
@@ -122,7 +117,8 @@ def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Fin
         return []  # without the variable the method says so itself
     weak, findings = [], []
     for trial in trials:
-        later, position, torque = _correlate(trial, use, name)
+        grid = trial.grid(use.identification_rate, use.delay)
+        later, position, torque = reference_correlations(trial, grid, name)
         if torque > 1.0 - COPY:
             raise DataError(
                 f"{name} is the torque itself, which is no instrument: give the command of the servo as reference."
@@ -134,34 +130,16 @@ def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Fin
             )
             findings.append(Finding("reference", "warning", text))
         if not later > CERTAIN:
-            weak.append(_regressors(trial, use, name))
+            weak.append(_regressors(trial, use.delay, use.identification_rate, name))
     for record in weak:
         finding = check_reference([record])
         if finding.verdict == "warning" and len(trials) > 1:  # too short alone
-            finding = check_reference([_regressors(trial, use, name) for trial in trials])
+            records = [_regressors(trial, use.delay, use.identification_rate, name) for trial in trials]
+            finding = check_reference(records)
         if finding.verdict == "refused":
             raise DataError(finding.text)
         findings += [finding] if finding.verdict == "warning" else []
     return list(dict.fromkeys(findings))
-
-
-def _correlate(trial: PreparedTrial, use: DataUse, name: str) -> tuple[float, float, float]:
-    grid = _grid(trial, use)
-    return trial.memoise(
-        ("reference correlations", name, grid),
-        lambda: reference_correlations(motion_products(trial, grid), trial.channel(name, grid)),
-    )
-
-
-def _check_excitation(trials: Sequence[PreparedTrial], use: DataUse) -> Finding:
-    """Excitation of all trials together; whether they are long enough the method says itself."""
-    velocities = [trial.motion(_grid(trial, use))[1] for trial in trials]
-    if max(velocity.size for velocity in velocities) < 2 * (2 * use.block_rows + use.order):
-        return Finding("excitation", "ok", "")
-    key = ("excitation", _grid(trials[0], use), use.order, use.block_rows)
-    if len(trials) > 1:
-        return check_excitation(velocities, use.order, use.block_rows)
-    return trials[0].memoise(key, lambda: check_excitation(velocities, use.order, use.block_rows))
 
 
 def refuse_repeated_trials(trials: Sequence[PreparedTrial]) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import inf, sqrt
 
 import numpy as np
 
 from ankleloop.checks.channels import CHANNEL_UNITS, Finding
 from ankleloop.errors import DataError
-from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import MOTION, Grid, Regressors
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import PASSBAND
@@ -41,56 +42,45 @@ EXCITED = 1e-6  # of the largest eigenvalue of the velocity's Hankel products
 SAMPLED = 200  # samples, about, for a standard deviation; an odd number apart, which few frequencies divide
 
 
+@dataclass(frozen=True, eq=False)
 class MotionProducts:
-    """Inner products of position, velocity, acceleration and torque of a record, each less its mean.
+    """Inner products of position, velocity, acceleration and torque of the decimated samples of a record.
 
-    Parameters
-    ----------
-    trial : PreparedTrial
-        The trial.
-    grid : Grid
-        Its decimated samples.
+    The trial holds these products: if they held it, all of its signals would stay until the garbage collector runs.
     """
 
-    def __init__(self, trial: PreparedTrial, grid: Grid) -> None:
-        # The trial holds these products: if they held it, all of its signals would stay until the garbage collector
-        # runs.
-        self.recorded = {name: trial.samples(name) for name in ("position", "torque")}
-        self.rate, self.grid = trial.rate, grid
-        self.decimated = (*trial.motion(grid), trial.channel("torque", grid))
-        self.products = multiply_deviations(self.decimated)
-        # K, B and I of a model without a reflex by least squares, and the share of the torque's variance it explains.
-        self.stiffness, self.explained = regress_torque(self.products)
-        # Standard deviations of position and torque.
-        self.deviations = tuple(sqrt(self.products[k, k] / grid.samples) for k in (0, MOTION))
-
-    @property
-    def signals(self) -> np.ndarray:
-        """Position, velocity, acceleration and torque, each less its mean, shape (4, N)."""
-        signals = np.stack(self.decimated)
-        return signals - signals.mean(axis=1, keepdims=True)
+    recorded: dict[str, np.ndarray]  # position and torque as they were recorded
+    rate: float  # rate of the record [Hz]
+    grid: Grid  # its decimated samples
+    signals: np.ndarray  # shape (4, N): position, velocity, acceleration and torque, each less its mean
+    products: np.ndarray  # shape (4, 4): their inner products
+    # Shape (3,): K, B and I of a model without a reflex by least squares.
+    stiffness: np.ndarray
+    explained: float  # share of the torque's variance that this model explains
+    deviations: tuple[float, float]  # standard deviations of position and torque
 
 
+@once
 def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
-    """Products of a trial, which it computes once."""
-    return trial.memoise(("motion products", grid), lambda: MotionProducts(trial, grid))
+    """Products of a trial."""
+    recorded = {name: trial.samples(name) for name in REQUIRED}
+    signals, products, stiffness, explained = regress_torque([*trial.motion(grid), trial.channel("torque", grid)])
+    position, *_, torque = np.sqrt(products.diagonal() / grid.samples).tolist()
+    return MotionProducts(recorded, trial.rate, grid, signals, products, stiffness, explained, (position, torque))
 
 
-def multiply_deviations(signals: Sequence[np.ndarray]) -> np.ndarray:
-    """Inner products of signals (N,), each less its mean, shape (signals, signals)."""
-    deviations = np.stack([x - x.mean() for x in signals])
-    return deviations @ deviations.T
+def regress_torque(signals: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Least squares of the last signal, the torque, on the others, which differ in unit; what is not shown is zero.
 
-
-def regress_torque(products: np.ndarray) -> tuple[np.ndarray, float]:
-    """Least squares of the torque on signals that differ in unit; what the data do not show is zero.
-
-    Shapes: products (n + 1, n + 1); returns coefficients (n,), and the share of the variance that they explain.
+    Shapes: signals (N,); returns the signals less their means (n + 1, N), their products (n + 1, n + 1), coefficients
+    (n,), and the share of the variance that they explain.
     """
+    deviations = np.stack([x - x.mean() for x in signals])
+    products = deviations @ deviations.T
     normal, right = products[:-1, :-1], products[:-1, -1]
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), TINY))
     values = scale * np.linalg.lstsq(normal * scale[:, None] * scale, right * scale, rcond=DEPENDENT)[0]
-    return values, float(right @ values / products[-1, -1])
+    return deviations, products, values, float(right @ values / products[-1, -1])
 
 
 def check_scale(motion: MotionProducts) -> Finding:
@@ -157,6 +147,7 @@ def check_sign(stiffness: np.ndarray, explained: float) -> Finding:
     return Finding("sign of the torque", "ok", f"{text}: the torque opposes stretch.")
 
 
+@once
 def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
     """Noise of the position, which reaches the rectified velocity: power above the band that the torque does not share.
 
@@ -183,6 +174,7 @@ def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
     return Finding("velocity", "warning", text)
 
 
+@once
 def check_bandwidth(trial: PreparedTrial) -> Finding:
     """Torque that was sampled without a filter: its spectrum goes on, flat, to half of the sampling rate.
 
@@ -264,12 +256,11 @@ def check_reference(records: Sequence[Regressors]) -> Finding:
     return Finding("reference", "ok", f"{text}.")
 
 
-def reference_correlations(motion: MotionProducts, reference: np.ndarray) -> tuple[float, float, float]:
-    """Squared correlations of the reference: the largest with the position a little later, and those at once.
-
-    Shapes: reference (N,).
-    """
-    rate = motion.rate / motion.grid.factor
+@once
+def reference_correlations(trial: PreparedTrial, grid: Grid, name: str) -> tuple[float, float, float]:
+    """Squared correlations of the reference: the largest with the position a little later, and those at once."""
+    motion, reference = motion_products(trial, grid), trial.channel(name, grid)
+    rate = trial.rate / grid.factor
     lead, lag = round(LEAD * rate), round(LAG * rate)
     if reference.size - lead - lag < 2:
         return 0.0, 0.0, 0.0

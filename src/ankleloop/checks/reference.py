@@ -9,9 +9,9 @@ from math import sqrt
 import numpy as np
 
 from ankleloop.checks.channels import Finding, merge_findings
-from ankleloop.checks.movement import check_reference, motion_products, multiply_deviations, regress_torque
+from ankleloop.checks.movement import check_reference, motion_products, regress_torque
 from ankleloop.errors import DataError
-from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.signals.decimation import decimate
 
@@ -32,17 +32,21 @@ def find_reference_faults(trial: PreparedTrial, reference: str | None, delay: fl
     name = reference or "reference"
     if name == "position" or name not in trial.trial:
         return []  # without the variable the method says so itself
-    exchange = trial.memoise(("exchange", name, delay), lambda: check_exchange(trial, name, delay))
+    try:  # at about 100 Hz, whatever rate the methods take
+        grid = trial.grid(trial.rate / max(1, round(trial.rate / RATE)), delay)
+    except DataError:  # of a very short trial the method says so itself
+        return []
+    exchange = check_exchange(trial, name, grid)
     if reference is None and exchange.verdict == "ok":
         return []
-    # A filter of the torque can look early as well.
-    filtered = trial.memoise(("filtered torque", name, delay), lambda: check_filtered_torque(trial, name, delay))
+    filtered = check_filtered_torque(trial, name, grid)  # it can look early as well
     if filtered.verdict != "ok":
         return [] if reference is None else [filtered]
     return [] if exchange.verdict == "ok" else [exchange]
 
 
-def check_exchange(trial: PreparedTrial, name: str, delay: float = 0.04) -> Finding:
+@once
+def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     """Whether the position follows the reference; if it is ahead of it, the two may be exchanged.
 
     The actuator and the load are causal: what they do to the command comes later. The sum over the cross spectrum,
@@ -54,8 +58,7 @@ def check_exchange(trial: PreparedTrial, name: str, delay: float = 0.04) -> Find
     Behind an actuator that is faster than the record shows (200 Hz and more) there is no lag, and nothing is said.
     """
     ok = Finding("reference", "ok", f"the position is not ahead of {name}.")
-    grid = _grid(trial, delay)
-    if grid is None or grid.samples < 3:
+    if grid.samples < 3:
         return ok
     chance = 1.0 / sqrt(grid.samples)
     # As it was recorded the reference costs nothing, but its aliases can make a position look early.
@@ -73,14 +76,6 @@ def check_exchange(trial: PreparedTrial, name: str, delay: float = 0.04) -> Find
     return Finding(ok.name, "warning", text)
 
 
-def _grid(trial: PreparedTrial, delay: float) -> Grid | None:
-    """Samples of an identification at about 100 Hz, whatever rate the methods take; None in a very short trial."""
-    try:
-        return trial.grid(trial.rate / max(1, round(trial.rate / RATE)), delay)
-    except DataError:  # the method says so itself
-        return None
-
-
 def _correlate_rates(trial: PreparedTrial, reference: np.ndarray, grid: Grid) -> float:
     """Correlation of the rate of the reference with the acceleration; positive where the position is the later one."""
     acceleration = trial.motion(grid)[2][1:-1]
@@ -93,10 +88,11 @@ def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
     """Whether the reference and its derivatives explain more of the torque than the position and its derivatives."""
     samples, torque = trial.samples(name), trial.channel("torque", grid)
     derivatives = [decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)]
-    return regress_torque(multiply_deviations((*derivatives, torque)))[1] > motion_products(trial, grid).explained
+    return regress_torque([*derivatives, torque])[-1] > motion_products(trial, grid).explained
 
 
-def check_filtered_torque(trial: PreparedTrial, name: str, delay: float = 0.04) -> Finding:
+@once
+def check_filtered_torque(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     """Whether the reference is a filter of the torque, which is no instrument: it has all the noise of the torque.
 
     Leads and lags of the torque explain a filter of it without a rest. Three cases look alike, and are told apart:
@@ -111,9 +107,6 @@ def check_filtered_torque(trial: PreparedTrial, name: str, delay: float = 0.04) 
     A steep low-pass below 5 Hz responds for longer than the leads and lags: it need not be recognised.
     """
     ok = Finding("reference", "ok", f"{name} is no filter of the torque.")
-    grid = _grid(trial, delay)
-    if grid is None:
-        return ok
     leads, lags = round(LEADS * trial.rate / grid.factor), round(LAGS * trial.rate / grid.factor)
     if grid.samples < SHORTEST * (leads + lags + 1):
         return ok

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -29,11 +30,12 @@ class ReflexDynamics:
         values = {"omega_n": self.omega_n, "zeta": self.zeta, "pole": self.pole}
         return {name: value for name, value in values.items() if value is not None}
 
-    @classmethod
-    def grid(cls, order: int) -> list[ReflexDynamics]:
+    @staticmethod
+    @cache
+    def grid(order: int) -> tuple[ReflexDynamics, ...]:
         """Candidates for the start of a search."""
         poles: Sequence[float | None] = [None] if order == 2 else POLES
-        return [cls(omega, zeta, pole) for pole in poles for omega, zeta in STARTS]
+        return tuple(ReflexDynamics(omega, zeta, pole) for pole in poles for omega, zeta in STARTS)
 
     def scale(self, step: np.ndarray) -> ReflexDynamics:
         """Dynamics after a step of the logarithms of its parameters."""

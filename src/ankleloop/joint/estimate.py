@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.models import Model
+from ankleloop.joint.models import Model, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.quantities import QUANTITIES
 from ankleloop.subspace.matrices import Matrices
 
@@ -138,13 +137,11 @@ class Estimate:
         """Whether method, parameters, intervals and torques are the same; details of the fit do not count."""
         if not isinstance(other, Estimate):
             return NotImplemented
-        return self._values() == other._values() and self.torque.identical(other.torque)
+        pairs = [(getattr(self, name), getattr(other, name)) for name in ("method", "stiffness", "reflex", "intervals")]
+        return all(mine == theirs for mine, theirs in pairs) and self.torque.identical(other.torque)
 
     def __hash__(self) -> int:
         return hash((self.method, *self.stiffness.items()))
-
-    def _values(self) -> tuple[Any, ...]:
-        return self.method, self.stiffness, self.reflex, self.intervals
 
     def __repr__(self) -> str:
         lines = [f"<Estimate by {self.method}: {self._list_parameters(self.stiffness)}>"]
@@ -155,12 +152,10 @@ class Estimate:
         return "\n".join(lines)
 
     def _list_parameters(self, values: dict[str, float]) -> str:
-        return ", ".join(
-            f"{quantity.symbol} = {value:.4g}{self._interval(name)}" + f" {quantity.unit}" * (quantity.unit != "1")
-            for name, value in values.items()
-            for quantity in [QUANTITIES[name]]
-        )
-
-    def _interval(self, name: str) -> str:
-        """The 95 % interval of a parameter as text, empty where there is none."""
-        return " ({:.4g} … {:.4g})".format(*self.intervals[name]) if name in self.intervals else ""
+        texts = []
+        for name, value in values.items():
+            quantity = QUANTITIES[name]
+            interval = " ({:.4g} … {:.4g})".format(*self.intervals[name]) if name in self.intervals else ""
+            unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+            texts.append(f"{quantity.symbol} = {value:.4g}{interval}{unit}")
+        return ", ".join(texts)

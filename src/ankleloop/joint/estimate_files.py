@@ -1,7 +1,8 @@
-"""Estimate files: estimates of many trials by all methods of a study in one Parquet table, a row for each."""
+"""Files of estimates with their models: one in NetCDF or MATLAB v5, those of a study in a Parquet table."""
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import weakref
@@ -11,40 +12,190 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import xarray as xr
 from pyarrow import parquet
 
+from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.model_files import dump_values, load_values
-from ankleloop.joint.models import model_from_fields
+from ankleloop.joint.models import Model, model_fields, model_from_fields
 from ankleloop.joint.regressors import TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
+from ankleloop.options import check_flag, check_path, show_value
+from ankleloop.quantities import QUANTITIES
+from ankleloop.signals.sampling import check_same_rate, compute_rate
 from ankleloop.trials.files import atomic_file, check_readable, parse_precision
-from ankleloop.trials.group_files import Fields
+from ankleloop.trials.group_files import Fields, read_groups, write_groups
 from ankleloop.trials.readable_files import name_errors
 
 PathLike = str | os.PathLike[str]
+
+FORMAT, VERSION = "ankleloop estimate", 1
+VARIABLE = "estimate"  # of a MATLAB file
+JSON = "json"  # the diagnostics
+
 MEMORY = 2**21  # bytes of a table that are in memory before they go to a temporary file
 ROWS = 25  # estimates of a row group
-TEXTS = ("stiffness", "reflex_parameters", "intervals", "diagnostics", "model", "trajectories")  # as JSON
+# Columns of a table that hold groups as JSON.
+COLUMNS = {"reflex_parameters": "reflex"} | {
+    name: name for name in ("stiffness", "intervals", "diagnostics", "model", "trajectories")
+}
+
+ARRAY, COMPLEX = "$array", "$complex"  # keys that mark them
+
+
+def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write an estimate and its model to a file, from which `load_estimate` reads the same estimate.
+
+    docs/reference/estimates.md describes the file field by field, and how another program computes torques from it.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The estimate.
+    path : path-like
+        A file ending in .nc or .mat, in a folder that exists; it appears when it is complete.
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
+
+    Raises
+    ------
+    DataError
+        For another suffix, if the file exists or the estimate is read from it, or if it cannot be written.
+    TypeError
+        For diagnostics that are no numbers, texts, arrays, or lists and dictionaries of those.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ankleloop import identify, simulate
+    >>> trial, other = (simulate(seed=seed, duration=20.0) for seed in (1, 2))
+    >>> estimate = identify(trial, "riv")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_estimate(estimate, f"{folder}/estimate.nc")
+    ...     same = load_estimate(f"{folder}/estimate.nc")
+    >>> same.predict(other).torque.identical(estimate.predict(other).torque)
+    True
+    """
+    path = check_path("save_estimate", "path", path)
+    check_flag("save_estimate", "overwrite", overwrite)
+    if not isinstance(estimate, Estimate):
+        raise TypeError(f"save_estimate: estimate must be an Estimate, got {show_value(estimate)}.")
+    warnings = " ".join(estimate.diagnostics.get("warnings", ()))
+    attributes = {"format": FORMAT, "format_version": VERSION, "method": estimate.method, "warnings": warnings}
+    groups = {
+        "": xr.Dataset(attrs=attributes),
+        "torque": estimate.torque[[*TORQUES]],
+        "stiffness": _parameter_dataset(estimate.stiffness),
+        "reflex": _parameter_dataset(estimate.reflex),
+        "intervals": _parameter_dataset(estimate.intervals, "end"),
+        "diagnostics": xr.Dataset(attrs={JSON: dump_values(estimate.diagnostics)}),
+    }
+    if estimate.predictor is not None:
+        groups["model"] = _model_dataset(estimate.predictor)
+    if estimate.trajectories is not None:
+        groups["trajectories"] = estimate.trajectories
+    write_groups(groups, path, VARIABLE, overwrite=overwrite)
+
+
+def _parameter_dataset(values: Mapping[str, Any], *dimensions: str) -> xr.Dataset:
+    data = xr.Dataset({name: (dimensions, np.array(value, dtype=float)) for name, value in values.items()})
+    for name in values.keys() & QUANTITIES.keys():
+        data[name].attrs = {"units": QUANTITIES[name].unit, "long_name": QUANTITIES[name].name}
+    return data
+
+
+def _model_dataset(model: Model) -> xr.Dataset:
+    """Fields of a model, and the kernels that other programs need to compute its torques."""
+    fields = model_fields(model) | model.inputs.kernels()
+    texts = {name: value for name, value in fields.items() if isinstance(value, str)}
+    names = {"basis_function": list(model.inputs.basis.names)}
+    if model.matrices is not None and model.matrices.names is not None:
+        names |= dict(zip(("input", "output"), map(list, model.matrices.names), strict=True))
+    return xr.Dataset({name: value for name, value in fields.items() if name not in texts}, names, texts)
+
+
+def load_estimate(path: str | os.PathLike[str]) -> Estimate:
+    """Read the estimate that `save_estimate` wrote, with its model.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    Estimate
+        Tuples in its diagnostics have become lists.
+
+    Raises
+    ------
+    DataError
+        If there is no such file, it is damaged or of another origin, or a newer version of the library wrote it.
+
+    Examples
+    --------
+    >>> load_estimate("nowhere.nc")
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
+    """
+    path = check_path("load_estimate", "path", path)
+    groups = read_groups(path, VARIABLE)
+    with name_errors(path, "estimate file", "restore it from a copy, or identify again and save it"):
+        file = groups[""]
+        if file.values.get("format") != FORMAT:
+            raise DataError(
+                f"{file.source}: no estimate file, which has the format {FORMAT!r}: write it by save_estimate."
+            )
+        version = file.number("format_version")
+        if version > VERSION:
+            raise DataError(
+                f"{file.source}: version {version:g} of the format, of which this library knows versions up to "
+                f"{VERSION}: install the newest ankleloop."
+            )
+        for name in ("diagnostics", "reflex", "stiffness", "torque"):
+            if name not in groups:
+                raise DataError(
+                    f"{file.source}: there is no group {name!r}: the file is damaged, or of another origin."
+                )
+        diagnostics = groups["diagnostics"]
+        return _read_estimate(groups, load_values(diagnostics.text(JSON), diagnostics.source))
+
+
+def _read_estimate(groups: Mapping[str, Fields], diagnostics: dict[str, Any]) -> Estimate:
+    """The estimate whose groups a file or a row of a table holds."""
+    torque = groups["torque"]
+    time, rate = torque.array("time"), torque.number("identification_rate")
+    check_same_rate(rate, compute_rate(time, source=torque.source), source=torque.source)
+    torques = {name: torque.array(name, time.size, finite=False) for name in TORQUES}
+    attributes = {name: value for name, value in torque.values.items() if name not in ("time", *TORQUES)}
+    model = model_from_fields(groups["model"]) if "model" in groups else None
+    stiffness, reflex = (
+        {name: float(fields.array(name, 1, finite=False)[0]) for name in fields.values}
+        for fields in (groups["stiffness"], groups["reflex"])
+    )
+    intervals = groups.get("intervals", Fields("", {}))
+    ends = {name: intervals.array(name, 2, finite=False).tolist() for name in intervals.values}
+    return Estimate(
+        method=groups[""].text("method"),
+        torque=torque_dataset(time, rate, **torques).assign_attrs(
+            {name: value if isinstance(value, str) else np.asarray(value).item() for name, value in attributes.items()}
+        ),
+        matrices=None if model is None else model.matrices,
+        stiffness=stiffness,
+        reflex=reflex,
+        intervals={name: (low, high) for name, (low, high) in ends.items()},
+        diagnostics=diagnostics,
+        predictor=model,
+        trajectories=read_trajectories(groups["trajectories"]) if "trajectories" in groups else None,
+    )
 
 
 class EstimateTable:
     """Estimates with their models, collected as they will be written; any number of them takes little memory.
 
-    Parameters
-    ----------
-    precision : {"double", "single"}
-        Floating-point numbers of the torques on disk.
-    folder : path-like, optional
-        Folder of the temporary file; by default that of the system.
+    `precision`, "double" or "single", is that of the torques on disk, and `folder` holds the temporary file.
 
-    Raises
-    ------
-    ValueError
-        For an unknown precision.
-
-    Examples
-    --------
     >>> import tempfile
     >>> from ankleloop import identify, simulate
     >>> trial, table = simulate(seed=1, duration=10.0), EstimateTable()
@@ -58,10 +209,9 @@ class EstimateTable:
 
     def __init__(self, precision: str = "double", folder: PathLike | None = None) -> None:
         torque = pa.list_(pa.from_numpy_dtype(np.dtype(parse_precision(precision))))
-        texts = ("point", "name", "method", *TEXTS)
         self._schema = pa.schema(
             {
-                **{text: pa.string() for text in texts},
+                **dict.fromkeys(("point", "name", "method", *COLUMNS), pa.string()),
                 "number": pa.int64(),
                 "identification_rate": pa.float64(),
                 "time": pa.list_(pa.float64()),
@@ -74,18 +224,18 @@ class EstimateTable:
 
     def add(self, estimate: Estimate, *, point: str, name: str, number: int) -> None:
         """Add the estimate of a trial, by a name of its method, at a point of a study."""
-        model, torque = estimate.predictor, estimate.torque
-        values = {
+        model, curves, torque = estimate.predictor, estimate.trajectories, estimate.torque
+        groups: dict[str, Any] = {
             "stiffness": estimate.stiffness,
-            "reflex_parameters": estimate.reflex,
+            "reflex": estimate.reflex,
             "intervals": estimate.intervals,
             "diagnostics": estimate.diagnostics,
-            "model": None if model is None else {"kind": model.kind, **model.fields()},
-            "trajectories": _describe_trajectories(estimate),
+            "model": None if model is None else model_fields(model),
+            "trajectories": None if curves is None else {**curves.variables, **curves.attrs},
         }
         row = {"point": point, "name": name, "method": estimate.method, "number": number, **torque.attrs}
-        signals = {signal: torque.variables[signal].values for signal in ("time", *TORQUES)}
-        row |= {**signals, **{text: dump_values(value) for text, value in values.items()}}
+        row |= {signal: torque.variables[signal].values for signal in ("time", *TORQUES)}
+        row |= {column: dump_values(groups[group]) for column, group in COLUMNS.items()}
         pickle.dump(row, self._rows, pickle.HIGHEST_PROTOCOL)
         self._count += 1
 
@@ -102,36 +252,10 @@ class EstimateTable:
                 writer.write_table(pa.Table.from_pylist(rows, self._schema))
 
 
-def _describe_trajectories(estimate: Estimate) -> dict[str, Any] | None:
-    """Trajectories by name with their coordinate and attributes; None for a method that has none."""
-    if estimate.trajectories is None:
-        return None
-    curves = {str(name): variable.values for name, variable in estimate.trajectories.variables.items()}
-    return {**curves, **estimate.trajectories.attrs}
-
-
 def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int, Estimate]:
-    """Read the estimates by one method at one point of a study, by the number of the trial.
+    """Estimates by one method at one point of a study, by the number of the trial, from the tables of the study.
 
-    Parameters
-    ----------
-    paths : iterable of path-like
-        Estimate files of the study.
-    point : str
-        Point of the study.
-    name : str
-        Name of the method in the study.
-
-    Returns
-    -------
-    dict of int to Estimate
-        In the order of the trials, with their models, so that they predict; without the trials that the method could
-        not identify. Tuples in their diagnostics have become lists.
-
-    Raises
-    ------
-    DataError
-        If there is no such file, or one is damaged.
+    They predict; tuples in their diagnostics have become lists. Trials that the method could not identify are left out.
     """
     estimates = {}
     for path in paths:
@@ -140,23 +264,52 @@ def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int
             filters = [("point", "==", point), ("name", "==", name)]
             table = parquet.read_table(path, filters=filters, page_checksum_verification=True)
             for row in table.to_pylist():
-                estimates[row["number"]] = _read_estimate(row, f"{path}, row {row['number']}")
+                source = f"{path}, row {row['number']}"
+                values = {group: load_values(row[column], source) for column, group in COLUMNS.items()}
+                diagnostics = values.pop("diagnostics")
+                values["torque"] = {key: row[key] for key in ("identification_rate", "time", *TORQUES)}
+                values[""] = {"method": row["method"]}
+                groups = {group: Fields(source, fields) for group, fields in values.items() if fields is not None}
+                estimates[row["number"]] = _read_estimate(groups, diagnostics)
     return dict(sorted(estimates.items()))
 
 
-def _read_estimate(row: Mapping[str, Any], source: str) -> Estimate:
-    values = {name: load_values(row[name], source) for name in TEXTS}
-    model = None if values["model"] is None else model_from_fields(Fields(source, values["model"]))
-    curves = values["trajectories"]
-    torques = {name: np.array(row[name], dtype=float) for name in TORQUES}
-    return Estimate(
-        method=row["method"],
-        torque=torque_dataset(np.array(row["time"]), row["identification_rate"], **torques),
-        matrices=None if model is None else model.matrices,
-        stiffness=values["stiffness"],
-        reflex=values["reflex_parameters"],
-        intervals={name: tuple(ends) for name, ends in values["intervals"].items()},
-        diagnostics=values["diagnostics"],
-        predictor=model,
-        trajectories=None if curves is None else read_trajectories(Fields(source, curves)),
-    )
+def dump_values(values: Any) -> str:
+    """Values as JSON; tuples become lists, complex numbers pairs."""
+    return json.dumps(values, default=_mark)
+
+
+def load_values(text: str, source: str) -> Any:
+    """Values that `dump_values` wrote."""
+    try:
+        return json.loads(text, object_hook=_restore)
+    except (KeyError, RecursionError, TypeError, ValueError) as cause:
+        raise DataError(f"{source}: the values cannot be read ({cause}): the file is damaged.") from cause
+
+
+def _mark(value: Any) -> Any:
+    """What takes the place of a value that JSON does not have."""
+    if isinstance(value, xr.Variable):
+        return value.values if value.ndim else value.values.item()
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "biufc":
+            raise TypeError(f"an array of type {value.dtype} cannot be kept in diagnostics")
+        numbers = value.ravel().astype(complex).view(float) if value.dtype.kind == "c" else value.ravel()
+        return {ARRAY: numbers.tolist(), "dtype": str(value.dtype), "shape": list(value.shape)}
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, complex):
+        return {COMPLEX: [value.real, value.imag]}
+    raise TypeError(f"{type(value).__name__} cannot be kept in diagnostics")
+
+
+def _restore(values: dict[str, Any]) -> Any:
+    if COMPLEX in values:
+        return complex(*values[COMPLEX])
+    if ARRAY not in values:
+        return values
+    dtype = np.dtype(values["dtype"])
+    if dtype.kind not in "biufc":
+        raise TypeError(f"an array of type {dtype}")
+    array = np.array(values[ARRAY], dtype=float if dtype.kind == "c" else dtype)
+    return (array.view(complex).astype(dtype) if dtype.kind == "c" else array).reshape(values["shape"])

@@ -54,19 +54,14 @@ class StaticNonlinearity:
         low, high = velocity[0], velocity[-3]
         for _ in range(3):  # ever finer grids: the criterion has kinks, and may have several minima
             grid = np.linspace(low, high, CANDIDATES)
-            gains, explained = _fit_ramps(velocity, deviation, grid)
+            ramps = np.maximum(velocity - grid[:, None], 0.0)
+            ramps -= ramps.mean(axis=1, keepdims=True)
+            products, energies = ramps @ deviation, np.sum(ramps**2, axis=1)
+            gains = products / np.where(energies > 0.0, energies, np.inf)
+            explained = gains * products
             best = int(np.argmax(explained))
             low, high = grid[max(best - 1, 0)], grid[min(best + 1, CANDIDATES - 1)]
         return float(gains[best]), float(grid[best]), float(explained[best] / (deviation @ deviation))
-
-
-def _fit_ramps(velocity: np.ndarray, deviation: np.ndarray, thresholds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gain of the ramp that is closest to a curve less its mean, at each threshold, and the energy it explains."""
-    ramps = np.maximum(velocity - thresholds[:, None], 0.0)
-    ramps -= ramps.mean(axis=1, keepdims=True)
-    products, energies = ramps @ deviation, np.sum(ramps**2, axis=1)
-    gains = products / np.where(energies > 0.0, energies, np.inf)
-    return gains, gains * products
 
 
 @dataclass(frozen=True)
@@ -83,7 +78,7 @@ class ReflexPath:
     def _rectifier(self) -> tuple[float, float, float]:
         return self.nonlinearity.fit_rectifier()
 
-    @property
+    @cached_property
     def fault(self) -> str | None:
         """Why the path is no ramp with a low-pass behind it, so that G, ωn and ζ mean nothing; None if it is one."""
         _, threshold, ramp = self._rectifier
@@ -196,7 +191,7 @@ def separate_response(response: np.ndarray, spectra: DriveSpectra, rate: float, 
     return ReflexPath(StaticNonlinearity(basis, np.array([gain])), dynamics, low_pass=share)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Basis:
     """Basis functions with fixed scale or knots, which serve any other record as well."""
 
@@ -214,32 +209,16 @@ class Basis:
             return ("rectified_velocity",)
         return tuple(f"{self.kind}_{k}" for k in range(1, self.degree + 1))
 
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Unit of every term."""
-        return ("rad/s",) if self.kind == "rectifier" else ("1",) * self.degree
-
     def __call__(self, velocity: np.ndarray) -> np.ndarray:
         """Evaluate every term.
 
         Shapes: velocity (N,); returns (k, N).
         """
-        return {"chebyshev": self._chebyshev, "rectifier": self._rectifier, "spline": self._spline}[self.kind](velocity)
-
-    def _chebyshev(self, velocity: np.ndarray) -> np.ndarray:
-        # The constant would repeat one row through the whole Hankel matrix: offsets are removed as means instead.
-        terms = np.empty((self.degree, np.size(velocity)))
-        np.divide(velocity, self.scale, out=terms[0])
-        double = 2 * terms[0]
-        for k in range(1, self.degree):
-            np.multiply(double, terms[k - 1], out=terms[k])
-            terms[k] -= terms[k - 2] if k > 1 else 1.0
-        return terms
-
-    def _rectifier(self, velocity: np.ndarray) -> np.ndarray:
-        return np.maximum(velocity, 0.0)[None, :]
-
-    def _spline(self, velocity: np.ndarray) -> np.ndarray:
+        if self.kind == "rectifier":
+            return np.maximum(velocity, 0.0)[None, :]
+        if self.kind == "chebyshev":
+            # The constant would repeat one row through the whole Hankel matrix: offsets are removed as means instead.
+            return np.polynomial.chebyshev.chebvander(velocity / self.scale, self.degree).T[1:]
         from scipy.interpolate import BSpline  # here, because its import takes time and the other bases do not need it
 
         clipped = np.clip(velocity, self.knots[0], self.knots[-1])
@@ -255,23 +234,17 @@ def fit_basis(velocity: np.ndarray, kind: str, degree: int) -> Basis:
 
     Shapes: velocity (N,).
     """
-    if kind not in BASES:
-        raise ValueError(f"unknown basis {kind!r}; known: {', '.join(BASES)}.")
-    if isinstance(degree, bool) or not (isinstance(degree, (int, np.integer)) and degree >= 1):
-        raise ValueError(f"degree must be a whole number of at least 1, got {degree!r}.")
     scale = float(np.max(np.abs(velocity)))
     if scale == 0:
         raise DataError("the velocity is zero throughout: the position channel carries no perturbation.")
-    knots = _quantile_knots(velocity, degree) if kind == "spline" else np.empty(0)
+    knots = np.empty(0)
+    if kind == "spline":
+        if degree < 4:
+            raise ValueError(f"a cubic spline basis needs a degree of at least 4, got {degree}.")
+        inner = np.quantile(velocity, np.linspace(0, 1, degree - 1))
+        if np.any(np.diff(inner) <= 0):
+            raise DataError("the velocity dwells on too few values for a spline basis: use fewer terms or a rectifier.")
+        knots = np.concatenate(([inner[0]] * 3, inner, [inner[-1]] * 3))
     ordered = np.sort(velocity[:: max(1, velocity.size // 5000)])  # faster than so many partitions
     quantiles = np.interp(QUANTILES * (ordered.size - 1), np.arange(ordered.size), ordered)
-    return Basis(kind, 1 if kind == "rectifier" else int(degree), scale, knots, quantiles)
-
-
-def _quantile_knots(velocity: np.ndarray, degree: int) -> np.ndarray:
-    if degree < 4:
-        raise ValueError(f"a cubic spline basis needs a degree of at least 4, got {degree}.")
-    inner = np.quantile(velocity, np.linspace(0, 1, degree - 1))
-    if np.any(np.diff(inner) <= 0):
-        raise DataError("the velocity dwells on too few values for a spline basis: use fewer terms or a rectifier.")
-    return np.concatenate(([inner[0]] * 3, inner, [inner[-1]] * 3))
+    return Basis(kind, 1 if kind == "rectifier" else degree, scale, knots, quantiles)

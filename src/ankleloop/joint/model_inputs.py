@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, cast, get_args
 
@@ -12,12 +11,17 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.hammerstein import BASES, Basis
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors
+from ankleloop.joint.regressors import INTRINSIC_NAMES, MOTION, InputStep, Regressors
 from ankleloop.signals.decimation import filter_kernels
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.trials.group_files import Fields
 
 BEYOND = 1.01  # of the range of a basis: less is the ripple of its filters
+
+
+def as_variable(value: Any, *dimensions: str, unit: str = "") -> xr.Variable:
+    """A value of a file with its dimensions and its unit."""
+    return xr.Variable(dimensions, value, {"units": unit} if unit else {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,23 +45,15 @@ class ModelInputs:
             regressors.omitted_step,
         )
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of every input."""
-        return (*INTRINSIC_NAMES, *self.basis.names)
-
-    @property
-    def delays(self) -> tuple[float, ...]:
-        """Time by which every input is behind the signal of its name [s]."""
-        return (0.0,) * len(INTRINSIC_NAMES) + (self.delay,) * len(self.basis.names)
-
     def label(self, matrices: Matrices) -> Matrices:
         """Matrices with the names and delays of these inputs, and with their numbers in the order of C.
 
         The order in memory decides the last bits of a product: so a model from a file gives those of the first one.
         """
         A, B, C, D = (np.ascontiguousarray(part) for part in (matrices.A, matrices.B, matrices.C, matrices.D))
-        return Matrices(A, B, C, D, matrices.dt, (self.names, ("torque",)), self.delays)
+        terms = self.basis.names
+        delays = (0.0,) * MOTION + (self.delay,) * len(terms)
+        return Matrices(A, B, C, D, matrices.dt, ((*INTRINSIC_NAMES, *terms), ("torque",)), delays)
 
     def regressors(self, trial: xr.Dataset | PreparedTrial) -> Regressors:
         """Inputs of another trial, with the basis, the delay and the rate of this model."""
@@ -85,16 +81,16 @@ class ModelInputs:
             "of the samples the reflex torque is an extrapolation."
         ]
 
-    def fields(self) -> dict[str, Any]:
-        """Values by name, as files hold them."""
+    def fields(self) -> dict[str, str | xr.Variable]:
+        """Texts and variables by name, as files hold them."""
         return {
             "basis": self.basis.kind,
-            "degree": self.basis.degree,
-            "basis_scale": self.basis.scale,
-            "basis_knots": self.basis.knots,
-            "delay": self.delay,
-            "identification_rate": self.identification_rate,
-            "recording_rate": self.recording_rate,
+            "degree": as_variable(self.basis.degree),
+            "basis_scale": as_variable(self.basis.scale, unit="rad/s"),
+            "basis_knots": as_variable(self.basis.knots, "knot", unit="rad/s"),
+            "delay": as_variable(self.delay, unit="s"),
+            "identification_rate": as_variable(self.identification_rate, unit="Hz"),
+            "recording_rate": as_variable(self.recording_rate, unit="Hz"),
             "omitted_step": self.omitted_step or "none",
         }
 
@@ -114,8 +110,14 @@ class ModelInputs:
             None if step == "none" else cast(InputStep, step),
         )
 
-    def kernels(self) -> Mapping[str, np.ndarray]:
+    def kernels(self) -> dict[str, xr.Variable]:
         """Kernels of `filter_kernels` that make the inputs of a record; none where a step is left out."""
         if self.omitted_step is not None:
             return {}
-        return filter_kernels(self.recording_rate, self.identification_rate, self.delay)
+        kernels = filter_kernels(self.recording_rate, self.identification_rate, self.delay)
+        return {
+            "decimation_kernel": as_variable(kernels["decimation_kernel"], "derivative", "decimation_lag"),
+            "decimation_lag": as_variable(kernels["decimation_lag"], "decimation_lag", unit="recorded samples"),
+            "velocity_kernel": as_variable(kernels["velocity_kernel"], "velocity_lag", unit="1/s"),
+            "velocity_lag": as_variable(kernels["velocity_lag"], "velocity_lag", unit="recorded samples"),
+        }

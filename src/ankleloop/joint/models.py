@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isqrt
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import xarray as xr
+from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.model_inputs import ModelInputs
+from ankleloop.joint.model_inputs import ModelInputs, as_variable
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import MOTION, Regressors, torque_dataset
-from ankleloop.joint.time_varying_model import TimeVaryingModel
+from ankleloop.joint.regressors import MOTION, Grid, Regressors, torque_dataset
+from ankleloop.joint.time_varying_course import Splines, course_values, cycle_place, find_onsets
 from ankleloop.signals.decimation import decimate
 from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.trials.group_files import Fields
 
 Trial = xr.Dataset | PreparedTrial
+PADDING = 1.0  # s
+BEYOND = 0.05  # share of the samples beyond the limits of a scheduling variable from which on a warning says so
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +41,16 @@ class StateSpaceModel:
     def predict(self, trial: Trial) -> xr.Dataset:
         """Torques of a trial, from a state of rest."""
         regressors = self.inputs.regressors(trial)
-        torques = simulate_torques(self.matrices, None, regressors)
-        return torque_dataset(regressors.time, regressors.rate, **torques)
+        return torque_dataset(regressors.time, regressors.rate, **simulate_torques(self.matrices, None, regressors))
 
-    def fields(self) -> dict[str, Any]:
-        """Values by name, as files hold them."""
-        m = self.matrices
-        return {**self.inputs.fields(), "A": m.A, "B": m.B, "C": m.C, "D": m.D, "initial_state": self.initial_state}
+    def fields(self) -> dict[str, str | xr.Variable]:
+        """Texts and variables by name, as files hold them beside those of the inputs."""
+        return {**_matrix_fields(self.matrices), "initial_state": as_variable(self.initial_state, "state")}
 
     @classmethod
     def from_fields(cls, inputs: ModelInputs, fields: Fields) -> StateSpaceModel:
         """The model whose values a file holds."""
-        n, m = isqrt(fields.array("A").size), len(inputs.names)
+        n, m = isqrt(fields.array("A").size), MOTION + len(inputs.basis.names)
         shapes = {"A": (n, n), "B": (n, m), "C": (1, n), "D": (1, m)}
         A, B, C, D = (fields.array(name, *shape) for name, shape in shapes.items())
         matrices = inputs.label(Matrices(A, B, C, D, 1.0 / inputs.identification_rate))
@@ -86,22 +87,22 @@ class PhysicalModel:
         drive = self.coefficients @ self.inputs.basis(trial.velocity(self.inputs.delay))
         recorded = simulate_response(*self.dynamics.matrices(trial.rate), drive[:, None])[:, 0]
         reflex = decimate(recorded, *regressors.grid)
-        reflex -= reflex.mean()
-        torques = {"net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
-        return torque_dataset(regressors.time, regressors.rate, **torques)
+        return torque_dataset(regressors.time, regressors.rate, **sum_paths(intrinsic, reflex))
 
-    def fields(self) -> dict[str, Any]:
-        """Values by name, as files hold them."""
-        values = {"stiffness": self.stiffness, "coefficients": self.coefficients}
-        return {**self.inputs.fields(), **values, **self.dynamics.values}
+    def fields(self) -> dict[str, str | xr.Variable]:
+        """Texts and variables by name, as files hold them beside those of the inputs."""
+        return {
+            "stiffness": as_variable(self.stiffness, "parameter"),
+            "coefficients": as_variable(self.coefficients, "basis_function"),
+            **_dynamics_fields(self.dynamics),
+            **_matrix_fields(self.matrices),
+        }
 
     @classmethod
     def from_fields(cls, inputs: ModelInputs, fields: Fields) -> PhysicalModel:
         """The model whose values a file holds."""
-        pole = fields.number("pole") if "pole" in fields.values else None
-        dynamics = ReflexDynamics(fields.number("omega_n"), fields.number("zeta"), pole)
         coefficients = fields.array("coefficients", len(inputs.basis.names))
-        return cls(inputs, fields.array("stiffness", MOTION), coefficients, dynamics)
+        return cls(inputs, fields.array("stiffness", MOTION), coefficients, _read_dynamics(fields))
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,17 +130,20 @@ class ResponseModel:
                 f"the trial has {regressors.torque.size} samples; the impulse responses take {rows.start} before and "
                 f"{leads} after each of them: record longer."
             )
-        torques = {
-            "intrinsic": _respond(regressors.inputs[:, 0], self.intrinsic, -leads)[rows],
-            "reflex": _respond(regressors.inputs[:, -1], self.reflex, 0)[rows],
-        }
-        torques = {name: torque - torque.mean() for name, torque in torques.items()}
-        net = torques["intrinsic"] + torques["reflex"]
-        return torque_dataset(regressors.time[rows], regressors.rate, net=net, **torques)
+        position, drive = regressors.inputs[:, 0], regressors.inputs[:, -1]
+        intrinsic = np.convolve(position - position.mean(), self.intrinsic)[leads:][rows]
+        reflex = np.convolve(drive - drive.mean(), self.reflex)[rows]
+        return torque_dataset(regressors.time[rows], regressors.rate, **sum_paths(intrinsic, reflex))
 
-    def fields(self) -> dict[str, Any]:
-        """Values by name, as files hold them."""
-        return {**self.inputs.fields(), "intrinsic_response": self.intrinsic, "reflex_response": self.reflex}
+    def fields(self) -> dict[str, str | xr.Variable]:
+        """Texts and variables by name, as files hold them beside those of the inputs."""
+        rate, leads = self.inputs.identification_rate, self.intrinsic.size // 2
+        return {
+            "intrinsic_response": as_variable(self.intrinsic, "intrinsic_lag", unit="N·m/rad"),
+            "intrinsic_lag": as_variable(np.arange(-leads, leads + 1) / rate, "intrinsic_lag", unit="s"),
+            "reflex_response": as_variable(self.reflex, "reflex_lag", unit="N·m·s/rad"),
+            "reflex_lag": as_variable(np.arange(self.reflex.size) / rate, "reflex_lag", unit="s"),
+        }
 
     @classmethod
     def from_fields(cls, inputs: ModelInputs, fields: Fields) -> ResponseModel:
@@ -147,10 +151,135 @@ class ResponseModel:
         return cls(inputs, fields.array("intrinsic_response"), fields.array("reflex_response"))
 
 
+@dataclass(frozen=True, eq=False)
+class TimeVaryingModel:
+    """K, B, G and I as splines, and the low-pass of the reflex behind the gain."""
+
+    inputs: ModelInputs  # delay and rates of its inputs
+    dimension: str  # what K, B and G are functions of: "phase", "time" or "schedule"
+    # Variable of a trial that holds the phase or the scheduling variable; empty where onsets come as numbers.
+    variable: str
+    # Phase, time from the first sample of a trial [s] or scheduling variable at the first and at the last place.
+    limits: tuple[float, float]
+    degree: int  # degree of the splines: 3, or 0 for indicators of intervals
+    # Coefficients of the splines of K [N·m/rad], B [N·m·s/rad] and G [N·m·s/rad].
+    coefficients: tuple[np.ndarray, np.ndarray, np.ndarray]
+    inertia: np.ndarray  # shape (splines,): coefficients of the splines of I [kg·m²]; a single one where it is constant
+    dynamics: ReflexDynamics  # Low-pass of unit gain
+    torque_lag: float = 0.0  # lag of the torque channel behind the position [s]
+    # Position at which the elastic torque is zero [rad]; None for the mean position of a trial.
+    rest_position: float | None = None
+    kind: ClassVar[str] = "time-varying"
+    matrices: ClassVar[None] = None
+
+    def parameters(self, place: np.ndarray) -> list[np.ndarray]:
+        """K, B, G and I at places within 0 … 1, four arrays of the shape of `place`."""
+        periodic = self.dimension == "phase"
+        coefficients = (*self.coefficients, self.inertia)
+        return [Splines(c.size, periodic, self.degree if c.size > 1 else 0)(place) @ c for c in coefficients]
+
+    def predict(self, trial: Trial, cycle_onsets: str | Sequence[float] | None = None) -> xr.Dataset:
+        """Torques of a trial, from a state of rest."""
+        prepared = prepare(trial)
+        grid = prepared.grid(self.inputs.identification_rate, self.inputs.delay)
+        return self.simulate(prepared, grid, self.place(prepared, grid, cycle_onsets))
+
+    def place(self, trial: PreparedTrial, grid: Grid, cycle_onsets: str | Sequence[float] | None = None) -> np.ndarray:
+        """Place of each decimated sample within 0 … 1."""
+        if self.dimension != "phase":
+            return np.clip(self._share(trial, grid), 0.0, 1.0)
+        onsets = cycle_onsets if cycle_onsets is not None else self.variable
+        if isinstance(onsets, str) and not onsets:
+            raise DataError("the model varies with the cycle: give predict the cycle_onsets of this trial.")
+        return cycle_place(trial.grid_times(grid), find_onsets(trial, onsets), 0.5 / trial.rate)
+
+    def _share(self, trial: PreparedTrial, grid: Grid) -> np.ndarray:
+        """Time or scheduling variable as a share of the range that was fitted, shape (N,); not clipped."""
+        values = course_values(trial, grid, self.variable if self.dimension == "schedule" else None)
+        return (values - self.limits[0]) / (self.limits[1] - self.limits[0])
+
+    def simulate(self, trial: PreparedTrial, grid: Grid, place: np.ndarray) -> xr.Dataset:
+        """Torques of a trial whose samples are at known places.
+
+        Shapes: place (N,).
+        """
+        stiffness, viscosity, gain, inertia = self.parameters(place)
+        position, velocity, acceleration = trial.motion(grid)
+        rest = position.mean() if self.rest_position is None else self.rest_position
+        intrinsic = stiffness * (position - rest) + viscosity * velocity + inertia * acceleration
+        drive = gain * decimate(np.maximum(0.0, trial.velocity(self.inputs.delay)), *grid)
+        rate = self.inputs.identification_rate
+        size = int(next_fast_len(grid.samples + round(PADDING * rate), real=True))
+        s = 2j * np.pi * np.fft.rfftfreq(size, 1.0 / rate)
+        lag = np.exp(-s * self.torque_lag)
+        reflex = irfft(lag * self.dynamics.response(s)[0] * rfft(drive, size), size)[: grid.samples]
+        if self.torque_lag:
+            intrinsic = irfft(lag * rfft(intrinsic, size), size)[: grid.samples]
+        return torque_dataset(trial.grid_times(grid), rate, **sum_paths(intrinsic, reflex))
+
+    def check_range(self, trial: PreparedTrial) -> list[str]:
+        """Warning about values of the scheduling variable, or times, for which the splines were not fitted."""
+        if self.dimension == "phase":
+            return []
+        share = self._share(trial, trial.grid(self.inputs.identification_rate, self.inputs.delay))
+        outside = float(np.mean((share < 0) | (share > 1)))
+        if outside <= BEYOND:
+            return []
+        name = self.variable if self.dimension == "schedule" else "the time"
+        return [
+            f"{name} lies beyond the fitted range of {self.limits[0]:.3g} to {self.limits[1]:.3g} for "
+            f"{100 * outside:.2g} % of the samples, which have the parameters of its end."
+        ]
+
+    def fields(self) -> dict[str, str | xr.Variable]:
+        """Texts and variables by name, as files hold them beside those of the inputs."""
+        stiffness, viscosity, gain = self.coefficients
+        rest = {} if self.rest_position is None else {"rest_position": as_variable(self.rest_position, unit="rad")}
+        return {
+            **_dynamics_fields(self.dynamics),
+            "stiffness_splines": as_variable(stiffness, "stiffness_spline", unit="N·m/rad"),
+            "viscosity_splines": as_variable(viscosity, "viscosity_spline", unit="N·m·s/rad"),
+            "gain_splines": as_variable(gain, "gain_spline", unit="N·m·s/rad"),
+            "inertia": as_variable(self.inertia, "inertia", unit="kg·m²"),
+            "dimension": self.dimension,
+            "variable": self.variable or "none",
+            "limits": as_variable(np.array(self.limits), "end"),
+            "spline_degree": as_variable(self.degree),
+            "torque_lag": as_variable(self.torque_lag, unit="s"),
+            **rest,
+        }
+
+    @classmethod
+    def from_fields(cls, inputs: ModelInputs, fields: Fields) -> TimeVaryingModel:
+        """The model whose values a file holds."""
+        dimension, variable = fields.text("dimension"), fields.text("variable")
+        if dimension not in ("phase", "time", "schedule"):
+            raise DataError(f"{fields.source}: unknown dimension {dimension!r}; known: phase, time, schedule.")
+        low, high = fields.array("limits", 2).tolist()
+        stiffness, viscosity, gain = (fields.array(f"{name}_splines") for name in ("stiffness", "viscosity", "gain"))
+        return cls(
+            inputs,
+            dimension,
+            "" if variable == "none" else variable,
+            (low, high),
+            int(fields.number("spline_degree")),
+            (stiffness, viscosity, gain),
+            fields.array("inertia"),
+            _read_dynamics(fields),
+            fields.number("torque_lag"),
+            fields.number("rest_position") if "rest_position" in fields.values else None,
+        )
+
+
 Model = StateSpaceModel | PhysicalModel | ResponseModel | TimeVaryingModel
 KINDS: Mapping[str, type[Model]] = {
     model.kind: model for model in (StateSpaceModel, PhysicalModel, ResponseModel, TimeVaryingModel)
 }
+
+
+def model_fields(model: Model) -> dict[str, str | xr.Variable]:
+    """Kind, texts and variables of a model by name, as files hold them."""
+    return {"kind": model.kind, **model.inputs.fields(), **model.fields()}
 
 
 def model_from_fields(fields: Fields) -> Model:
@@ -161,6 +290,26 @@ def model_from_fields(fields: Fields) -> Model:
     return KINDS[kind].from_fields(ModelInputs.from_fields(fields), fields)
 
 
+def _matrix_fields(m: Matrices) -> dict[str, xr.Variable]:
+    """Matrices with dimensions by which a product along the common one, A.dot(x), is a product of matrices."""
+    return {
+        "A": as_variable(m.A, "next_state", "state"),
+        "B": as_variable(m.B, "next_state", "input"),
+        "C": as_variable(m.C, "output", "state"),
+        "D": as_variable(m.D, "output", "input"),
+        "input_delay": as_variable(np.array(m.input_delays), "input", unit="s"),
+    }
+
+
+def _dynamics_fields(dynamics: ReflexDynamics) -> dict[str, xr.Variable]:
+    return {name: as_variable(value) for name, value in dynamics.values.items()}
+
+
+def _read_dynamics(fields: Fields) -> ReflexDynamics:
+    pole = fields.number("pole") if "pole" in fields.values else None
+    return ReflexDynamics(fields.number("omega_n"), fields.number("zeta"), pole)
+
+
 def simulate_torques(
     model: Matrices, initial_state: np.ndarray | None, regressors: Regressors
 ) -> dict[str, np.ndarray]:
@@ -168,23 +317,26 @@ def simulate_torques(
 
     Shapes: initial_state (n,); returns (N,).
     """
-    motion, drive = regressors.centred
-    paths = {}
-    for name, u, mask, state in (
-        ("intrinsic", motion, ~regressors.reflex, None),
-        ("reflex", drive, regressors.reflex, initial_state),
-    ):
-        path = model.select_inputs(mask)
-        if state is None and not path.B.any():
-            torque = u @ path.D[0]
+    paths = []
+    masks, states = (~regressors.reflex, regressors.reflex), (None, initial_state)
+    for u, mask, state in zip(regressors.centred, masks, states, strict=True):
+        B, D = model.B[:, mask], model.D[:, mask]
+        if state is None and not B.any():
+            torque = u @ D[0]
         else:
-            torque = simulate_response(path.A, path.B, path.C, path.D, u, state)[:, 0]
-        paths[name] = torque - torque.mean()
-    if not all(np.all(np.isfinite(torque)) for torque in paths.values()):
-        raise DataError("the estimated torques are not finite: the model does not suit the record; lower its order.")
-    return {"net": paths["intrinsic"] + paths["reflex"], **paths}
+            torque = simulate_response(model.A, B, model.C, D, u, state)[:, 0]
+        if not np.isfinite(torque).all():
+            raise DataError(
+                "the estimated torques are not finite: the model does not suit the record; lower its order."
+            )
+        paths.append(torque)
+    return sum_paths(*paths)
 
 
-def _respond(x: np.ndarray, response: np.ndarray, first_lag: int) -> np.ndarray:
-    """Torque of an impulse response from its first lag on."""
-    return np.convolve(x - x.mean(), response)[-first_lag:][: x.size]
+def sum_paths(intrinsic: np.ndarray, reflex: np.ndarray) -> dict[str, np.ndarray]:
+    """Torques of both paths less their means, and their sum.
+
+    Shapes: (N,).
+    """
+    intrinsic, reflex = intrinsic - intrinsic.mean(), reflex - reflex.mean()
+    return {"net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}

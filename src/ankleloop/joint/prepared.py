@@ -3,42 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from functools import cached_property
-from typing import Any, TypeVar
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.joint.hammerstein import Basis, fit_basis
-from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid, widen_grid
+from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid
 from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
 from ankleloop.signals.reference import predict_decimated
 from ankleloop.trials.validation import validate
 
 Value = TypeVar("Value")
+Arguments = ParamSpec("Arguments")
+
+
+def once(
+    function: Callable[Concatenate[PreparedTrial, Arguments], Value],
+) -> Callable[Concatenate[PreparedTrial, Arguments], Value]:
+    """Decorate a function of a prepared trial: its value for each set of further arguments is computed once."""
+
+    @wraps(function)
+    def compute_once(trial: PreparedTrial, *arguments: Arguments.args, **options: Arguments.kwargs) -> Value:
+        key = (function, *arguments, *options.items())
+        if key not in trial.computed:
+            trial.computed[key] = function(trial, *arguments, **options)
+        return trial.computed[key]
+
+    return compute_once
 
 
 class PreparedTrial:
     """A valid trial that computes each derivative, decimated channel and regressor once.
 
     Methods and scores take it in the place of a trial; they share what one of them has computed. The trial must not
-    be changed meanwhile.
+    be changed meanwhile. `validated` says that `ankleloop.trials.validation.validate` has accepted it already.
 
-    Parameters
-    ----------
-    trial : xarray.Dataset
-        The trial.
-    validated : bool
-        Whether `ankleloop.trials.trial.validate` has accepted it already.
-
-    Raises
-    ------
-    DataError
-        If the trial is not valid.
-
-    Examples
-    --------
     >>> from ankleloop.simulation.simulate import simulate
     >>> trial = PreparedTrial(simulate(seed=1, duration=5.0))
     >>> trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0).names
@@ -48,13 +50,14 @@ class PreparedTrial:
     def __init__(self, trial: xr.Dataset, *, validated: bool = False) -> None:
         self.trial = trial if validated else validate(trial)
         self.rate = float(trial.attrs["sampling_rate"])
-        self._values: dict[Hashable, Any] = {}
+        self.time: np.ndarray = trial.variables["time"].values  # of every sample [s], shape (samples,)
+        self.computed: dict[Hashable, Any] = {}  # values by what they were computed of; they must not be changed
 
     def memoise(self, key: Hashable, compute: Callable[[], Value]) -> Value:
-        """Value of a key that names it and all options that it depends on, computed once; it must not be changed."""
-        if key not in self._values:
-            self._values[key] = compute()
-        return self._values[key]
+        """Value of a key that names it and all options that it depends on, computed once."""
+        if key not in self.computed:
+            self.computed[key] = compute()
+        return self.computed[key]
 
     def clear(self) -> None:
         """Free all computed values.
@@ -62,30 +65,24 @@ class PreparedTrial:
         Some of them refer to the trial: without this it would stay in memory until Python next searches for reference
         cycles, which may be after thousands of trials.
         """
-        self._values.clear()
+        self.computed.clear()
 
     def samples(self, name: str) -> np.ndarray:
         """Recorded samples of a variable, shape (samples,)."""
         return self.trial.variables[name].values
 
-    @cached_property
-    def time(self) -> np.ndarray:
-        """Time of every sample [s], shape (samples,)."""
-        return self.samples("time")
-
     def grid(self, identification_rate: float, delay: float) -> Grid:
         """Grid of all decimated samples that no filter edge touches; see `decimation_grid`."""
-        return self.memoise(
-            ("grid", identification_rate, delay),
-            lambda: decimation_grid(self.time.size, self.rate, identification_rate, delay),
-        )
+        return decimation_grid(self.time.size, self.rate, identification_rate, delay)
 
+    def grid_times(self, grid: Grid) -> np.ndarray:
+        """Times of the decimated samples [s], shape (N,)."""
+        return self.time[grid.first : grid.first + grid.factor * grid.samples : grid.factor]
+
+    @once
     def channel(self, name: str, grid: Grid) -> np.ndarray:
-        """A variable, decimated; shape (N,). Grids that differ in their ends only share one decimation."""
-        wide = widen_grid(grid, self.time.size)
-        values = self.memoise(("channel", name, wide), lambda: decimate(self.samples(name), *wide))
-        start = (grid.first - wide.first) // grid.factor
-        return values[start : start + grid.samples]
+        """A variable, decimated; shape (N,)."""
+        return decimate(self.samples(name), *grid)
 
     def channel_at(self, name: str, time: np.ndarray, identification_rate: float) -> np.ndarray:
         """A variable at the times of an estimate [s], through the decimation that the data of the estimate had.
@@ -95,14 +92,17 @@ class PreparedTrial:
         first = round((float(time[0]) - float(self.time[0])) * self.rate)
         return self.channel(name, Grid(decimation_factor(self.rate, identification_rate), first, time.size))
 
+    @once
     def velocity(self, delay: float) -> np.ndarray:
         """Velocity at the recording rate, delayed [rad/s], shape (samples,)."""
-        return self.memoise(("velocity", delay), lambda: differentiate(self.samples("position"), self.rate, delay))
+        return differentiate(self.samples("position"), self.rate, delay)
 
+    @once
     def motion(self, grid: Grid) -> list[np.ndarray]:
         """Position, velocity and acceleration, decimated: three arrays of shape (N,)."""
-        return self.memoise(("motion", grid), lambda: _motion(self.samples("position"), grid, self.rate))
+        return _derive(self.samples("position"), grid, self.rate, False)
 
+    @once
     def regressors(
         self,
         *,
@@ -125,72 +125,53 @@ class PreparedTrial:
                 " Give the command of the servo as reference, or reference='position' for an open-loop record."
             )
         grid = self.grid(identification_rate, delay)
+        terms = 1 if basis == "rectifier" else degree
+        fitted, inputs = _make_inputs(self, delay, basis, terms, grid, omitted_step)
+        return Regressors(
+            time=self.grid_times(grid),
+            inputs=inputs,
+            torque=self.channel("torque", grid),
+            basis=fitted,
+            delay=delay,
+            rate=float(identification_rate),
+            grid=grid,
+            reference=None if reference is None else self.channel(reference, grid),
+            reference_name=reference,
+            omitted_step=omitted_step,
+        )
 
-        def expand() -> tuple[Basis, np.ndarray]:
-            velocity = self.velocity(delay)
-            fitted = basis if isinstance(basis, Basis) else fit_basis(velocity, basis, degree)
-            differences = omitted_step == "kernel-derivatives"
-            motion = _difference(self.samples("position"), grid, self.rate) if differences else self.motion(grid)
-            return fitted, _stack_inputs(motion, velocity, fitted, grid, omitted_step)
-
-        def compute() -> Regressors:
-            fitted, inputs = expand() if isinstance(basis, Basis) else self.memoise(("inputs", *key), expand)
-            return Regressors(
-                time=self.time[grid.first : grid.first + grid.factor * grid.samples : grid.factor],
-                inputs=inputs,
-                torque=self.channel("torque", grid),
-                basis=fitted,
-                delay=delay,
-                rate=float(identification_rate),
-                grid=grid,
-                reference=None if reference is None else self.channel(reference, grid),
-                reference_name=reference,
-                omitted_step=omitted_step,
-            )
-
-        key = (delay, basis, 1 if basis == "rectifier" else degree, identification_rate, omitted_step)
-        return compute() if isinstance(basis, Basis) else self.memoise(("regressors", reference, *key), compute)
-
+    @once
     def predict_inputs(self, regressors: Regressors) -> np.ndarray:
         """Inputs as they would be without fed-back torque: rebuilt from the position that the reference explains.
 
         Shapes: returns (N, 3 + k), on the samples of the regressors.
         """
-        name = regressors.reference_name
+        name, grid = regressors.reference_name, regressors.grid
         if name is None:
             raise DataError("instruments are made of the reference, and the trial has none.")
         if name == "position":  # an open-loop record: the reference explains all of it
             return regressors.inputs
+        position = predict_decimated(regressors.inputs[:, 0], self.samples(name), grid, self.rate)
+        velocity = differentiate(position, self.rate, regressors.delay)
+        motion = _derive(position, grid, self.rate, regressors.omitted_step == "kernel-derivatives")
+        return _stack_inputs(motion, velocity, regressors.basis, grid, regressors.omitted_step)
 
-        def compute() -> np.ndarray:
-            position = predict_decimated(regressors.inputs[:, 0], self.samples(name), regressors.grid, self.rate)
-            velocity = differentiate(position, self.rate, regressors.delay)
-            derive = _difference if regressors.omitted_step == "kernel-derivatives" else _motion
-            motion = derive(position, regressors.grid, self.rate)
-            return _stack_inputs(motion, velocity, regressors.basis, regressors.grid, regressors.omitted_step)
 
-        return self.memoise(("predicted inputs", regressors), compute)
+@once
+def _make_inputs(
+    trial: PreparedTrial, delay: float, basis: str | Basis, degree: int, grid: Grid, omitted_step: InputStep | None
+) -> tuple[Basis, np.ndarray]:
+    """Basis and inputs, which regressors with any reference share."""
+    velocity = trial.velocity(delay)
+    fitted = basis if isinstance(basis, Basis) else fit_basis(velocity, basis, degree)
+    differences = omitted_step == "kernel-derivatives"
+    motion = _derive(trial.samples("position"), grid, trial.rate, True) if differences else trial.motion(grid)
+    return fitted, _stack_inputs(motion, velocity, fitted, grid, omitted_step)
 
 
 def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
     """A trial as a `PreparedTrial`, which is returned unchanged if it is one.
 
-    Parameters
-    ----------
-    trial : xarray.Dataset or PreparedTrial
-        The trial.
-
-    Returns
-    -------
-    PreparedTrial
-
-    Raises
-    ------
-    DataError
-        If the trial is not valid.
-
-    Examples
-    --------
     >>> from ankleloop import identify, simulate
     >>> trial = prepare(simulate(seed=1, duration=20.0))
     >>> [identify(trial, method).method for method in ("riv", "pr-moesp")]  # they share derivatives and spectra
@@ -204,13 +185,12 @@ def fit_shared_basis(trials: Sequence[PreparedTrial], delay: float, kind: str, d
     return fit_basis(np.concatenate([trial.velocity(delay) for trial in trials]), kind, degree)
 
 
-def _motion(position: np.ndarray, grid: Grid, rate: float) -> list[np.ndarray]:
-    return [decimate(position, *grid, rate=rate, derivative=order) for order in range(3)]
-
-
-def _difference(position: np.ndarray, grid: Grid, rate: float) -> list[np.ndarray]:
-    """Position, decimated; velocity and acceleration as its central differences and as those of the velocity."""
-    # The kernel of the position is shorter than those of its derivatives: it reaches two samples further.
+def _derive(position: np.ndarray, grid: Grid, rate: float, by_differences: bool) -> list[np.ndarray]:
+    """Position, velocity and acceleration, decimated."""
+    if not by_differences:
+        return [decimate(position, *grid, rate=rate, derivative=order) for order in range(3)]
+    # Central differences, and those of these. The kernel of the position is shorter than those of its derivatives: it
+    # reaches two samples further.
     extended = decimate(position, grid.factor, grid.first - 2 * grid.factor, grid.samples + 4)
     interval = grid.factor / rate
     velocity = (extended[2:] - extended[:-2]) / (2 * interval)

@@ -29,6 +29,7 @@ class Grid(NamedTuple):
     samples: int
 
 
+@lru_cache(maxsize=64)
 def decimation_grid(samples: int, rate: float, identification_rate: float, delay: float) -> Grid:
     """Grid of all decimated samples that no filter edge touches."""
     factor = decimation_factor(rate, identification_rate)
@@ -40,15 +41,6 @@ def decimation_grid(samples: int, rate: float, identification_rate: float, delay
             f"{(first + after) / rate:.3g} s at the ends. Record longer."
         )
     return Grid(factor, first, count)
-
-
-def widen_grid(grid: Grid, samples: int) -> Grid:
-    """All decimated samples of a record that lie between those of a grid by whole factors, as far as its ends allow."""
-    margin = decimation_margin(grid.factor)
-    first = margin + (grid.first - margin) % grid.factor
-    count = (samples - 1 - margin - first) // grid.factor + 1
-    inside = grid.first >= first and grid.first + grid.factor * grid.samples <= first + grid.factor * count
-    return Grid(grid.factor, first, count) if inside else grid
 
 
 def recording_margins(rate: float, factor: int, delay: float) -> tuple[int, int]:
@@ -76,7 +68,7 @@ class Regressors:
     @cached_property
     def centred(self) -> list[np.ndarray]:
         """Inputs of the intrinsic and of the reflex path, less their means: shapes (N, 3) and (N, k)."""
-        return np.split(self.inputs - self.inputs.mean(axis=0), [len(INTRINSIC_NAMES)], axis=1)
+        return np.split(self.inputs - self.inputs.mean(axis=0), [MOTION], axis=1)
 
     @cached_property
     def drive_spectra(self) -> DriveSpectra:
@@ -91,36 +83,23 @@ class Regressors:
     @property
     def reflex(self) -> np.ndarray:
         """Boolean mask of the inputs of the reflex path, shape (3 + k,)."""
-        return np.arange(self.inputs.shape[1]) >= len(INTRINSIC_NAMES)
+        return np.arange(self.inputs.shape[1]) >= MOTION
 
     def fit_stiffness(self, torque: np.ndarray, rows: np.ndarray | slice = slice(None)) -> dict[str, float]:
         """K, B and I of the second-order model that explains a torque best, by least squares.
 
         Shapes: torque (M,).
         """
-        motion = self.inputs[rows, : len(INTRINSIC_NAMES)]
+        motion = self.inputs[rows, :MOTION]
         values = np.linalg.lstsq(motion - motion.mean(axis=0), torque - np.mean(torque), rcond=None)[0]
         return dict(zip("KBI", map(float, values), strict=True))
 
 
 def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.Dataset:
-    """Torques over time, with units and names.
+    """Net, intrinsic and reflex torque [N·m] over time [s], with units and names.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Time [s].
-    rate : float
-        Identification rate [Hz].
-    **torques : ndarray, shape (N,)
-        `net`, `intrinsic`, `reflex` [N·m].
+    Shapes: time, torques (N,).
 
-    Returns
-    -------
-    xarray.Dataset
-
-    Examples
-    --------
     >>> zero = np.zeros(3)
     >>> torque = torque_dataset(0.01 * np.arange(3), 100.0, net=zero, intrinsic=zero, reflex=zero)
     >>> torque["net"].attrs["units"], torque.attrs["identification_rate"]

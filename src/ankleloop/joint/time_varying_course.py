@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -71,7 +70,7 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
 
     Shapes: returns (cycles,).
     """
-    time = trial.samples("time")
+    time = trial.time
     if isinstance(onsets, str):
         phase = _variable(trial, onsets, "cycle_onsets")
         if phase.min() < -1e-6 or phase.max() > 1 + 1e-6:
@@ -95,19 +94,19 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
 
 
 def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
+    """Refuse onsets that are not those of the record, and a cycle that is far longer or shorter than the others."""
     if onsets.ndim != 1 or onsets.size < 2:
         raise DataError("there are fewer than two onsets of cycles: give the start of every cycle in seconds.")
     bad = np.flatnonzero(~np.isfinite(onsets))
     if bad.size:
         raise DataError(f"onset {bad[0] + 1} of {onsets.size} is {onsets[bad[0]]:g}: leave it out, or give its time.")
     durations = np.diff(onsets)
-    if durations.min() <= 0:
-        k = int(np.argmin(durations))
+    shortest, longest, cycle = int(np.argmin(durations)), int(np.argmax(durations)), float(np.median(durations))
+    if durations[shortest] <= 0:
         raise DataError(
-            f"onset {k + 2} of {onsets.size} ({onsets[k + 1]:g} s) is not after onset {k + 1} ({onsets[k]:g} s): sort "
-            "them, and leave out those that are there twice."
+            f"onset {shortest + 2} of {onsets.size} ({onsets[shortest + 1]:g} s) is not after onset {shortest + 1} "
+            f"({onsets[shortest]:g} s): sort them, and leave out those that are there twice."
         )
-    cycle = float(np.median(durations))
     beyond = onsets[0] < start - 1.5 * cycle or onsets[-1] > stop + 1.5 * cycle
     missing = onsets[0] > start + 2.5 * cycle or onsets[-1] < stop - 2.5 * cycle
     if (beyond and missing) or cycle > stop - start:  # those of a whole trial cover its segments
@@ -116,20 +115,11 @@ def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
             f"{stop:g} s: give them in seconds of the record, neither milliseconds nor samples; a segment keeps the "
             "times of its trial."
         )
-    _check_durations(onsets, durations)
-
-
-def _check_durations(onsets: np.ndarray, durations: np.ndarray) -> None:
-    """Refuse a cycle that is far longer or shorter than the others."""
-    median = float(np.median(durations))
-    for k, reason in (
-        (int(np.argmax(durations)), "is an onset missing there"),
-        (int(np.argmin(durations)), "is an onset too many there"),
-    ):
-        if not median / UNEVEN <= durations[k] <= median * UNEVEN:
+    for k, fault in ((longest, "missing"), (shortest, "too many")):
+        if not cycle / UNEVEN <= durations[k] <= cycle * UNEVEN:
             raise DataError(
-                f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the median one {median:.3g} "
-                f"s: {reason}? Mend the onsets, or cut the record to cycles of one kind."
+                f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the median one {cycle:.3g} "
+                f"s: is an onset {fault} there? Mend the onsets, or cut the record to cycles of one kind."
             )
 
 
@@ -143,21 +133,36 @@ def _variable(trial: PreparedTrial, name: str, option: str) -> np.ndarray:
     return trial.samples(name)
 
 
-def grid_times(trial: PreparedTrial, grid: Grid) -> np.ndarray:
-    """Times of the decimated samples [s], shape (N,)."""
-    return trial.samples("time")[grid.first : grid.first + grid.factor * grid.samples : grid.factor]
+def make_course(trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] | None, schedule: str | None) -> Course:
+    """Course of a trial: over cycles if their onsets are known, over a scheduling variable, or over time."""
+    if onsets is not None:
+        return _follow_cycles(trial, grid, find_onsets(trial, onsets))
+    values, rate = course_values(trial, grid, schedule), trial.rate / grid.factor
+    length, margin = round(SEGMENT * rate), round(MARGIN * rate)
+    count = (values.size - 2 * margin) // length
+    if count < FEWEST_CYCLES:
+        raise DataError(
+            f"the record of {values.size / rate:.3g} s is too short: riv-tv without cycles needs "
+            f"{FEWEST_CYCLES * SEGMENT + 2 * MARGIN:g} s."
+        )
+    number = np.arange(count * length)
+    rows = slice(margin, margin + number.size)
+    if schedule is None:
+        dimension, limits = "time", (float(values[rows.start]), float(values[rows.stop - 1]))
+    else:
+        dimension, limits = "schedule", _schedule_limits(trial, grid, schedule, values, rows)
+    place = (values - limits[0]) / (limits[1] - limits[0])
+    outside = float(np.mean((place[rows] < 0) | (place[rows] > 1)))
+    return Course(dimension, np.clip(place, 0.0, 1.0), limits, rows, number // length, number % length, outside)
 
 
-def follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Course:
+def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Course:
     """Course over the phase of cycles.
 
     Shapes: onsets (cycles + 1,).
     """
-    time = grid_times(trial, grid)
-    half = 0.5 / trial.rate
-    place = cycle_place(time, onsets, half)
-    inside = (onsets >= time[0] + MARGIN - half) & (onsets <= time[-1] - MARGIN + half)
-    edges = onsets[inside]
+    time, half = trial.grid_times(grid), 0.5 / trial.rate
+    edges = onsets[(onsets >= time[0] + MARGIN - half) & (onsets <= time[-1] - MARGIN + half)]
     if edges.size - 1 < FEWEST_CYCLES:
         raise DataError(
             f"too few whole cycles lie more than {MARGIN:g} s within the record: {max(edges.size - 1, 0)} with onsets "
@@ -168,7 +173,7 @@ def follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cours
     segment = np.searchsorted(edges, time[first:stop] + half, side="right") - 1
     starts = np.searchsorted(segment, np.arange(edges.size - 1))
     since = np.arange(segment.size) - starts[segment]
-    return Course("phase", place, (0.0, 1.0), slice(int(first), int(stop)), segment, since)
+    return Course("phase", cycle_place(time, onsets, half), (0.0, 1.0), slice(int(first), int(stop)), segment, since)
 
 
 def cycle_place(time: np.ndarray, onsets: np.ndarray, half: float) -> np.ndarray:
@@ -183,48 +188,38 @@ def cycle_place(time: np.ndarray, onsets: np.ndarray, half: float) -> np.ndarray
     return np.where(inside, phase, np.where(np.abs(phase) < 1e-3, 0.0, np.mod(phase, 1.0)))
 
 
-def follow_time(trial: PreparedTrial, grid: Grid) -> Course:
-    """Course over the time within the record."""
-    time = grid_times(trial, grid) - float(trial.samples("time")[0])
-    rows, segment, since = _segments(time, trial.rate / grid.factor)
-    start, stop = float(time[rows.start]), float(time[rows.stop - 1])
-    return Course("time", np.clip((time - start) / (stop - start), 0.0, 1.0), (start, stop), rows, segment, since)
+def course_values(trial: PreparedTrial, grid: Grid, schedule: str | None) -> np.ndarray:
+    """Scheduling variable at the decimated samples, or, without one, their time from the first sample [s]."""
+    if schedule is None:
+        return trial.grid_times(grid) - float(trial.time[0])
+    _variable(trial, schedule, "schedule")
+    return trial.channel(schedule, grid)
 
 
-def follow_schedule(trial: PreparedTrial, grid: Grid, name: str, limits: tuple[float, float] | None = None) -> Course:
-    """Course over a scheduling variable, which is clipped to the range of most of its samples."""
-    values = schedule_place(trial, grid, name, (0.0, 1.0))
-    rows, segment, since = _segments(grid_times(trial, grid), trial.rate / grid.factor)
-    if limits is None:
-        low, high = np.quantile(values[rows], [OUTSIDE, 1.0 - OUTSIDE]).tolist()
-        if not high - low > 1e-9 * max(abs(low), abs(high)):
-            raise DataError(
-                f"{name} does not vary between its 2nd and 98th percentile: a scheduling variable has to. Name another "
-                "one, or leave out schedule for changes over time."
-            )
-        _check_schedule(trial, grid, name, values)
-        limits = low, high
-    place = (values - limits[0]) / (limits[1] - limits[0])
-    outside = float(np.mean((place[rows] < 0) | (place[rows] > 1)))
-    return Course("schedule", np.clip(place, 0.0, 1.0), limits, rows, segment, since, outside)
-
-
-def _check_schedule(trial: PreparedTrial, grid: Grid, name: str, values: np.ndarray) -> None:
-    """Refuse a scheduling variable that holds the perturbation, such as the measured angle itself.
+def _schedule_limits(
+    trial: PreparedTrial, grid: Grid, name: str, values: np.ndarray, rows: slice
+) -> tuple[float, float]:
+    """Range of most samples of a scheduling variable, which must not hold the perturbation, as the measured angle does.
 
     Second differences leave movements of a second or longer out.
     """
-    fast = _fast_changes(values)
+    low, high = np.quantile(values[rows], [OUTSIDE, 1.0 - OUTSIDE]).tolist()
+    if not high - low > 1e-9 * max(abs(low), abs(high)):
+        raise DataError(
+            f"{name} does not vary between its 2nd and 98th percentile: a scheduling variable has to. Name another "
+            "one, or leave out schedule for changes over time."
+        )
     for channel in ("position", "reference"):
         if channel not in trial.trial:
             continue
-        share = float(fast @ _fast_changes(trial.channel(channel, grid))) ** 2
+        share = float(_fast_changes(values) @ _fast_changes(trial.channel(channel, grid))) ** 2
         if share > COMMON:
             raise DataError(
                 f"{name} follows the perturbation: {100 * share:.0f} % of its fast changes are those of the {channel}. "
                 "What is a function of it is taken out of the torque, and with it the effect of the perturbation. Give "
                 "its slow part, filtered below about 1 Hz, as the schedule."
             )
+    return low, high
 
 
 def _fast_changes(x: np.ndarray) -> np.ndarray:
@@ -235,32 +230,6 @@ def _fast_changes(x: np.ndarray) -> np.ndarray:
     return changes / norm if norm > 0 else changes
 
 
-def schedule_place(trial: PreparedTrial, grid: Grid, name: str, limits: tuple[float, float]) -> np.ndarray:
-    """Scheduling variable at the decimated samples as a share of its range, shape (N,); not clipped."""
-    _variable(trial, name, "schedule")
-    return (trial.channel(name, grid) - limits[0]) / (limits[1] - limits[0])
-
-
-def _segments(time: np.ndarray, rate: float) -> tuple[slice, np.ndarray, np.ndarray]:
-    """Samples of a record without cycles that count, their segments, and samples since the start of each."""
-    length, margin = round(SEGMENT * rate), round(MARGIN * rate)
-    count = (time.size - 2 * margin) // length
-    if count < FEWEST_CYCLES:
-        raise DataError(
-            f"the record of {time.size / rate:.3g} s is too short: riv-tv without cycles needs "
-            f"{FEWEST_CYCLES * SEGMENT + 2 * MARGIN:g} s."
-        )
-    number = np.arange(count * length)
-    return slice(margin, margin + count * length), number // length, number % length
-
-
-def make_course(trial: PreparedTrial, grid: Grid, onsets: Any, schedule: str | None) -> Course:
-    """Course of a trial: over cycles if their onsets are known, over a scheduling variable, or over time."""
-    if onsets is not None:
-        return follow_cycles(trial, grid, find_onsets(trial, onsets))
-    return follow_time(trial, grid) if schedule is None else follow_schedule(trial, grid, schedule)
-
-
 def describe_schedule(trial: xr.Dataset, schedule: str | None) -> dict[str, str]:
     """Name and unit of the scheduling variable of a trial, as `trajectory_dataset` takes them."""
     if schedule is None:
@@ -269,33 +238,24 @@ def describe_schedule(trial: xr.Dataset, schedule: str | None) -> dict[str, str]
 
 
 def trajectory_dataset(
-    dimension: str,
-    coordinate: np.ndarray,
-    values: Mapping[str, np.ndarray],
-    *,
-    variable: str = "",
-    variable_unit: str = "",
+    dimension: str, coordinate: np.ndarray, values: Mapping[str, np.ndarray], **schedule: str
 ) -> xr.Dataset:
-    """Trajectories over phase, time or a scheduling variable, with units and names.
+    """Trajectories over phase, time or a scheduling variable, with units and names; see `describe_schedule`.
 
     Shapes: coordinate (places,), values (places,).
     """
     variables = {}
     for name in NAMES:
-        if name not in values:
-            continue
-        quantity = QUANTITIES[name]
-        for end, text in ENDS.items():
-            attributes = {"units": quantity.unit, "long_name": text.format(quantity.name)}
+        for end, text in ENDS.items() if name in values else ():
+            attributes = {"units": QUANTITIES[name].unit, "long_name": text.format(QUANTITIES[name].name)}
             variables[name + end] = (dimension, values[name + end], attributes)
     unit, long_name = COORDINATES[dimension]
-    attributes = {"units": variable_unit or unit, "long_name": variable or long_name}
-    stated = {"variable": variable, "variable_unit": variable_unit}
-    return xr.Dataset(
-        variables,
-        coords={dimension: (dimension, coordinate, attributes)},
-        attrs={name: text for name, text in stated.items() if text},
-    )
+    attributes = {
+        "units": schedule.get("variable_unit") or unit,
+        "long_name": schedule.get("variable") or long_name,
+    }
+    stated = {name: text for name, text in schedule.items() if text}
+    return xr.Dataset(variables, {dimension: (dimension, coordinate, attributes)}, stated)
 
 
 def read_trajectories(fields: Fields) -> xr.Dataset:
@@ -330,7 +290,7 @@ class Splines:
         u = scaled - first
         pieces = ((1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3)
         for k, piece in enumerate(pieces):
-            np.add.at(values, (rows, (first + k) % self.size), piece / 6.0)
+            values[rows, (first + k) % self.size] += piece / 6.0  # of four splines at least: each place has others
         return values
 
     @cached_property

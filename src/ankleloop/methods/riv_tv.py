@@ -13,9 +13,9 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.model_inputs import ModelInputs
+from ankleloop.joint.models import TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import Splines, describe_schedule, make_course, trajectory_dataset
-from ankleloop.joint.time_varying_model import TimeVaryingModel
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
 from ankleloop.methods.riv_alternatives import Alternative, add_alternatives, compute_shifts, is_significant
 from ankleloop.methods.riv_covariance import LOGARITHMIC, estimate_intervals

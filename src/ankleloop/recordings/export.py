@@ -9,7 +9,7 @@ import pandas as pd
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.model_files import save_estimate
+from ankleloop.joint.estimate_files import save_estimate
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.trials.files import atomic_file, source_files
 

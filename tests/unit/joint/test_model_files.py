@@ -19,8 +19,8 @@ from ankleloop import (
     save_trial,
     simulate,
 )
+from ankleloop.joint.estimate_files import VERSION
 from ankleloop.joint.hammerstein import BASES
-from ankleloop.joint.model_files import VERSION
 
 CASES = {method: (method, {}) for method in METHODS}
 CASES |= {f"{method} {basis}": (method, {"basis": basis}) for method in ("pr-moesp", "riv") for basis in BASES}

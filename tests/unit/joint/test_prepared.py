@@ -9,9 +9,8 @@ import pytest
 
 from ankleloop import METHODS, DataError, evaluate, identify, simulate
 from ankleloop.joint import prepared as module
-from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare
-from ankleloop.joint.regressors import Grid, torque_dataset, widen_grid
-from ankleloop.signals.decimation import decimate, decimation_margin
+from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, once, prepare
+from ankleloop.joint.regressors import torque_dataset
 
 OPTIONS = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0}
 SHORT = {"real-time": {"memory": 2.0}}  # options that a short trial needs
@@ -115,19 +114,21 @@ def test_what_is_computed_is_freed_with_the_trial(trials):
         gc.enable()
 
 
-def test_a_plain_trial_is_computed_anew_each_time(trials, calls):
+def test_a_value_is_computed_once_for_each_set_of_arguments(trials):
+    count = []
+
+    @once
+    def compute(trial, first, second=None):
+        count.append((first, second))
+        return second
+
+    trial = prepare(trials[0])
     for _ in range(2):
-        prepare(trials[0]).regressors(**OPTIONS)
-    assert len(calls) == 2 * len(set(calls))
-
-
-def test_a_value_is_computed_at_the_first_call(trials):
-    trial, count = prepare(trials[0]), []
-    for _ in range(3):
-        assert trial.memoise("key", lambda: count.append(1) or len(count)) == 1
-    assert trial.memoise("another key", lambda: None) is None
-    assert trial.memoise("another key", lambda: pytest.fail("computed twice")) is None
-    assert len(count) == 1
+        assert [compute(trial, 1), compute(trial, 2), compute(trial, 1, second=3)] == [None, None, 3]
+    assert count == [(1, None), (2, None), (1, 3)]
+    trial.clear()
+    assert compute(trial, 1) is None
+    assert len(count) == 4
 
 
 def test_a_trial_is_validated_once(trials, monkeypatch):
@@ -180,31 +181,6 @@ def test_merged_trials_share_a_basis(trials):
         assert regressors.inputs.shape[1] == 3 + 4
     for alone, together in zip(identify(trials, "pr-moesp"), identify(prepared, "pr-moesp"), strict=True):
         assert_same_estimate(together, alone)
-
-
-def test_grids_of_one_phase_share_one_decimation():
-    trial = PreparedTrial(simulate(seed=1, duration=10.0))
-    grid = trial.grid(100.0, 0.04)
-    part = Grid(grid.factor, grid.first + 50 * grid.factor, grid.samples - 80)
-    whole = trial.channel("torque", grid)
-    shared = trial.channel("torque", part)
-    assert np.shares_memory(whole, shared)
-    assert not np.shares_memory(whole, trial.channel("torque", part._replace(first=part.first + 1)))
-    for samples, expected in ((whole, grid), (shared, part)):
-        np.testing.assert_allclose(samples, decimate(trial.samples("torque"), *expected), rtol=0, atol=1e-13)
-
-
-@pytest.mark.parametrize("offset", [-1, 0, 3])
-def test_a_wide_grid_holds_its_grid_and_ends_at_the_margins(offset):
-    margin = decimation_margin(10)
-    grid = Grid(10, margin + 10 + offset, 20)
-    wide = widen_grid(grid, 1000)
-    assert wide.first % 10 == grid.first % 10
-    assert margin <= wide.first < margin + 10
-    last = wide.first + 10 * (wide.samples - 1)
-    assert last <= 999 - margin < last + 10
-    near = Grid(10, margin - 1, 20)
-    assert widen_grid(near, 1000) == near
 
 
 def test_torques_on_one_grid_share_nothing_that_can_change():

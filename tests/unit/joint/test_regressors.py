@@ -104,15 +104,6 @@ def test_names_units_and_path_of_every_input(clean):
     np.testing.assert_allclose(np.hstack([motion, drive]).mean(axis=0), 0.0, atol=1e-9)
 
 
-def test_the_delay_shifts_the_reflex_regressor(clean):
-    early, late = (prepare(clean).regressors(**OPTIONS | {"delay": delay}) for delay in (0.04, 0.05))
-    a = dict(zip(np.round(early.time, 6), early.inputs[:, 3], strict=True))
-    b = dict(zip(np.round(late.time, 6), late.inputs[:, 3], strict=True))
-    pairs = [(a[t], b[round(t + 0.01, 6)]) for t in a if round(t + 0.01, 6) in b]
-    assert len(pairs) > 2500
-    np.testing.assert_allclose(*zip(*pairs, strict=True), atol=1e-9)
-
-
 def test_predicted_inputs_are_free_of_fed_back_noise():
     """They follow the reference, so they are nearly the same whatever the noise; the measured ones are not."""
     positions = []
@@ -136,19 +127,14 @@ def test_predicted_inputs_in_open_loop_are_the_inputs(clean):
 
 
 @pytest.mark.parametrize(
-    ("change", "kind", "message"),
+    ("change", "message"),
     [
-        (
-            {"reference": "command"},
-            DataError,
-            "no variable 'command'.*position, torque, reference.*reference='position'",
-        ),
-        ({"identification_rate": 300.0}, DataError, "not a whole multiple"),
-        ({"basis": "wavelet"}, ValueError, "unknown basis"),
+        ({"reference": "command"}, "no variable 'command'.*position, torque, reference.*reference='position'"),
+        ({"identification_rate": 300.0}, "not a whole multiple"),
     ],
 )
-def test_invalid_options_are_refused(clean, change, kind, message):
-    with pytest.raises(kind, match=message):
+def test_invalid_options_are_refused(clean, change, message):
+    with pytest.raises(DataError, match=message):
         prepare(clean).regressors(**OPTIONS | change)
 
 
