@@ -23,7 +23,7 @@ from ankleloop.assessment.scores import true_trajectories
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.time_varying_course import find_onsets
-from ankleloop.methods.riv_tv import RivTvOptions
+from ankleloop.methods.riv_tv.riv_tv import RivTvOptions
 
 LIGHT = (0.1, 10.0, 100.0)
 JOINT = {
