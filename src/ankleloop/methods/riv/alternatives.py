@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -127,9 +128,9 @@ def find_alternatives(solution: Search) -> list[Alternative]:
         effects.append("direction")
     alternatives = [_free_effect(effect, solution) for effect in effects]
     if "delay" not in p.delays and movement_p(solution.point) < LEVEL:
-        alternatives.append(_free_delay(solution))
+        alternatives.append(_free_unknown("delay", solution))
         if p.dynamics.pole is None:  # a third pole and a free delay are nearly the same
-            alternatives.append(_free_order(solution))
+            alternatives.append(_free_unknown("pole", solution))
     return [alternative for alternative in alternatives if alternative is not None]
 
 
@@ -181,28 +182,18 @@ def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tu
     return float(inverse[-1] @ np.real(weighted @ point.residual)), float(np.sqrt(inverse[-1] @ scatter @ inverse[-1]))
 
 
-def _free_delay(solution: Search) -> Alternative | None:
-    """The solution with the delay as an unknown."""
-    start = replace(solution.point.parameters, delays=("delay",))
-    freed = solve(solution.equations, start, solution.max_iterations, solution.tolerance)
-    if not freed.converged or not is_stretch_delay(freed.delay):
-        return None
-    score, shifts = (
-        freed.point.parameters.shift / last_error(freed),
-        compute_shifts(solution.point.values, freed.point.values),
-    )
-    return Alternative("delay", freed.delay, score, shifts)
-
-
-def _free_order(solution: Search) -> Alternative | None:
-    """The solution with a third pole; its score is that of its time constant."""
+def _free_unknown(name: Literal["delay", "pole"], solution: Search) -> Alternative | None:
+    """The solution with the delay or a third pole as an unknown."""
     p = solution.point.parameters
-    start = replace(p, dynamics=replace(p.dynamics, pole=POLE))
+    start = replace(p, delays=("delay",)) if name == "delay" else replace(p, dynamics=replace(p.dynamics, pole=POLE))
     freed = solve(solution.equations, start, solution.max_iterations, solution.tolerance)
-    if not freed.converged or "pole" in freed.held:
+    values, error = freed.point.values, last_error(freed)
+    if not freed.converged or name in freed.held or (name == "delay" and not is_stretch_delay(values["delay"])):
         return None
-    pole, shifts = freed.point.values["pole"], compute_shifts(solution.point.values, freed.point.values)
-    return Alternative("order", pole, 1.0 / last_error(freed), shifts)
+    shifts = compute_shifts(solution.point.values, values)
+    if name == "delay":
+        return Alternative("delay", values["delay"], freed.point.parameters.shift / error, shifts)
+    return Alternative("order", values["pole"], 1.0 / error, shifts)  # the score is that of its time constant
 
 
 def last_error(solution: Search) -> float:

@@ -149,7 +149,8 @@ def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -
 
 def _shows_delay(solution: Search) -> bool:
     """Whether an estimated delay is one of a stretch reflex, and certain."""
-    likely = solution.converged and is_stretch_delay(solution.delay) and solution.point.values["G"] >= 0.0
+    values = solution.point.values
+    likely = solution.converged and is_stretch_delay(values["delay"]) and values["G"] >= 0.0
     return likely and last_error(solution) < CERTAIN_DELAY
 
 
@@ -200,12 +201,13 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
 def _warnings(solution: Search) -> list[str]:
     """What the search did not reach, and what the record does not show."""
     warnings, order = [], len(solution.point.parameters.dynamics.values)
-    if solution.left_band or "pole" in solution.held:
+    left_band = solution.equations.pole_out_of_band(solution.path[-1].parameters)
+    if left_band or "pole" in solution.held:
         fewer = "take order=2" if order == 3 else "its gain or the record is too small for two"
         warnings.append(f"a pole of the reflex has left the band, so the record does not show {order}: {fewer}.")
     if not solution.converged:
         names = dict.fromkeys("G" if name.startswith("c") else name for name in solution.flat)
-        cause = "" if solution.left_band else f" The record hardly shows a common change of {', '.join(names)}."
+        cause = "" if left_band else f" The record hardly shows a common change of {', '.join(names)}."
         warnings.append(
             f"not converged after {len(solution.path) - 1} iterations: the parameters are those of the best one, "
             f"without intervals.{cause}"

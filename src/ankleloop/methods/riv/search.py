@@ -78,16 +78,6 @@ class Search:
         """Whether the last step was within the tolerance, and no delay is held at its limit."""
         return self.finished and "delay" not in self.held
 
-    @property
-    def delay(self) -> float:
-        """Delay of the result [s]."""
-        return self.equations.delay + self.point.parameters.shift
-
-    @property
-    def left_band(self) -> bool:
-        """Whether the search ended because a pole has become too fast to be seen."""
-        return self.equations.pole_out_of_band(self.path[-1].parameters)
-
     def accept(self, point: Point) -> None:
         """Add a point to the path."""
         self.point = point

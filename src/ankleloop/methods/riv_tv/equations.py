@@ -96,19 +96,20 @@ class TimeVaryingEquations:
         self.frequency = np.abs(inputs.s) / (2 * np.pi)
         self.inside = (self.frequency >= self.band.lowest) & (self.frequency <= self.band.highest)
         self.share = float(np.mean(self.inside))  # so many independent values a whitened sample has
-        trial_torque = inputs.trial.channel("torque", inputs.grid)
-        self.torque = inputs.spectra(trial_torque - trial_torque.mean())
-        self.place = [splines(inputs.course.place) for splines in bases.all]
+        torque = inputs.trial.channel("torque", inputs.grid)
+        self.torque = inputs.spectra(torque - torque.mean())
+        k, b, self._gain, i = (splines(inputs.course.place).T for splines in bases.all)
+        # Weights of the splines of K, B, G and I in their means over the record.
+        self.mean_weights = [rows[:, self.rows].mean(axis=1) for rows in (k, b, self._gain, i)]
         measured = inputs.measure()
         self.motions = measured, inputs.predict(measured)
         self.own_instruments = self.motions[PREDICTED] is measured
-        stiffness, viscosity, _, inertia = (place.T for place in self.place)
 
-        def expand(signals: np.ndarray) -> np.ndarray:
-            position, velocity, acceleration = signals
-            return inputs.spectra(np.vstack([stiffness * position, viscosity * velocity, inertia * acceleration]))
+        def expand(side: int) -> np.ndarray:
+            position, velocity, acceleration = self.motions[side].signals
+            return inputs.spectra(np.vstack([k * position, b * velocity, i * acceleration]))
 
-        self.motion = self._pair(lambda side: expand(self.motions[side].signals))
+        self.motion = self._pair(expand)
         self.set_delay(delay)
 
     def _pair(self, compute: Callable[[int], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -118,12 +119,7 @@ class TimeVaryingEquations:
     def set_delay(self, delay: float) -> None:
         """Make the inputs of the reflex for a delay: one that acts behind the splines would move G over phase."""
         self.delay = delay
-        self.drive = self._pair(lambda side: self.inputs.spectra(self.place[2].T * self.motions[side].drive(delay)))
-
-    @cached_property
-    def mean_weights(self) -> list[np.ndarray]:
-        """Weights of the splines of K, B, G and I in their means over the record."""
-        return [place[self.rows].mean(axis=0) for place in self.place]
+        self.drive = self._pair(lambda side: self.inputs.spectra(self._gain * self.motions[side].drive(delay)))
 
     def means(self, linear: np.ndarray) -> dict[str, float]:
         """Means of K, B, G and I over the record, of their coefficients."""

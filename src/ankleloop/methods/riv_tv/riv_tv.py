@@ -119,9 +119,8 @@ class RivTvOptions(Options):
 
 def _as_tuple(values: Any) -> tuple[Any, ...] | None:
     """Values of a list, tuple or array; None for anything else."""
-    values = values.to_numpy() if hasattr(values, "to_numpy") else values
-    values = values.tolist() if hasattr(values, "tolist") else values
-    return tuple(as_plain(value) for value in values) if isinstance(values, (list, tuple)) else None
+    values = values if isinstance(values, (list, tuple)) else np.asarray(values).tolist()
+    return tuple(map(as_plain, values)) if isinstance(values, (list, tuple)) else None
 
 
 def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
