@@ -15,10 +15,11 @@ from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.time_varying_course import Course, Splines, make_course
-from ankleloop.methods.riv_covariance import LOGARITHMIC
-from ankleloop.methods.riv_tv import PLACES, RivTvOptions
-from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations, TimeVaryingParameters
-from ankleloop.methods.time_varying_inputs import TimeVaryingInputs
+from ankleloop.methods.riv.covariance import LOGARITHMIC
+from ankleloop.methods.riv.equations import Parameters
+from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
+from ankleloop.methods.riv_tv.inputs import TimeVaryingInputs
+from ankleloop.methods.riv_tv.riv_tv import PLACES, RivTvOptions
 from ankleloop.options import check_flag, check_number
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.spectra import pass_band
@@ -344,23 +345,17 @@ def trajectory_information(
     grid = clean.grid(rate, values.delay)
     assert values.variation is not None
     course = make_course(clean, grid, *COURSES[values.variation])
-    bases = Bases(*(Splines(count, course.periodic) for count in counts))
-    equations = TimeVaryingEquations(
-        TimeVaryingInputs(clean, grid, course, "position"),
-        bases,
-        values.delay,
-        order=2 if values.pole is None else 3,
-        estimate_delay=not known_delay,
-        torque_lag=0.0,
-        weighting="noise",
-    )
-    dynamics = ReflexDynamics(values.omega_n, values.zeta, values.pole)
-    parameters = TimeVaryingParameters(_true_coefficients(clean, equations), dynamics)
+    k, b, g = (Splines(count, course.periodic) for count in counts)
+    bases = Bases((k, b, g, CONSTANT))
+    equations = TimeVaryingEquations(TimeVaryingInputs(clean, grid, course, "position"), bases, values.delay)
+    dynamics, delays = ReflexDynamics(values.omega_n, values.zeta, values.pole), () if known_delay else ("delay",)
+    parameters = Parameters(_true_coefficients(clean, equations), dynamics, delays=delays)
     # White noise has the variance of a density up to half of the rate.
     variance = 0.5 * equations.inputs.rate * _density(equations, _level(seed, values, clean), values)
     weight = np.where(equations.inside, 1.0 / np.sqrt(variance), 0.0)
-    system = equations.system(parameters, weight, np.ones(equations.rows.stop - equations.rows.start))
-    return TrajectoryInformation(system.information, bases, equations.names, course, dynamics)
+    whiten = equations.whitener(weight, np.ones(equations.rows.stop - equations.rows.start))
+    information = equations.system(parameters, whiten).information
+    return TrajectoryInformation(information, bases, parameters.unknowns, course, dynamics)
 
 
 def _check_settings(settings: SimulationSettings) -> None:

@@ -20,8 +20,8 @@ FAMILIES = (
     "ankleloop.methods.moesp",
     "ankleloop.methods.parallel_cascade",
     "ankleloop.methods.real_time",
-    "ankleloop.methods.riv",
-    "ankleloop.methods.riv_tv",
+    "ankleloop.methods.riv.riv",
+    "ankleloop.methods.riv_tv.riv_tv",
 )
 DEFAULT = "riv"
 # Options that a selection needs to score what was not fitted.
@@ -84,8 +84,8 @@ def identify(
         `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
         `ankleloop.methods.moesp.identify_moesp`), "parallel-cascade" (see
         `ankleloop.methods.parallel_cascade.identify_parallel_cascade`), "real-time" (see
-        `ankleloop.methods.real_time.identify_real_time`), "riv" (see `ankleloop.methods.riv.identify_riv`) or "riv-tv"
-        (see `ankleloop.methods.riv_tv.identify_riv_tv`).
+        `ankleloop.methods.real_time.identify_real_time`), "riv" (see `ankleloop.methods.riv.riv.identify_riv`) or
+        "riv-tv" (see `ankleloop.methods.riv_tv.riv_tv.identify_riv_tv`).
     select : dict of str to sequence, optional
         Options to choose from, each with its candidates from simple to complex. The choice is made on parts of the
         record that the fit has not seen (see `ankleloop.methods.selection.select_options`), then the whole record is

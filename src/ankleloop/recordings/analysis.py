@@ -18,7 +18,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import find_method, identify
-from ankleloop.methods.riv_alternatives import compute_shifts, format_shifts
+from ankleloop.methods.riv.alternatives import compute_shifts, format_shifts
 from ankleloop.methods.selection import check_selection
 from ankleloop.recordings.checks import Check, check_trial
 from ankleloop.recordings.comparison import UnseenTorque, unseen_torque

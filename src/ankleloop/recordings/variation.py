@@ -13,7 +13,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.time_varying_course import make_course
 from ankleloop.methods.registry import find_method
-from ankleloop.methods.riv_tv import RivTvOptions
+from ankleloop.methods.riv_tv.riv_tv import RivTvOptions
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.checks import Finding
 from ankleloop.recordings.comparison import compare_unseen

@@ -7,15 +7,15 @@ from ankleloop import identify, simulate
 from ankleloop.assessment.bootstrap import block_bootstrap
 from ankleloop.assessment.scores import parameter_row
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.riv_covariance import (
+from ankleloop.methods.riv.covariance import (
     asymptotic_covariance,
     choose_covariance,
     movement_p,
     robust_covariance,
     time_scores,
 )
-from ankleloop.methods.riv_equations import RivEquations, best_of_grid
-from ankleloop.methods.riv_search import solve
+from ankleloop.methods.riv.equations import Equations
+from ankleloop.methods.riv.search import solve
 
 NAMES = ("K", "B", "I", "G", "omega_n", "zeta")
 INCOMPLETE = {"reflex_threshold": 0.6, "snr_db": 30.0, "voluntary": 0.01, "duration": 20.0}
@@ -24,8 +24,8 @@ INCOMPLETE = {"reflex_threshold": 0.6, "snr_db": 30.0, "voluntary": 0.01, "durat
 def solve_trial(trial, weighting="noise"):
     trial = prepare(trial)
     regressors = trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
-    equations = RivEquations(trial, regressors, 2, estimate_delay=False, weighting=weighting)
-    return solve(equations, best_of_grid(equations), 50, 0.01)
+    equations = Equations(trial, regressors, weighting)
+    return solve(equations, equations.find_start(2, estimate_delay=False), 50, 0.01)
 
 
 def newey_west(scores, lags):
@@ -84,10 +84,10 @@ def test_robust_errors_are_the_scatter_of_incomplete_models():
 def test_the_movement_decides():
     complete, incomplete = (solve_trial(simulate(seed=2, **settings)) for settings in ({}, INCOMPLETE))
     assert movement_p(complete.point) > 0.01 > movement_p(incomplete.point)
-    assert choose_covariance(complete.point, complete.free).kind == "asymptotic"
-    chosen = choose_covariance(incomplete.point, incomplete.free)
-    assert (chosen.kind, chosen.quantile > 1.96) == ("robust", True)
-    assert chosen.segment == pytest.approx(1.0, rel=0.2)
+    assert choose_covariance(complete.point, complete.free).description["intervals"] == "asymptotic"
+    _, quantile, description = choose_covariance(incomplete.point, incomplete.free)
+    assert (description["intervals"], quantile > 1.96) == ("robust", True)
+    assert description["interval_segment"] == pytest.approx(1.0, rel=0.2)
 
 
 def test_false_alarms():

@@ -9,16 +9,18 @@ from scipy import signal
 
 from ankleloop import identify, new_trial, read_trial, simulate
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.riv_equations import RivEquations, best_of_grid
-from ankleloop.methods.riv_search import GAIN, REFINED, solve
+from ankleloop.methods.riv.equations import Equations
+from ankleloop.methods.riv.search import GAIN, REFINED, solve
 
 
-def make_equations(trial, *, order=2, weighting="noise", estimate_delay=False, basis="rectifier", degree=1, reference):
+def set_up(trial, *, order=2, weighting="noise", estimate_delay=False, basis="rectifier", degree=1, reference):
+    """Equations and the start of their search."""
     trial = prepare(trial)
     regressors = trial.regressors(
         delay=0.04, basis=basis, degree=degree, identification_rate=100.0, reference=reference
     )
-    return RivEquations(trial, regressors, order, estimate_delay=estimate_delay, weighting=weighting)
+    equations = Equations(trial, regressors, weighting)
+    return equations, equations.find_start(order, estimate_delay=estimate_delay)
 
 
 def delay_and_smooth(x, delay, time_constant):
@@ -53,8 +55,8 @@ def recording():
 @pytest.mark.parametrize("weighting", ["noise", "flat"])
 def test_the_left_side_is_the_slope_of_the_misfit_in_open_loop(weighting):
     """By differences; weights from the noise are smoothed in one and not in the other, so they agree but for that."""
-    equations = make_equations(simulate(seed=1, closed_loop=False), weighting=weighting, reference="position")
-    point = equations.evaluate(best_of_grid(equations))
+    equations, start = set_up(simulate(seed=1, closed_loop=False), weighting=weighting, reference="position")
+    point = equations.evaluate(start)
     steps = 1e-3 * np.diag(1.0 / np.sqrt(np.diag(point.information)))
     slope = np.array(
         [
@@ -74,8 +76,8 @@ def test_the_left_side_is_the_slope_of_the_misfit_in_open_loop(weighting):
 def test_the_full_slope_by_differences(weighting, reference):
     trial = simulate(seed=2, duration=20.0)
     options = {"order": 3, "basis": "spline", "degree": 6, "estimate_delay": True}
-    equations = make_equations(trial, weighting=weighting, reference=reference, **options)
-    point = equations.evaluate(best_of_grid(equations))
+    equations, start = set_up(trial, weighting=weighting, reference=reference, **options)
+    point = equations.evaluate(start)
     steps = 1e-4 * np.diag(1.0 / np.sqrt(np.diag(point.information)))
     level = 1.0 if weighting == "noise" else point.level.mean()
     columns = []
@@ -115,8 +117,7 @@ def check_path(solution):
 def test_a_hard_record_converges(path, options):
     """The iteration without second derivatives does not converge on these records."""
     record = make_incomplete_record(path)
-    equations = make_equations(record, reference="position", **options)
-    solution = solve(equations, best_of_grid(equations), 50, 0.01)
+    solution = solve(*set_up(record, reference="position", **options), 50, 0.01)
     assert solution.converged
     assert len(solution.path) > REFINED
     check_path(solution)
@@ -131,8 +132,7 @@ def test_a_hard_record_converges(path, options):
 def test_a_recording_converges_or_lacks_something(recording, order, weighting, basis):
     part = recording.isel(time=slice(0, 30_000))
     options = {"order": order, "weighting": weighting, "basis": basis[0], "degree": basis[1], "reference": "position"}
-    equations = make_equations(part, **options)
-    check_path(solve(equations, best_of_grid(equations), 50, 0.01))
+    check_path(solve(*set_up(part, **options), 50, 0.01))
     estimate = identify(part, "riv", **options)
     diagnostics = estimate.diagnostics
     assert diagnostics["criterion"] <= diagnostics["criterion_start"]
@@ -146,8 +146,8 @@ def test_a_recording_converges_or_lacks_something(recording, order, weighting, b
 
 
 def test_a_start_that_is_the_solution_stays_there():
-    equations = make_equations(simulate(seed=1, duration=20.0), reference="reference")
-    end = solve(equations, best_of_grid(equations), 50, 0.01).point
+    equations, start = set_up(simulate(seed=1, duration=20.0), reference="reference")
+    end = solve(equations, start, 50, 0.01).point
     again = solve(equations, end.parameters, 50, 0.01)
     assert again.converged
     assert len(again.path) == 2

@@ -107,8 +107,8 @@ def test_scripts_of_the_workflow_reach_what_they_use():
 
     by_script = {script: reached(script) for script in SCRIPTS}
     assert {script for script in SCRIPTS if "methods/parallel_cascade.py" in by_script[script]} >= {"identify"}
-    assert "methods/riv.py" in by_script["identify"]  # which the registry imports by its name
-    assert "methods/riv.py" not in by_script["simulate"]
+    assert "methods/riv/riv.py" in by_script["identify"]  # which the registry imports by its name
+    assert "methods/riv/riv.py" not in by_script["simulate"]
     assert "studies/config.py" not in by_script["simulate"] | by_script["identify"]
     assert "plotting/diagrams.py" not in by_script["identify"] | by_script["verify"]
     assert "pages/rendering.py" in by_script["render"] & by_script["recordings"]

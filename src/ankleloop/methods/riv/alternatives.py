@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.riv_covariance import LEVEL, asymptotic_covariance, movement_p, parameter_values
-from ankleloop.methods.riv_equations import RivEquations, RivPoint, solve_scaled
-from ankleloop.methods.riv_search import RivSolution, solve
+from ankleloop.methods.riv.covariance import LEVEL, asymptotic_covariance, movement_p
+from ankleloop.methods.riv.equations import Equations, Point, solve_scaled
+from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES
 
 SIGNIFICANT = 4.5  # standard errors
@@ -58,29 +59,45 @@ class Alternative:
         size = abs(self.value) if self.effect == "lag" else self.value
         return text.format(factor * size, "after" if self.value > 0.0 else "before")
 
+    @property
+    def significant(self) -> bool:
+        """Whether the record shows an effect that an instrument or a joint can have."""
+        return (self.score if self.effect in ONE_SIDED else abs(self.score)) > SIGNIFICANT
+
+    @property
+    def largest_shift(self) -> float:
+        """Largest of the shifts."""
+        return max(map(abs, self.shifts.values()))
+
+    @property
+    def large(self) -> bool:
+        """Whether it moves a parameter by more than an interval may take in, or is no delay of a joint."""
+        least, most = QUANTITIES["delay"].plausible
+        return self.largest_shift > LARGEST_SHIFT or (self.effect == "delay" and not least < self.value < most)
+
 
 def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) -> Estimate:
     """The estimate with the effects that its model lacks, the most significant one first.
 
     Intervals take in how far this one moves a parameter. Where any of them moves one by a fifth there is a warning.
     """
-    shown = [a for a in alternatives if is_significant(a) and max(map(abs, a.shifts.values())) > SMALLEST_SHIFT]
+    shown = [a for a in alternatives if a.significant and a.largest_shift > SMALLEST_SHIFT]
     shown.sort(key=lambda alternative: -abs(alternative.score))
     if not shown:
         return estimate
-    first, intervals = shown[0], dict(estimate.intervals)
-    values, warnings = {**estimate.stiffness, **estimate.reflex}, list(estimate.diagnostics["warnings"])
-    for name, shift in first.shifts.items():
+    intervals, values = dict(estimate.intervals), {**estimate.stiffness, **estimate.reflex}
+    for name, shift in shown[0].shifts.items():
         if name in intervals:
             (low, high), moved = intervals[name], values[name] * (1.0 + shift)
             intervals[name] = (min(low, moved), max(high, moved))
-    large = next(filter(_is_large, shown), None)
+    rows = [{"effect": a.text, "score": a.score, "shifts": a.shifts} for a in shown]
+    warnings = list(estimate.diagnostics["warnings"])
+    large = next((alternative for alternative in shown if alternative.large), None)
     if large is not None:
         warnings.append(
             f"the model lacks something that depends on the movement. {large.text[0].upper()}{large.text[1:]} explains "
             f"much of it and moves {format_shifts(large.shifts)}: {EFFECTS[large.effect][2]}."
         )
-    rows = [{"effect": a.text, "score": a.score, "shifts": a.shifts} for a in shown]
     diagnostics = {**estimate.diagnostics, "alternatives": rows, "warnings": warnings}
     return replace(estimate, intervals=intervals, diagnostics=diagnostics)
 
@@ -100,60 +117,44 @@ def is_stretch_delay(delay: float) -> bool:
     return QUANTITIES["delay"].plausible[0] < delay < LONGEST_DELAY
 
 
-def _is_large(alternative: Alternative) -> bool:
-    """Whether an effect moves a parameter by more than its interval may take in, or is no delay of a joint."""
-    least, most = QUANTITIES["delay"].plausible
-    far = alternative.effect == "delay" and not least < alternative.value < most
-    return far or max(map(abs, alternative.shifts.values())) > LARGEST_SHIFT
-
-
-def is_significant(alternative: Alternative) -> bool:
-    """Whether the record shows an effect that an instrument or a joint can have."""
-    score = alternative.score if alternative.effect in ONE_SIDED else abs(alternative.score)
-    return score > SIGNIFICANT
-
-
-def find_alternatives(solution: RivSolution, max_iterations: int, tolerance: float) -> list[Alternative]:
+def find_alternatives(solution: Search) -> list[Alternative]:
     """Effects that the record shows and the model does not have.
 
     The score of each effect costs one solution of linear equations; where it is significant, the equations are solved
     with the effect as a further unknown.
     """
-    equations = solution.point.equations
-    effects = ["lag", "high-pass", "friction", "compression"]
-    if len(equations.measured) == MOTION + 1:  # other bases answer both directions
+    p, effects = solution.point.parameters, ["lag", "high-pass", "friction", "compression"]
+    if p.linear.size == MOTION + 1:  # other bases answer both directions
         effects.append("direction")
-    alternatives = [_free_effect(effect, solution, max_iterations, tolerance) for effect in effects]
-    if not equations.estimate_delay and movement_p(solution.point) < LEVEL:
-        alternatives.append(_free_delay(solution, max_iterations, tolerance))
-        if equations.order == 2:  # a third pole and a free delay are nearly the same
-            alternatives.append(_free_order(solution, max_iterations, tolerance))
+    alternatives = [_free_effect(effect, solution) for effect in effects]
+    if "delay" not in p.delays and movement_p(solution.point) < LEVEL:
+        alternatives.append(_free_unknown("delay", solution))
+        if p.dynamics.pole is None:  # a third pole and a free delay are nearly the same
+            alternatives.append(_free_unknown("pole", solution))
     return [alternative for alternative in alternatives if alternative is not None]
 
 
-def _free_effect(effect: str, solution: RivSolution, max_iterations: int, tolerance: float) -> Alternative | None:
+def _free_effect(effect: str, solution: Search) -> Alternative | None:
     """The solution with an effect, by steps of its size; None if it is not significant."""
-    origin, freed, value = solution.point.equations, solution, 0.0
+    origin, freed, value = solution.equations, solution, 0.0
     step, error = _step(solution, *_rows(effect, solution.point, origin))
-    score = step / error
-    if not is_significant(Alternative(effect, step, score, {})):
+    found = Alternative(effect, step, step / error, {})
+    if not found.significant:
         return None
     for number in range(1 if effect == "compression" else ROUNDS):  # a cube is but the direction of a saturation
         if number:
             step, _ = _step(freed, *_rows(effect, freed.point, origin))
         value += step
         equations = copy(origin)
-        equations.torque = _correct(effect, freed.point, origin, value)
-        freed = solve(equations, freed.point.parameters, max_iterations, tolerance)
-    return Alternative(effect, value, score, _compare(solution, freed))
+        if effect == "lag":
+            equations.torque = origin.torque * np.exp(origin.band.s * value)
+        else:
+            equations.torque = origin.torque - value * _rows(effect, freed.point, origin)[0]
+        freed = solve(equations, freed.point.parameters, solution.max_iterations, solution.tolerance)
+    return replace(found, value=value, shifts=compute_shifts(solution.point.values, freed.point.values))
 
 
-def _compare(solution: RivSolution, freed: RivSolution) -> dict[str, float]:
-    """How far K, B, I and G move from one solution to another."""
-    return compute_shifts(*(parameter_values(p.equations, p.parameters) for p in (solution.point, freed.point)))
-
-
-def _rows(effect: str, point: RivPoint, origin: RivEquations) -> tuple[np.ndarray, np.ndarray]:
+def _rows(effect: str, point: Point, origin: Equations) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives of the torque with respect to the size of an effect, by the measured and by the predicted inputs."""
     e, s = point.equations, origin.band.s
     predicted = point.parameters.linear @ point.instruments[: point.parameters.linear.size]
@@ -167,19 +168,12 @@ def _rows(effect: str, point: RivPoint, origin: RivEquations) -> tuple[np.ndarra
     if effect == "friction":
         inputs = e.regressors.inputs, e.predicted_inputs
         return e.band.transform(np.sign(inputs[0][:, 1])), e.band.transform(np.sign(inputs[1][:, 1]))
-    response, delay = e.responses(point.parameters)[0], np.exp(-s * e.regressors.delay)
-    drives = e.measured[MOTION] - delay * e.measured[1], e.predicted[MOTION] - delay * e.predicted[1]
+    response, late = point.parameters.responses(s)[0], np.exp(-s * e.delay)
+    drives = e.measured[MOTION] - late * e.measured[1], e.predicted[MOTION] - late * e.predicted[1]
     return response * drives[0], response * drives[1]
 
 
-def _correct(effect: str, point: RivPoint, origin: RivEquations, value: float) -> np.ndarray:
-    """Measured torque without an effect of some size."""
-    if effect == "lag":
-        return origin.torque * np.exp(origin.band.s * value)
-    return origin.torque - value * _rows(effect, point, origin)[0]
-
-
-def _step(solution: RivSolution, regressor: np.ndarray, instrument: np.ndarray) -> tuple[float, float]:
+def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tuple[float, float]:
     """Step of the size of an effect that solves the equations with it, and the standard error of the size."""
     point, free = solution.point, solution.free
     weighted = np.vstack([point.weighted[free], instrument.conj() / point.level])
@@ -188,29 +182,20 @@ def _step(solution: RivSolution, regressor: np.ndarray, instrument: np.ndarray) 
     return float(inverse[-1] @ np.real(weighted @ point.residual)), float(np.sqrt(inverse[-1] @ scatter @ inverse[-1]))
 
 
-def _free_delay(solution: RivSolution, max_iterations: int, tolerance: float) -> Alternative | None:
-    """The solution with the delay as an unknown."""
-    equations = copy(solution.point.equations)
-    equations.estimate_delay = True
-    freed = solve(equations, solution.point.parameters, max_iterations, tolerance)
-    if not freed.converged or not is_stretch_delay(freed.delay):
+def _free_unknown(name: Literal["delay", "pole"], solution: Search) -> Alternative | None:
+    """The solution with the delay or a third pole as an unknown."""
+    p = solution.point.parameters
+    start = replace(p, delays=("delay",)) if name == "delay" else replace(p, dynamics=replace(p.dynamics, pole=POLE))
+    freed = solve(solution.equations, start, solution.max_iterations, solution.tolerance)
+    values, error = freed.point.values, last_error(freed)
+    if not freed.converged or name in freed.held or (name == "delay" and not is_stretch_delay(values["delay"])):
         return None
-    score = freed.point.parameters.shift / last_error(freed)
-    return Alternative("delay", freed.delay, score, _compare(solution, freed))
+    shifts = compute_shifts(solution.point.values, values)
+    if name == "delay":
+        return Alternative("delay", values["delay"], freed.point.parameters.shift / error, shifts)
+    return Alternative("order", values["pole"], 1.0 / error, shifts)  # the score is that of its time constant
 
 
-def _free_order(solution: RivSolution, max_iterations: int, tolerance: float) -> Alternative | None:
-    """The solution with a third pole; its score is that of its time constant."""
-    equations, parameters = copy(solution.point.equations), solution.point.parameters
-    equations.order = 3
-    start = replace(parameters, dynamics=replace(parameters.dynamics, pole=POLE))
-    freed = solve(equations, start, max_iterations, tolerance)
-    if not freed.converged or "pole" in freed.held:
-        return None
-    pole, score = freed.point.parameters.dynamics.pole or np.inf, 1.0 / last_error(freed)
-    return Alternative("order", pole, score, _compare(solution, freed))
-
-
-def last_error(solution: RivSolution) -> float:
+def last_error(solution: Search) -> float:
     """Standard error of the last unknown."""
     return float(np.sqrt(asymptotic_covariance(solution.point, solution.free)[-1, -1]))

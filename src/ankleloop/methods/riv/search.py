@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ankleloop.methods.riv_covariance import asymptotic_covariance
-from ankleloop.methods.riv_equations import RivEquations, RivParameters, RivPoint, solve_scaled
+from ankleloop.methods.riv.covariance import asymptotic_covariance
+from ankleloop.methods.riv.equations import Equations, Parameters, Point, solve_scaled
 
-LARGEST_STEP = 0.4  # of a natural frequency or damping in one iteration
-LARGEST_DELAY_STEP = 0.01  # s
+LARGEST_STEPS = {"omega_n": 0.4, "zeta": 0.4, "pole": 0.4, "delay": 0.01}  # of a logarithm, or s, in one iteration
 GAIN = 1e-3  # least relative gain of the merit, and least gain of the misfit
 REFINED = 10  # iterations without second derivatives
 SOLVED = 10.0  # tolerances: largest left side of a solution, over its standard deviation
@@ -19,38 +18,7 @@ FLAT = 1e-9  # slope in a direction that the record does not show, in the same u
 CONTRIBUTION = 0.3  # of the largest part of a direction: parameters below it are not named
 
 
-@dataclass(frozen=True, eq=False)
-class RivSolution:
-    """Result of the search."""
-
-    path: tuple[RivPoint, ...]  # the start, and the point after each iteration
-    merits: tuple[float, ...]  # merit of each point of the path
-    # Index of the first point of the filter: the last change of what is held, or where the search began again.
-    first: int
-    best: int  # index of the result: the last point where the search converged, else the one with the smallest merit
-    converged: bool  # whether the last step was within the tolerance, and no delay is held at its limit
-    free: np.ndarray  # unknowns that were not held at a limit
-    held: frozenset[str]  # names of those that were
-    # Where the search did not converge, the unknowns a common change of which the record shows least.
-    flat: tuple[str, ...]
-
-    @property
-    def point(self) -> RivPoint:
-        """The equations at the result."""
-        return self.path[self.best]
-
-    @property
-    def left_band(self) -> bool:
-        """Whether the search ended because a pole has become too fast to be seen."""
-        return self.point.equations.pole_out_of_band(self.path[-1].parameters)
-
-    @property
-    def delay(self) -> float:
-        """Delay of the result [s]."""
-        return float(self.point.equations.regressors.delay + self.point.parameters.shift)
-
-
-def solve(equations: RivEquations, start: RivParameters, max_iterations: int, tolerance: float) -> RivSolution:
+def solve(equations: Equations, start: Parameters, max_iterations: int, tolerance: float) -> Search:
     r"""Solve the equations from a start.
 
     Weights and instruments belong to the parameters, so the left side g(θ) is a function of the parameters alone, and
@@ -72,66 +40,69 @@ def solve(equations: RivEquations, start: RivParameters, max_iterations: int, to
     R. Fletcher, S. Leyffer, "Nonlinear programming without a penalty function", Mathematical Programming 91, 239-269,
     2002.
     """
-    search = _Search(equations, tolerance)
+    search = Search(equations, max_iterations, tolerance)
     search.accept(equations.evaluate(start))
     while len(search.path) <= min(max_iterations, REFINED) and not search.finished and search.refine():
         pass
     if not search.finished and len(search.path) <= max_iterations:
-        search.restart()
+        search.first = len(search.path)
+        search.accept(search.path[int(np.argmin(search.merits))])
     while len(search.path) <= max_iterations and not search.finished and search.advance():
         if equations.pole_out_of_band(search.point.parameters):
             break
-    return search.solution()
+    search.choose_best()
+    return search
 
 
 @dataclass
-class _Search:
-    """State of the search; the filter holds the points since the last change of what is held."""
+class Search:
+    """A search and its result."""
 
-    equations: RivEquations
+    equations: Equations
+    max_iterations: int
     tolerance: float
-    path: list[RivPoint] = field(default_factory=list)
-    merits: list[float] = field(default_factory=list)
-    held: set[str] = field(default_factory=set)
+    point: Point = field(init=False)  # end of the path; of a search that has ended, its result
+    free: np.ndarray = field(init=False)  # unknowns that are not held
+    path: list[Point] = field(default_factory=list)  # the start, and the point after each iteration
+    merits: list[float] = field(default_factory=list)  # merit of each point of the path
+    # Index of the first point of the filter: the last change of what is held, or where the search began again.
     first: int = 0
+    held: set[str] = field(default_factory=set)  # names of the unknowns that are held at a limit
     damping: float = 0.0
-    finished: bool = False
+    finished: bool = False  # whether the last step was within the tolerance
+    # Where the search did not converge, the unknowns a common change of which the record shows least.
+    flat: tuple[str, ...] = ()
 
     @property
-    def point(self) -> RivPoint:
-        """End of the path."""
-        return self.path[-1]
+    def converged(self) -> bool:
+        """Whether the last step was within the tolerance, and no delay is held at its limit."""
+        return self.finished and "delay" not in self.held
 
-    @property
-    def free(self) -> np.ndarray:
-        """Unknowns that are not held."""
-        return np.flatnonzero([name not in self.held for name in self.equations.names])
-
-    def solution(self) -> RivSolution:
-        """The path as it is."""
-        converged = self.finished and "delay" not in self.held
-        best, flat = len(self.path) - 1, tuple[str, ...]()
-        if not self.finished:
-            best, flat = int(np.argmin([point.merit(self.free) for point in self.path])), self._flattest()
-        path, merits = tuple(self.path), tuple(self.merits)
-        return RivSolution(path, merits, self.first, best, converged, self.free, frozenset(self.held), flat)
-
-    def accept(self, point: RivPoint) -> None:
+    def accept(self, point: Point) -> None:
         """Add a point to the path."""
+        self.point = point
+        self.free = np.flatnonzero([name not in self.held for name in point.names])
         self.path.append(point)
         self.merits.append(point.merit(self.free))
 
-    def restart(self) -> None:
-        """Begin again at the point with the smallest merit."""
-        self.first = len(self.path)
-        self.accept(self.path[int(np.argmin(self.merits))])
+    def choose_best(self) -> None:
+        """End the search: if it has not converged, at the point with the smallest merit."""
+        if self.finished:
+            return
+        directions, curvatures = self._directions()
+        scale = np.sqrt(np.diag(self.point.information)[self.free])
+        parts = np.abs(directions[:, np.argmin(np.abs(curvatures))]) * scale
+        names = np.array(self.point.names)[self.free]
+        self.flat = tuple(names[parts > CONTRIBUTION * parts.max()].tolist())
+        self.point = min(self.path, key=lambda point: point.merit(self.free))
 
     def refine(self) -> bool:
         """Solve the equations for the present weights and instruments; false if this does not lower their left side."""
         point = self.point
         step = self._full_step(point.normal)
         if self._within_tolerance(step):
-            return self._at_minimum() and self._finish(step)
+            # Where the misfit is not smallest the search goes on; in closed loop the equations are not its slope.
+            return (not self.equations.open_loop or self._directions()[1][0] > FLAT) and self._finish(step)
         candidate = self.equations.evaluate(point.parameters.add(step / max(1.0, self._length(step))))
         side = np.real(point.weighted @ candidate.residual)
         lowered = side @ solve_scaled(point.scatter, side) < self.merits[-1]
@@ -158,13 +129,11 @@ class _Search:
             self.damping = max(3.0 * self.damping, DAMPING)
         return False
 
-    def _at_minimum(self) -> bool:
-        """Whether the misfit is smallest where the equations are solved; in closed loop they are not its slope."""
-        equations = self.equations
-        return equations.predicted is not equations.measured or bool(self._directions()[1][0] > FLAT)
-
     def _try(self, step: np.ndarray) -> bool:
-        """Accept the point after a step if it improves on all earlier ones; hold what reaches a limit."""
+        """Accept the point after a step if no earlier one has a smaller left side and misfit; hold what is at a limit.
+
+        What is held changes the unknowns, and the filter begins again.
+        """
         if self._length(step) > 1.0:
             return False
         parameters, held = self.equations.hold_at_limits(self.point.parameters.add(step))
@@ -172,18 +141,12 @@ class _Search:
         if not held <= self.held:
             self.held |= held
             self.first = len(self.path)
-        elif not self._improves(candidate):
-            return False
+        merit, earlier = candidate.merit(self.free), slice(self.first, None)
+        for point, smallest in zip(self.path[earlier], self.merits[earlier], strict=True):
+            if merit >= (1.0 - GAIN) * smallest and candidate.misfit >= point.misfit - GAIN:
+                return False
         self.accept(candidate)
         return True
-
-    def _improves(self, candidate: RivPoint) -> bool:
-        """Whether no earlier point has both a smaller left side and a smaller misfit."""
-        merit, earlier = candidate.merit(self.free), slice(self.first, None)
-        return all(
-            merit < (1.0 - GAIN) * smallest or candidate.misfit < point.misfit - GAIN
-            for point, smallest in zip(self.path[earlier], self.merits[earlier], strict=True)
-        )
 
     def _finish(self, step: np.ndarray) -> bool:
         """Take the last step, which is within the tolerance, unless it is lost in rounding."""
@@ -193,13 +156,12 @@ class _Search:
         return True
 
     def _embed(self, free_step: np.ndarray) -> np.ndarray:
-        step = np.zeros(len(self.equations.names))
+        step = np.zeros(len(self.point.names))
         step[self.free] = free_step
         return step
 
     def _full_step(self, slope: np.ndarray) -> np.ndarray:
-        free = self.free
-        return self._embed(solve_scaled(slope[np.ix_(free, free)], self.point.side[free]))
+        return self._embed(solve_scaled(slope[np.ix_(self.free, self.free)], self.point.side[self.free]))
 
     def _within_tolerance(self, step: np.ndarray) -> bool:
         """Whether a step solves the equations, and by less than the tolerance."""
@@ -210,7 +172,7 @@ class _Search:
 
     def _length(self, step: np.ndarray) -> float:
         """Length of a step, in units of what one iteration may change of dynamics and delay."""
-        largest = np.array([LARGEST_STEP] * self.equations.order + [LARGEST_DELAY_STEP] * self.equations.estimate_delay)
+        largest = np.array([LARGEST_STEPS[name] for name in self.point.parameters.unknowns])
         return float(np.max(np.abs(step[-largest.size :]) / largest))
 
     def _directions(self) -> tuple[np.ndarray, np.ndarray]:
@@ -223,11 +185,3 @@ class _Search:
         slope = self.point.slope[select]
         curvatures, rotation = np.linalg.eigh(0.5 * white.T @ (slope + slope.T) @ white)
         return white @ rotation, curvatures
-
-    def _flattest(self) -> tuple[str, ...]:
-        """Unknowns that take part in the direction in which the equations change least."""
-        directions, curvatures = self._directions()
-        scale = np.sqrt(np.diag(self.point.information)[self.free])
-        parts = np.abs(directions[:, np.argmin(np.abs(curvatures))]) * scale
-        names = np.array(self.equations.names)[self.free]
-        return tuple(names[parts > CONTRIBUTION * parts.max()].tolist())

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any, Literal, Self
 
 import numpy as np
-import xarray as xr
 from pydantic import field_validator, model_validator
 
 from ankleloop.errors import DataError
@@ -17,25 +16,19 @@ from ankleloop.joint.models import TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import Splines, describe_schedule, make_course, trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
-from ankleloop.methods.riv_alternatives import Alternative, add_alternatives, compute_shifts, is_significant
-from ankleloop.methods.riv_covariance import LOGARITHMIC, estimate_intervals
-from ankleloop.methods.riv_equations import DELAY_LIMITS
-from ankleloop.methods.time_varying_bands import (
-    TimeVaryingCovariance,
-    covariance,
-    find_time_varying_alternatives,
-    instrument_strength,
-    trajectory,
-    variation_p,
-)
-from ankleloop.methods.time_varying_equations import Bases, TimeVaryingEquations
-from ankleloop.methods.time_varying_inputs import TimeVaryingInputs, check_course, check_perturbation
-from ankleloop.methods.time_varying_search import TimeVaryingSolution, solve_time_varying
+from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
+from ankleloop.methods.riv.covariance import estimate_intervals, scale_errors, smallest_correlation
+from ankleloop.methods.riv.equations import DELAY_LIMITS
+from ankleloop.methods.riv_tv.alternatives import find_alternatives
+from ankleloop.methods.riv_tv.bands import deviations, estimate_covariance, find_trajectories, freedom, variation_p
+from ankleloop.methods.riv_tv.checks import check_course, check_perturbation
+from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
+from ankleloop.methods.riv_tv.inputs import TimeVaryingInputs
+from ankleloop.methods.riv_tv.search import TimeVaryingSolution, solve_time_varying
 from ankleloop.options import Options, as_plain, option, show_value
 
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
-IDENTIFIED = 0.03  # of the mean information about a parameter: less is not identified
 WEAK = 10.0  # statistic of weak instruments (Staiger and Stock 1997)
 
 
@@ -126,9 +119,8 @@ class RivTvOptions(Options):
 
 def _as_tuple(values: Any) -> tuple[Any, ...] | None:
     """Values of a list, tuple or array; None for anything else."""
-    values = values.to_numpy() if hasattr(values, "to_numpy") else values
-    values = values.tolist() if hasattr(values, "tolist") else values
-    return tuple(as_plain(value) for value in values) if isinstance(values, (list, tuple)) else None
+    values = values if isinstance(values, (list, tuple)) else np.asarray(values).tolist()
+    return tuple(map(as_plain, values)) if isinstance(values, (list, tuple)) else None
 
 
 def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
@@ -162,7 +154,7 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
         samples whose scheduling variable lies beyond its fitted range, the 2nd to the 98th percentile; they count as
         its ends), penalties, freedom (effective number of parameters of each trajectory), excitation (information about
         each over its mean, at the places of the trajectories), torque_lag, noise_frequency [Hz] and noise_spectrum
-        [(N·m)²/Hz], and alternatives as of `ankleloop.methods.riv.identify_riv`.
+        [(N·m)²/Hz], and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
 
     Raises
     ------
@@ -187,21 +179,18 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     """
     equations = _set_up(trial, options)
     share = check_perturbation(equations.inputs)
-    solution = solve_time_varying(equations)
+    solution = _solve(equations, options)
     estimate = _estimate(trial, solution, options, share)
     if not solution.converged:
         return estimate
-    alternatives = find_time_varying_alternatives(solution)
-    if any(a.effect == "delay" and is_significant(a) for a in alternatives):  # one step is too short for a delay
-        freed = solve_time_varying(_set_up(trial, options.model_copy(update={"delay": None})))
-        alternatives = [_free_delay(a, solution, freed) if a.effect == "delay" else a for a in alternatives]
+    alternatives = find_alternatives(solution)
+    if alternatives[-1].effect == "delay" and alternatives[-1].significant:  # one step is too short for a delay
+        estimated = options.model_copy(update={"delay": None})
+        freed = _solve(_set_up(trial, estimated), estimated)
+        shifts = compute_shifts(*(part.equations.means(part.parameters.linear) for part in (solution, freed)))
+        value = freed.equations.delay + freed.parameters.shift
+        alternatives[-1] = replace(alternatives[-1], value=value, shifts=shifts)
     return add_alternatives(estimate, alternatives)
-
-
-def _free_delay(alternative: Alternative, solution: TimeVaryingSolution, freed: TimeVaryingSolution) -> Alternative:
-    """What an estimated delay does to the means of K, B, I and G."""
-    shifts = compute_shifts(*(part.equations.means(part.parameters.linear) for part in (solution, freed)))
-    return replace(alternative, value=freed.equations.delay + freed.parameters.shift, shifts=shifts)
 
 
 def _set_up(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingEquations:
@@ -215,134 +204,100 @@ def _set_up(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingEquations
     grid = trial.grid(options.identification_rate, DELAY_LIMITS[1] if options.delay is None else delay)
     course = make_course(trial, grid, options.cycle_onsets, options.schedule)
     degree = 3 if options.interpolation == "cubic" else 0
-    bases = Bases(*(Splines(count, course.periodic, degree) for count in options.knots))
-    if options.inertia_knots > 1:
-        bases = replace(bases, inertia=Splines(options.inertia_knots, course.periodic, degree))
-    return TimeVaryingEquations(
-        TimeVaryingInputs(trial, grid, course, options.reference),
-        bases,
-        delay,
-        order=options.order,
-        estimate_delay=options.delay is None,
-        torque_lag=options.torque_lag,
-        weighting=options.weighting,
-    )
+    counts = *options.knots, options.inertia_knots
+    k, b, g, i = (CONSTANT if count == 1 else Splines(count, course.periodic, degree) for count in counts)
+    inputs = TimeVaryingInputs(trial, grid, course, options.reference)
+    return TimeVaryingEquations(inputs, Bases((k, b, g, i)), delay, options.weighting)
+
+
+def _solve(equations: TimeVaryingEquations, options: RivTvOptions) -> TimeVaryingSolution:
+    delays = ("delay",) * (options.delay is None) + ("torque_lag",) * (options.torque_lag is None)
+    return solve_time_varying(equations, options.order, delays, options.torque_lag or 0.0)
 
 
 def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions, share: float) -> Estimate:
     """Torques, trajectories with their bands, and means over the record."""
-    equations, inputs = solution.equations, solution.equations.inputs
-    bands = covariance(solution)
-    model = _model(trial, solution, options)
-    trajectories, excitation, blanks = _trajectories(solution, bands, describe_schedule(trial.trial, options.schedule))
-    stiffness, reflex, intervals = _means(solution, bands)
-    strength = instrument_strength(solution.system, equations.bases.size)
-    spectrum = solution.spectrum / (0.5 * inputs.rate)
-    return Estimate(
-        method="riv-tv",
-        torque=model.simulate(trial, inputs.grid, inputs.course.place),
-        matrices=None,
-        stiffness=stiffness,
-        reflex=reflex,
-        intervals=intervals if solution.converged else {},
-        diagnostics={
-            "order": equations.order,
-            "rounds": solution.rounds,
-            "converged": solution.converged,
-            "cycles" if inputs.course.periodic else "segments": inputs.course.segments,
-            "intervals": "robust" if solution.converged else None,
-            "variation_p": variation_p(solution),
-            "instrument_strength": strength,
-            "perturbation_share": share,
-            "outside": inputs.course.outside,
-            "penalties": solution.penalties[: len(equations.bases.names)],
-            "freedom": dict(zip(equations.bases.names, solution.freedom, strict=False)),
-            "excitation": excitation,
-            "torque_lag": solution.parameters.lag,
-            "reference": options.reference,
-            "noise_frequency": equations.band.frequency,
-            "noise_spectrum": spectrum,
-            "warnings": _warnings(solution, strength, blanks),
-        },
-        predictor=model,
-        trajectories=trajectories,
-    )
-
-
-def _model(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions) -> TimeVaryingModel:
-    equations, parameters = solution.equations, solution.parameters
-    course, bases = equations.inputs.course, equations.bases
-    stiffness, viscosity, gain, inertia = (parameters.linear[block] for block in bases.blocks)
-    onsets = options.cycle_onsets if isinstance(options.cycle_onsets, str) else ""
+    equations, inputs, parameters = solution.equations, solution.equations.inputs, solution.parameters
+    bases, course, system = equations.bases, inputs.course, solution.system
+    covariance = estimate_covariance(solution)
+    places = np.linspace(0.0, 1.0, PLACES)
+    curves, excitation = find_trajectories(solution, covariance, places)
+    coordinate = course.limits[0] + (course.limits[1] - course.limits[0]) * places
+    schedule = describe_schedule(trial.trial, options.schedule)
     delay = equations.delay + parameters.shift
-    return TimeVaryingModel(
-        ModelInputs(fit_basis(trial.velocity(delay), "rectifier", 1), delay, equations.inputs.rate, trial.rate),
+    stiffness, viscosity, gain, inertia = (parameters.linear[block] for block in bases.blocks)
+    model = TimeVaryingModel(
+        ModelInputs(fit_basis(trial.velocity(delay), "rectifier", 1), delay, inputs.rate, trial.rate),
         course.dimension,
-        options.schedule or onsets,
+        options.schedule or (options.cycle_onsets if isinstance(options.cycle_onsets, str) else ""),
         course.limits,
-        bases.stiffness.degree,
+        bases.all[0].degree,
         (stiffness, viscosity, gain),
         inertia,
         parameters.dynamics,
         parameters.lag,
         options.rest_position,
     )
-
-
-def _trajectories(
-    solution: TimeVaryingSolution, bands: TimeVaryingCovariance, schedule: dict[str, str]
-) -> tuple[xr.Dataset, dict[str, np.ndarray], dict[str, str]]:
-    """Trajectories with their bands, the excitation behind each, and where they are blank."""
-    course, places = solution.equations.inputs.course, np.linspace(0.0, 1.0, PLACES)
-    low, high = course.limits
-    coordinate = low + (high - low) * places
-    values: dict[str, np.ndarray] = {}
-    maps, blanks = {}, {}
-    for number, name in enumerate(solution.equations.bases.names):
-        curve = trajectory(solution, bands, number, places, IDENTIFIED)
-        band = 0.0 if solution.converged else np.nan
-        values |= {name: curve.values, f"{name}_low": curve.low + band, f"{name}_high": curve.high + band}
-        maps[name] = curve.excitation
-        if np.isnan(curve.values).any():
-            blanks[name] = _describe_ranges(coordinate, np.isnan(curve.values))
-    return trajectory_dataset(course.dimension, coordinate, values, **schedule), maps, blanks
-
-
-def _describe_ranges(coordinate: np.ndarray, blank: np.ndarray) -> str:
-    """Ranges of a coordinate where a mask is true, as text."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], blank, [False]]).astype(int)))
-    pairs = zip(edges[::2], edges[1::2], strict=True)
-    return ", ".join(f"{coordinate[start]:.3g} to {coordinate[stop - 1]:.3g}" for start, stop in pairs)
-
-
-def _means(
-    solution: TimeVaryingSolution, bands: TimeVaryingCovariance
-) -> tuple[dict[str, float], dict[str, float], dict[str, tuple[float, float]]]:
-    """Means of K, B, G and I over the record, dynamics and delay of the reflex, and intervals of them."""
-    equations, parameters = solution.equations, solution.parameters
-    bases, values = equations.bases, equations.means(parameters.linear)
-    values |= {"delay": equations.delay + parameters.shift, **parameters.dynamics.values}
+    values = {**equations.means(parameters.linear), "delay": delay, **parameters.dynamics.values}
     parts = zip("KBGI", equations.mean_weights, bases.blocks, strict=True)
-    margins = {name: float(bands.margin(weights[None], block)[0]) for name, weights, block in parts}
-    for k, name in enumerate(equations.names, bases.size):
-        if name in values:
-            margin = float(bands.margin(np.ones((1, 1)), slice(k, k + 1))[0])
-            margins[name] = margin * values[name] if name in LOGARITHMIC else margin
-    intervals = estimate_intervals(values, margins, 1.0)
-    reflex = {name: values[name] for name in ("delay", "G", *parameters.dynamics.values)}
-    return {name: values[name] for name in "KBI"}, reflex, intervals
+    errors = {name: float(deviations(covariance.matrix[block, block], weights)) for name, weights, block in parts}
+    others = np.sqrt(np.diag(covariance.matrix)[bases.size :]).tolist()
+    errors |= dict(zip(parameters.unknowns, others, strict=True))
+    intervals = estimate_intervals(values, scale_errors(errors, values), covariance.quantile)
+    strength = 1.0
+    if not equations.own_instruments:
+        strength = smallest_correlation(system.instruments[: bases.size], system.regressors[: bases.size])
+    return Estimate(
+        method="riv-tv",
+        torque=model.simulate(trial, inputs.grid, course.place),
+        matrices=None,
+        stiffness={name: values[name] for name in "KBI"},
+        reflex={name: values[name] for name in ("delay", "G", *parameters.dynamics.values)},
+        intervals=intervals if solution.converged else {},
+        diagnostics={
+            "order": options.order,
+            "rounds": solution.rounds,
+            "converged": solution.converged,
+            "cycles" if course.periodic else "segments": course.segments,
+            "intervals": "robust" if solution.converged else None,
+            "variation_p": variation_p(solution),
+            "instrument_strength": strength,
+            "perturbation_share": share,
+            "outside": course.outside,
+            "penalties": solution.penalties[: len(bases.names)],
+            "freedom": freedom(solution),
+            "excitation": excitation,
+            "torque_lag": parameters.lag,
+            "reference": options.reference,
+            "noise_frequency": equations.band.frequency,
+            "noise_spectrum": solution.spectrum / (0.5 * inputs.rate),
+            "warnings": _warnings(solution, strength, coordinate, curves),
+        },
+        predictor=model,
+        trajectories=trajectory_dataset(course.dimension, coordinate, curves, **schedule),
+    )
 
 
-def _warnings(solution: TimeVaryingSolution, strength: float, blanks: dict[str, str]) -> list[str]:
+def _warnings(
+    solution: TimeVaryingSolution, strength: float, coordinate: np.ndarray, curves: dict[str, np.ndarray]
+) -> list[str]:
     """What the record does not show, or the search did not reach."""
-    course, warnings = solution.equations.inputs.course, check_course(solution.equations.inputs)
+    equations, course = solution.equations, solution.equations.inputs.course
+    warnings = check_course(equations.inputs)
     if course.periodic and course.segments < FEW_CYCLES:
         warnings.append(f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}.")
-    for name, ranges in blanks.items():
-        warnings.append(
-            f"{name} is not identified at {course.dimension} {ranges}: the perturbation hardly excites the joint there."
-        )
-    if _strength_statistic(solution, strength) < WEAK:
+    for name in equations.bases.names:
+        blank = np.isnan(curves[name])
+        edges = np.flatnonzero(np.diff(blank, prepend=False, append=False))
+        ranges = [f"{coordinate[start]:.3g} to {coordinate[stop - 1]:.3g}" for start, stop in edges.reshape(-1, 2)]
+        if ranges:
+            warnings.append(
+                f"{name} is not identified at {course.dimension} {', '.join(ranges)}: the perturbation hardly excites "
+                "the joint there."
+            )
+    # The F statistic of the direction that the instruments explain least, which weak instruments have below 10.
+    independent = solution.system.torque.size * equations.share / equations.bases.size - 1.0
+    if strength**2 / max(1.0 - strength**2, 1e-12) * independent < WEAK:
         warnings.append(
             f"the instruments are weak: their smallest canonical correlation with the regressors is {strength:.2g}. "
             "Record more cycles, perturb more strongly, or take fewer knots."
@@ -350,13 +305,6 @@ def _warnings(solution: TimeVaryingSolution, strength: float, blanks: dict[str, 
     if not solution.converged:
         warnings.append(f"not converged after {solution.rounds} rounds: the trajectories have no bands.")
     return warnings
-
-
-def _strength_statistic(solution: TimeVaryingSolution, strength: float) -> float:
-    """F statistic of the direction that the instruments explain least, which weak instruments have below 10."""
-    system, parameters = solution.system, solution.equations.bases.size
-    independent = system.torque.size * system.share - parameters
-    return strength**2 / max(1.0 - strength**2, 1e-12) * independent / parameters
 
 
 METHODS = (Method("riv-tv", RivTvOptions, identify_riv_tv, reference=lambda options: options.reference),)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy import special
 from scipy.fft import dct
 
-from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
+from ankleloop.joint.hammerstein import StaticNonlinearity
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.riv_equations import NOISE_RESOLUTION, RivEquations, RivParameters, RivPoint, solve_scaled
+from ankleloop.methods.riv.equations import NOISE_RESOLUTION, Point, solve_scaled
 from ankleloop.signals.vaf import TWO_SIDED
 
 SEGMENT = 1.0  # s: over this the products of residual and instruments may be correlated
@@ -25,30 +25,29 @@ LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters the logarithms of which 
 WIDEST = 50.0  # of such a logarithm
 
 
-@dataclass(frozen=True, eq=False)
-class RivCovariance:
-    """Covariance of the free unknowns, and how it was computed."""
+class Covariance(NamedTuple):
+    """Covariance of unknowns, and what intervals are made of it."""
 
-    kind: Literal["asymptotic", "robust"]  # which of the two it is
-    matrix: np.ndarray  # shape (free, free): the covariance
+    matrix: np.ndarray  # shape (unknowns, unknowns): the covariance
     quantile: float  # half of a 95 % interval over its standard error
-    segment: float | None  # length of the segments of the record that count as independent [s], of a robust one
-    movement_p: float  # see `movement_p`
+    description: dict[str, Any]  # how it was computed, as diagnostics
 
 
 def choose_covariance(
-    point: RivPoint, free: np.ndarray, kind: Literal["asymptotic", "robust"] | None = None
-) -> RivCovariance:
+    point: Point, free: np.ndarray, kind: Literal["asymptotic", "robust"] | None = None
+) -> Covariance:
     """Covariance of a kind; by default the robust one if the residual depends on the movement."""
     p = movement_p(point)
     if kind == "asymptotic" or (kind is None and p >= LEVEL):
-        return RivCovariance("asymptotic", asymptotic_covariance(point, free), TWO_SIDED, None, p)
+        description = {"intervals": "asymptotic", "movement_p": p}
+        return Covariance(asymptotic_covariance(point, free), TWO_SIDED, description)
     matrix, freedom = robust_covariance(point, free)
     segment = point.equations.band.samples / point.equations.band.rate / freedom
-    return RivCovariance("robust", matrix, float(special.stdtrit(freedom, 0.975)), segment, p)
+    description = {"intervals": "robust", "movement_p": p, "interval_segment": segment}
+    return Covariance(matrix, float(special.stdtrit(freedom, 0.975)), description)
 
 
-def movement_p(point: RivPoint) -> float:
+def movement_p(point: Point) -> float:
     """Probability of correlations of residual and movement at least as large, if the model were complete.
 
     The movement is what the instruments are made of: the predicted position, and the predicted drive of the reflex. In
@@ -72,7 +71,7 @@ def movement_p(point: RivPoint) -> float:
     return float(min(1.0, 2.0 * min(probabilities)))
 
 
-def asymptotic_covariance(point: RivPoint, free: np.ndarray) -> np.ndarray:
+def asymptotic_covariance(point: Point, free: np.ndarray) -> np.ndarray:
     """Covariance of the parameters where the model is complete.
 
     Weights from the noise are an estimate themselves. To first order in the variance a of a smoothed periodogram over
@@ -86,7 +85,7 @@ def asymptotic_covariance(point: RivPoint, free: np.ndarray) -> np.ndarray:
     return factor * inverse @ point.scatter[select] @ inverse.T
 
 
-def robust_covariance(point: RivPoint, free: np.ndarray) -> tuple[np.ndarray, int]:
+def robust_covariance(point: Point, free: np.ndarray) -> tuple[np.ndarray, int]:
     r"""Covariance of the parameters about those of an infinitely long record, whatever the residual is.
 
     The solution scatters as :math:`H^{-1} \sum_t s(t)`, H being the slope of the equations with that of weights and
@@ -118,7 +117,7 @@ def robust_covariance(point: RivPoint, free: np.ndarray) -> tuple[np.ndarray, in
     return factor * influence @ influence.T, freedom
 
 
-def time_scores(point: RivPoint) -> np.ndarray:
+def time_scores(point: Point) -> np.ndarray:
     """Contributions of each time to the left side of the equations, shape (unknowns, samples).
 
     A sum over frequencies of two spectra is a sum over time of their signals: the weighted residual, and instruments
@@ -130,34 +129,28 @@ def time_scores(point: RivPoint) -> np.ndarray:
     scores = band.signals(point.instruments / root) * band.signals(point.residual / root)
     if e.weighting == "noise":
         products = np.real(point.weighted * point.residual) / point.level
-        filters = np.array([e.smooth(row) for row in products])
+        filters = np.array([band.smooth(row, NOISE_RESOLUTION) for row in products])
         scores -= band.signals(filters * point.residual) * band.signals(point.residual)
     return 0.5 * band.samples * scores
 
 
-def reflex_path(equations: RivEquations, parameters: RivParameters) -> ReflexPath:
-    """Nonlinearity and dynamics of the reflex."""
-    nonlinearity = StaticNonlinearity(equations.regressors.basis, parameters.linear[MOTION:])
-    return ReflexPath(nonlinearity, parameters.dynamics)
-
-
-def parameter_values(equations: RivEquations, parameters: RivParameters) -> dict[str, float]:
-    """K, B, I, delay and the parameters of the reflex, by name."""
-    values = dict(zip("KBI", map(float, parameters.linear[:MOTION]), strict=True))
-    values["delay"] = float(equations.regressors.delay + parameters.shift)
-    return values | reflex_path(equations, parameters).parameters
-
-
-def estimate_errors(point: RivPoint, path: ReflexPath, covariance: RivCovariance, free: np.ndarray) -> dict[str, float]:
+def estimate_errors(point: Point, covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
     """Standard errors of the physical parameters that are estimated."""
-    names = np.array(point.equations.names)[free]
-    deviations = dict(zip(names.tolist(), np.sqrt(np.diag(covariance.matrix)).tolist(), strict=True))
-    errors = {name: deviations[name] for name in "KBI"}
-    linear = slice(MOTION, point.parameters.linear.size)
-    errors |= _rectifier_errors(path.nonlinearity, covariance.matrix[linear, linear])
-    values = path.dynamics.values
-    errors |= {name: values[name] * deviations[name] for name in LOGARITHMIC if name in deviations}
-    return errors | {name: deviations[name] for name in ("delay",) if name in deviations}
+    p, names = point.parameters, np.array(point.names)[free]
+    deviations = dict(zip(names.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    reflex = slice(MOTION, p.linear.size)
+    rectifier = _rectifier_errors(point.path.nonlinearity, covariance[reflex, reflex])
+    stiffness, others = (
+        {name: deviations[name] for name in names if name in deviations} for names in ("KBI", p.unknowns)
+    )
+    return scale_errors({**stiffness, **rectifier, **others}, point.values)
+
+
+def scale_errors(deviations: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
+    """Standard errors of parameters, some of which have those of their logarithms."""
+    return {
+        name: s * (values[name] if name in LOGARITHMIC else 1.0) for name, s in deviations.items() if name in values
+    }
 
 
 def estimate_intervals(
@@ -167,22 +160,26 @@ def estimate_intervals(
     intervals = {}
     for name, error in errors.items():
         value, margin = values[name], quantile * error
-        ratio = float(np.exp(min(margin / value, WIDEST))) if name in LOGARITHMIC else 1.0
-        intervals[name] = (value / ratio, value * ratio) if name in LOGARITHMIC else (value - margin, value + margin)
+        if name in LOGARITHMIC:
+            ratio = float(np.exp(min(margin / value, WIDEST)))
+            intervals[name] = value / ratio, value * ratio
+        else:
+            intervals[name] = value - margin, value + margin
     return intervals
 
 
 def _rectifier_errors(nonlinearity: StaticNonlinearity, covariance: np.ndarray) -> dict[str, float]:
     """Standard errors of gain and threshold, by differences with respect to the coefficients."""
-    if nonlinearity.basis.kind == "rectifier":
-        return {"G": float(np.sqrt(covariance[0, 0]))}
-    values = np.array(nonlinearity.fit_rectifier()[:2])
-    steps = 0.1 * np.sqrt(np.diag(covariance))
-    slopes = []
-    for k, step in enumerate(steps):
-        coefficients = nonlinearity.coefficients + step * np.eye(steps.size)[k]
-        shifted = replace(nonlinearity, coefficients=coefficients).fit_rectifier()[:2]
-        slopes.append((np.array(shifted) - values) / step)
+    values, slopes = np.array(nonlinearity.fit_rectifier()[:2]), []
+    for step in np.diag(0.1 * np.sqrt(np.diag(covariance))):
+        shifted = replace(nonlinearity, coefficients=nonlinearity.coefficients + step).fit_rectifier()[:2]
+        slopes.append((np.array(shifted) - values) / step.sum())
     slope = np.array(slopes)
     errors = np.sqrt(np.diag(slope.T @ covariance @ slope))
-    return dict(zip(("G", "threshold"), map(float, errors), strict=True))
+    return dict(zip(("G", "threshold"), errors.tolist(), strict=True))
+
+
+def smallest_correlation(instruments: np.ndarray, regressors: np.ndarray, weight: np.ndarray | float = 1.0) -> float:
+    """Smallest canonical correlation of the rows of instruments and regressors, of which each may be complex."""
+    z, x = (np.linalg.qr((rows * weight).view(float).T)[0] for rows in (instruments, regressors))
+    return float(np.linalg.svd(z.T @ x, compute_uv=False)[-1])

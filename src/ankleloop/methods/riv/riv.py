@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
+
+import numpy as np
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.model_inputs import ModelInputs
@@ -10,18 +12,17 @@ from ankleloop.joint.models import PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
-from ankleloop.methods.riv_alternatives import add_alternatives, find_alternatives, is_stretch_delay, last_error
-from ankleloop.methods.riv_covariance import (
-    RivCovariance,
+from ankleloop.methods.riv.alternatives import add_alternatives, find_alternatives, is_stretch_delay, last_error
+from ankleloop.methods.riv.covariance import (
     choose_covariance,
     estimate_errors,
     estimate_intervals,
-    parameter_values,
-    reflex_path,
+    smallest_correlation,
 )
-from ankleloop.methods.riv_equations import RivEquations, best_of_grid
-from ankleloop.methods.riv_search import RivSolution, solve
+from ankleloop.methods.riv.equations import Equations
+from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import Options, option
+from ankleloop.signals.reference import explained_share
 
 CERTAIN_DELAY = 0.005  # s, standard error
 
@@ -76,12 +77,12 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
 
     Weighting by the noise spectrum corresponds to prewhitening in time. Spectrum and derivatives are
     those of the parameters (Young 2011; Gilson, Garnier, Young and Van den Hof 2011). The search for the solution
-    never ends worse than its start (`ankleloop.methods.riv_search.solve`), which is the best of a grid of dynamics for
+    never ends worse than its start (`ankleloop.methods.riv.search.solve`), which is the best of a grid of dynamics for
     the predicted position, a fit to the torque that the reference explains.
 
     Intervals are for the parameters that the same model would have on an infinitely long record. Where the residual
     depends on the movement, the model is incomplete and asymptotic intervals do not hold: they are then robust
-    (`ankleloop.methods.riv_covariance.robust_covariance`). There are none if the search has not converged.
+    (`ankleloop.methods.riv.covariance.robust_covariance`). There are none if the search has not converged.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
         interval_segment (length of the segments that robust intervals count [s]), standard_errors, noise_frequency
         [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint that the record
         shows and the model does not have, with their scores (size over standard error) and the relative shifts of K,
-        B, I and G (`ankleloop.methods.riv_alternatives`). Intervals hold the values with the first of them.
+        B, I and G (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them.
 
     Raises
     ------
@@ -125,18 +126,15 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     >>> low < 150.0 < high
     True
     """
-    solution = _solve(trial, options, estimate_delay=options.delay is None)
-    assumptions = []
+    solution, assumptions = _solve(trial, options, estimate_delay=options.delay is None), []
     if options.delay is None and not _shows_delay(solution):
         assumptions = [f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."]
         solution = _solve(trial, options, estimate_delay=False)
     estimate = _estimate(trial, solution, options, assumptions)
-    if not solution.converged:
-        return estimate
-    return add_alternatives(estimate, find_alternatives(solution, options.max_iterations, options.tolerance))
+    return add_alternatives(estimate, find_alternatives(solution)) if solution.converged else estimate
 
 
-def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> RivSolution:
+def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
     regressors = trial.regressors(
         delay=NOMINAL_DELAY if options.delay is None else options.delay,
         basis=options.basis or "rectifier",
@@ -144,49 +142,53 @@ def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -
         identification_rate=options.identification_rate,
         reference=options.reference,
     )
-    equations = RivEquations(
-        trial, regressors, options.order, estimate_delay=estimate_delay, weighting=options.weighting
-    )
-    return solve(equations, best_of_grid(equations), options.max_iterations, options.tolerance)
+    equations = Equations(trial, regressors, options.weighting)
+    start = equations.find_start(options.order, estimate_delay=estimate_delay)
+    return solve(equations, start, options.max_iterations, options.tolerance)
 
 
-def _shows_delay(solution: RivSolution) -> bool:
+def _shows_delay(solution: Search) -> bool:
     """Whether an estimated delay is one of a stretch reflex, and certain."""
-    if not solution.converged or not is_stretch_delay(solution.delay):
-        return False
-    if parameter_values(solution.point.equations, solution.point.parameters)["G"] < 0.0:
-        return False
-    return last_error(solution) < CERTAIN_DELAY
+    values = solution.point.values
+    likely = solution.converged and is_stretch_delay(values["delay"]) and values["G"] >= 0.0
+    return likely and last_error(solution) < CERTAIN_DELAY
 
 
-def _estimate(trial: PreparedTrial, solution: RivSolution, options: RivOptions, assumptions: list[str]) -> Estimate:
+def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]) -> Estimate:
     """Torques, physical parameters, and their intervals where the search has converged."""
-    point, equations = solution.point, solution.point.equations
-    parameters, regressors = point.parameters, equations.regressors
-    path, values = reflex_path(equations, parameters), parameter_values(equations, parameters)
-    covariance = choose_covariance(point, solution.free, options.intervals) if solution.converged else None
-    errors = {} if covariance is None else estimate_errors(point, path, covariance, solution.free)
+    point, equations, regressors = solution.point, solution.equations, solution.equations.regressors
+    parameters, values = point.parameters, point.values
+    errors, intervals, description = {}, {}, {"intervals": None}
+    if solution.converged:
+        covariance, quantile, description = choose_covariance(point, solution.free, options.intervals)
+        errors = estimate_errors(point, covariance, solution.free)
+        intervals = estimate_intervals(values, errors, quantile)
     inputs = ModelInputs.of(regressors, values["delay"])
     model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
+    strength, explained = 1.0, 1.0
+    if not equations.open_loop:
+        assert regressors.reference is not None
+        strength = smallest_correlation(point.instruments, point.regressors, 1.0 / np.sqrt(point.level))
+        explained = explained_share(regressors.inputs[:, 0], regressors.reference, regressors.rate)
     return Estimate(
         method="riv",
-        torque=model.predict(trial) if equations.estimate_delay else model.simulate(trial, regressors),
+        torque=model.predict(trial) if parameters.delays else model.simulate(trial, regressors),
         matrices=model.matrices,
-        stiffness={name: values[name] for name in "KBI"},
-        reflex={name: values[name] for name in values if name not in "KBI"},
-        intervals={} if covariance is None else estimate_intervals(values, errors, covariance.quantile),
+        stiffness={name: values.pop(name) for name in "KBI"},
+        reflex=values,
+        intervals=intervals,
         diagnostics={
-            "order": equations.order,
+            "order": options.order,
             "iterations": len(solution.path) - 1,
             "converged": solution.converged,
             "criterion_start": solution.path[0].merit(solution.free),
             "criterion": point.merit(solution.free),
-            "instrument_strength": point.strength,
-            "explained": equations.explained,
-            "reference": regressors.reference_name,
-            **_describe_intervals(covariance),
+            "instrument_strength": strength,
+            "explained": explained,
+            "reference": options.reference,
+            **description,
             "standard_errors": errors,
-            "nonlinearity": path.nonlinearity.curve(),
+            "nonlinearity": point.path.nonlinearity.curve(),
             "noise_frequency": equations.band.frequency,
             "noise_spectrum": point.noise / equations.band.density,
             "assumptions": assumptions,
@@ -196,25 +198,16 @@ def _estimate(trial: PreparedTrial, solution: RivSolution, options: RivOptions, 
     )
 
 
-def _describe_intervals(covariance: RivCovariance | None) -> dict[str, Any]:
-    """Kind of the intervals and the test that chose it, as diagnostics."""
-    if covariance is None:
-        return {"intervals": None}
-    segment = {} if covariance.segment is None else {"interval_segment": covariance.segment}
-    return {"intervals": covariance.kind, "movement_p": covariance.movement_p, **segment}
-
-
-def _warnings(solution: RivSolution) -> list[str]:
+def _warnings(solution: Search) -> list[str]:
     """What the search did not reach, and what the record does not show."""
-    warnings, equations = [], solution.point.equations
-    if solution.left_band or "pole" in solution.held:
-        fewer = "take order=2" if equations.order == 3 else "its gain or the record is too small for two"
-        warnings.append(
-            f"a pole of the reflex has left the band, so the record does not show {equations.order}: {fewer}."
-        )
+    warnings, order = [], len(solution.point.parameters.dynamics.values)
+    left_band = solution.equations.pole_out_of_band(solution.path[-1].parameters)
+    if left_band or "pole" in solution.held:
+        fewer = "take order=2" if order == 3 else "its gain or the record is too small for two"
+        warnings.append(f"a pole of the reflex has left the band, so the record does not show {order}: {fewer}.")
     if not solution.converged:
         names = dict.fromkeys("G" if name.startswith("c") else name for name in solution.flat)
-        cause = "" if solution.left_band else f" The record hardly shows a common change of {', '.join(names)}."
+        cause = "" if left_band else f" The record hardly shows a common change of {', '.join(names)}."
         warnings.append(
             f"not converged after {len(solution.path) - 1} iterations: the parameters are those of the best one, "
             f"without intervals.{cause}"

@@ -1,0 +1,259 @@
+"""The equations of refined instrumental variables, between spectra of measured and predicted inputs; their start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+from scipy.linalg import lapack
+
+from ankleloop.joint.dynamics import ReflexDynamics, respond
+from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.regressors import MOTION, Regressors
+from ankleloop.signals.spectra import pass_band
+
+NOISE_RESOLUTION = 0.4  # Hz
+DELAY_LIMITS = (0.015, 0.15)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity
+FASTEST_POLE = 20.0  # of the highest frequency: a pole beyond [rad/s] acts like a delay of a millisecond
+NO_POLE = 100.0  # of that limit: a third pole that is held there is none
+WELL_CONDITIONED = 1e-9  # reciprocal condition number
+SINGULAR = 1e-12  # of the largest singular value of scaled equations
+DIFFERENCE = 1e-5  # of a logarithm, or s, for second derivatives
+DELAYS = np.arange(0.02, 0.121, 0.01)  # s: candidates for the start of an unknown delay
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """Parameters of a model: linear ones, the dynamics behind some of them, and delays."""
+
+    linear: np.ndarray  # shape (k,): K, B, I and the coefficients of basis functions, or those of splines of them
+    dynamics: ReflexDynamics  # dynamics of the reflex
+    shift: float = 0.0  # delay of the reflex less that of the inputs [s]
+    lag: float = 0.0  # lag of the torque channel behind the position [s]
+    delays: tuple[str, ...] = ()  # those of "delay" and "torque_lag" that are unknowns
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of the unknowns behind the linear ones: logarithms of the dynamics, and delays."""
+        return (*self.dynamics.values, *self.delays)
+
+    def add(self, step: np.ndarray) -> Parameters:
+        """Parameters after a step of all unknowns."""
+        linear, dynamics, late = np.split(step, np.cumsum([self.linear.size, len(self.dynamics.values)]))
+        steps = dict(zip(self.delays, late.tolist(), strict=True))
+        shift, lag = self.shift + steps.get("delay", 0.0), self.lag + steps.get("torque_lag", 0.0)
+        return Parameters(self.linear + linear, self.dynamics.scale(dynamics), shift, lag, self.delays)
+
+    def responses(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Response of the reflex with its shift of the delay, and its derivatives with respect to its unknowns."""
+        response, derivatives = self.dynamics.response(s)
+        rows = np.array([*derivatives, -s * response] if "delay" in self.delays else derivatives)
+        if self.shift:
+            delay = np.exp(-s * self.shift)
+            response, rows = delay * response, delay * rows
+        return response, rows
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """The equations at some parameters; weights and instruments are those of these parameters."""
+
+    equations: Equations  # the equations
+    parameters: Parameters  # the parameters
+    # Shape (unknowns, frequencies): derivatives of the torque with respect to the parameters, by the predicted inputs.
+    instruments: np.ndarray
+    regressors: np.ndarray  # the same by the measured inputs
+    residual: np.ndarray  # shape (frequencies,): measured torque less that of the model
+    noise: np.ndarray  # shape (frequencies,): smoothed periodogram of the residual
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of every unknown."""
+        terms = (f"c{k}" for k in range(1, self.parameters.linear.size - MOTION + 1))
+        return ("K", "B", "I", *terms, *self.parameters.unknowns)
+
+    @property
+    def path(self) -> ReflexPath:
+        """Nonlinearity and dynamics of the reflex."""
+        coefficients = self.parameters.linear[MOTION:]
+        nonlinearity = StaticNonlinearity(self.equations.regressors.basis, coefficients)
+        return ReflexPath(nonlinearity, self.parameters.dynamics)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """K, B, I, delay and the parameters of the reflex, by name."""
+        stiffness = dict(zip("KBI", self.parameters.linear[:MOTION].tolist(), strict=True))
+        return {**stiffness, "delay": self.equations.delay + self.parameters.shift, **self.path.parameters}
+
+    @cached_property
+    def level(self) -> np.ndarray:
+        """Noise that the weights are the inverse of, shape (frequencies,)."""
+        return self.noise if self.equations.weighting == "noise" else np.full(self.noise.size, self.noise.mean())
+
+    @cached_property
+    def weighted(self) -> np.ndarray:
+        """Weighted conjugate instruments, shape (unknowns, frequencies)."""
+        return self.instruments.conj() / self.level
+
+    @cached_property
+    def side(self) -> np.ndarray:
+        """Left side of the equations, zero at their solution, shape (unknowns,)."""
+        return np.real(self.weighted @ self.residual)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Minus the slope of the left side for fixed weights and instruments, shape (unknowns, unknowns)."""
+        return np.real(self.weighted @ self.regressors.T)
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Products of the instruments, shape (unknowns, unknowns)."""
+        return np.real(self.weighted @ self.instruments.T)
+
+    @cached_property
+    def scatter(self) -> np.ndarray:
+        """Covariance of the left side where noise of this spectrum is all that is left; each frequency counts twice."""
+        products = np.real((self.weighted * self.noise) @ self.weighted.conj().T)
+        return 0.5 * self.equations.band.correlation * products
+
+    def merit(self, free: np.ndarray) -> float:
+        """Size of the left side of some unknowns over its standard deviation, squared: a χ² at the true parameters."""
+        side = self.side[free]
+        return float(side @ solve_scaled(self.scatter[np.ix_(free, free)], side))
+
+    @cached_property
+    def misfit(self) -> float:
+        """Twice the negative log-likelihood of the torque less what the predicted inputs explain, but for a constant.
+
+        With weights from the noise its spectrum is unknown (Whittle 1953), else it is white. In open loop its slope is
+        the left side of the equations, but for the smoothing of weights.
+        """
+        e, linear = self.equations, self.parameters.linear
+        remainder = self.residual if e.open_loop else e.torque - linear @ self.instruments[: linear.size]
+        if e.weighting == "noise":
+            logarithms = np.log(e.smooth_power(remainder))
+        else:
+            logarithms = np.full(remainder.size, np.log(np.mean(np.abs(remainder) ** 2)))
+        return float(2.0 / e.band.correlation * np.sum(logarithms))
+
+    @cached_property
+    def slope(self) -> np.ndarray:
+        """Minus the slope of the left side, weights and instruments being renewed, shape (unknowns, unknowns)."""
+        e, p, slope = self.equations, self.parameters, self.normal.copy()
+        linear, target = p.linear.size, self.residual / self.level
+        for k in range(linear, len(slope)):  # instruments are the slopes of a torque, so their slopes are symmetric
+            step = DIFFERENCE * np.eye(len(slope))[k]
+            ahead, behind = (e.differentiate(e.predicted, p.add(sign * step)) for sign in (1.0, -1.0))
+            change = np.real((ahead - behind).conj() @ target) / (2.0 * DIFFERENCE)
+            slope[:, k] -= change
+            slope[k, :linear] -= change[:linear]
+        if e.weighting == "noise":
+            products = np.real(self.residual.conj() * self.regressors)
+            noise_slopes = -2.0 * np.array([e.band.smooth(row, NOISE_RESOLUTION) for row in products])
+            slope += np.real(self.weighted * self.residual) / self.level @ noise_slopes.T
+        return slope
+
+
+class Equations:
+    """Spectra of the measured and of the predicted inputs of a trial, and the equations between them."""
+
+    def __init__(self, trial: PreparedTrial, regressors: Regressors, weighting: str) -> None:
+        self.regressors, self.weighting = regressors, weighting
+        self.delay = float(regressors.delay)
+        self.band = pass_band(regressors.torque.size, regressors.rate)
+        self.pole_limit = FASTEST_POLE * self.band.highest  # from which on a pole cannot be told from a delay [rad/s]
+        self.torque = self.band.transform(regressors.torque)
+        self.measured = self.band.transform(regressors.inputs.T)
+        self.predicted_inputs = trial.predict_inputs(regressors)
+        self.open_loop = self.predicted_inputs is regressors.inputs
+        self.predicted = self.measured if self.open_loop else self.band.transform(self.predicted_inputs.T)
+
+    def smooth_power(self, spectrum: np.ndarray) -> np.ndarray:
+        """Smoothed periodogram, shape (frequencies,)."""
+        power = self.band.smooth(np.abs(spectrum) ** 2, NOISE_RESOLUTION)
+        return np.maximum(power, 1e-12 * power.max())
+
+    def evaluate(self, parameters: Parameters) -> Point:
+        """Left side of the equations and all that belongs to it."""
+        regressors = self.differentiate(self.measured, parameters)
+        instruments = regressors if self.open_loop else self.differentiate(self.predicted, parameters)
+        residual = self.torque - parameters.linear @ regressors[: parameters.linear.size]
+        return Point(self, parameters, instruments, regressors, residual, self.smooth_power(residual))
+
+    def differentiate(self, spectra: np.ndarray, parameters: Parameters) -> np.ndarray:
+        """Derivatives of the torque with respect to the parameters, by some inputs, shape (unknowns, frequencies)."""
+        response, derivatives = parameters.responses(self.band.s)
+        drive = spectra[MOTION:]
+        nonlinear = derivatives * (parameters.linear[MOTION:] @ drive)
+        return np.vstack([spectra[:MOTION], response * drive, nonlinear])
+
+    def pole_out_of_band(self, parameters: Parameters) -> bool:
+        """Whether a pole of the second-order part is so fast that it cannot be told from a delay."""
+        omega_n, zeta = parameters.dynamics.omega_n, parameters.dynamics.zeta
+        return bool(omega_n * (zeta + np.sqrt(max(zeta**2 - 1.0, 0.0))) > self.pole_limit)
+
+    def hold_at_limits(self, parameters: Parameters) -> tuple[Parameters, set[str]]:
+        """Parameters without a third pole or a delay beyond their limits, and the names of those that were."""
+        names = set()
+        if (parameters.dynamics.pole or 0.0) >= self.pole_limit:
+            parameters = replace(parameters, dynamics=replace(parameters.dynamics, pole=NO_POLE * self.pole_limit))
+            names.add("pole")
+        shortest, longest = (limit - self.delay for limit in DELAY_LIMITS)
+        if "delay" in parameters.delays and not shortest < parameters.shift < longest:
+            parameters = replace(parameters, shift=min(max(parameters.shift, shortest), longest))
+            names.add("delay")
+        return parameters, names
+
+    def find_start(self, order: int, *, estimate_delay: bool) -> Parameters:
+        """Best of a grid of dynamics for the predicted position, a fit to the torque that it explains."""
+        shifts, s = DELAYS - self.delay if estimate_delay else np.zeros(1), self.band.s
+        grid = [(dynamics, shift) for dynamics in ReflexDynamics.grid(order) for shift in shifts.tolist()]
+        filters = respond(ReflexDynamics.grid(order), s)[:, None] * np.exp(-np.outer(shifts, s))
+        filters = filters.reshape(len(grid), -1)
+        linear, best, residual = fit_grid(self.predicted, self.torque, filters, np.ones(s.size))
+        if self.weighting == "noise":
+            linear, best, _ = fit_grid(self.predicted, self.torque, filters, self.smooth_power(residual))
+        return Parameters(linear, *grid[best], delays=("delay",) * estimate_delay)
+
+
+def solve_scaled(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve normal equations whose unknowns differ in unit; directions without information get zero."""
+    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), np.finfo(float).tiny))
+    scaled = normal * (scale[:, None] * scale)
+    right = (right.T * scale).T
+    factor, pivots, failure = lapack.dgetrf(scaled)
+    if failure == 0 and lapack.dgecon(factor, np.abs(scaled).sum(axis=0).max())[0] > WELL_CONDITIONED:
+        return (lapack.dgetrs(factor, pivots, right)[0].T * scale).T
+    return (linalg.lstsq(scaled, right, cond=SINGULAR)[0].T * scale).T
+
+
+def fit_grid(
+    inputs: np.ndarray, torque: np.ndarray, filters: np.ndarray, noise: np.ndarray
+) -> tuple[np.ndarray, int, np.ndarray]:
+    """Linear parameters of the best of some filters of the reflex, its number, and what it leaves of the torque.
+
+    They are fitted for all of the filters in one pass.
+
+    Shapes: inputs (3 + k, F), torque (F,), filters (size, F), noise (F,); returns (3 + k,), residual (F,).
+    """
+    motion, drive = inputs[:MOTION], inputs[MOTION:]
+    k, size = len(drive), len(filters)
+    weighted = motion.conj() / noise
+    normal = np.empty((size, MOTION + k, MOTION + k))
+    normal[:, :MOTION, :MOTION] = np.real(weighted @ motion.T)
+    cross = np.real(filters @ (weighted[:, None] * drive).reshape(MOTION * k, -1).T).reshape(-1, MOTION, k)
+    normal[:, :MOTION, MOTION:], normal[:, MOTION:, :MOTION] = cross, np.swapaxes(cross, 1, 2)
+    products = np.real(drive.conj()[:, None] * drive / noise).reshape(k * k, -1)
+    normal[:, MOTION:, MOTION:] = (np.abs(filters) ** 2 @ products.T).reshape(-1, k, k)
+    right = np.empty((size, MOTION + k))
+    right[:, :MOTION] = np.real(weighted @ torque)
+    right[:, MOTION:] = np.real(filters @ (drive * torque.conj() / noise).T)
+    scale = 1.0 / np.sqrt(np.einsum("gii->gi", normal))
+    scaled = normal * scale[:, :, None] * scale[:, None] + 1e-12 * np.eye(MOTION + k)
+    linear = scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
+    best = int(np.argmax(np.sum(right * linear, axis=1)))  # explained energy
+    values = linear[best]
+    return values, best, torque - values[:MOTION] @ motion - filters[best] * (values[MOTION:] @ drive)

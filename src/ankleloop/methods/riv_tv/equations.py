@@ -1,0 +1,221 @@
+"""Equations of `riv-tv`: whitened regressors and instruments, less what repeats with the cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.fft import irfft, rfft
+
+from ankleloop.joint.time_varying_course import Splines
+from ankleloop.methods.riv.equations import Parameters
+from ankleloop.methods.riv_tv.inputs import MEAN_SPLINES, TimeVaryingInputs
+from ankleloop.signals.spectra import pass_band
+
+RESOLUTION, FEWEST_BINS = 0.4, 20  # Hz, and frequencies, over which the noise spectrum is smoothed
+NOISE_SPLINES = 8  # of the level of the noise
+LOWEST_LEVEL = 0.05  # of the mean level of the noise
+POWER_FLOOR = 1e-10  # of the largest power of the noise
+CONSTANT = Splines(1, periodic=False, degree=0)
+MEASURED, PREDICTED = 0, 1
+
+
+@dataclass(frozen=True)
+class Bases:
+    """Splines of K, B, G and I."""
+
+    all: tuple[Splines, Splines, Splines, Splines]  # those of I are `CONSTANT` where it does not vary
+
+    @property
+    def names(self) -> str:
+        """Those that vary: K, B, G, and I where it does."""
+        return "KBG" if self.all[3].size == 1 else "KBGI"
+
+    @cached_property
+    def blocks(self) -> tuple[slice, slice, slice, slice]:
+        """Places of the coefficients of K, B, G and I among the linear parameters; those of G come last."""
+        k, b, g, i = (splines.size for splines in self.all)
+        return slice(0, k), slice(k, k + b), slice(k + b + i, k + b + i + g), slice(k + b, k + b + i)
+
+    @property
+    def size(self) -> int:
+        """Number of linear parameters."""
+        return self.blocks[2].stop
+
+    def penalty(self, weights: np.ndarray, unknowns: int) -> np.ndarray:
+        """Weighted sum of the penalties, shape (unknowns, unknowns)."""
+        matrix = np.zeros((unknowns, unknowns))
+        for splines, block, weight in zip(self.all, self.blocks, weights, strict=True):
+            matrix[block, block] = weight * splines.penalty
+        return matrix
+
+
+@dataclass(frozen=True, eq=False)
+class WhitenedSystem:
+    """Whitened instruments, regressors and torque at some parameters."""
+
+    # Shape (unknowns, rows): derivatives of the torque with respect to the unknowns, by the predicted inputs.
+    instruments: np.ndarray
+    regressors: np.ndarray  # the same by the measured inputs
+    torque: np.ndarray  # shape (rows,): whitened torque
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Products of instruments and regressors."""
+        return self.instruments @ self.regressors.T
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Products of the instruments."""
+        return self.normal if self.instruments is self.regressors else self.instruments @ self.instruments.T
+
+    @cached_property
+    def side(self) -> np.ndarray:
+        """Products of instruments and torque."""
+        return self.instruments @ self.torque
+
+    def residual(self, linear: np.ndarray) -> np.ndarray:
+        """Whitened torque less that of linear parameters, shape (rows,)."""
+        return self.torque - linear @ self.regressors[: linear.size]
+
+
+class TimeVaryingEquations:
+    """Spectra of regressors and instruments of a trial for a delay of the reflex, of which whitened systems are made.
+
+    What they hold for the measured and for the predicted motion are pairs; `MEASURED` and `PREDICTED` are their places.
+    """
+
+    def __init__(self, inputs: TimeVaryingInputs, bases: Bases, delay: float, weighting: str = "noise") -> None:
+        self.inputs, self.bases, self.weighting = inputs, bases, weighting
+        self.rows = inputs.course.rows
+        samples = self.rows.stop - self.rows.start
+        self.band = pass_band(samples, inputs.rate)
+        self.resolution = max(RESOLUTION, FEWEST_BINS * inputs.rate / samples)
+        self.frequency = np.abs(inputs.s) / (2 * np.pi)
+        self.inside = (self.frequency >= self.band.lowest) & (self.frequency <= self.band.highest)
+        self.share = float(np.mean(self.inside))  # so many independent values a whitened sample has
+        torque = inputs.trial.channel("torque", inputs.grid)
+        self.torque = inputs.spectra(torque - torque.mean())
+        k, b, self._gain, i = (splines(inputs.course.place).T for splines in bases.all)
+        # Weights of the splines of K, B, G and I in their means over the record.
+        self.mean_weights = [rows[:, self.rows].mean(axis=1) for rows in (k, b, self._gain, i)]
+        measured = inputs.measure()
+        self.motions = measured, inputs.predict(measured)
+        self.own_instruments = self.motions[PREDICTED] is measured
+
+        def expand(side: int) -> np.ndarray:
+            position, velocity, acceleration = self.motions[side].signals
+            return inputs.spectra(np.vstack([k * position, b * velocity, i * acceleration]))
+
+        self.motion = self._pair(expand)
+        self.set_delay(delay)
+
+    def _pair(self, compute: Callable[[int], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        measured = compute(MEASURED)
+        return measured, measured if self.own_instruments else compute(PREDICTED)
+
+    def set_delay(self, delay: float) -> None:
+        """Make the inputs of the reflex for a delay: one that acts behind the splines would move G over phase."""
+        self.delay = delay
+        self.drive = self._pair(lambda side: self.inputs.spectra(self._gain * self.motions[side].drive(delay)))
+
+    def means(self, linear: np.ndarray) -> dict[str, float]:
+        """Means of K, B, G and I over the record, of their coefficients."""
+        parts = zip("KBGI", self.mean_weights, self.bases.blocks, strict=True)
+        return {name: float(weights @ linear[block]) for name, weights, block in parts}
+
+    def predict_torque(self, parameters: Parameters, side: int) -> np.ndarray:
+        """Transform of the torque of the model, by the measured or the predicted motion."""
+        linear, motion = parameters.linear, self.motion[side]
+        reflex = linear[self.bases.blocks[2]] @ self.drive[side]
+        return linear[: len(motion)] @ motion + parameters.responses(self.inputs.s)[0] * reflex
+
+    def _differentiate(self, parameters: Parameters, side: int) -> np.ndarray:
+        """Transforms of the derivatives of the torque with respect to the unknowns, shape (unknowns, frequencies)."""
+        response, rows = parameters.responses(self.inputs.s)
+        drive = self.drive[side]
+        spectra = [self.motion[side], response * drive, rows * (parameters.linear[self.bases.blocks[2]] @ drive)]
+        if "torque_lag" in parameters.delays:
+            spectra.append((-self.inputs.s * self.predict_torque(parameters, side))[None])
+        return np.vstack(spectra)
+
+    def system(self, parameters: Parameters, whiten: Callable[[np.ndarray], np.ndarray]) -> WhitenedSystem:
+        """System at some parameters, whitened by a function of `whitener`."""
+        regressors, instruments = self._pair(lambda side: whiten(self._differentiate(parameters, side)))
+        return WhitenedSystem(instruments, regressors, whiten(self.lead(parameters)))
+
+    def lead(self, parameters: Parameters) -> np.ndarray:
+        """Transform of the torque, ahead by its lag."""
+        return self.torque * np.exp(self.inputs.s * parameters.lag) if parameters.lag else self.torque
+
+    def whitener(self, weight: np.ndarray, level: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """Function that makes signals, shape (..., rows), of spectra, and takes out of them what repeats.
+
+        Frequencies are multiplied by a weight, and times divided by a level.
+
+        Shapes: weight (frequencies,), level (rows,).
+        """
+        course, size, rows = self.inputs.course, self.inputs.size, self.rows
+        if length := course.equal_cycles:
+
+            def remove_mean(spectra: np.ndarray) -> np.ndarray:
+                signals = irfft(weight * spectra, size)[..., rows]
+                cycles = signals.reshape(*signals.shape[:-1], -1, length)
+                return (cycles - cycles.mean(axis=-2, keepdims=True)).reshape(signals.shape) / level
+
+            return remove_mean
+        splines = rfft(Splines(MEAN_SPLINES, course.periodic)(course.place).T, size)
+        white = irfft(weight * splines, size)[:, rows] / level
+        values, vectors = np.linalg.eigh(white @ white.T)
+        large = values > 1e-12 * values[-1]
+        directions = (vectors[:, large] / np.sqrt(values[large])).T @ white
+
+        def project(spectra: np.ndarray) -> np.ndarray:
+            signals = irfft(weight * spectra, size)[..., rows] / level
+            return signals - (signals @ directions.T) @ directions
+
+        return project
+
+    def noise(self, parameters: Parameters) -> np.ndarray:
+        """Residual torque less what repeats with the cycle, shape (rows,)."""
+        whiten = self.whitener(np.ones(self.frequency.size), np.ones(self.rows.stop - self.rows.start))
+        return whiten(self.lead(parameters) - self.predict_torque(parameters, MEASURED))
+
+    def noise_whitener(self, noise: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """Function that whitens noise: by the inverse of its spectrum, and of its level as a function of the place."""
+        spectrum, level, inputs = self.spectrum(noise), np.ones(noise.size), self.inputs
+        if self.weighting == "flat":
+            spectrum = np.full(spectrum.size, spectrum.mean())
+        weight = 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum))
+        weight = np.where(self.inside, weight, 0.0)
+        if self.weighting == "noise":
+            padded = np.zeros(inputs.grid.samples)
+            padded[self.rows] = noise
+            power = irfft(weight * rfft(padded, inputs.size), inputs.size)[self.rows] ** 2
+            splines = Splines(NOISE_SPLINES, inputs.course.periodic)(inputs.course.place[self.rows])
+            values, mean = splines @ np.linalg.lstsq(splines, power, rcond=1e-6)[0], float(np.mean(power))
+            level = np.sqrt(np.maximum(values, LOWEST_LEVEL * mean) / mean)
+        return self.whitener(weight, level)
+
+    def spectrum(self, noise: np.ndarray) -> np.ndarray:
+        """Smoothed spectrum of the noise at the frequencies of the band [(N·m)²], white noise having its variance."""
+        power = self.band.smooth(np.abs(self.band.transform(noise)) ** 2, self.resolution)
+        power = power / np.sum(self.band.taper**2)
+        return np.maximum(power, POWER_FLOOR * power.max())
+
+    def colour(self, signals: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """Whitened signals with the spectrum of a whitened residual over its mean, shape (..., rows).
+
+        Noise weights leave about white noise, flat ones its colour.
+        """
+        spectrum = self.spectrum(residual)
+        frequency = np.fft.rfftfreq(residual.size, 1.0 / self.inputs.rate)
+        power = np.interp(frequency, self.band.frequency, spectrum / spectrum.mean(), left=0.0, right=0.0)
+        return irfft(np.sqrt(power) * rfft(signals), residual.size)
+
+    @property
+    def smoothing_variance(self) -> float:
+        """Variance of the smoothed spectrum over its square; zero for flat weights."""
+        return self.band.smoothing_variance(self.resolution) if self.weighting == "noise" else 0.0

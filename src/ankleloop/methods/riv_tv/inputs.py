@@ -1,0 +1,166 @@
+"""Inputs of a joint that changes in time: measured ones, and those of the position that the reference predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+from scipy.fft import irfft, next_fast_len, rfft
+
+from ankleloop.errors import DataError
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.regressors import Grid
+from ankleloop.joint.time_varying_course import Course, Splines
+from ankleloop.signals.decimation import PASSBAND, decimate, decimation_margin
+from ankleloop.signals.spectra import smooth
+
+LEADS, LAGS = 0.15, 0.60  # s
+RIDGE = 1e-3  # of the power of the reference: it settles what lies beyond the pass band
+FOLDS = 4
+RESOLUTION = 0.8  # Hz
+MEAN_SPLINES = 24  # of what repeats with the cycle, or changes slowly
+PADDING = 1.0  # s of zeros behind a record, in which responses end
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Motion of the joint, measured or predicted."""
+
+    signals: np.ndarray  # shape (3, N): position less what repeats or changes slowly, velocity and acceleration
+    drive: Callable[[float], np.ndarray]  # rectified velocity, shape (N,), by its delay
+
+
+@dataclass(frozen=True, eq=False)
+class TimeVaryingInputs:
+    """Decimated signals of a trial, and the same of the position that the reference predicts."""
+
+    trial: PreparedTrial  # the trial
+    grid: Grid  # its decimated samples
+    course: Course  # what its parameters vary with
+    reference_name: str  # variable that serves as reference; the position itself for least squares
+
+    @property
+    def rate(self) -> float:
+        """Rate of the decimated samples [Hz]."""
+        return self.trial.rate / self.grid.factor
+
+    @cached_property
+    def size(self) -> int:
+        """Length of the padded records that are transformed."""
+        return int(next_fast_len(self.grid.samples + round(PADDING * self.rate), real=True))
+
+    @cached_property
+    def s(self) -> np.ndarray:
+        """Laplace variable on the imaginary axis [rad/s], shape (frequencies,)."""
+        return 2j * np.pi * np.fft.rfftfreq(self.size, 1.0 / self.rate)
+
+    @cached_property
+    def reference(self) -> np.ndarray:
+        """Reference less what repeats with the cycle or changes slowly, shape (N,)."""
+        reference = self.trial.channel(self.reference_name, self.grid)
+        return reference - self.slow_part(reference)
+
+    def measure(self) -> Motion:
+        """The motion that was measured."""
+        position, velocity, acceleration = self.trial.motion(self.grid)
+        signals = np.stack([position - self.slow_part(position), velocity, acceleration])
+        return Motion(signals, lambda delay: decimate(np.maximum(0.0, self.trial.velocity(delay)), *self.grid))
+
+    def predict(self, measured: Motion) -> Motion:
+        """The motion that slow movement and reference explain; the measured one where the position is the reference."""
+        if self.reference_name == "position":
+            return measured
+        factor, samples = self.grid.factor, self.grid.samples
+        perturbation = predict_perturbation(measured.signals[0], self.reference, self.rate)
+        slow = self.slow_part(self.trial.motion(self.grid)[0])
+        velocity = self.s * rfft(slow - slow.mean() + perturbation, self.size)
+        # Beyond the pass band of the decimation a derivative would only amplify.
+        velocity[np.abs(self.s) > 2 * np.pi * 0.5 * (PASSBAND + 0.5) * self.rate] = 0.0
+
+        def drive(delay: float) -> np.ndarray:
+            recorded = irfft(velocity * np.exp(-self.s * delay), factor * self.size) * factor
+            margin, rectified = decimation_margin(factor), np.maximum(0.0, recorded)
+            extended = np.concatenate([rectified[-margin:], rectified[: factor * samples + margin]])
+            return decimate(extended, factor, margin, samples)
+
+        derivatives = irfft(np.stack([velocity, self.s * velocity]), self.size)[:, :samples]
+        return Motion(np.vstack([perturbation, derivatives]), drive)
+
+    @cached_property
+    def _slow_projection(self) -> tuple[np.ndarray, np.ndarray]:
+        """Splines of what repeats or changes slowly, and the matrix that fits them to the samples that count."""
+        splines = Splines(MEAN_SPLINES, self.course.periodic)(self.course.place)
+        return splines, linalg.pinv(splines[self.course.rows], rtol=1e-6)
+
+    def slow_part(self, x: np.ndarray) -> np.ndarray:
+        """Part of signals that is a smooth function of the place, shape (..., N)."""
+        splines, fit = self._slow_projection
+        return (x[..., self.course.rows] @ fit.T) @ splines.T
+
+    def spectra(self, signals: np.ndarray) -> np.ndarray:
+        """Transforms of signals less what repeats with the cycle, or changes slowly.
+
+        What repeats is far larger than what does not. It goes before any filter, whose response to the ends of the
+        record would reach into the samples that count.
+
+        Shapes: signals (..., N); returns (..., frequencies).
+        """
+        rows, length = self.course.rows, self.course.equal_cycles
+        if length:
+            mean = signals[..., rows].reshape(*signals.shape[:-1], -1, length).mean(axis=-2)
+            repeated = mean[..., (np.arange(signals.shape[-1]) - rows.start) % length]
+        else:
+            repeated = self.slow_part(signals)
+        return rfft(signals - repeated, self.size)
+
+
+def predict_perturbation(y: np.ndarray, x: np.ndarray, rate: float) -> np.ndarray:
+    """What leads and lags of the reference explain of a signal; each quarter by the response of the other three.
+
+    So no noise of a sample is part of its own instrument. The response is fitted twice, the second time to signals
+    that are whitened by the residual of the first.
+
+    Shapes: y, x (N,); returns (N,).
+    """
+    leads, lags = round(LEADS * rate), round(LAGS * rate)
+    if y.size < 4 * (leads + lags + 1):
+        raise DataError(f"the record of {y.size / rate:.3g} s is too short for a response to the reference.")
+    lagged = _shift(x, leads, lags)
+    responses = _fit_folds(lagged, y)
+    whitened = _whiten(np.stack([x, y]), y - _predict_folds(lagged, responses), rate)
+    return _predict_folds(lagged, _fit_folds(_shift(whitened[0], leads, lags), whitened[1]))
+
+
+def _shift(x: np.ndarray, leads: int, lags: int) -> np.ndarray:
+    """Leads and lags of a signal, from the oldest lag to the furthest lead, shape (leads + lags + 1, N)."""
+    padded = np.concatenate([np.zeros(lags), x, np.zeros(leads)])
+    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(padded, x.size))
+
+
+def _split(x: np.ndarray) -> list[np.ndarray]:
+    """Parts of samples, shapes (..., N / folds)."""
+    return np.split(x, -(-x.shape[-1] * np.arange(1, FOLDS) // FOLDS), axis=-1)
+
+
+def _fit_folds(lagged: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Responses fitted to all but one part of the samples each, shape (folds, taps)."""
+    grams = np.array([part @ part.T for part in _split(lagged)])
+    sides = np.array([part @ target for part, target in zip(_split(lagged), _split(y), strict=True)])
+    gram, side = grams.sum(axis=0) - grams, sides.sum(axis=0) - sides
+    ridge = RIDGE * np.einsum("fii->f", gram) / gram.shape[1]
+    return np.linalg.solve(gram + ridge[:, None, None] * np.eye(gram.shape[1]), side[..., None])[..., 0]
+
+
+def _predict_folds(lagged: np.ndarray, responses: np.ndarray) -> np.ndarray:
+    return np.concatenate([response @ part for response, part in zip(responses, _split(lagged), strict=True)])
+
+
+def _whiten(signals: np.ndarray, residual: np.ndarray, rate: float) -> np.ndarray:
+    """Signals through the filter that whitens a residual below the pass band, shape (..., N)."""
+    size = int(next_fast_len(residual.size + round(PADDING * rate), real=True))
+    power = smooth(np.abs(rfft(residual - residual.mean(), size)) ** 2, RESOLUTION * size / rate)
+    weight = np.where(np.fft.rfftfreq(size) <= PASSBAND, 1.0 / np.sqrt(np.maximum(power, 1e-10 * power.max())), 0.0)
+    return irfft(weight / weight.max() * rfft(signals, size), size)[..., : residual.size]
