@@ -15,6 +15,8 @@ from ankleloop.checks.data import check_data
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import Basis, fit_basis
+from ankleloop.joint.model_inputs import ModelInputs
+from ankleloop.joint.models import StateSpaceModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import TORQUES, Regressors, decimation_grid, recording_margins
 from ankleloop.methods.method import add_warnings, data_use
@@ -125,8 +127,9 @@ def identify_file(
     vaf = _write_torques(chunks, basis, model, output, method, reading.overwrite)
     # An index of the time would take it, and several times its size, into memory.
     torque = xr.open_dataset(output, engine="h5netcdf", decode_times=False, create_default_indexes=False)
-    path = separate_reflex(model, [beginning])
-    estimate = describe_model(method, torque, beginning, model, model.initial_state, path, {"vaf": vaf})
+    inputs = ModelInputs.of(beginning)
+    predictor = StateSpaceModel(inputs, inputs.label(model.matrices), model.initial_state)
+    estimate = describe_model(method, torque, predictor, model, separate_reflex(model, [beginning]), {"vaf": vaf})
     add_warnings(estimate, data_warnings)
     return estimate
 

@@ -190,14 +190,15 @@ def identify_moesp(
             "the reflex is a polynomial of the velocity. Of a rectified one, five terms make G 13 to 21 % too large, I "
             "up to 6 % too small, and change K by less than 1 % (without noise)."
         ]
-    path = separate_reflex(model, regressors)
+    path, matrices = separate_reflex(model, regressors), ModelInputs.of(first).label(model.matrices)
     estimates = []
     for part, state in zip(regressors, np.atleast_2d(model.initial_state), strict=True):
         if step == "mean-removal":  # less the state of rest under constant inputs
             A, B = model.matrices.A, model.matrices.B
             state = state - np.linalg.solve(np.eye(len(A)) - A, B @ part.inputs.mean(axis=0))
         torque = torque_dataset(part.time, part.rate, **simulate_torques(model.matrices, state, part))
-        estimate = describe_model(member, torque, part, model, state, path, diagnostics)
+        predictor = StateSpaceModel(ModelInputs.of(part), matrices, state)
+        estimate = describe_model(member, torque, predictor, model, path, diagnostics)
         if options.free_b:
             estimate.stiffness.update(part.fit_stiffness(torque["intrinsic"].values))
         estimates.append(estimate)
@@ -232,23 +233,20 @@ def separate_reflex(model: SubspaceEstimate, regressors: Sequence[Regressors]) -
 def describe_model(
     member: str,
     torque: xr.Dataset,
-    regressors: Regressors,
+    predictor: StateSpaceModel,
     model: SubspaceEstimate,
-    initial_state: np.ndarray,
     path: ReflexPath,
     diagnostics: Mapping[str, Any],
 ) -> Estimate:
     """Estimate of a model, with K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
-    inputs = ModelInputs.of(regressors)
-    matrices = inputs.label(model.matrices)
     return Estimate(
         method=member,
         torque=torque,
-        matrices=matrices,
-        stiffness=dict(zip("KBI", map(float, matrices.D[0, :MOTION]), strict=True)),
-        reflex={"delay": regressors.delay, **path.valid_parameters},
+        matrices=predictor.matrices,
+        stiffness=dict(zip("KBI", map(float, predictor.matrices.D[0, :MOTION]), strict=True)),
+        reflex={"delay": predictor.inputs.delay, **path.valid_parameters},
         diagnostics={"singular_values": model.singular_values, **model.diagnostics, **diagnostics, **path.diagnostics},
-        predictor=StateSpaceModel(inputs, matrices, initial_state),
+        predictor=predictor,
     )
 
 
