@@ -40,8 +40,7 @@ def test_add_a_method(repository, snakemake):
     code = block("add-a-method.md", "import numpy", language="{code-cell} python")
     (methods / "stiffness.py").write_text(code, encoding="utf-8")
     registry = (methods / "registry.py").read_text(encoding="utf-8")
-    line = '    "ankleloop.methods.riv.riv",\n'
-    registry = registry.replace(line, f'{line}    "ankleloop.methods.stiffness",\n')
+    registry = registry.replace("real_time\n", "real_time, stiffness\n").replace("riv_tv)", "riv_tv, stiffness)")
     (methods / "registry.py").write_text(registry, encoding="utf-8")
     subprocess.run(
         [sys.executable, "-m", "ankleloop.studies.schema"],

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -33,10 +34,11 @@ def library(tmp_path):
     methods = tmp_path / "src" / "ankleloop" / "methods"
     (methods / "stiffness.py").write_text(blocks[0].code, encoding="utf-8")
     registry = (methods / "registry.py").read_text(encoding="utf-8")
-    [families] = [block.code.strip() for block in blocks if block.code.startswith("FAMILIES")]
-    start = registry.index("FAMILIES = (")
-    end = registry.index(")\n", start) + 1
-    (methods / "registry.py").write_text(registry[:start] + families + registry[end:], encoding="utf-8")
+    [families] = [block.code for block in blocks if "FAMILIES = " in block.code]
+    for line in filter(None, families.splitlines()):  # each takes the place of the line that begins alike
+        registry = re.sub(rf"^{re.escape(line[:10])}.*moesp.*$", line, registry, flags=re.MULTILINE)
+    assert registry.count("riv_tv, stiffness") == 2
+    (methods / "registry.py").write_text(registry, encoding="utf-8")
     return tmp_path
 
 

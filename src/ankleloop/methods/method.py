@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any, cast
 
@@ -64,8 +64,8 @@ def check_lags(name: str, length: float, rate: float, *, least: int = 1) -> None
         )
 
 
-def _no_reference(options: Any) -> None:
-    return None
+def _given_reference(options: Any) -> str | None:
+    return getattr(options, "reference", None)
 
 
 @dataclass(frozen=True)
@@ -81,11 +81,13 @@ class Method:
     options : type of Options
         Its options.
     identify : callable
-        ``identify(trial, options)`` gives the estimate of a prepared trial.
-    merge : callable, optional
-        ``merge(trials, options)`` merges several trials into one identification, and gives an estimate for each.
+        ``identify(trial, options)`` gives the estimate of a prepared trial. For a method that merges,
+        ``identify(trials, options)`` gives a list with an estimate for each of several prepared trials.
+    merges : bool
+        Whether it merges several trials into one identification.
     reference : callable, optional
-        ``reference(options)`` names the variable whose leads or lags are instruments, or is None if there are none.
+        ``reference(options)`` names the variable whose leads or lags are instruments, or is None if there are none;
+        by default the option `reference`.
 
     Examples
     --------
@@ -98,14 +100,9 @@ class Method:
 
     name: str
     options: type[Options]
-    identify: Callable[[PreparedTrial, Any], Estimate]
-    merge: Callable[[Sequence[PreparedTrial], Any], list[Estimate]] | None = None
-    reference: Callable[[Any], str | None] = _no_reference
-
-    @property
-    def merges(self) -> bool:
-        """Whether it can merge several trials into one identification."""
-        return self.merge is not None
+    identify: Callable[[Any, Any], Any]
+    merges: bool = False
+    reference: Callable[[Any], str | None] = _given_reference
 
     def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Any:
         """Identify a trial, or a list of trials that are merged.
@@ -131,77 +128,59 @@ class Method:
             (`ankleloop.checks.data.check_data`), and for a list that has a record twice.
         """
         chosen = self.options.parse(f"method {self.name!r}", **options)
-        if not isinstance(trial, (list, tuple)):
-            prepared = prepare(cast(Trial, trial))
-            warnings = check_data([prepared], data_use(chosen, self.reference(chosen)))
-            return self._annotate(self.identify(prepared, chosen), chosen, warnings)
-        if self.merge is None:
-            raise DataError(f"{self.name} identifies one trial at a time.")
-        if not trial:
-            raise DataError("there are no trials to merge.")
-        trials = [prepare(part) for part in trial]
-        refuse_repeated_trials(trials)
-        warnings = check_data(trials, data_use(chosen, self.reference(chosen)))
-        return [self._annotate(estimate, chosen, warnings) for estimate in self.merge(trials, chosen)]
+        merged = isinstance(trial, (list, tuple))
+        trials = [prepare(part) for part in (cast(Sequence[Trial], trial) if merged else [cast(Trial, trial)])]
+        if merged:
+            if not self.merges:
+                raise DataError(f"{self.name} identifies one trial at a time.")
+            if not trials:
+                raise DataError("there are no trials to merge.")
+            refuse_repeated_trials(trials)
+        reference = self.reference(chosen)
+        data_warnings = check_data(trials, data_use(chosen, reference))
+        estimates = self.identify(trials, chosen) if self.merges else [self.identify(trials[0], chosen)]
+        for estimate in estimates:
+            assumptions = [*estimate.diagnostics.get("assumptions", ()), *_list_assumptions(chosen, reference)]
+            estimate.diagnostics["assumptions"] = assumptions
+            add_warnings(estimate, data_warnings)
+        return estimates if merged else estimates[0]
 
-    def _annotate(self, estimate: Estimate, options: Any, data_warnings: list[str]) -> Estimate:
-        """The estimate with what it takes for granted, and with warnings."""
-        assumptions = [*estimate.diagnostics.get("assumptions", ()), *self._list_assumptions(options)]
-        diagnostics = {**estimate.diagnostics, "assumptions": assumptions}
-        return add_warnings(replace(estimate, diagnostics=diagnostics), data_warnings)
 
-    def _list_assumptions(self, options: Any) -> list[str]:
-        """What the options take for granted; nothing in the record has to speak against it."""
-        reference, assumptions = self.reference(options), []
-        if reference is None:
-            assumptions.append(
-                "the loop is open: no reference is used, so torque that is fed back biases K, B, I and G."
-            )
-        elif reference == "position":
-            assumptions.append("the loop is open: the position is its own reference.")
-        elif getattr(options, "input_matrices", None) == "least-squares":
-            assumptions.append("little torque is fed back: K, B and I are fitted by least squares.")
-        if getattr(options, "delay", None) is not None:
-            assumptions.append(f"the reflex delay is {1000 * options.delay:g} ms.")
-        return assumptions
+def _list_assumptions(options: Any, reference: str | None) -> list[str]:
+    """What the options take for granted; nothing in the record has to speak against it."""
+    assumptions = []
+    if reference is None:
+        assumptions.append("the loop is open: no reference is used, so torque that is fed back biases K, B, I and G.")
+    elif reference == "position":
+        assumptions.append("the loop is open: the position is its own reference.")
+    elif getattr(options, "input_matrices", None) == "least-squares":
+        assumptions.append("little torque is fed back: K, B and I are fitted by least squares.")
+    if getattr(options, "delay", None) is not None:
+        assumptions.append(f"the reflex delay is {1000 * options.delay:g} ms.")
+    return assumptions
 
 
 def data_use(options: Any, reference: str | None) -> DataUse:
     """What a method takes from its data under its options; what they do not have is as in `DataUse`."""
-    use = DataUse(reference=reference)
-    block_rows = getattr(options, "block_rows", use.block_rows)
-    order = getattr(options, "order", use.order)
-    return replace(
-        use,
-        delay=NOMINAL_DELAY if (delay := getattr(options, "delay", None)) is None else delay,
-        identification_rate=getattr(options, "identification_rate", use.identification_rate),
-        order=(block_rows - 1) // 2 if order is None else order,
-        block_rows=block_rows,
-    )
+    names = ("delay", "identification_rate", "order", "block_rows")
+    given = {name: getattr(options, name) for name in names if getattr(options, name, None) is not None}
+    if "block_rows" in given:
+        given.setdefault("order", (options.block_rows - 1) // 2)  # the largest that may be chosen
+    return DataUse(reference=reference, **given)
 
 
-def add_warnings(estimate: Estimate, data_warnings: list[str]) -> Estimate:
-    """The estimate with warnings about its parameters and its data."""
-    warnings = [*_parameter_warnings(estimate), *data_warnings]
-    if not warnings:
-        return estimate
-    diagnostics = {**estimate.diagnostics, "warnings": [*estimate.diagnostics.get("warnings", ()), *warnings]}
-    if data_warnings:
-        diagnostics["data_warnings"] = data_warnings
-    return replace(estimate, diagnostics=diagnostics)
-
-
-def _parameter_warnings(estimate: Estimate) -> list[str]:
-    """Parameters that are no numbers, or that no joint has, with all of their interval."""
-    values = {**estimate.stiffness, **estimate.reflex}
+def add_warnings(estimate: Estimate, data_warnings: list[str]) -> None:
+    """Add warnings about parameters that are no numbers, or that no joint has with all of their interval, and data."""
+    diagnostics, values = estimate.diagnostics, {**estimate.stiffness, **estimate.reflex}
     missing = [name for name, value in values.items() if not isfinite(value)]
     warnings = [f"{', '.join(missing)} could not be computed: do not use this estimate."] if missing else []
     for name, value in values.items():
-        if name == "delay" and name not in estimate.intervals:  # it was given
-            continue
         quantity, (low, high) = QUANTITIES[name], estimate.intervals.get(name, (value, value))
         least, most = quantity.plausible
-        if isfinite(value) and (high < least or low > most):
+        is_given = name == "delay" and name not in estimate.intervals
+        if isfinite(value) and (high < least or low > most) and not is_given:
             fault = "negative, which no joint has" if value < 0 else f"not within {least:g} … {most:g}"
             warnings.append(f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate.")
-    return warnings
+    diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *warnings, *data_warnings]
+    if data_warnings:
+        diagnostics["data_warnings"] = data_warnings

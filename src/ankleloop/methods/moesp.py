@@ -10,17 +10,17 @@ from functools import partial
 from typing import Any, Literal, cast, get_args
 
 import numpy as np
+import xarray as xr
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import Basis, DriveSpectra, ReflexPath, separate_model
 from ankleloop.joint.model_inputs import ModelInputs
 from ankleloop.joint.models import StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis
-from ankleloop.joint.regressors import INTRINSIC_NAMES, InputStep, Regressors, torque_dataset
+from ankleloop.joint.regressors import MOTION, InputStep, Regressors, torque_dataset
 from ankleloop.methods.method import Method, degree_option, delay_option, rate_option
 from ankleloop.options import Options, option
-from ankleloop.subspace.matrices import Matrices
-from ankleloop.subspace.moesp import moesp
+from ankleloop.subspace.moesp import SubspaceEstimate, moesp
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
 # squares would give torques that are huge and cancel. Without it the regression is far from this (condition below 100).
@@ -46,7 +46,7 @@ OMITTED_STEPS: Mapping[OmittedStep, str] = {
 }
 
 # Options by which `ankleloop.subspace.moesp.moesp` leaves out the steps that are its own.
-SUBSPACE_OPTIONS: Mapping[OmittedStep | None, Mapping[str, Any]] = {
+SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
     "rank-policy": {"rank_tolerance": 0.0, "regression_tolerance": 0.0},
     "scaling": {"scaling": False},
     "mean-removal": {"offsets": False},
@@ -108,13 +108,10 @@ class MoespOptions(MoespModelOptions):
         None, "step of the processing to leave out, to see what it is good for; null for the complete processing"
     )
 
-    @property
-    def omitted_input_step(self) -> InputStep | None:
-        """The step that is left out, if it is one of those that make the inputs."""
-        return cast(InputStep, self.omitted_step) if self.omitted_step in get_args(InputStep) else None
 
-
-def identify_moesp(trial: PreparedTrial, options: MoespOptions, *, member: str = "pr-moesp") -> Estimate:
+def identify_moesp(
+    trials: Sequence[PreparedTrial], options: MoespOptions, *, member: str = "pr-moesp"
+) -> list[Estimate]:
     r"""Separate intrinsic and reflex torque by a member of the MOESP family.
 
     The net torque is the output of one linear model (Eq. 11) whose inputs are position, velocity and acceleration,
@@ -127,8 +124,8 @@ def identify_moesp(trial: PreparedTrial, options: MoespOptions, *, member: str =
 
     Parameters
     ----------
-    trial : PreparedTrial
-        The trial.
+    trials : sequence of PreparedTrial
+        One trial, or several of one joint: they are merged, with an initial state of their own each.
     options : MoespOptions
         The options.
     member : {"pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp"}
@@ -138,12 +135,13 @@ def identify_moesp(trial: PreparedTrial, options: MoespOptions, *, member: str =
 
     Returns
     -------
-    Estimate
+    list of Estimate
+        One for each trial.
 
     Raises
     ------
     DataError
-        If the record is unusable, too short, or lacks the reference that the method needs.
+        If a record is unusable, too short, or lacks the reference that the method needs.
 
     Examples
     --------
@@ -154,113 +152,108 @@ def identify_moesp(trial: PreparedTrial, options: MoespOptions, *, member: str =
     >>> bool(abs(estimate.stiffness["K"] - 150) < 1)
     True
     """
-    return merge_moesp([trial], options, member=member)[0]
-
-
-def merge_moesp(trials: Sequence[PreparedTrial], options: MoespOptions, *, member: str = "pr-moesp") -> list[Estimate]:
-    """Identify several trials as merged records of one joint, as `identify_moesp` identifies a single one."""
-    instruments, projection = MEMBERS[member]
-    reference = _reference(options, member=member)
-    regressors = _regressors(trials, options, reference)
-    predicted = None
-    if options.input_matrices == "instruments":
-        predicted = [trial.predict_inputs(part) for trial, part in zip(trials, regressors, strict=True)]
-    first = regressors[0]
-    model = moesp(
-        [part.inputs for part in regressors],
-        [part.torque[:, None] for part in regressors],
-        options.block_rows,
-        options.order,
-        instruments,
-        options.projection or projection,
-        None if reference is None else [part.reference[:, None] for part in regressors if part.reference is not None],
-        dt=1.0 / first.rate,
-        instrument_rows=options.instrument_rows,
-        instrument_leads=options.instrument_leads,
-        input_matrices=options.input_matrices,
-        dynamic=None if options.free_b else first.reflex,
-        predicted_inputs=predicted,
-        names=(first.names, ("torque",)),
-        **{
-            "rank_tolerance": options.rank_tolerance,
-            "regression_tolerance": REGRESSION_TOLERANCE,
-            **SUBSPACE_OPTIONS.get(options.omitted_step, {}),
-        },
-    )
-    path = separate_reflex(model.matrices, regressors)
-    diagnostics = {"singular_values": model.singular_values, **model.diagnostics}
-    if reference is not None:
-        diagnostics["reference"] = reference
-    if options.omitted_step is not None:
-        diagnostics["warnings"] = [*diagnostics["warnings"], describe_omission(options.omitted_step)]
-    if first.basis.kind == "chebyshev":
-        diagnostics["assumptions"] = [
-            "the reflex is a polynomial of the velocity. Of a rectified one, five terms make G 13 to 21 % too large, I "
-            "up to 6 % too small, and change K by less than 1 % (without noise)."
-        ]
-    matrices = ModelInputs.of(first).label(model.matrices)
-    estimates = []
-    for part, state in zip(regressors, np.atleast_2d(model.initial_state), strict=True):
-        if options.omitted_step == "mean-removal":
-            state = state - _steady_state(model.matrices, part.inputs.mean(axis=0))
-        torque = torque_dataset(part.time, part.rate, **simulate_torques(model.matrices, state, part))
-        direct = direct_stiffness(model.matrices)
-        estimates.append(
-            Estimate(
-                method=member,
-                torque=torque,
-                matrices=matrices,
-                stiffness=part.fit_stiffness(torque["intrinsic"].values) if options.free_b else direct,
-                reflex={"delay": options.delay, **path.valid_parameters},
-                diagnostics=diagnostics | path.diagnostics,
-                predictor=StateSpaceModel(ModelInputs.of(part), matrices, state),
-            )
-        )
-    return estimates
-
-
-def _reference(options: MoespOptions, *, member: str) -> str | None:
-    """The reference; None for members that have no use for one, and take a trial that has none."""
-    instruments = MEMBERS[member][0]
-    return options.reference if instruments == "past-reference" or options.input_matrices == "instruments" else None
-
-
-def _regressors(trials: Sequence[PreparedTrial], options: MoespOptions, reference: str | None) -> list[Regressors]:
+    reference, step = _find_reference(options, member=member), options.omitted_step
     basis: str | Basis = options.basis or "chebyshev"
     if len(trials) > 1:
         basis = fit_shared_basis(trials, options.delay, options.basis or "chebyshev", options.degree)
-    return [
+    regressors = [
         trial.regressors(
             delay=options.delay,
             basis=basis,
             degree=options.degree,
             identification_rate=options.identification_rate,
             reference=reference,
-            omitted_step=options.omitted_input_step,
+            omitted_step=cast(InputStep, step) if step in get_args(InputStep) else None,
         )
         for trial in trials
     ]
+    predicted = None
+    if options.input_matrices == "instruments":
+        predicted = [trial.predict_inputs(part) for trial, part in zip(trials, regressors, strict=True)]
+    first = regressors[0]
+    arguments = subspace_arguments(options, first, member) | SUBSPACE_OPTIONS.get(step, {})
+    if options.free_b:
+        arguments["dynamic"] = None
+    model = moesp(
+        [part.inputs for part in regressors],
+        [part.torque[:, None] for part in regressors],
+        reference=None if reference is None else [np.asarray(part.reference)[:, None] for part in regressors],
+        input_matrices=options.input_matrices,
+        predicted_inputs=predicted,
+        **arguments,
+    )
+    diagnostics: dict[str, Any] = {} if reference is None else {"reference": reference}
+    if step is not None:
+        diagnostics["warnings"] = [*model.diagnostics["warnings"], describe_omission(step)]
+    if first.basis.kind == "chebyshev":
+        diagnostics["assumptions"] = [
+            "the reflex is a polynomial of the velocity. Of a rectified one, five terms make G 13 to 21 % too large, I "
+            "up to 6 % too small, and change K by less than 1 % (without noise)."
+        ]
+    path, matrices = separate_reflex(model, regressors), ModelInputs.of(first).label(model.matrices)
+    estimates = []
+    for part, state in zip(regressors, np.atleast_2d(model.initial_state), strict=True):
+        if step == "mean-removal":  # less the state of rest under constant inputs
+            A, B = model.matrices.A, model.matrices.B
+            state = state - np.linalg.solve(np.eye(len(A)) - A, B @ part.inputs.mean(axis=0))
+        torque = torque_dataset(part.time, part.rate, **simulate_torques(model.matrices, state, part))
+        predictor = StateSpaceModel(ModelInputs.of(part), matrices, state)
+        estimate = describe_model(member, torque, predictor, model, path, diagnostics)
+        if options.free_b:
+            estimate.stiffness.update(part.fit_stiffness(torque["intrinsic"].values))
+        estimates.append(estimate)
+    return estimates
 
 
-def _steady_state(model: Matrices, inputs: np.ndarray) -> np.ndarray:
-    """State of rest under constant inputs."""
-    return np.linalg.solve(np.eye(len(model.A)) - model.A, model.B @ inputs)
+def subspace_arguments(options: MoespModelOptions, regressors: Regressors, member: str) -> dict[str, Any]:
+    """Arguments of `ankleloop.subspace.moesp` beside the data."""
+    instruments, projection = MEMBERS[member]
+    same = {"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}
+    return {
+        **options.model_dump(include=same),
+        "instruments": instruments,
+        "projection": options.projection or projection,
+        "dt": 1.0 / options.identification_rate,
+        "dynamic": regressors.reflex,
+        "names": (regressors.names, ("torque",)),
+        "regression_tolerance": REGRESSION_TOLERANCE,
+    }
 
 
-def direct_stiffness(model: Matrices) -> dict[str, float]:
-    """K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
-    return dict(zip("KBI", map(float, model.D[0, : len(INTRINSIC_NAMES)]), strict=True))
-
-
-def separate_reflex(matrices: Matrices, regressors: Sequence[Regressors]) -> ReflexPath:
+def separate_reflex(model: SubspaceEstimate, regressors: Sequence[Regressors]) -> ReflexPath:
     """Nonlinearity and dynamics of the reflex path; the low-pass has a third pole where the model has three."""
     first = regressors[0]
     spectra = first.drive_spectra
     if len(regressors) > 1:
-        drive = np.concatenate([part.centred[1] for part in regressors])
-        spectra = DriveSpectra.of(drive, first.rate)
-    order = 3 if len(matrices.A) == 3 else 2
-    return separate_model(matrices.select_inputs(first.reflex), spectra, first.basis, order)
+        spectra = DriveSpectra.of(np.concatenate([part.centred[1] for part in regressors]), first.rate)
+    order = 3 if len(model.matrices.A) == 3 else 2
+    return separate_model(model.matrices.select_inputs(first.reflex), spectra, first.basis, order)
+
+
+def describe_model(
+    member: str,
+    torque: xr.Dataset,
+    predictor: StateSpaceModel,
+    model: SubspaceEstimate,
+    path: ReflexPath,
+    diagnostics: Mapping[str, Any],
+) -> Estimate:
+    """Estimate of a model, with K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
+    return Estimate(
+        method=member,
+        torque=torque,
+        matrices=predictor.matrices,
+        stiffness=dict(zip("KBI", map(float, predictor.matrices.D[0, :MOTION]), strict=True)),
+        reflex={"delay": predictor.inputs.delay, **path.valid_parameters},
+        diagnostics={"singular_values": model.singular_values, **model.diagnostics, **diagnostics, **path.diagnostics},
+        predictor=predictor,
+    )
+
+
+def _find_reference(options: MoespOptions, *, member: str) -> str | None:
+    """The reference; None for members that have no use for one, and take a trial that has none."""
+    instruments = MEMBERS[member][0]
+    return options.reference if instruments == "past-reference" or options.input_matrices == "instruments" else None
 
 
 METHODS = tuple(
@@ -268,8 +261,8 @@ METHODS = tuple(
         name,
         MoespOptions,
         partial(identify_moesp, member=name),
-        partial(merge_moesp, member=name),
-        partial(_reference, member=name),
+        merges=True,
+        reference=partial(_find_reference, member=name),
     )
     for name in MEMBERS
 )

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Literal, Self
+from collections.abc import Sequence
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import model_validator
@@ -22,7 +20,7 @@ from ankleloop.options import Options, option
 from ankleloop.subspace.hankel import hankel_gram
 
 PASS_CEILING = 10_000  # beyond any loop that converges at all
-SQUARED = 1e-10  # least ratio of eigenvalues for which inner products show all directions
+LARGEST_CONDITION = 1e5  # of lagged inputs whose inner products show all directions
 
 
 class ParallelCascadeOptions(Options):
@@ -58,72 +56,52 @@ class ParallelCascadeOptions(Options):
         return self
 
 
-@dataclass(frozen=True)
-class _Pathway:
-    """One path: inner products of its lagged inputs, and directions in which these are orthonormal."""
+class _Path(NamedTuple):
+    """A path by orthonormal directions of its torque, and the impulse response that each of them has."""
 
-    gram: np.ndarray
-    with_torque: np.ndarray
-    directions: np.ndarray
+    directions: np.ndarray  # shape (columns, rank)
+    responses: np.ndarray  # shape (lags, rank)
 
-    def fit(self, with_target: np.ndarray, target_energy: float, samples: int, rank: str) -> np.ndarray:
-        """Impulse response that best explains a target, from its products with the lagged inputs and its energy."""
-        projections = self.directions.T @ with_target
-        selection = _select_directions(projections, target_energy, samples, rank)
-        return self.directions[:, selection] @ projections[selection]
+    @classmethod
+    def of(cls, lagged: np.ndarray, rank_tolerance: float) -> _Path:
+        """That of lagged inputs, shape (columns, lags); directions below the tolerance are left out."""
+        directions, values, responses = np.linalg.svd(lagged, full_matrices=False)
+        significant = values > rank_tolerance * values[0]
+        return cls(directions[:, significant], responses[significant].T / values[significant])
 
-    def residual(self, with_target: np.ndarray, target_energy: float, response: np.ndarray) -> float:
-        """Energy of a target less the torque of a response, from the target's products and energy."""
-        return float(target_energy - 2.0 * with_target @ response + response @ self.gram @ response)
-
-
-def _select_directions(projections: np.ndarray, energy: float, samples: int, rank: str) -> np.ndarray:
-    """Directions of the pseudo-inverse; "mdl" takes as many as shorten the description of the target."""
-    if rank == "full":
-        return np.arange(projections.size)
-    order = np.argsort(projections**2)[::-1]
-    residual = np.maximum(energy - np.cumsum(projections[order] ** 2), np.finfo(float).tiny)
-    terms = np.arange(1, order.size + 1)
-    return order[: int(np.argmin(residual * (1 + terms * np.log(samples) / samples))) + 1]
+    def fit(self, target: np.ndarray, samples: int, rank: str) -> tuple[np.ndarray, np.ndarray]:
+        """Torque that best explains a target, and its impulse response; "mdl" takes the shortest description."""
+        projections = self.directions.T @ target
+        if rank == "mdl":
+            order = np.argsort(projections**2)[::-1]
+            residual = np.maximum(target @ target - np.cumsum(projections[order] ** 2), np.finfo(float).tiny)
+            terms = np.arange(1, order.size + 1)
+            shortest = int(np.argmin(residual * (1 + terms * np.log(samples) / samples)))
+            projections[order[shortest + 1 :]] = 0.0
+        return self.directions @ projections, self.responses @ projections
 
 
-def _directions(gram: np.ndarray, lagged_inputs: Callable[[], np.ndarray], rank_tolerance: float) -> np.ndarray:
-    """Directions of lagged inputs, each over its singular value; those below the tolerance are left out."""
-    values, vectors = np.linalg.eigh(gram)
-    if values[0] > max(SQUARED, 4.0 * rank_tolerance**2) * values[-1]:
-        return vectors / np.sqrt(values)
-    # Squares do not show which directions count: the lagged inputs themselves do.
-    _, values, vectors = np.linalg.svd(lagged_inputs(), full_matrices=False)
-    significant = values > rank_tolerance * values[0]
-    return vectors[significant].T / values[significant]
+def _compress(regressors: Regressors, lags: Sequence[np.ndarray], rows: np.ndarray) -> list[np.ndarray]:
+    """Lagged inputs of both paths, and the torque, in as few rows as they have columns: with the same inner products.
 
-
-def _lag_input(x: np.ndarray, lags: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Lags of an input (negative ones lead) at some samples, each less its mean."""
-    lagged = np.stack([x[rows - lag] for lag in lags], axis=1)
-    return lagged - lagged.mean(axis=0)
-
-
-def _paths(
-    regressors: Regressors, rows: np.ndarray, lags: tuple[np.ndarray, np.ndarray], rank_tolerance: float
-) -> tuple[list[_Pathway], np.ndarray, float]:
-    """Both paths, the products of their lagged inputs with each other, and the energy of the torque.
-
-    Lags of a signal are rows of a Hankel matrix, so all of these are entries of one Gram matrix.
+    Lags of a signal are rows of a Hankel matrix, so their inner products are entries of one Gram matrix.
     """
-    inputs = regressors.inputs[:, [0, -1]]
-    window = rows[0] + regressors.torque.size - rows[-1]
-    products = hankel_gram([np.column_stack([inputs, regressors.torque])], window)
-    present = rows[0] * 3  # row of lag 0 of the first of three channels
-    torque = present + 2
-    indices = [present - 3 * path_lags + channel for channel, path_lags in enumerate(lags)]
-    paths = []
-    for channel, (path_lags, index) in enumerate(zip(lags, indices, strict=True)):
-        path_gram = products[np.ix_(index, index)]
-        lagged_inputs = partial(_lag_input, inputs[:, channel], path_lags, rows)
-        directions = _directions(path_gram, lagged_inputs, rank_tolerance)
-        paths.append(_Pathway(path_gram, products[index, torque], directions))
-    return paths, products[np.ix_(*indices)], products[torque, torque]
+    signals = np.column_stack([regressors.inputs[:, [0, -1]], regressors.torque])
+    columns = [rows[0] - path_lags for path_lags in (*lags, np.zeros(1, dtype=int))]  # samples of the Hankel window
+    indices = np.concatenate([3 * column + channel for channel, column in enumerate(columns)])
+    edges = np.cumsum([path_lags.size for path_lags in lags])
+    gram = hankel_gram([signals], rows[0] + len(signals) - rows[-1])
+    try:
+        triangle = np.linalg.cholesky(gram[np.ix_(indices, indices)]).T
+        parts = np.split(triangle, edges, axis=1)
+        if max(np.linalg.cond(part) for part in parts[:2]) < LARGEST_CONDITION:
+            return parts
+    except np.linalg.LinAlgError:
+        pass
+    # Squares do not show which directions count: the lagged inputs themselves do.
+    lagged = [signals[rows[:, None] + column - rows[0], channel] for channel, column in enumerate(columns)]
+    explicit = np.hstack(lagged)
+    return np.split(np.linalg.qr(explicit - explicit.mean(axis=0), mode="r"), edges, axis=1)
 
 
 def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOptions) -> Estimate:
@@ -165,24 +143,29 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     regressors = trial.regressors(
         delay=options.delay, basis="rectifier", identification_rate=options.identification_rate
     )
-    lags, rows = _lags_and_rows(regressors, options)
-    key = (
-        options.delay,
-        options.identification_rate,
-        options.intrinsic_lags,
-        options.reflex_lags,
-        options.rank_tolerance,
-    )
-    paths, cross_products, energy = trial.memoise(
-        ("cascade paths", *key), lambda: _paths(regressors, rows, lags, options.rank_tolerance)
-    )
-    responses, history, converged = _alternate(paths, cross_products, energy, rows.size, options)
+    rate = regressors.rate
+    leads, longest = round(options.intrinsic_lags * rate), round(options.reflex_lags * rate)
+    lags = np.arange(-leads, leads + 1), np.arange(longest + 1)
+    rows = np.arange(max(leads, longest), regressors.torque.size - leads)  # samples that have all lags
+    unknowns = lags[0].size + lags[1].size
+    if rows.size < 2 * unknowns:
+        raise DataError(
+            f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer, or shorten "
+            "intrinsic_lags and reflex_lags."
+        )
+
+    def prepare_paths() -> tuple[list[_Path], np.ndarray, DriveSpectra]:
+        *lagged, target = _compress(regressors, lags, rows)
+        paths = [_Path.of(part, options.rank_tolerance) for part in lagged]
+        return paths, target[:, 0], DriveSpectra.of(regressors.inputs[rows, -1:], rate)
+
+    # Shared by estimates that differ in their passes only.
+    key = options.model_copy(update={"max_passes": None, "tolerance": 0.0, "rank": "full"})
+    paths, target, spectra = trial.memoise(("cascade", key), prepare_paths)
+    responses, history, converged = _alternate(paths, target, rows.size, options)
     model = ResponseModel(ModelInputs.of(regressors), *responses)
     torque = model.simulate(regressors)
-    spectra = trial.memoise(
-        ("cascade spectra", *key), lambda: DriveSpectra.of(regressors.inputs[rows, -1:], regressors.rate)
-    )
-    path = separate_response(responses[1], spectra, regressors.rate, regressors.basis)
+    path = separate_response(responses[1], spectra, rate, regressors.basis)
     unconverged = not converged and options.max_passes is None
     return Estimate(
         method="parallel-cascade",
@@ -195,9 +178,9 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
             "converged": converged,
             "history": history,
             "intrinsic_response": responses[0],
-            "intrinsic_lags": lags[0] / regressors.rate,
+            "intrinsic_lags": lags[0] / rate,
             "reflex_response": responses[1],
-            "reflex_lags": lags[1] / regressors.rate,
+            "reflex_lags": lags[1] / rate,
             **path.diagnostics,
             "warnings": [f"no convergence within {PASS_CEILING} passes"] if unconverged else [],
         },
@@ -205,42 +188,16 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     )
 
 
-def _lags_and_rows(
-    regressors: Regressors, options: ParallelCascadeOptions
-) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
-    """Lags of both impulse responses, and the samples that have all of them."""
-    leads, lags = round(options.intrinsic_lags * regressors.rate), round(options.reflex_lags * regressors.rate)
-    rows = np.arange(max(leads, lags), regressors.torque.size - leads)
-    unknowns = 2 * leads + 1 + lags + 1
-    if rows.size < 2 * unknowns:
-        raise DataError(
-            f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer, or shorten "
-            "intrinsic_lags and reflex_lags."
-        )
-    return (np.arange(-leads, leads + 1), np.arange(lags + 1)), rows
-
-
 def _alternate(
-    paths: Sequence[_Pathway],
-    cross_products: np.ndarray,
-    energy: float,
-    samples: int,
-    options: ParallelCascadeOptions,
+    paths: Sequence[_Path], target: np.ndarray, samples: int, options: ParallelCascadeOptions
 ) -> tuple[tuple[np.ndarray, np.ndarray], list[float], bool]:
     """Alternating least squares; the history holds the net VAF after each pass."""
-    intrinsic, reflex = paths
-    rank = options.rank
-    reflex_response = np.zeros(reflex.with_torque.size)
-    history: list[float] = []
+    reflex, history = np.zeros_like(target), []
     for _ in range(options.max_passes or PASS_CEILING):
-        residual = reflex.residual(reflex.with_torque, energy, reflex_response)
-        target = intrinsic.with_torque - cross_products @ reflex_response
-        intrinsic_response = intrinsic.fit(target, residual, samples, rank)
-        residual = intrinsic.residual(intrinsic.with_torque, energy, intrinsic_response)
-        target = reflex.with_torque - intrinsic_response @ cross_products
-        reflex_response = reflex.fit(target, residual, samples, rank)
-        residual = reflex.residual(target, residual, reflex_response)
-        history.append(float(100 * (1 - residual / energy)))
+        intrinsic, intrinsic_response = paths[0].fit(target - reflex, samples, options.rank)
+        reflex, reflex_response = paths[1].fit(target - intrinsic, samples, options.rank)
+        residual = target - intrinsic - reflex
+        history.append(float(100 * (1 - residual @ residual / (target @ target))))
         if len(history) > 1 and history[-1] - history[-2] < options.tolerance:
             return (intrinsic_response, reflex_response), history, True
     return (intrinsic_response, reflex_response), history, False

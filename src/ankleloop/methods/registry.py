@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
-from importlib import import_module
 from types import MappingProxyType
 from typing import Any, cast
 
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import prepare
+from ankleloop.methods import moesp, parallel_cascade, real_time
 from ankleloop.methods.method import Method, Trial
+from ankleloop.methods.riv import riv
+from ankleloop.methods.riv_tv import riv_tv
 from ankleloop.methods.selection import check_selection, select_options
 from ankleloop.options import suggest_name
 
-# Modules of the methods; each has METHODS.
-FAMILIES = (
-    "ankleloop.methods.moesp",
-    "ankleloop.methods.parallel_cascade",
-    "ankleloop.methods.real_time",
-    "ankleloop.methods.riv.riv",
-    "ankleloop.methods.riv_tv.riv_tv",
-)
+FAMILIES = (moesp, parallel_cascade, real_time, riv, riv_tv)
 DEFAULT = "riv"
 # Options that a selection needs to score what was not fitted.
 SHARED = ("reference", "delay", "identification_rate", "cycle_onsets")
 
 METHODS: Mapping[str, Method] = MappingProxyType(
-    {method.name: method for family in FAMILIES for method in import_module(family).METHODS}
+    {method.name: method for module in FAMILIES for method in module.METHODS}
 )
 
 
@@ -119,33 +113,30 @@ def identify(
     >>> sorted(estimate.stiffness)
     ['B', 'I', 'K']
     """
-    method = _default_method(trial) if method is None else method
-    entry = find_method(method)
-    owner = f"method {method!r}"
-    if select is None and criterion is None:
-        entry.options.check_names(owner, options)
-        candidates: dict[str, list[Any]] = {}
-    else:  # a wrong candidate is a mistake, not a bad model
-        candidates = check_selection(owner, entry.options, options, select, criterion)
-    if isinstance(trial, (list, tuple)) and (candidates or not entry.merges):
-        merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
+    merged = isinstance(trial, (list, tuple))
+    merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
+    if method is None and merged:
+        raise DataError(f"name the method for trials that are merged: one of {merging}.")
+    entry = find_method(_default_method(cast(Trial, trial)) if method is None else method)
+    candidates: dict[str, list[Any]] = {}
+    if not (select is None and criterion is None):  # a wrong candidate is a mistake, not a bad model
+        candidates = check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
+    if merged and (candidates or not entry.merges):
         verb = "selects options on" if candidates else "identifies"
-        raise DataError(f"{method} {verb} one trial at a time; trials are merged by {merging}.")
+        raise DataError(f"{entry.name} {verb} one trial at a time; trials are merged by {merging}.")
     if not candidates:
         return entry(trial, **options)
     values = {**entry.options.defaults(), **options}
     shared = {name: values[name] for name in SHARED if name in values}
     selection = select_options(cast(Trial, trial), partial(entry, **options), candidates, criterion=criterion, **shared)
     estimate = entry(trial, **options, **selection.chosen)
-    return replace(estimate, diagnostics={**estimate.diagnostics, "selection": selection.diagnostics})
+    estimate.diagnostics["selection"] = vars(selection)
+    return estimate
 
 
-def _default_method(trial: Trial | Sequence[Trial]) -> str:
+def _default_method(trial: Trial) -> str:
     """`riv` where there is a reference; without one no method is valid whatever the loop, so the user has to choose."""
-    if isinstance(trial, (list, tuple)):
-        merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
-        raise DataError(f"name the method for trials that are merged: one of {merging}.")
-    if "reference" not in prepare(cast(Trial, trial)).trial:
+    if "reference" not in prepare(trial).trial:
         raise DataError(
             "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
             "reference, or, if nothing was compliant while it was recorded (open loop), name a method: 'riv' or "

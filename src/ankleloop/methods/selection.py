@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -48,14 +49,8 @@ class Selection:
     candidates: list[dict[str, Any]]
     chosen: dict[str, Any]
 
-    @property
-    def diagnostics(self) -> dict[str, Any]:
-        """The choice and its curve."""
-        return {"criterion": self.criterion, "candidates": self.candidates, "chosen": self.chosen}
 
-
-@dataclass(frozen=True)
-class _Half:
+class _Half(NamedTuple):
     """A half of a record to fit to, the other one to test on, and instruments at times of the latter."""
 
     training: PreparedTrial
@@ -135,62 +130,53 @@ def select_options(
             "use criterion='cross-validation'."
         )
     delay = NOMINAL_DELAY if delay is None else delay
-    parts = _halve(record, reference if has_reference else None, delay, identification_rate)
+    halves = _halve(record, reference if has_reference else None, delay, identification_rate)
     rows: list[dict[str, Any]] = []
     losses: list[np.ndarray | None] = []
     for values in itertools.product(*candidates.values()):
         options = dict(zip(candidates, values, strict=True))
         try:
-            results, warnings = _losses(parts, fit, options, cycle_onsets)
+            scores, loss, warnings = _score(halves, fit, options, cycle_onsets)
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             rows.append({**options, "scores": {}, "warnings": [], "error": str(error)})
             losses.append(None)
-            continue
-        scores = {name: float(100.0 * (1.0 - loss.sum() / total)) for name, (loss, total) in results.items()}
-        rows.append({**options, "scores": scores, "warnings": warnings})
-        losses.append(results[criterion][0])
+        else:
+            rows.append({**options, "scores": scores, "warnings": warnings})
+            losses.append(loss[criterion])
     best = rows[_simplest(losses, rows)]
     return Selection(criterion, rows, {name: best[name] for name in candidates})
-
-
-def check_candidates(name: str, candidates: Any) -> dict[str, list[Any]]:
-    """Candidates of a selection by option; none for None."""
-    candidates = {} if candidates is None else candidates
-    if not isinstance(candidates, Mapping):
-        raise ValueError(f"{name} must be a dict of options with lists of values, got {show_value(candidates)}.")
-    for option, values in candidates.items():
-        if not isinstance(option, str) or not isinstance(values, (list, tuple, range, np.ndarray)) or not len(values):
-            raise ValueError(
-                f"{name} must have a list with at least one value of each option to choose from, got "
-                f"{show_value(values)} for {option!r}."
-            )
-    combinations = math.prod(len(values) for values in candidates.values())
-    if combinations > MOST_COMBINATIONS:
-        raise ValueError(f"{name} must have at most {MOST_COMBINATIONS} combinations, got {combinations}.")
-    return {option: list(values) for option, values in candidates.items()}
 
 
 def check_selection(
     owner: str, model: type[Options], options: Mapping[str, Any], select: Any, criterion: str | None = None
 ) -> dict[str, list[Any]]:
-    """Refuse options, and options to select, that a method would refuse after other candidates were fitted."""
-    candidates = check_candidates("select", select)
-    model.check_names(owner, options)
-    model.check_names(f"select: {owner}", candidates)
+    """Candidates by option; refuses what a method would refuse after other candidates were fitted."""
+    select = {} if select is None else select
+    if not isinstance(select, Mapping):
+        raise ValueError(f"select must be a dict of options with lists of values, got {show_value(select)}.")
+    for name, values in select.items():
+        if not isinstance(name, str) or not isinstance(values, (list, tuple, range, np.ndarray)) or not len(values):
+            raise ValueError(
+                "select must have a list with at least one value of each option to choose from, got "
+                f"{show_value(values)} for {name!r}."
+            )
+    combinations = math.prod(len(values) for values in select.values())
+    if combinations > MOST_COMBINATIONS:
+        raise ValueError(f"select must have at most {MOST_COMBINATIONS} combinations, got {combinations}.")
     if criterion is not None:
         check_choice(owner, "criterion", criterion, (*CRITERIA, None))
-        if not candidates:
+        if not select:
             raise ValueError("criterion is that of a selection: name the options to choose from under select.")
-    if "identification_rate" in candidates:
+    if "identification_rate" in select:
         raise ValueError(
             "identification_rate cannot be selected: residuals at different rates contain different bands of noise."
         )
-    for name in sorted(set(options) & set(candidates)):
+    for name in sorted(set(options) & set(select)):
         raise TypeError(f"option {name!r} is given, and to be selected as well: choose one of the two.")
     model.parse(owner, **options)
-    for combination in itertools.product(*candidates.values()):
-        model.parse(f"select: {owner}", **options, **dict(zip(candidates, combination, strict=True)))
-    return candidates
+    for combination in itertools.product(*select.values()):
+        model.parse(f"select: {owner}", **options, **dict(zip(select, combination, strict=True)))
+    return {name: list(values) for name, values in select.items()}
 
 
 def _halve(record: xr.Dataset, reference: str | None, delay: float, identification_rate: float) -> list[_Half]:
@@ -202,12 +188,12 @@ def _halve(record: xr.Dataset, reference: str | None, delay: float, identificati
             f"the record of {edges[-1] - edges[0]:.3g} s makes 2 folds of {edges[1] - edges[0]:.3g} s, but a selection "
             f"needs folds of {shortest:g} s: use a longer record, or set the options."
         )
-    halves = [prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges)]
-    parts = []
-    for training, test in (halves[::-1], halves):
-        instruments = _instruments(test, reference, delay, identification_rate) if reference is not None else None
-        parts.append(_Half(training, test, instruments))
-    return parts
+    first, second = (prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges))
+    halves = []
+    for training, test in ((second, first), (first, second)):
+        instruments = None if reference is None else _instruments(test, reference, delay, identification_rate)
+        halves.append(_Half(training, test, instruments))
+    return halves
 
 
 def _instruments(trial: PreparedTrial, reference: str, delay: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
@@ -233,54 +219,52 @@ def _project(grid: np.ndarray, instruments: np.ndarray, time: np.ndarray, signal
     return projection
 
 
-def _losses(
+def _score(
     halves: Sequence[_Half],
     fit: Callable[..., Estimate],
     options: Mapping[str, Any],
     cycle_onsets: str | Sequence[float] | None,
-) -> tuple[dict[str, tuple[np.ndarray, float]], list[str]]:
-    """Losses of a candidate in segments of time and the energy to explain, by criterion; and warnings of its fits."""
-    results: dict[str, tuple[np.ndarray, float]] = {}
+) -> tuple[dict[str, float], dict[str, np.ndarray], list[str]]:
+    """Scores [%] of a candidate and its losses in segments of time, by criterion; and warnings of its fits."""
+    losses: dict[str, list[np.ndarray]] = {}
+    totals: Counter[str] = Counter()
     warnings: list[str] = []
-    for half in halves:
-        estimate = fit(half.training, **options)
+    for training, test, instruments in halves:
+        estimate = fit(training, **options)
         if estimate.trajectories is not None and "time" in estimate.trajectories.sizes:
             raise DataError(
                 "its parameters are functions of time, and those of one half are not those of the other: give "
                 "cycle_onsets or a schedule, or set the options without a selection."
             )
         warnings += estimate.fit_warnings  # those about the data concern all candidates alike
-        torque = estimate.predict(half.test, cycle_onsets=cycle_onsets).torque
+        torque = estimate.predict(test, cycle_onsets=cycle_onsets).torque
         time, rate = torque["time"].values, torque.attrs["identification_rate"]
         scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
-        measured = half.test.channel_at("torque", time, rate)
+        measured = test.channel_at("torque", time, rate)
         signals = np.stack([measured - torque["net"].values, measured])[:, scored]
         if not np.isfinite(signals).all():
             raise DataError("the prediction of unseen data is not finite.")
         signals -= signals.mean(axis=1, keepdims=True)
         explainable = {"cross-validation": signals}
-        if half.instruments is not None:
-            explainable["instrumental"] = _project(*half.instruments, time[scored], signals)
+        if instruments is not None:
+            explainable["instrumental"] = _project(*instruments, time[scored], signals)
         # Counted from the start of the half, so that all candidates have the same segments.
-        start, stop = half.test.samples("time")[[0, -1]]
+        start, stop = test.samples("time")[[0, -1]]
         segments = ((time[scored] - start) / SEGMENT).astype(int)
-        count = int((stop - start) / SEGMENT) + 1
         for name, (residual, target) in explainable.items():
-            losses, total = results.get(name, (np.empty(0), 0.0))
-            losses = np.concatenate([losses, np.bincount(segments, residual**2, count)])
-            results[name] = losses, total + float(np.sum(target**2))
-    return results, list(dict.fromkeys(warnings))
+            losses.setdefault(name, []).append(np.bincount(segments, residual**2, int((stop - start) / SEGMENT) + 1))
+            totals[name] += target @ target
+    joined = {name: np.concatenate(parts) for name, parts in losses.items()}
+    scores = {name: float(100.0 * (1.0 - loss.sum() / totals[name])) for name, loss in joined.items()}
+    return scores, joined, list(dict.fromkeys(warnings))
 
 
 def _simplest(losses: Sequence[np.ndarray | None], rows: Sequence[Mapping[str, Any]]) -> int:
     """Number of the first candidate that is not worse than the best by more than one standard error."""
-    fitted = [(k, loss) for k, loss in enumerate(losses) if loss is not None]
+    fitted = {k: loss for k, loss in enumerate(losses) if loss is not None}
     if not fitted:
         raise DataError(f"no candidate could be fitted; the first one failed with: {rows[0]['error']}")
-    fitted = [(k, loss) for k, loss in fitted if not rows[k]["warnings"]] or fitted
-    best = min((loss for _, loss in fitted), key=np.sum)
-    for k, loss in fitted:
-        excess = loss - best
-        if excess.sum() <= np.std(excess, ddof=1) * np.sqrt(excess.size):
-            return k
-    raise AssertionError("the best candidate is within its own error")
+    fitted = {k: loss for k, loss in fitted.items() if not rows[k]["warnings"]} or fitted
+    best = min(fitted.values(), key=np.sum)
+    excesses = {k: loss - best for k, loss in fitted.items()}
+    return next(k for k, excess in excesses.items() if excess.sum() <= np.std(excess, ddof=1) * np.sqrt(excess.size))

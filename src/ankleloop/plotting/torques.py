@@ -107,7 +107,8 @@ def _window(time: np.ndarray, start: float, length: float) -> tuple[float, float
 
 def _first_scores(trial: PreparedTrial, estimate: Estimate) -> pd.DataFrame:
     """VAF of each torque, and against which torque of the trial: the true one, or the measured one."""
-    return evaluate(trial, estimate).groupby("torque", sort=False).first()
+    scores = evaluate(trial, estimate).groupby("torque", sort=False).first()
+    return scores.reindex(list(TORQUES)).fillna({"against": "true"})  # a true torque that is zero has no VAF
 
 
 def _tabulate(

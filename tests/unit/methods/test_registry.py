@@ -7,13 +7,8 @@ import pytest
 import ankleloop
 from ankleloop import METHODS, evaluate, identify
 from ankleloop.joint.estimate_files import EstimateTable, load_estimates
-from ankleloop.methods.moesp import MEMBERS
 
 WITHOUT_REFERENCE = ("eiv-moesp", "pi-moesp", "po-moesp", "moesp", "parallel-cascade")
-
-
-def evaluate_vaf(trial, estimate):
-    return evaluate(trial, estimate).set_index(["torque", "against"])["vaf"]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -39,6 +34,9 @@ def test_every_method_returns_a_valid_estimate(noisy, method, tmp_path):
         assert np.all(np.isfinite(variable))
     np.testing.assert_allclose(torque["net"], torque["intrinsic"] + torque["reflex"], atol=1e-12)
 
+    for variable in torque.values():
+        assert abs(float(variable.mean())) < 1e-9
+
     assert set(estimate.stiffness) == {"K", "B", "I"}
     assert np.all(np.isfinite(list(estimate.stiffness.values())))
     # A PRBS biases the real-time algorithm.
@@ -53,37 +51,24 @@ def test_every_method_returns_a_valid_estimate(noisy, method, tmp_path):
     table.write(tmp_path / "0.parquet")
     assert load_estimates([tmp_path / "0.parquet"], "only", method)[0].stiffness == estimate.stiffness
 
-    result = evaluate_vaf(noisy, estimate)
-    assert result["net", "measured"] > 85.0
-    assert result["net", "true"] > 95.0
+    scores = evaluate(noisy, estimate).set_index(["torque", "against"])["vaf"]
+    assert scores["net", "measured"] > 85.0
+    assert scores["net", "true"] > 95.0
 
-
-@pytest.mark.parametrize("method", METHODS)
-def test_models_are_named_and_in_physical_units(noisy, method):
-    model = identify(noisy, method).model
-    if model is None:
-        assert method not in MEMBERS
-        return
-    assert isinstance(model, control.StateSpace)
-    assert model.dt == pytest.approx(0.01)
-    assert model.output_labels == ["torque"]
-    assert model.input_labels[:3] == ["position", "velocity", "acceleration"]
-    assert model.ninputs == len(model.input_labels) > 3
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_torques_are_deviations_from_their_means(noisy, method):
-    for name, torque in identify(noisy, method).torque.items():
-        assert abs(float(torque.mean())) < 1e-9, name
+    model = estimate.model
+    assert (model is None) == (method in ("parallel-cascade", "real-time", "riv-tv"))
+    if model is not None:
+        assert isinstance(model, control.StateSpace)
+        assert model.dt == pytest.approx(0.01)
+        assert model.output_labels == ["torque"]
+        assert model.input_labels[:3] == ["position", "velocity", "acceleration"]
+        assert model.ninputs == len(model.input_labels) > 3
 
 
 def test_defaults_of_the_method_of_the_paper(noisy):
-    diagnostics = identify(noisy, "pr-moesp").diagnostics
-    assert diagnostics["instruments"] == "past-reference"
-    assert diagnostics["projection"] == "ordinary"
-    assert diagnostics["input_matrices"] == "least-squares"
-    assert diagnostics["order"] == 2
-    assert diagnostics["instrument_rows"] == 15
+    values = {"instruments": "past-reference", "projection": "ordinary", "input_matrices": "least-squares"}
+    values |= {"order": 2, "instrument_rows": 15}
+    assert values.items() <= identify(noisy, "pr-moesp").diagnostics.items()
 
 
 @pytest.mark.parametrize("method", WITHOUT_REFERENCE)
@@ -110,12 +95,5 @@ def test_an_unknown_method_is_refused_with_the_known_ones(noisy):
             assert name in str(e.value)
 
 
-def test_the_registry_cannot_be_changed():
-    with pytest.raises(TypeError):
-        METHODS["magic"] = None
-
-
 def test_a_method_called_by_itself_is_identify(noisy):
-    for name, method in METHODS.items():
-        assert method.name == name
-        assert method(noisy).torque.identical(identify(noisy, name).torque)
+    assert METHODS["pi-moesp"](noisy, order=3).torque.identical(identify(noisy, "pi-moesp", order=3).torque)

@@ -146,19 +146,6 @@ def test_methods_without_a_model_do_not_predict(clean):
         segment(clean, 60.0, 70.0)
 
 
-# --- folds
-
-
-def score_unseen(training, unseen, **options):
-    """Energy of the residual and of the torque where a fit to other parts of the record predicts, by the definition."""
-    estimate = identify(training, "pr-moesp", **options)[0].predict(unseen)
-    time = estimate.torque["time"].values
-    inside = (time >= time[0] + 1.0) & (time <= time[-1] - 1.0)
-    measured = prepare(unseen).channel_at("torque", time, 100.0)[inside]
-    residual = measured - estimate.torque["net"].values[inside]
-    return np.sum((residual - residual.mean()) ** 2), np.sum((measured - measured.mean()) ** 2)
-
-
 def test_the_parts_of_a_record_are_prepared_once():
     trial, fits = simulate(seed=4, duration=24.0), []
 

@@ -1,0 +1,150 @@
+"""Widgets over an experiment of two methods: every change simulates, identifies and draws it anew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, Literal, get_args, get_origin
+
+import ipywidgets as widgets
+import numpy as np
+import pandas as pd
+from IPython.display import display
+
+from ankleloop.assessment.bootstrap import block_bootstrap
+from ankleloop.errors import NUMERICAL_ERRORS
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.methods.moesp import MoespOptions
+from ankleloop.methods.registry import METHODS, identify
+from ankleloop.options import Options
+from ankleloop.plotting.torques import torque_figure
+from ankleloop.quantities import QUANTITIES
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.simulate import simulate
+
+SEED = 1
+DURATION = 20.0  # s of a record
+REPETITIONS = 40  # of the bootstrap: the fewest that an interval of 95 % takes
+BLOCK = 1.5  # s of its blocks
+START = {"A": "pr-moesp", "B": "riv"}  # methods at the start
+
+# Lowest and highest value of a slider, and its step; on a logarithmic scale that of the logarithm to base 10.
+Range = tuple[float, float, float]
+LOGARITHMIC = ("load_stiffness", "load_viscosity", "load_inertia")
+SETTINGS: Mapping[str, Range | None] = {
+    "load_stiffness": (10.0, 10_000.0, 0.05),
+    "load_viscosity": (0.1, 100.0, 0.05),
+    "load_inertia": (0.01, 10.0, 0.05),
+    "reflex_gain": (0.0, 40.0, 0.5),
+    "delay": (0.01, 0.1, 0.001),
+    "snr_db": (0.0, 60.0, 1.0),
+    "voluntary": (0.0, 2.0, 0.05),
+    "perturbation": None,
+    "closed_loop": None,
+}
+OPTIONS: Mapping[str, Range | None] = {
+    "order": (1, 6, 1),
+    "block_rows": (5, 40, 1),
+    "basis": None,
+    "delay": (0.01, 0.1, 0.001),
+}
+LABELS = {"delay": "reflex delay", "snr_db": "signal-to-noise ratio", "voluntary": "voluntary torque, relative"}
+LOOK: Mapping[str, Any] = {"style": {"description_width": "170px"}, "layout": {"width": "430px"}}
+
+
+def explore() -> widgets.Widget:
+    """Sliders of an experiment, and below them its torques, its parameters, and what the methods warn of."""
+    controls = make_controls()
+    columns: dict[str, list[widgets.Widget]] = {}
+    for name, widget in controls.items():
+        columns.setdefault(name[0] if name[0] in START else "", []).append(widget)
+    view = widgets.interactive_output(show_experiment, controls)
+    return widgets.VBox([widgets.HBox([widgets.VBox(column) for column in columns.values()]), view])
+
+
+def make_controls() -> dict[str, widgets.Widget]:
+    """Widgets of settings by their names, and of each method and its options by the letter and the name."""
+    controls = {name: make_widget(SimulationSettings, name, limits) for name, limits in SETTINGS.items()}
+    controls["bootstrap"] = widgets.Checkbox(description="intervals by bootstrap (slower)", value=False, **LOOK)
+    for letter, method in START.items():
+        methods = widgets.Dropdown(description=f"method {letter}", options=list(METHODS), value=method, **LOOK)
+        options = {name: make_widget(MoespOptions, name, limits) for name, limits in OPTIONS.items()}
+        controls |= {f"{letter} {name}": widget for name, widget in {"method": methods, **options}.items()}
+    return controls
+
+
+def make_widget(model: type[Options], name: str, limits: Range | None) -> widgets.Widget:
+    """Widget of a setting or an option, with its default."""
+    default, unit = model.defaults()[name], model.unit(name)
+    label = LABELS.get(name, name.replace("_", " "))
+    shared = {"description": label if unit == "1" else f"{label} [{unit}]", "value": default, **LOOK}
+    if isinstance(default, bool):
+        return widgets.Checkbox(**shared)
+    if limits is None:
+        annotation = model.model_fields[name].annotation
+        members = [annotation] if get_origin(annotation) is Literal else list(get_args(annotation))
+        choices = [(value, value) for member in members for value in get_args(member)]
+        own = [("the method's own", None)] if type(None) in members else []
+        return widgets.Dropdown(options=own + choices, **shared)
+    low, high, step = limits
+    shared |= {"step": step, "continuous_update": False}
+    if name in LOGARITHMIC:
+        return widgets.FloatLogSlider(min=np.log10(low), max=np.log10(high), readout_format=".3g", **shared)
+    if isinstance(default, int):
+        return widgets.IntSlider(min=low, max=high, **shared)
+    return widgets.FloatSlider(min=low, max=high, readout_format=".3g", **shared)
+
+
+def show_experiment(*, bootstrap: bool, **values: Any) -> None:
+    """Simulate, identify and show; what cannot be simulated or identified is a sentence."""
+    settings = {name: values[name] for name in SETTINGS}
+    try:
+        trial = simulate_trial(**settings)
+    except NUMERICAL_ERRORS as error:
+        print(error)
+        return
+    estimates, remarks = {}, []
+    for letter in START:
+        method = values[f"{letter} method"]
+        label = f"{letter}: {method}"
+        known = METHODS[method].options.model_fields
+        options = {name: values[f"{letter} {name}"] for name in OPTIONS if name in known}
+        try:
+            estimates[label] = identify(trial, method, **options)
+            if bootstrap and not estimates[label].intervals:
+                intervals = block_bootstrap(trial, method, repetitions=REPETITIONS, block=BLOCK, **options).intervals()
+                estimates[label].intervals.update(intervals)
+            remarks += [f"{label}: {text}" for text in estimates[label].diagnostics["warnings"]]
+        except NUMERICAL_ERRORS as error:
+            remarks.append(f"{label}: {error}")
+    if estimates:
+        display(torque_figure(trial, estimates, start=0.5 * DURATION))
+    display(tabulate_parameters(settings, estimates))
+    print("\n".join(remarks))
+
+
+@lru_cache(maxsize=1)
+def simulate_trial(**settings: Any) -> PreparedTrial:
+    """The trial; it is simulated again only where its settings have changed."""
+    return prepare(simulate(seed=SEED, duration=DURATION, **settings))
+
+
+def tabulate_parameters(settings: Mapping[str, Any], estimates: Mapping[str, Estimate]) -> pd.DataFrame:
+    """True and estimated parameters as text, with 95 % intervals where there are some."""
+    model = SimulationSettings(**settings)
+    truth = {"K": model.stiffness, "B": model.viscosity, "I": model.inertia, "G": model.reflex_gain}
+    truth |= {name: getattr(model, name) for name in ("omega_n", "zeta", "delay")}
+    columns = {"true": {name: _format(value) for name, value in truth.items()}}
+    for label, estimate in estimates.items():
+        columns[label] = {
+            name: _format(value, estimate.intervals.get(name))
+            for name, value in {**estimate.stiffness, **estimate.reflex}.items()
+            if name in truth
+        }
+    table = pd.DataFrame(columns, index=list(truth)).fillna("–")
+    return table.set_axis([f"{QUANTITIES[name].symbol} [{QUANTITIES[name].unit}]" for name in truth])
+
+
+def _format(value: float, ends: tuple[float, float] | None = None) -> str:
+    return f"{value:.3g}" if ends is None else f"{value:.3g} ({ends[0]:.3g} … {ends[1]:.3g})"
