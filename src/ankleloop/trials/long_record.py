@@ -13,14 +13,13 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.signals.sampling import compute_rate, compute_rate_of_parts, parse_rate
 from ankleloop.trials.channel_files import RATE, TIME
-from ankleloop.trials.channel_units import check_unit
-from ankleloop.trials.channels import Channel
+from ankleloop.trials.channels import Channel, check_unit
 from ankleloop.trials.file_formats import find_suffix
 from ankleloop.trials.readers import choose_rate, parse_options
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import describe_channels, read_samples
-from ankleloop.trials.sample_checks import check_blocks
 from ankleloop.trials.trial import check_shape, check_sizes
+from ankleloop.trials.validation import check_samples
 
 SUFFIXES = (".h5", ".hdf5", ".nc")
 BLOCK = 250_000  # samples read at a time: each access to the file costs more than so many numbers
@@ -95,7 +94,7 @@ class LongRecord:
         time, stated = channels.pop(TIME, None), channels.pop(RATE, None)
         rate, samples = self._check_extent(channels, time, stated)
         self._set(rate=rate, sampling_rate=rate, samples=samples)
-        check_blocks(self._blocks(), rate, source=path.name)
+        check_samples(self._blocks(), rate, source=path.name)
 
     def read(self, start: int, stop: int, channels: Sequence[str] | None = None) -> xr.Dataset:
         """A piece of the record as a data set in rad and N·m.
