@@ -16,8 +16,8 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
@@ -138,7 +138,7 @@ class _Server:
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
             env={**os.environ, **threads}, start_new_session=True, pipesize=1 << 20,
         )  # fmt: skip
-        with _Deadline(self._process, START_SECONDS):
+        with _deadline(self._process, START_SECONDS):
             line = _pipe(self._process.stdout).readline(LONGEST_MESSAGE)
         if json.loads(line or b"{}").get("kind") != "ready":
             self.stop()
@@ -153,7 +153,7 @@ class _Server:
         assert process is not None
         channels: dict[str, Channel] = {}
         start = time.monotonic()
-        with _Deadline(process, START_SECONDS + PATIENCE * request.seconds) as deadline:
+        with _deadline(process, START_SECONDS + PATIENCE * request.seconds) as is_late:
             try:
                 _pipe(process.stdin).write(json.dumps(asdict(request)).encode() + b"\n")
                 _pipe(process.stdin).flush()
@@ -162,7 +162,7 @@ class _Server:
                 code = None
                 with suppress(subprocess.TimeoutExpired):
                     code = process.wait(1.0)
-                end = {"kind": "late" if deadline.is_over else "died", "signal": _name_signal(code)}
+                end = {"kind": "late" if is_late.is_set() else "died", "signal": _name_signal(code)}
                 return channels, {**end, "seconds": time.monotonic() - start}
 
 
@@ -227,25 +227,16 @@ def _name_signal(code: int | None) -> str:
     return f"signal {-code}"
 
 
-class _Deadline:
-    """Kills a process that is not done in time, which ends the wait for its answer."""
-
-    def __init__(self, process: subprocess.Popen[bytes], seconds: float) -> None:
-        self.is_over = False
-        self._process = process
-        self._timer = threading.Timer(min(seconds, threading.TIMEOUT_MAX), self._end)
-        self._timer.daemon = True
-
-    def _end(self) -> None:
-        self.is_over = True
-        self._process.kill()
-
-    def __enter__(self) -> _Deadline:
-        self._timer.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._timer.cancel()
+@contextmanager
+def _deadline(process: subprocess.Popen[bytes], seconds: float) -> Iterator[threading.Event]:
+    """Kill a process that is not done in time, which ends the wait for its answer; the event is set then."""
+    timer = threading.Timer(min(seconds, threading.TIMEOUT_MAX), process.kill)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield timer.finished
+    finally:
+        timer.cancel()
 
 
 def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
