@@ -28,6 +28,10 @@ class UnstableLoopError(ValueError):
     """
 
 
+class ResourceError(RuntimeError):
+    """Disk, memory or time that is short: it stops a job, and says nothing about the data."""
+
+
 # Of data and numerical routines: LinAlgError, DataError and UnstableLoopError are ValueErrors, FloatingPointError is an
 # ArithmeticError. Where many records are processed, such an error refuses its record alone; mistakes in the program
 # (TypeError, KeyError, AttributeError) stop the job.

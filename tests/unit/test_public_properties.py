@@ -21,7 +21,7 @@ from ankleloop import (
     simulate,
 )
 from ankleloop.signals.decimation import decimate, decimation_margin
-from ankleloop.trials.drift import remove_drift
+from ankleloop.trials.trial import remove_drift
 
 RATE = 500.0
 SAMPLES = 400

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
+import signal
+import threading
 import traceback
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
+from types import FrameType
 from typing import Any
 
 import click
 
 import ankleloop
 from ankleloop.command_line.terminal import echo, show_error, show_warning
-from ankleloop.errors import DataError
+from ankleloop.errors import DataError, ResourceError
 
 DONE, DATA, USAGE, MISTAKE, INTERRUPTED = 0, 1, 2, 3, 130
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -37,7 +41,7 @@ Exit status:
   {DONE}    done; warnings are in the output
   {DATA}    the data cannot be used: refused, or no method is valid
   {USAGE}    wrong usage: an option that is missing or wrong, a file that exists
-  {MISTAKE}    a mistake in the program, or memory that is short
+  {MISTAKE}    a mistake in the program, or memory, disk or time that is short
   {INTERRUPTED}  interrupted
 
 \b
@@ -87,6 +91,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.environ.setdefault(name, "1")
     # What the library logs is for the files of the workflow; here messages say it.
     logging.getLogger("ankleloop").addHandler(logging.NullHandler())
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
     with warnings.catch_warnings():
         warnings.showwarning = show_warning
         try:
@@ -110,10 +116,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status if isinstance(status, int) else DONE
 
 
+def _terminate(number: int, frame: FrameType | None) -> None:
+    """End the program as an error does, so that its temporary files are removed."""
+    raise SystemExit(128 + number)
+
+
 def _report_mistake(error: Exception) -> int:
     """Show an error that is not about the data or the usage."""
     if isinstance(error, MemoryError):
         show_error(f"out of memory ({error}): take a shorter part of the recording (start, stop), or free memory.")
+        return MISTAKE
+    if isinstance(error, ResourceError):
+        show_error(str(error))
+        return MISTAKE
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        place = error.filename or "the folder of temporary files (TMPDIR) or of the results"
+        show_error(f"{place}: the disk is full ({error.strerror}): free space there, and run the command again.")
         return MISTAKE
     traceback.print_exception(error)
     show_error("this is a mistake in ankleloop, not in your data: please report the lines above.")

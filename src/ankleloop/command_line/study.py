@@ -110,4 +110,4 @@ def _write(new: Path, text: str, files: Sequence[Path], *, overwrite: bool) -> N
             check_config_file(partial)
             read_run(yaml.safe_load(text), [partial])
         except ConfigError as error:
-            raise click.UsageError(str(error).replace(str(partial), str(new))) from None
+            raise click.UsageError(str(error).replace(partial.name, new.name)) from None

@@ -18,10 +18,9 @@ from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.export import export_estimate
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.recordings.variation import add_course
-from ankleloop.trials.drift import remove_drift
 from ankleloop.trials.readers import read_trial
 from ankleloop.trials.reading_options import ReadingOptions
-from ankleloop.trials.trial import segment
+from ankleloop.trials.trial import remove_drift, segment
 
 SUFFIXES = (".nc", ".mat", ".csv")
 GROUPS = ("subject", "condition", "trial")

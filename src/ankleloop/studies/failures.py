@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ankleloop.errors import DataError, UnstableLoopError
+from ankleloop.errors import DataError, ResourceError, UnstableLoopError
 
 
 def describe_error(error: BaseException) -> str:
@@ -19,7 +19,7 @@ def describe_error(error: BaseException) -> str:
             f"out of memory ({message or 'no message'}): run the same command again with fewer jobs at a time "
             "(--cores 1), or on a machine with more memory. What other jobs have finished is kept."
         )
-    if kind in (DataError.__name__, UnstableLoopError.__name__):
+    if kind in (DataError.__name__, ResourceError.__name__, UnstableLoopError.__name__):
         return message
     return f"{kind}: {message or 'no message'}"
 

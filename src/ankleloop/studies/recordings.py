@@ -69,7 +69,7 @@ class _Job:
         try:
             trials, analysis = analyse_files(mapping["paths"], mapping["parts"], self._methods)
             return self._write(name, mapping, trials[0] if trials else None, analysis)
-        except (*NUMERICAL_ERRORS, MemoryError) as error:  # of a figure or an export
+        except NUMERICAL_ERRORS as error:  # of a figure or an export
             return self.refuse(name, mapping, error)
 
     def refuse(self, name: str, mapping: Mapping[str, Any], error: Exception) -> Results:

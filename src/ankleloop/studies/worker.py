@@ -41,6 +41,8 @@ class Worker:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        if kind is not None and self._pipe is not None:  # as after SIGTERM: what it does is of no use any more
+            self._process.kill()
         self._end()
 
     def call(self, *args: Any) -> Any:

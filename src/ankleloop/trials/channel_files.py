@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import Channel, check_size
-from ankleloop.trials.decoding import as_text, decode
-from ankleloop.trials.file_contents import Contents, Variable, raise_type
+from ankleloop.trials.channels import Channel, check_size, join_units
+from ankleloop.trials.contents import Contents, Variable, raise_type
+from ankleloop.trials.decoding import as_text, decode, shorten
 
 # Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
 TIME_NAMES = ("time", "time_s", "t", "Time", "time_ms", "t_ms", "time_us")
-UNIT_NAMES = ("units", "unit", "Units", "Unit")
+UNIT_NAMES = ("units", "unit")  # in whatever case
 RATE_TOLERANCE = 1e-3
 HERTZ = ("hz", "hertz", "1/s", "s-1", "s^-1", "samples/s", "samples per second")
 TIME, RATE = "time", "sampling_rate"  # roles beside the channels of the trial
@@ -28,13 +28,17 @@ MOST_VARIABLES = 1000  # that are listed
 class Request:
     """What is wanted of a file."""
 
-    variables: Mapping[str, str]  # names of the variables in the file by channel; position and torque are among them
-    extras: tuple[str, ...] = ()  # channels that are read if the file has them beside the torque
+    path: str
+    seconds: float  # limit of time
+    memory: float  # limit of memory [bytes]
+    task: str = "channels"  # or "listing" of the variables, or "copy" of the file with the same contents
+    variables: Mapping[str, str] = field(default_factory=dict)  # names in the file by channel, position and torque too
+    extras: Sequence[str] = ()  # channels that are read if the file has them beside the torque
     rate: float | None = None  # sampling rate that the caller states [Hz]; that of the file must not contradict it
-    part: slice | None = None  # samples that are wanted; None for all of them
+    part: Sequence[int] | None = None  # first and last sample but one that are wanted; None for all of them
     # Whether samples are read; otherwise the channels have their shapes alone, but for the sampling rate.
     with_samples: bool = True
-    roles: tuple[str, ...] | None = None  # channels that are wanted; all, by default
+    roles: Sequence[str] | None = None  # channels that are wanted; all, by default
 
 
 def read_channels(contents: Contents, request: Request) -> Iterator[tuple[str, Channel]]:
@@ -46,11 +50,11 @@ def read_channels(contents: Contents, request: Request) -> Iterator[tuple[str, C
                 check_size(variable.size, f"{contents.path.name}: {variable.name}")
         contents.load([variable.name for variable in variables.values()])
     for role, variable in variables.items():
-        channel = Channel(variable.name, _find_unit(contents, variable), variable.shape)
+        channel = Channel(variable.name, _find_unit(variable), variable.shape)
         if role == RATE:
             yield role, replace(channel, shape=(1,), values=_read_rate(contents, variable))
         elif request.with_samples:
-            values = _read_numbers(contents, variable, request.part)
+            values = _read_numbers(contents, variable, slice(*request.part) if request.part else slice(None))
             yield role, replace(channel, shape=values.shape, values=values)
         else:
             yield role, channel
@@ -58,18 +62,15 @@ def read_channels(contents: Contents, request: Request) -> Iterator[tuple[str, C
 
 def list_variables(contents: Contents) -> Iterator[tuple[str, Channel]]:
     """List the variables of an open file."""
-    names = dict.fromkeys(itertools.islice(contents.names(), MOST_VARIABLES))
-    for name in names:
+    for name in dict.fromkeys(itertools.islice(contents.names(), MOST_VARIABLES)):
+        channel = Channel(name, "", ())
         try:
             variable = contents.find(name)
         except DataError:  # it matters only where this variable is wanted, and is raised there
             variable = None
-        yield (
-            name,
-            Channel(name, "", ())
-            if variable is None
-            else Channel(name, _find_unit(contents, variable), tuple(map(int, variable.shape))),
-        )
+        if variable is not None:
+            channel = Channel(name, _find_unit(variable), tuple(map(int, variable.shape)))
+        yield name, channel
 
 
 def _select(contents: Contents, request: Request) -> dict[str, Variable]:
@@ -93,16 +94,14 @@ def _select(contents: Contents, request: Request) -> dict[str, Variable]:
     return {role: v for role, v in selected.items() if request.roles is None or role in request.roles}
 
 
-def _find_unit(contents: Contents, variable: Variable) -> str:
-    """Unit that the file states for a variable, or the empty string."""
-    for name in UNIT_NAMES:
-        unit = as_text(variable.attributes.get(name, ""))
-        if unit:
-            return unit
-    return ""
+def _find_unit(variable: Variable) -> str:
+    """Unit that the file states for a variable, numbers as text, or the empty string."""
+    found = [np.asarray(variable.attributes[name]) for name in variable.attributes if name.lower() in UNIT_NAMES]
+    stated = [as_text(v) if v.size == 1 and v.dtype.kind in "OSU" else shorten(v) for v in found if v.size]
+    return join_units([text for text in stated if text])
 
 
-def _read_numbers(contents: Contents, variable: Variable, part: slice | None) -> np.ndarray:
+def _read_numbers(contents: Contents, variable: Variable, part: slice) -> np.ndarray:
     """Samples of a variable as floating-point numbers, scaled, nan where they are missing."""
     source, name = contents.path.name, variable.name
     values = np.asarray(variable.read(part))
@@ -112,9 +111,7 @@ def _read_numbers(contents: Contents, variable: Variable, part: slice | None) ->
         raise_type(source, name, values.dtype)
     check_size(values.size, f"{source}: {name}")  # of a struct of MATLAB, whose size is not known before
     numbers = np.array(decode(values, variable.attributes, source=source, name=name), dtype="<f8", order="C")
-    missing = np.isnan(numbers)
-    if missing.any():
-        numbers[missing] = np.nan  # damaged files have nan that signal an error wherever they are used
+    numbers[np.isnan(numbers)] = np.nan  # damaged files have nan that signal an error wherever they are used
     return numbers
 
 
@@ -138,10 +135,9 @@ def _is_number(cell: Any) -> bool:
 
 
 def _show(cell: Any) -> str:
-    text = f"an object ({type(cell).__name__})"
     if isinstance(cell, str | bytes):
-        text = repr(str(cell) if isinstance(cell, str) else bytes(cell))  # not as a text of numpy
-    return text if len(text) <= 60 else f"{text[:57]}..."
+        return shorten(repr(str(cell) if isinstance(cell, str) else bytes(cell)))  # not as a text of numpy
+    return f"an object ({type(cell).__name__})"
 
 
 def _check_other_rates(contents: Contents, rate: Variable) -> None:
@@ -178,10 +174,10 @@ def _find_rates(contents: Contents, rate: Variable) -> list[Variable]:
 
 def _read_rate(contents: Contents, variable: Variable) -> np.ndarray:
     """Sampling rate [Hz], shape (1,)."""
-    source, unit = contents.path.name, _find_unit(contents, variable)
+    source, unit = contents.path.name, _find_unit(variable)
     if unit and unit.lower() not in HERTZ:
         raise DataError(f"{source}: {variable.name} is in {unit!r} according to the file: write it in Hz.")
-    value = np.ravel(np.asarray(variable.read(None)))
+    value = np.ravel(np.asarray(variable.read(slice(None))))
     text = as_text(value) if value.dtype.kind in "OSU" else ""
     try:
         number = np.array([float(text) if text else float(value[0])])

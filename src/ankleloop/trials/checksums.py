@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator
 from typing import BinaryIO
 
 MARK = b"\nankleloop: SHA-256 of all before this line: "
@@ -19,8 +18,8 @@ PIECE = 1 << 20
 def append_checksum(path: str | os.PathLike[str]) -> None:
     """Append the checksum of its content to a file."""
     with open(path, "rb+") as file:
-        digest = _compute(file, os.fstat(file.fileno()).st_size)
-        file.write(MARK + digest + b"\n")
+        line = _compute_line(file, os.fstat(file.fileno()).st_size)
+        file.write(line)
 
 
 def has_right_checksum(path: str | os.PathLike[str]) -> bool | None:
@@ -34,18 +33,13 @@ def has_right_checksum(path: str | os.PathLike[str]) -> bool | None:
         if not line.startswith(MARK):
             return None
         file.seek(0)
-        return line == MARK + _compute(file, size) + b"\n"
+        return line == _compute_line(file, size)
 
 
-def _compute(file: BinaryIO, size: int) -> bytes:
-    """Checksum of the first bytes of a file, as text; the file is read as far as these bytes."""
+def _compute_line(file: BinaryIO, size: int) -> bytes:
+    """Line with the checksum of the first bytes of a file, which is read as far as these bytes."""
     checksum = hashlib.sha256()
-    for piece in _pieces(file, size):
-        checksum.update(piece)
-    return checksum.hexdigest().encode()
-
-
-def _pieces(file: BinaryIO, size: int) -> Iterator[bytes]:
     while size > 0 and (piece := file.read(min(size, PIECE))):
+        checksum.update(piece)
         size -= len(piece)
-        yield piece
+    return MARK + checksum.hexdigest().encode() + b"\n"

@@ -69,11 +69,12 @@ def _read_number(attributes: Mapping[str, Any], key: str, default: float, source
         return default
     array = np.ravel(np.asarray(attributes[key]))
     if array.size != 1 or array.dtype.kind not in "iuf" or not np.isfinite(array[0]):
-        raise DataError(f"{source}: {key} of {name} is no finite number ({_shorten(array)}): correct the file.")
+        raise DataError(f"{source}: {key} of {name} is no finite number ({shorten(array)}): correct the file.")
     return float(array[0])
 
 
-def _shorten(value: Any) -> str:
+def shorten(value: Any) -> str:
+    """Text of a value, of 60 characters at most."""
     text = str(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 

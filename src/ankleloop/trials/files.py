@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import errno
+import hashlib
+import io
 import os
+import platform
+import re
 import stat
+import time
+import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ankleloop.errors import DataError
+from ankleloop.errors import DataError, ResourceError
 from ankleloop.trials.checksums import append_checksum
-from ankleloop.trials.partial_files import partial_path, remove_stale
-from ankleloop.trials.sink import Sink
 
 if TYPE_CHECKING:
     import h5netcdf
@@ -25,6 +30,9 @@ PathLike = str | os.PathLike[str]
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
+
+NAME_BYTES = 200  # of the name of the file in the name of its partial file; file systems allow 255 in all
+ABANDONED = 7 * 86400.0  # s without writing, after which a partial file of another computer has no writer
 
 PRECISIONS: dict[str, type[np.floating]] = {"double": np.float64, "single": np.float32}
 
@@ -76,15 +84,56 @@ def holds_content(path: PathLike) -> bool:
     return status.st_size > 0 or not stat.S_ISREG(status.st_mode)
 
 
-def _write_error(path: Path, cause: OSError) -> DataError:
-    reason = cause.strerror or str(cause)
+def _write_error(path: Path, cause: OSError) -> DataError | ResourceError:
+    fault = f"{path}: the file cannot be written ({cause.strerror or cause})"
     if cause.errno in FULL:
         remedy = f"free space in the folder {path.parent}, or write to another disk"
-    elif cause.errno in FORBIDDEN:
+        return ResourceError(f"{fault}: {remedy}. Nothing has been changed.")
+    if cause.errno in FORBIDDEN:
         remedy = f"the folder {path.parent} cannot be written to: allow it, or write to another folder"
     else:
         remedy = f"check the folder {path.parent} and the name of the file"
-    return DataError(f"{path}: the file cannot be written ({reason}): {remedy}. Nothing has been changed.")
+    return DataError(f"{fault}: {remedy}. Nothing has been changed.")
+
+
+def _partial_path(path: Path) -> Path:
+    """Hidden name beside a file under which it is written: it states the computer and the process."""
+    return path.with_name(f"{_prefix(path)}{_computer()}-{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
+
+
+def _prefix(path: Path) -> str:
+    return f".{os.fsencode(path.name)[:NAME_BYTES].decode(errors='ignore')}."
+
+
+@cache
+def _computer() -> str:
+    """Digest of the computer, with its space of process numbers (of a container)."""
+    processes = ""
+    with suppress(OSError):  # Linux only
+        processes = os.readlink("/proc/self/ns/pid")
+    return hashlib.sha256(f"{platform.node()} {processes}".encode()).hexdigest()[:8]
+
+
+def _remove_stale(path: Path) -> None:
+    """Remove the partial files of a file whose process no longer lives; those of another computer after a week."""
+    pattern = re.compile(rf"{re.escape(_prefix(path))}([0-9a-f]{{8}})-(\d+)-[0-9a-f]{{8}}\.part")
+    with suppress(OSError):  # the writer reports a folder that cannot be used
+        for match in map(pattern.fullmatch, os.listdir(path.parent)):
+            with suppress(OSError):  # another writer removes it at the same time
+                if match and _is_stale(path.with_name(match[0]), match[1], int(match[2])):
+                    path.with_name(match[0]).unlink()
+
+
+def _is_stale(partial: Path, computer: str, process: int) -> bool:
+    if computer != _computer() or os.name != "posix":  # elsewhere than on POSIX, signal 0 ends the process
+        return time.time() - partial.stat().st_mtime > ABANDONED
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return True
+    except PermissionError:  # it is another user's
+        return False
+    return False
 
 
 @contextmanager
@@ -96,8 +145,8 @@ def atomic_file(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pat
     """
     inputs = [*inputs]
     path = check_output(path, overwrite=overwrite, inputs=inputs)
-    remove_stale(path)
-    partial = partial_path(path)
+    _remove_stale(path)
+    partial = _partial_path(path)
     try:
         yield partial
         _synchronise(partial)
@@ -130,6 +179,46 @@ def _publish(partial: Path, path: Path, overwrite: bool) -> None:
         except OSError:  # a file system without hard links
             check_output(path)
     os.replace(partial, path)
+
+
+class Sink(io.FileIO):
+    """A new binary file for the HDF5 library, which cannot close a file after a failed write, and then crashes at exit.
+
+    After a failure all else that is written is lost; `check` and the end of the block raise the failure.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "xb+")
+        self._failure: OSError | None = None
+
+    def check(self) -> None:
+        """Raise the first failure of the disk, if there was any."""
+        if self._failure is not None:
+            raise self._failure
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+        self.check()  # also instead of an error in the block, which follows from it
+
+    def write(self, data: Any) -> int:
+        """Write all bytes, or remember why not."""
+        view = memoryview(data).cast("B")
+        end, written = self.tell() + len(view), 0
+        try:
+            while self._failure is None and written < len(view):
+                written += super().write(view[written:])
+        except OSError as failure:
+            self._failure = failure
+        self.seek(end)
+        return len(view)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Cut or extend the file."""
+        try:
+            return super().truncate(size)
+        except OSError as failure:
+            self._failure = self._failure or failure
+            return self.tell() if size is None else size
 
 
 @contextmanager

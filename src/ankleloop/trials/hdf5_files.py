@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 
 from ankleloop.errors import DataError
+from ankleloop.trials.contents import Contents, Variable, raise_type, take_samples
 from ankleloop.trials.decoding import as_text
-from ankleloop.trials.file_contents import Contents, Variable, raise_type, take_samples
 
 MOST_LINKS = 20  # soft links on the way to a variable
 MOST_OBJECTS = 5_000  # that are visited to list the variables
@@ -24,18 +24,11 @@ class Hdf5Contents(Contents):
 
     Soft links are followed within the file. Samples outside of it (external links, external storage, virtual data
     sets) are refused: HDF5 puts zeros where such a file is missing.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    separator : str
-        Joins the names of groups.
     """
 
-    def __init__(self, path: Path, separator: str) -> None:
+    def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self.separator = separator
+        self.separator = "." if path.name.lower().endswith(".mat") else "/"
         self._file = h5py.File(path, "r")
 
     def find(self, name: str) -> Variable | None:

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.signals.sampling import compute_rate, compute_rate_of_parts, parse_rate
-from ankleloop.trials.channel_files import RATE, TIME
-from ankleloop.trials.channel_units import check_unit
+from ankleloop.signals.sampling import compute_rate, compute_rate_of_parts
+from ankleloop.trials.channel_files import TIME
 from ankleloop.trials.channels import Channel
 from ankleloop.trials.file_formats import find_suffix
 from ankleloop.trials.readers import choose_rate, parse_options
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import describe_channels, read_samples
-from ankleloop.trials.sample_checks import check_blocks
-from ankleloop.trials.trial import check_shape, check_sizes
+from ankleloop.trials.trial import check_sizes
+from ankleloop.trials.validation import check_samples
 
 SUFFIXES = (".h5", ".hdf5", ".nc")
 BLOCK = 250_000  # samples read at a time: each access to the file costs more than so many numbers
@@ -81,7 +82,7 @@ class LongRecord:
     rate: float = field(init=False, repr=False)
     samples: int = field(init=False, repr=False)
     _stamp: tuple[int, ...] = field(init=False, repr=False, compare=False)
-    _ahead: _Piece | None = field(init=False, repr=False, compare=False, default=None)
+    _block: Callable[[tuple[str, ...], int], dict[str, np.ndarray]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         path = Path(self.path)
@@ -90,12 +91,15 @@ class LongRecord:
         if find_suffix(path) not in SUFFIXES:
             raise DataError(f"{path.name}: long records are read from {', '.join(SUFFIXES)}; convert it first.")
         channels = describe_channels(path, self.options)
-        self._set(_stamp=_stamp_file(path))
+        self._set(_stamp=_stamp_file(path), _block=lru_cache(2)(self._read_block))
         self._fetch([*channels], 0, 1)  # refuses samples that are no numbers
-        time, stated = channels.pop(TIME, None), channels.pop(RATE, None)
-        rate, samples = self._check_extent(channels, time, stated)
-        self._set(rate=rate, sampling_rate=rate, samples=samples)
-        check_blocks(self._blocks(), rate, source=path.name)
+        rate = choose_rate(channels, self.options, partial(self._measure_rate, channels), source=path.name)
+        sizes = {role: math.prod(channels[role].shape) for role in self._roles}
+        check_sizes(sizes, source=path.name)
+        compute_rate(np.arange(min(sizes["position"], 2)) / rate, source=path.name)  # a single sample is no record
+        self._set(rate=rate, sampling_rate=rate, samples=sizes["position"])
+        starts = range(0, self.samples, BLOCK)
+        check_samples((self._block(self._roles, start) for start in starts), rate, source=path.name)
 
     def read(self, start: int, stop: int, channels: Sequence[str] | None = None) -> xr.Dataset:
         """A piece of the record as a data set in rad and N·m.
@@ -128,7 +132,10 @@ class LongRecord:
                 f"{self.path.name}: there are no samples {start} to {stop}: the record has {self.samples} samples."
             )
         stop = min(stop, self.samples)
-        variables = {role: ("time", values) for role, values in self._read_ahead(roles, start, stop).items()}
+        first = start - start % BLOCK
+        blocks = [self._block(roles, block) for block in range(first, stop, BLOCK)]
+        joined = {role: np.concatenate([block[role] for block in blocks]) for role in roles}
+        variables = {role: ("time", values[start - first : stop - first].copy()) for role, values in joined.items()}
         time = ("time", np.arange(start, stop) / self.rate)
         return xr.Dataset(variables, coords={"time": time}, attrs={"sampling_rate": self.rate})
 
@@ -141,27 +148,9 @@ class LongRecord:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
-    def _check_extent(
-        self, channels: dict[str, Channel], time: Channel | None, stated: Channel | None
-    ) -> tuple[float, int]:
-        """Sampling rate [Hz] and number of samples, as `read_trial` finds them."""
-        source, options = self.path.name, self.options
-        sizes = {}
-        for role, channel in channels.items():
-            if role not in options.further:
-                check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
-            sizes[role] = check_shape(channel.shape, channel.name, source=source)
-        rate = options.sampling_rate
-        if rate is None and stated is not None:
-            rate = parse_rate(np.asarray(stated.values).item(), source=source)
-        samples = sizes["position"]
-        rate = choose_rate(rate, time, samples, lambda factor: self._measure_rate(time, factor, samples), source=source)
-        check_sizes(sizes, source=source)
-        compute_rate(np.arange(min(samples, 2)) / rate, source=source)  # a single sample is no record
-        return rate, samples
-
-    def _measure_rate(self, time: Channel | None, factor: float, samples: int) -> float:
-        assert time is not None
+    def _measure_rate(self, channels: Mapping[str, Channel], factor: float, name: str) -> float:
+        """Sampling rate of the times [Hz], which become seconds by a factor."""
+        samples = math.prod(channels[TIME].shape)
 
         def times(start: int, stop: int) -> np.ndarray:
             part = self._fetch([TIME], start, stop)[TIME]
@@ -171,26 +160,14 @@ class LongRecord:
             return (times(start, start + BLOCK) for start in range(0, samples, BLOCK))
 
         if samples < 2:
-            return compute_rate(times(0, samples), source=self.path.name, name=time.name)
+            return compute_rate(times(0, samples), source=self.path.name, name=name)
         ends = float(times(0, 1)[0]), float(times(samples - 1, samples)[0])
-        return compute_rate_of_parts(parts, samples, ends, source=self.path.name, name=time.name)
+        return compute_rate_of_parts(parts, samples, ends, source=self.path.name, name=name)
 
-    def _blocks(self) -> Iterator[dict[str, np.ndarray]]:
-        for start in range(0, self.samples, BLOCK):
-            yield self._read_ahead(self._roles, start, min(start + BLOCK, self.samples))
-
-    def _read_ahead(self, roles: tuple[str, ...], start: int, stop: int) -> dict[str, np.ndarray]:
+    def _read_block(self, roles: tuple[str, ...], start: int) -> dict[str, np.ndarray]:
         """Samples in rad and N·m; more than are asked for are read, because the next ones are asked for next."""
-        ahead = self._ahead
-        if ahead is None or ahead.roles != roles or not ahead.start <= start <= ahead.stop:
-            ahead = _Piece(roles, start, {role: np.empty(0) for role in roles})
-        if stop > ahead.stop:
-            more = self._fetch(roles, ahead.stop, min(max(stop, start + BLOCK), self.samples))
-            rest = {role: values[start - ahead.start :] for role, values in ahead.values.items()}
-            joined = {role: np.concatenate([rest[role], more[role] * self.options.factor(role)]) for role in roles}
-            ahead = _Piece(roles, start, joined)
-            self._set(_ahead=ahead)
-        return {role: values[start - ahead.start : stop - ahead.start].copy() for role, values in ahead.values.items()}
+        block = self._fetch(roles, start, min(start + BLOCK, self.samples))
+        return {role: values * self.options.factor(role) for role, values in block.items()}
 
     def _fetch(self, roles: Sequence[str], start: int, stop: int) -> dict[str, np.ndarray]:
         """Samples as the file has them."""
@@ -200,19 +177,6 @@ class LongRecord:
                 f"{self.path.name}: the file has been changed since the record was made: make it again from a copy."
             )
         return {role: np.ravel(np.asarray(piece.values)) for role, piece in pieces.items()}
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """Samples of some channels from a first one on."""
-
-    roles: tuple[str, ...]
-    start: int
-    values: dict[str, np.ndarray]
-
-    @property
-    def stop(self) -> int:
-        return self.start + min(values.size for values in self.values.values())
 
 
 def _stamp_file(path: Path) -> tuple[int, ...]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-from ankleloop.errors import DataError
+from ankleloop.errors import DataError, ResourceError
 from ankleloop.trials.checksums import has_right_checksum
 from ankleloop.trials.files import check_readable
 
@@ -16,30 +16,26 @@ PathLike = str | os.PathLike[str]
 
 
 @contextmanager
-def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path]:
-    """Provide the path at which a file of this library can be opened in this process.
+def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path | io.BytesIO]:
+    """Provide what can be opened in this process in place of a file of this library.
 
-    It is the file itself if its checksum is right. A file without a checksum (of an older version, or changed by
-    another program) is written anew by another process, with limits of time and memory (`records.reading_process`),
-    and the path is that of the copy.
+    It is the file itself if its checksum is right. The contents of a file without a checksum (of an older version, or
+    changed by another program) are written anew by another process, with limits of time and memory
+    (`trials.reading_process`), into memory.
     """
     check_readable(path)
     path = Path(path)
     with name_errors(path, kind, remedy):
         is_right = has_right_checksum(path)
-    if is_right is False:
-        reason = "its checksum is wrong: bytes have changed since it was written"
-        raise DataError(describe_damage(path, kind, remedy, reason))
-    if is_right:
-        with name_errors(path, kind, remedy):
+        if is_right is False:
+            reason = "its checksum is wrong: bytes have changed since it was written"
+            raise DataError(describe_damage(path, kind, remedy, reason))
+        if is_right:
             yield path
-        return
-    from ankleloop.trials.reading_process import rewrite_file  # here: files with a checksum do not need it
+            return
+        from ankleloop.trials.reading_process import copy_file  # here: files with a checksum do not need it
 
-    with TemporaryDirectory(prefix="ankleloop-") as folder, name_errors(path, kind, remedy):
-        copy = Path(folder, path.name)
-        rewrite_file(path, copy, lambda reason: describe_damage(path, kind, remedy, reason))
-        yield copy
+        yield io.BytesIO(copy_file(path, lambda reason: describe_damage(path, kind, remedy, reason)))
 
 
 @contextmanager
@@ -47,7 +43,7 @@ def name_errors(path: PathLike, kind: str, remedy: str) -> Iterator[None]:
     """Say in plain words what is wrong with the contents of a file."""
     try:
         yield
-    except (DataError, MemoryError):  # a lack of memory says nothing about the file
+    except (DataError, ResourceError, MemoryError):  # a lack of memory says nothing about the file
         raise
     except Exception as cause:
         reason = f"{type(cause).__name__}: {cause}".partition("\n")[0]

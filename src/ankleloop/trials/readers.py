@@ -12,11 +12,10 @@ from ankleloop.errors import DataError
 from ankleloop.options import check_path
 from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
 from ankleloop.trials.channel_files import RATE, RATE_NAMES, TIME, TIME_NAMES
-from ankleloop.trials.channel_units import check_unit, time_factor
-from ankleloop.trials.channels import Channel
+from ankleloop.trials.channels import Channel, check_unit, time_factor
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
-from ankleloop.trials.trial import TRUE_TORQUES, as_signal, check_shape, new_trial
+from ankleloop.trials.trial import TRUE_TORQUES, check_shape, new_trial
 
 if TYPE_CHECKING:
     import os
@@ -101,24 +100,16 @@ def read_trial(
         variables=variables,
     )
     channels = read_channels(path, options, TRUE_TORQUES)
-    time, rate = channels.pop(TIME, None), channels.pop(RATE, None)
-    signals = {}
-    for role, channel in channels.items():
-        if role not in options.further:
-            check_unit(role, channel.name, channel.unit, options.position_unit, source=path.name)
-        signals[role] = as_signal(np.asarray(channel.values), channel.name, source=path.name) * options.factor(role)
-    stated = options.sampling_rate
-    if stated is None and rate is not None:
-        stated = parse_rate(np.asarray(rate.values).item(), source=path.name)
+    values = {role: np.ravel(np.asarray(channel.values)) for role, channel in channels.items()}
+
+    def measure(factor: float, name: str) -> float:
+        times = values[TIME] if factor == 1.0 else values[TIME] * factor
+        return compute_rate(times, source=path.name, name=name)
+
+    rate = choose_rate(channels, options, measure, source=path.name)
     trial = new_trial(
-        **signals,
-        sampling_rate=choose_rate(
-            stated,
-            time,
-            signals["position"].size,
-            lambda factor: _measure_rate(time, factor, path.name),
-            source=path.name,
-        ),
+        **{role: values[role] * options.factor(role) for role in channels if role not in (TIME, RATE)},
+        sampling_rate=rate,
         source=path.name,
         **{f"{channel}_variable": name for channel, name in {**options.channels, **options.further}.items()},
         **options.model_dump(include={"position_unit", "position_sign", "torque_sign"}),
@@ -138,31 +129,36 @@ def parse_options(source: str, **values: Any) -> ReadingOptions:
         raise DataError(str(error)) from None
 
 
-def _measure_rate(time: Channel | None, factor: float, source: str) -> float:
-    """Sampling rate of a time column of a unit [s]."""
-    assert time is not None
-    times = as_signal(np.asarray(time.values), time.name, source=source)
-    return compute_rate(times if factor == 1.0 else times * factor, source=source, name=time.name)
-
-
 def choose_rate(
-    stated: float | None, time: Channel | None, size: int, measure: Callable[[float], float], *, source: str
+    channels: Mapping[str, Channel], options: ReadingOptions, measure: Callable[[float, str], float], *, source: str
 ) -> float:
-    """Choose the sampling rate: the stated one, else that of the times, which must agree."""
-    if time is None:
+    """Check units and shapes of channels, and choose the sampling rate: the stated one, else that of the times.
+
+    The times, whose rate is measured for a factor that makes seconds of them, must agree.
+    """
+    for role, channel in channels.items():
+        if role not in (TIME, RATE):
+            if role not in options.further:
+                check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
+            check_shape(channel.shape, channel.name, source=source)
+    stated = options.sampling_rate
+    if stated is None and RATE in channels:
+        stated = parse_rate(np.asarray(channels[RATE].values).item(), source=source)
+    if TIME not in channels:
         if stated is None:
             raise DataError(
                 f"{source}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column "
                 f"({', '.join(TIME_NAMES)}): pass sampling_rate in Hz."
             )
         return stated
+    time, size = channels[TIME], max(channels["position"].shape)
     samples = check_shape(time.shape, time.name, source=source)
     if samples != size:
         raise DataError(
             f"{source}: {time.name} has {format_samples(samples)} but position has {size}: cut both to the same."
         )
     factor = time_factor(time.name, time.unit, source=source)
-    measured = measure(1.0 if factor is None else factor)
+    measured = measure(factor or 1.0, time.name)
     if factor is None:
         _check_plausible(stated, measured, time.name, source)
     if stated is None:

@@ -41,6 +41,7 @@ VARIABLES = {
     "phase": ("1", "phase of the cycle"),
     "schedule": ("1", "scheduling variable"),
 }
+MAX_DEGREE = 10  # of a drift
 PLAIN = (str, bool, int, float)  # attributes that need no conversion: a simulated trial has dozens
 TRUE_TORQUES = tuple(name for name in VARIABLES if name.startswith("torque_"))
 
@@ -149,6 +150,23 @@ def segment(trial: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     return validate(trial.isel(time=inside), source=f"{source}segment {start:g} to {stop:g} s")
 
 
+def remove_drift(trial: xr.Dataset, degree: int) -> xr.Dataset:
+    """Subtract a polynomial, fitted by least squares, from the torque.
+
+    The torque drifts more slowly than any perturbation, because the muscle tires or the sensor warms up. The position
+    stays as it is, because the nonlinearity depends on it.
+    """
+    if isinstance(degree, bool) or degree != int(degree) or not 0 <= degree <= MAX_DEGREE:
+        raise ValueError(f"degree must be a whole number between 0 and {MAX_DEGREE}, got {degree!r}.")
+    torque = trial["torque"].values
+    grid = np.linspace(-1.0, 1.0, torque.size)
+    legendre = np.polynomial.legendre
+    detrended = torque - legendre.legval(grid, legendre.legfit(grid, torque, int(degree)))
+    if np.ptp(detrended) <= 1e-9 * np.ptp(torque):
+        raise DataError(f"a polynomial of degree {degree} takes all of the torque: there is nothing but drift in it.")
+    return validate(trial.assign(torque=trial["torque"].copy(data=detrended)))
+
+
 def save_trial(trial: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Save a trial as a NetCDF-4 file.
 
@@ -212,9 +230,9 @@ def load_trial(path: str | os.PathLike[str]) -> xr.Dataset:
     ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
     """
     path = check_path("load_trial", "path", path)
-    with readable_file(path, "NetCDF-4 file", "restore it from a copy, or write it with save_trial") as path:
+    with readable_file(path, "NetCDF-4 file", "restore it from a copy, or write it with save_trial") as file:
         # Decoding by the CF conventions could change samples and attributes.
-        trial = xr.load_dataset(path, engine="h5netcdf", decode_cf=False).drop_encoding()
+        trial = xr.load_dataset(file, engine="h5netcdf", decode_cf=False).drop_encoding()
         trial.attrs.update({name: value.item() for name, value in trial.attrs.items() if isinstance(value, np.generic)})
         return validate(trial, source=path.name)
 

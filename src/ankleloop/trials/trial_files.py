@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -18,13 +17,9 @@ from ankleloop.trials.files import atomic_netcdf, parse_precision
 from ankleloop.trials.readable_files import describe_damage, readable_file
 from ankleloop.trials.validation import validate
 
-if TYPE_CHECKING:
-    import h5netcdf
-
 CHUNK = 25  # trials read at a time: each access to the file costs more than the numbers
-WRITTEN = 2**22  # bytes of a channel that are written at a time
 CHUNK_MEMORY = 2**25  # bytes of the signals read at a time, where the trials are long
-ATTRIBUTES = "trial_attributes"  # those in which the trials of a file differ
+ATTRIBUTES = "trial_attributes"  # those in which a trial differs from the first one, null where it has none
 FAILURE = "failure"  # why a trial is missing; a file in which none is has no such variable
 INDEX = ("point", "number", ATTRIBUTES, FAILURE)
 KIND, REMEDY = "trial file", "delete it and run again; it is made anew"
@@ -61,120 +56,65 @@ def save_trials(
 ) -> None:
     """Write trials of equal length and sampling rate to one NetCDF file, which appears when it is complete.
 
-    A variable that is constant in every trial (the noise of a noise-free simulation) takes one number per trial.
+    Signals that are zero throughout (the noise of a noise-free simulation) take no space.
     """
+    import h5py
+
     kind = parse_precision(precision)
     if index is None:
         trials = list(trials)
         index = [("only", number) for number in range(len(trials))]
+    attributes: list[str] = []
+    reasons: list[str] = []
+    first: xr.Dataset | None = None
     with atomic_netcdf(path, overwrite=overwrite) as (file, sink):
-        attributes: list[Mapping[str, Any]] = []
-        first: dict[str, Any] = {}
-        reasons: list[str] = []
-        writer: _ChannelWriter | None = None
-        for row, (trial, key) in enumerate(zip(trials, index, strict=True)):
+        file.dimensions = {"trial": len(index)}
+        for row, (trial, (point, number)) in enumerate(zip(trials, index, strict=True)):
             if isinstance(trial, FailedTrial):
-                attributes.append({})
+                attributes.append("{}")
                 reasons.append(trial.reason)
                 continue
-            writer = writer or _ChannelWriter(file, trial, len(index), kind)
-            writer.write(row, trial, key)
-            sink.check()
-            first = first or trial.attrs
-            attributes.append(_keep_differences(trial.attrs, first))
             reasons.append("")
-        if not attributes:
+            if first is None:
+                first = trial
+                _create_variables(file, trial, kind)
+            same = trial.sizes == first.sizes and set(trial.data_vars) == set(first.data_vars)
+            if not same or trial.attrs["sampling_rate"] != first.attrs["sampling_rate"]:
+                raise DataError(
+                    f"trial {number} of {point} differs from the first trial in length, variables or sampling rate: "
+                    "save it in a file of its own."
+                )
+            attributes.append(json.dumps(_keep_differences(trial.attrs, first.attrs)))
+            for name in map(str, trial.data_vars):
+                values = trial.variables[name].values
+                if values.any():  # what is not written is zero
+                    file[name][row] = values.astype(kind)
+            sink.check()
+        if not reasons:
             raise DataError(f"{path}: there are no trials to save.")
-        if writer is None:
-            file.dimensions = {"trial": len(index)}
-        else:
-            writer.finish()
-        _write_index(file, index, attributes, reasons)
+        file.create_variable("number", ("trial",), np.int64)[:] = [number for _, number in index]
+        texts = {"point": [point for point, _ in index], ATTRIBUTES: attributes}
+        for name, column in (texts | {FAILURE: reasons} if any(reasons) else texts).items():
+            file.create_variable(name, ("trial",), h5py.string_dtype())[:] = np.array(column, dtype=object)
 
 
-class _ChannelWriter:
-    """Writes the channels of one trial after the other, several trials at a time where they are short.
-
-    A channel is a number for each trial until a trial has other samples than its first one.
-    """
-
-    def __init__(self, file: h5netcdf.File, template: xr.Dataset, count: int, kind: type[np.floating]) -> None:
-        self._file, self._template, self._kind = file, template, kind
-        self._constants = {str(name): np.full(count, np.nan) for name in template.data_vars}
-        self._waiting: dict[str, tuple[int, list[np.ndarray]]] = {}  # first row and rows that are not yet written
-        file.dimensions = {"trial": count, "time": template.sizes["time"]}
-        self._create("time", ("time",), np.float64)[:] = template["time"].values
-
-    def write(self, row: int, trial: xr.Dataset, key: tuple[str, int]) -> None:
-        """Write a trial, which must have the length, variables and sampling rate of the first one."""
-        template = self._template
-        same = trial.sizes == template.sizes and set(trial.data_vars) == set(template.data_vars)
-        if not same or trial.attrs["sampling_rate"] != template.attrs["sampling_rate"]:
-            raise DataError(
-                f"trial {key[1]} of {key[0]} differs from the first trial in length, variables or sampling rate: "
-                "save it in a file of its own."
-            )
-        for name in map(str, trial.data_vars):
-            values = trial.variables[name].values
-            if name in self._constants:
-                if values.min() == values.max():
-                    self._constants[name][row] = values[0]
-                    continue
-                variable = self._create(name, ("trial", "time"), self._kind)
-                for earlier, value in enumerate(self._constants.pop(name)[:row]):
-                    variable[earlier] = np.full(values.size, value, self._kind)
-            self._add_row(name, row, values.astype(self._kind))
-
-    def finish(self) -> None:
-        """Write what is not yet written: the last trials, and the channels that are constant in every trial."""
-        for name in list(self._waiting):
-            self._write_rows(name)
-        for name, values in self._constants.items():
-            self._create(name, ("trial",), np.float64)[:] = values
-
-    def _add_row(self, name: str, row: int, values: np.ndarray) -> None:
-        first, rows = self._waiting.setdefault(name, (row, []))
-        if row != first + len(rows):  # a trial between them failed
-            self._write_rows(name)
-            _, rows = self._waiting.setdefault(name, (row, []))
-        rows.append(values)
-        if len(rows) * values.nbytes >= WRITTEN:
-            self._write_rows(name)
-
-    def _write_rows(self, name: str) -> None:
-        first, rows = self._waiting.pop(name)
-        self._file.variables[name][first : first + len(rows)] = np.stack(rows)
-
-    def _create(self, name: str, dimensions: tuple[str, ...], kind: type[np.floating]) -> h5netcdf.Variable:
-        variable = self._file.create_variable(name, dimensions, kind)
-        variable.attrs.update(self._template[name].attrs)
-        return variable
+def _create_variables(file: Any, trial: xr.Dataset, kind: type[np.floating]) -> None:
+    """Create the variables of trials like the first one, whose attributes become those of the file."""
+    size = trial.sizes["time"]
+    file.attrs.update(trial.attrs)
+    file.dimensions["time"] = size
+    file.create_variable("time", ("time",), np.float64)[:] = trial["time"].values
+    for name in trial.data_vars:
+        file.create_variable(name, ("trial", "time"), kind, chunks=(1, size))
+    for name, variable in trial.variables.items():
+        file[name].attrs.update(variable.attrs)
 
 
-def _keep_differences(attributes: dict[str, Any], first: dict[str, Any]) -> Mapping[str, Any]:
-    """The same attributes; values that are those of the first trial take no memory."""
-    if attributes.keys() != first.keys():
-        return attributes
-    same = {name for name, value in attributes.items() if (type(value), value) == (type(first[name]), first[name])}
-    return ChainMap({name: value for name, value in attributes.items() if name not in same}, first)
-
-
-def _write_index(
-    file: h5netcdf.File, index: Sequence[tuple[str, int]], attributes: Sequence[Mapping[str, Any]], reasons: list[str]
-) -> None:
-    """Write point, number and attributes of every trial; attributes that all trials share are those of the file."""
-    import h5py
-
-    present = [a for a, reason in zip(attributes, reasons, strict=True) if not reason] or [{}]
-    shared = {name: value for name, value in present[0].items() if all(a.get(name) == value for a in present)}
-    different = [json.dumps({name: a[name] for name in a if name not in shared}) for a in attributes]
-    file.attrs.update(shared)
-    file.create_variable("number", ("trial",), np.int64)[:] = [number for _, number in index]
-    columns = {"point": [point for point, _ in index], ATTRIBUTES: different}
-    if any(reasons):
-        columns[FAILURE] = reasons
-    for name, texts in columns.items():
-        file.create_variable(name, ("trial",), h5py.string_dtype())[:] = np.array(texts, dtype=object)
+def _keep_differences(attributes: Mapping[str, Any], first: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes whose values or types are not those of the first trial, and null for those that are missing."""
+    typed = {name: (type(value), value) for name, value in first.items()}
+    changed = {name: value for name, value in attributes.items() if typed.get(name) != (type(value), value)}
+    return changed | dict.fromkeys(first.keys() - attributes.keys())
 
 
 def load_trials(path: Path) -> Iterator[xr.Dataset]:
@@ -186,31 +126,26 @@ def load_trials(path: Path) -> Iterator[xr.Dataset]:
 def load_chunks(path: Path, trials: Mapping[str, Sequence[int]] | None = None) -> Iterator[TrialChunk]:
     """Read the trials that `save_trials` wrote, several at a time: one pass over a signal serves all of them."""
     with _open(path) as data:
-        count = _count_rows(data)
-        for rows in _find_rows(data, trials, path):
-            for start in range(rows.start, rows.stop, count):
-                yield _read_chunk(data, slice(start, min(start + count, rows.stop)), path)
+        rows = [*range(data.sizes["trial"])] if trials is None else _find_rows(data, trials, path)
+        signals = sum(variable.ndim > 1 for variable in data.variables.values())
+        count = max(1, min(CHUNK, CHUNK_MEMORY // max(1, 8 * data.sizes.get("time", 0) * signals)))
+        while rows:
+            together = sum(row == rows[0] + k for k, row in enumerate(rows[:count]))
+            yield _read_chunk(data, slice(rows[0], rows[0] + together), path)
+            rows = rows[together:]
 
 
-def _find_rows(data: xr.Dataset, trials: Mapping[str, Sequence[int]] | None, path: Path) -> list[range]:
-    """Rows of the file that hold some trials, those that follow each other in one range."""
-    if trials is None:
-        return [range(data.sizes["trial"])]
+def _find_rows(data: xr.Dataset, trials: Mapping[str, Sequence[int]], path: Path) -> list[int]:
+    """Rows of the file that hold some trials: the first number of each point, and the one before which they end."""
     index = zip(data["point"].values.astype(str).tolist(), data["number"].values.tolist(), strict=True)
     rows = {key: row for row, key in enumerate(index)}
-    ranges: list[range] = []
-    for point, (first, stop) in trials.items():
-        for number in range(first, stop):
-            row = rows.get((point, number))
-            if row is None:
-                raise DataError(
-                    f"{path} has no trial {number} of the point {point!r}: delete the file, and simulate again."
-                )
-            if ranges and ranges[-1].stop == row:
-                ranges[-1] = range(ranges[-1].start, row + 1)
-            else:
-                ranges.append(range(row, row + 1))
-    return ranges
+    wanted = [(point, number) for point, (first, stop) in trials.items() for number in range(first, stop)]
+    for point, number in wanted:
+        if (point, number) not in rows:
+            raise DataError(
+                f"{path} has no trial {number} of the point {point!r}: delete the file, and simulate again."
+            )
+    return [rows[key] for key in wanted]
 
 
 def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
@@ -241,34 +176,24 @@ def _open(path: Path) -> Iterator[xr.Dataset]:
         yield data
 
 
-def _count_rows(data: xr.Dataset) -> int:
-    """Trials that are read at a time, at least one."""
-    size = 8 * data.sizes.get("time", 0) * sum(variable.ndim > 1 for variable in data.variables.values())
-    return min(CHUNK, max(1, CHUNK_MEMORY // size)) if size else CHUNK
-
-
 def _read_chunk(data: xr.Dataset, rows: slice, path: Path) -> TrialChunk:
     part = data.isel(trial=rows)
-    index = list(zip(part["point"].values.astype(str).tolist(), part["number"].values.tolist(), strict=True))
-    reasons = part[FAILURE].values.astype(str).tolist() if FAILURE in part else [""] * len(index)
-    failures = [FailedTrial(*key, reason) for key, reason in zip(index, reasons, strict=True) if reason]
-    if len(failures) == len(index):
+    keys = list(zip(part["point"].values.astype(str).tolist(), part["number"].values.tolist(), strict=True))
+    reasons = part[FAILURE].values.astype(str).tolist() if FAILURE in part else [""] * len(keys)
+    failures = [FailedTrial(*key, reason) for key, reason in zip(keys, reasons, strict=True) if reason]
+    whole = [row for row, reason in enumerate(reasons) if not reason]
+    if not whole:
         return TrialChunk([], [], [], failures)
-    if failures:
-        part = part.isel(trial=[row for row, reason in enumerate(reasons) if not reason])
-        index = [key for key, reason in zip(index, reasons, strict=True) if not reason]
     part = part.load()
+    shared = {name: value.item() if isinstance(value, np.generic) else value for name, value in part.attrs.items()}
+    signals = {str(name): variable for name, variable in part.variables.items() if variable.ndim > 1}
     time = part["time"].variable
-    shared = {name: value.item() if hasattr(value, "item") else value for name, value in part.attrs.items()}
-    variables = {str(name): v for name, v in part.variables.items() if name not in (*INDEX, "time")}
-    signals = {name: np.asarray(v.values, float) for name, v in variables.items() if v.ndim > 1}
-    constants = {name: np.asarray(v.values, float) for name, v in variables.items() if name not in signals}
-    empty = {name: ("time", np.empty(time.size), variable.attrs) for name, variable in variables.items()}
+    empty = {name: ("time", np.empty(time.size), variable.attrs) for name, variable in signals.items()}
     template = xr.Dataset(empty, coords={"time": time})  # a copy takes a sixth of the time of a new dataset
     trials = []
-    for row, (text, (point, number)) in enumerate(zip(part[ATTRIBUTES].values, index, strict=True)):
-        samples = {name: np.full(time.size, values[row]) for name, values in constants.items()}
-        trial = template.copy(data={**samples, **{name: values[row] for name, values in signals.items()}})
-        trial.attrs = shared | json.loads(str(text))
-        trials.append(validate(trial, source=f"{path}, trial {number} of {point}"))
-    return TrialChunk(trials, [point for point, _ in index], [number for _, number in index], failures)
+    for row in whole:
+        trial = template.copy(data={name: variable.values[row].astype(float) for name, variable in signals.items()})
+        attributes = shared | json.loads(str(part[ATTRIBUTES].values[row]))
+        trial.attrs = {name: value for name, value in attributes.items() if value is not None}
+        trials.append(validate(trial, source=f"{path}, trial {keys[row][1]} of {keys[row][0]}"))
+    return TrialChunk(trials, [keys[row][0] for row in whole], [keys[row][1] for row in whole], failures)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NoReturn
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
-from ankleloop.trials.channel_units import check_unit
+from ankleloop.trials.channels import check_unit
 
 CHANNELS = ("position", "torque", "reference")
 REQUIRED = ("position", "torque")
@@ -24,28 +24,8 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
     _check_units(trial, source)
     time, rate = trial.variables["time"].values, parse_rate(trial.attrs["sampling_rate"], source=source)
     check_same_rate(rate, compute_rate(time, source=source), source=source)
-    for name in map(str, trial.data_vars):
-        values = trial.variables[name].values
-        if not np.isfinite(values).all():
-            bad = np.flatnonzero(~np.isfinite(values))
-            refuse_missing(name, int(bad[0]), time[bad[0]], bad.size, source=source)
-    for name in CHANNELS:
-        if name in trial:
-            values = trial.variables[name].values
-            check_spread(name, values.min(), values.max(), values[0], values.size, source=source)
-    sample, speed = peak_speed(trial.variables["position"].values, rate)
-    refuse_speed(speed, sample, time[sample], source=source)
+    check_samples([{str(name): trial.variables[name].values for name in trial.data_vars}], rate, time[0], source=source)
     return trial
-
-
-def refuse_speed(speed: float, sample: int, time: float, *, source: str) -> None:
-    """Refuse a largest speed of the position that no joint reaches."""
-    if not speed <= MAX_SPEED:
-        raise DataError(
-            f"{source}: position moves at {speed:.4g} rad/s at sample {sample} ({time:g} s), above "
-            f"{MAX_SPEED:g} rad/s: is the position in degrees? pass position_unit='deg', or convert it to rad; "
-            "otherwise look for a spike there."
-        )
 
 
 def _check_form(trial: xr.Dataset, source: str) -> None:
@@ -90,22 +70,102 @@ def _check_units(trial: xr.Dataset, source: str) -> None:
                 ) from None
 
 
-def refuse_missing(name: str, sample: int, time: float, count: int, *, source: str) -> NoReturn:
-    """Refuse a channel of which samples are not finite."""
-    raise DataError(
-        f"{source}: {name} is not finite at sample {sample} ({time:g} s), {format_samples(count)} in all: cut the "
-        "trial there or repair the channel."
-    )
+def check_samples(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start: float = 0.0, *, source: str) -> None:
+    """Refuse samples that are not finite, channels that are constant, and speeds that no joint reaches.
+
+    The samples come in one block or several, of which the first one begins at `start` [s].
+    """
+    channels: dict[str, _Channel] = {}
+    fastest = _Fastest(rate)
+    for block in blocks:
+        for name, values in block.items():
+            channels.setdefault(name, _Channel()).add(values)
+        if not channels["position"].missing:
+            fastest.add(block["position"])
+    for name, channel in channels.items():
+        if channel.missing:
+            raise DataError(
+                f"{source}: {name} is not finite at sample {channel.sample} ({start + channel.sample / rate:g} s), "
+                f"{format_samples(channel.missing)} in all: cut the trial there or repair the channel."
+            )
+    for name in CHANNELS:
+        if name in channels:
+            _check_spread(name, channels[name], source)
+    if not fastest.speed <= MAX_SPEED:
+        raise DataError(
+            f"{source}: position moves at {fastest.speed:.4g} rad/s at sample {fastest.sample} "
+            f"({start + fastest.sample / rate:g} s), above {MAX_SPEED:g} rad/s: is the position in degrees? pass "
+            "position_unit='deg', or convert it to rad; otherwise look for a spike there."
+        )
 
 
-def check_spread(name: str, low: float, high: float, first: float, count: int, *, source: str) -> None:
+class _Channel:
+    """Statistics of a channel."""
+
+    def __init__(self) -> None:
+        self.samples, self.missing, self.sample = 0, 0, -1  # `sample` is the first one that is missing
+        self.first, self.low, self.high = np.nan, np.inf, -np.inf
+
+    def add(self, values: np.ndarray) -> None:
+        """Take in the next samples."""
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size and not self.missing:
+            self.sample = self.samples + int(bad[0])
+        self.missing += bad.size
+        self.first = values[0] if not self.samples else self.first
+        self.low, self.high = min(self.low, values.min()), max(self.high, values.max())
+        self.samples += values.size
+
+
+class _Fastest:
+    """Largest speed of the position, and its sample."""
+
+    def __init__(self, rate: float) -> None:
+        self.rate, self.samples, self.sample, self.speed = rate, 0, 0, 0.0
+        self._last = np.empty(0)
+
+    def add(self, position: np.ndarray) -> None:
+        """Take in the next samples."""
+        joined = np.concatenate([self._last, position]) if self._last.size else position
+        sample, speed = peak_speed(joined, self.rate)
+        if not speed <= self.speed:
+            self.sample, self.speed = self.samples - self._last.size + sample, speed
+        self.samples += position.size
+        self._last = joined[-2 * _speed_margin(self.rate) :].copy()
+
+
+def _speed_margin(rate: float) -> int:
+    """Samples on each side of one that its speed is computed of."""
+    return max(1, round(0.003 * rate))
+
+
+def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
+    """Sample at which the position (N,) moves fastest, and its speed there.
+
+    Speed is the change between the mean of the 3 ms before a sample and the mean of the 3 ms after it: a difference of
+    neighbours at 1 kHz would turn a noise of 0.02 rad into 20 rad/s and more.
+    """
+    if position.size < 2:
+        return 0, 0.0
+    half = min(_speed_margin(rate), (position.size - 1) // 2)
+    end = position.size - half
+    with np.errstate(over="ignore", invalid="ignore"):  # of what is refused
+        change = np.diff(position, prepend=position[:1])  # of two samples
+        if half:
+            change = sum(position[half + k : end + k] - position[half - k : end - k] for k in range(1, half + 1))
+        sample = int(np.argmax(np.abs(change)))
+        # The means lie half + 1 samples apart, and each is a sum over half samples.
+        return half + sample, float(abs(change[sample])) * rate / max(half * (half + 1), 1)
+
+
+def _check_spread(name: str, channel: _Channel, source: str) -> None:
     """Refuse a channel that is constant."""
     with np.errstate(over="ignore"):
-        spread = high - low
+        spread, largest = channel.high - channel.low, max(-channel.low, channel.high)
     # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
-    if spread > 1e-12 * max(-low, high):
-        if spread < SMALLEST or max(-low, high) > LARGEST:  # computers cannot hold squares of these with all digits
-            fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {max(-low, high):.3g}"
+    if spread > 1e-12 * largest:
+        if spread < SMALLEST or largest > LARGEST:  # computers cannot hold squares of these with all digits
+            fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {largest:.3g}"
             raise DataError(
                 f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale; if the file "
                 "is damaged, copy it again."
@@ -114,31 +174,5 @@ def check_spread(name: str, low: float, high: float, first: float, count: int, *
     remedy = "check the channel"
     if name == "reference":
         remedy = "it carries no information: leave it out, or check the channel"
-    raise DataError(f"{source}: {name} is constant ({first:g} at all {format_samples(count)}): {remedy}.")
-
-
-def speed_margin(rate: float) -> int:
-    """Samples on each side of one that its speed is computed of."""
-    return max(1, round(0.003 * rate))
-
-
-def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
-    """Sample at which the position moves fastest, and its speed there.
-
-    Speed is the change between the mean of the 3 ms before a sample and the mean of the 3 ms after it: a difference of
-    neighbours at 1 kHz would turn a noise of 0.02 rad into 20 rad/s and more.
-
-    Shapes: position (N,).
-    """
-    if position.size < 2:
-        return 0, 0.0
-    half = min(speed_margin(rate), (position.size - 1) // 2)
-    middle = np.arange(half, position.size - half)
-    with np.errstate(over="ignore", invalid="ignore"):  # of what is refused
-        if half:
-            change = sum(position[middle + lag] - position[middle - lag] for lag in range(1, half + 1))
-        else:
-            change = np.diff(position, prepend=position[:1])  # of two samples
-        sample = int(np.argmax(np.abs(change)))
-        # The means lie half + 1 samples apart, and each is a sum over half samples.
-        return int(middle[sample]), float(abs(change[sample])) * rate / max(half * (half + 1), 1)
+    count = format_samples(channel.samples)
+    raise DataError(f"{source}: {name} is constant ({channel.first:g} at all {count}): {remedy}.")

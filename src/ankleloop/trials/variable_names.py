@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channel_units import ANGLES, find_unit_in_name
-from ankleloop.trials.channels import Channel
+from ankleloop.trials.channels import ANGLES, Channel, find_unit_in_name
 from ankleloop.trials.trial import TRUE_TORQUES
 
 # Words of a name that say what a channel is. A command of the position is a reference, one of the torque is nothing

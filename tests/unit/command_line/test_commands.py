@@ -11,6 +11,7 @@ import pytest
 import ankleloop
 from ankleloop.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE
 from ankleloop.command_line.terminal import name_options
+from ankleloop.errors import ResourceError
 
 PROCESSOR_TIME = """
 import os, sys
@@ -46,6 +47,8 @@ def test_both_entries_are_the_command(program):
         ),
         (KeyError("delay"), MISTAKE, ["Traceback", "KeyError: 'delay'", "mistake in ankleloop"]),
         (MemoryError("2 GB"), MISTAKE, ["out of memory (2 GB)", "--start, --stop"]),
+        (ResourceError("x.nc: the file cannot be written"), MISTAKE, ["error: x.nc: the file cannot be written"]),
+        (OSError(28, "No space left on device", "/tmp/x"), MISTAKE, ["/tmp/x: the disk is full", "free space there"]),
         (KeyboardInterrupt(), INTERRUPTED, ["interrupted"]),
         (OSError(5, "Input/output error"), MISTAKE, ["Traceback", "Input/output error"]),
     ],

@@ -1,8 +1,12 @@
 """`check`, `identify`, `study` and `demo` with real files."""
 
 import logging
+import os
 import re
 import runpy
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +17,7 @@ import yaml
 
 from ankleloop import load_estimate, new_trial, save_trial, simulate
 from ankleloop.command_line.identify import METHODS
+from ankleloop.command_line.main import MISTAKE
 from ankleloop.command_line.terminal import show_progress
 from ankleloop.recordings.usual_methods import usual_methods
 from ankleloop.simulation.settings import SimulationSettings
@@ -223,6 +228,55 @@ def test_study_of_a_sweep(run, tmp_path, setting):
     study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["new"]
     assert study.varied == [setting]
     assert 2 <= len(study.points) <= 5
+
+
+def test_a_study_that_is_refused_names_its_own_file(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("ankleloop.command_line.study_texts.sweep_text", lambda *_: "a: [1\n")
+    monkeypatch.chdir(tmp_path)
+    result = run("study", "new.yaml", "--sweep", "voluntary")
+    assert (result.status, os.listdir(tmp_path)) == (2, [])
+    assert "new.yaml, line 2: this is not YAML" in result.err
+    assert ".part" not in result.err
+
+
+def test_a_full_disk_leaves_the_results_of_an_earlier_run(run, recording, tmp_path, monkeypatch):
+    """A lack of space in the folder of temporary files is no verdict on the recording."""
+    folder = tmp_path / "results"
+    (folder / "S1-pre").mkdir(parents=True)
+    for name in ("S1-pre.html", "S1-pre/riv.csv"):
+        (folder / name).write_text("earlier")
+
+    def fail(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("ankleloop.recordings.files.export_estimate", fail)
+    result = run("identify", recording, "--output", folder, "--overwrite", "--method", "riv")
+    assert result.status == MISTAKE
+    assert "the disk is full (No space left on device): free space there" in result.err
+    assert "mistake in ankleloop" not in result.err
+    assert [(folder / name).read_text() for name in ("S1-pre.html", "S1-pre/riv.csv")] == ["earlier"] * 2
+
+
+def test_a_program_that_is_ended_leaves_no_temporary_folder(recording, tmp_path):
+    (tmp_path / "temporary").mkdir()
+    program = """
+import sys, time
+import ankleloop.recordings.files as files
+from ankleloop.command_line.main import main
+def wait(*_):
+    print("ready", file=sys.stderr, flush=True)
+    time.sleep(300)
+files.analyse = wait
+main(["identify", sys.argv[1], "--output", sys.argv[2]])
+"""
+    command = [sys.executable, "-c", program, str(recording), str(tmp_path / "results")]
+    environment = {**os.environ, "TMPDIR": str(tmp_path / "temporary")}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        assert any(line == "ready\n" for line in process.stderr)
+        assert os.listdir(tmp_path / "temporary")
+        process.terminate()
+        assert process.wait(60) == 128 + signal.SIGTERM
+    assert os.listdir(tmp_path / "temporary") == []
 
 
 # --- demo

@@ -9,7 +9,7 @@ from scipy import signal as sps
 from ankleloop import DataError, identify, segment, simulate
 from ankleloop.joint.prepared import prepare
 from ankleloop.recordings.checks import check_trial
-from ankleloop.trials.drift import remove_drift
+from ankleloop.trials.trial import remove_drift
 
 
 @pytest.fixture(scope="module")

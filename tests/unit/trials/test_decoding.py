@@ -7,7 +7,7 @@ import scipy.io
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channel_units import check_unit, find_unit_in_name, time_factor
+from ankleloop.trials.channels import check_unit, find_unit_in_name, time_factor
 from ankleloop.trials.decoding import decode
 from ankleloop.trials.readers import read_trial
 

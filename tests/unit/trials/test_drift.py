@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from ankleloop.errors import DataError
-from ankleloop.trials.drift import remove_drift
-from ankleloop.trials.trial import new_trial
+from ankleloop.trials.trial import new_trial, remove_drift
 
 T = np.arange(2000) / 1000.0
 POSITION = 0.02 * np.sin(2 * np.pi * 3 * T)

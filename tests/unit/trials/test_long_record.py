@@ -12,8 +12,7 @@ from scipy.io import netcdf_file
 
 from ankleloop import DataError, LongRecord, read_trial
 from ankleloop.trials import long_record
-from ankleloop.trials.sample_checks import check_blocks
-from ankleloop.trials.validation import validate
+from ankleloop.trials.validation import check_samples, validate
 
 RATE = 1000.0
 N = 1000
@@ -169,7 +168,7 @@ def test_files_that_cannot_be_opened(tmp_path):
 def test_a_file_that_is_changed_later_is_refused(tmp_path):
     write(tmp_path / "rec.h5")
     record = LongRecord(tmp_path / "rec.h5")
-    object.__setattr__(record, "_ahead", None)  # as after a piece far away
+    record._block.cache_clear()  # as after a piece far away
     write(tmp_path / "rec.h5", {"torque": 2 * TQ})
     with pytest.raises(DataError, match=r"^rec.h5: the file has been changed since the record was made"):
         record.read(0, 10)
@@ -221,4 +220,4 @@ def test_checks_of_blocks_are_those_of_the_whole(values, cuts, rate):
     time = ("time", np.arange(len(values)) / rate)
     trial = xr.Dataset({name: ("time", column) for name, column in columns.items()}, {"time": time})
     whole = outcome(lambda: validate(trial.assign_attrs(sampling_rate=rate), source="x"))
-    assert outcome(lambda: check_blocks(blocks, rate, source="x")) == (whole if isinstance(whole, str) else None)
+    assert outcome(lambda: check_samples(blocks, rate, source="x")) == (whole if isinstance(whole, str) else None)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError, load_estimate, load_trial, save_estimate, save_trial, simulate
+from ankleloop.errors import ResourceError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import torque_dataset
 from ankleloop.trials import reading_process
@@ -50,10 +51,10 @@ def replace_program(monkeypatch):
     """Let the other process be one that runs these statements first."""
 
     def replace(statements):
-        begin = "import errno, os, sys, time; sys.path.insert(0, sys.argv[1])"
-        end = "reading_server.main(sys.argv[2:])"
-        text = "from ankleloop.trials import reading_server, rewriting"
-        monkeypatch.setattr(reading_process, "PROGRAM", "\n".join([begin, text, textwrap.dedent(statements), end]))
+        begin = "import os, sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials import reading_server"
+        monkeypatch.setattr(
+            reading_process, "PROGRAM", "\n".join([begin, textwrap.dedent(statements), "reading_server.main()"])
+        )
 
     server = reading_process._Server()
     monkeypatch.setattr(reading_process, "_current", server)
@@ -108,7 +109,7 @@ def test_a_file_that_another_program_changes_has_no_wrong_checksum(whole, tmp_pa
 @pytest.mark.parametrize(
     ("name", "statement", "reason"),
     [
-        ("trials.nc", "time.sleep(60)", r"stopped after \d s, [01] s is the limit for its size"),
+        ("trials.nc", "while True: pass", r"stopped after \d s, [01] s is the limit for its size"),
         ("estimate.mat", "os.kill(os.getpid(), 11)", "it crashed the process that reads it, SIGSEGV"),
         ("trial.nc", "x = bytearray(1 << 33)", r"it needs more than 1\.\d GB of memory"),
     ],
@@ -119,9 +120,9 @@ def test_a_file_that_halts_or_kills_its_library_is_refused(
     if "bytearray" in statement and sys.platform != "linux":
         pytest.skip("other systems do not limit the address space")
     replace_program(f"""
-        def rewrite(path, copy):
+        def copy(path):
             {statement}
-        rewriting.rewrite = rewrite
+        reading_server._copy_netcdf = reading_server._copy_matlab = copy
     """)
     monkeypatch.setattr(reading_process, "SECONDS", 0.5)
     content = whole[name]
@@ -141,15 +142,15 @@ def test_samples_in_other_files_are_refused(tmp_path):
         load_trial(tmp_path / "a.nc")
 
 
-def test_a_full_disk_for_the_copy_is_no_fault_of_the_file(whole, tmp_path, replace_program):
+def test_a_reader_that_the_system_kills_says_nothing_about_the_file(whole, tmp_path, replace_program):
+    """As where memory is short."""
     replace_program("""
-        def write(self, data):
-            self._failure = OSError(errno.ENOSPC, "No space left on device")
-            return len(data)
-        rewriting.Sink.write = write
+        def copy(path):
+            os.kill(os.getpid(), 9)
+        reading_server._copy_netcdf = copy
     """)
     (tmp_path / "trial.nc").write_bytes(whole["trial.nc"][:-LENGTH])
-    with pytest.raises(DataError, match=r"trial.nc: .* copy, for which the disk of .* is too small: free space"):
+    with pytest.raises(ResourceError, match=r"trial.nc: the process .* was killed \(SIGKILL\), .*: free memory"):
         load_trial(tmp_path / "trial.nc")
 
 

@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -22,7 +23,7 @@ class Variable:
 
     name: str  # its full name
     shape: tuple[int, ...]  # its shape in the file
-    read: Callable[[slice | None], Any]  # gives all samples, or those of a slice, as an array of any type
+    read: Callable[[slice], Any]  # gives the samples of a slice as an array of any type
     attributes: Mapping[str, Any] = field(default_factory=dict)  # its attributes
 
     @property
@@ -32,13 +33,7 @@ class Variable:
 
 
 class Contents(ABC):
-    """Variables and attributes of an open file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    """
+    """Variables and attributes of an open file."""
 
     separator = "/"  # joins the names of groups or structs
 
@@ -64,17 +59,15 @@ class Contents(ABC):
         """Describe where a sample is in the file."""
         return f"at sample {sample}"
 
-    def close(self) -> None:  # noqa: B027 # nor to close
+    def close(self) -> None:  # noqa: B027
         """Close the file."""
 
     def require(self, name: str) -> Variable:
         """Variable of a name; a leading slash, as HDF5 tools show it, does not matter."""
-        for candidate in dict.fromkeys((name, name.lstrip("/"))):
-            variable = self.find(candidate)
-            if variable is not None:
-                return variable
-        known = [known for known, _ in zip(self.names(), range(LISTED + 1), strict=False)]
-        known = [name if name.isprintable() else repr(name) for name in known]  # those of a damaged file
+        variable = self.find(name) or self.find(name.lstrip("/"))
+        if variable is not None:
+            return variable
+        known = [name if name.isprintable() else repr(name) for name in islice(self.names(), LISTED + 1)]
         listed = ", ".join(known[:LISTED]) + (" and more" if len(known) > LISTED else "")
         raise DataError(
             f"{self.path.name}: there is no variable {name!r}; the file has: {listed or 'none'}. Name one of these."
@@ -100,9 +93,9 @@ class Contents(ABC):
         return variable if variable is not None and variable.size == 1 else None
 
 
-def take_samples(samples: Any, part: slice | None) -> Any:
-    """Samples of a slice along the only axis that has several; all, without a slice."""
-    if part is None:
+def take_samples(samples: Any, part: slice) -> Any:
+    """Samples of a slice along the only axis that has several; all of what has no such axis."""
+    if part == slice(None):
         return samples[...]
     return samples[0, part] if len(samples.shape) == 2 and samples.shape[0] == 1 else samples[part]
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ankleloop.errors import DataError
-from ankleloop.trials import csv_tables
-from ankleloop.trials.csv_tables import Table
+from ankleloop.trials import csv_files
+from ankleloop.trials.csv_files import CsvContents
 from ankleloop.trials.readers import read_trial
 
 HEADER = "position,torque,note\n"
@@ -18,11 +18,12 @@ ROWS = "".join(f"{0.01 * k:.3f},{k * k:.2f},x\n" for k in range(50))
 def table(folder, text, name="a.csv"):
     path = folder / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return Table(path)
+    return CsvContents(path)
 
 
 def columns(folder, text, *names):
-    return Table.read_columns(table(folder, text), names or ("position", "torque"))
+    contents = table(folder, text)
+    return {name: contents.require(name).read(slice(None)) for name in names or ("position", "torque")}
 
 
 def refused(folder, text, *names):
@@ -34,7 +35,7 @@ def refused(folder, text, *names):
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\n\n\n", "\n  \n"])
 @pytest.mark.parametrize("block", [7, 64, 1 << 20])
 def test_ends_of_lines(tmp_path, monkeypatch, end, block):
-    monkeypatch.setattr(csv_tables, "BLOCK", block)
+    monkeypatch.setattr(csv_files, "BLOCK", block)
     text = (HEADER + ROWS).replace("\n", end)
     values = columns(tmp_path, text)
     np.testing.assert_array_equal(values["torque"], np.arange(50.0) ** 2)
@@ -43,7 +44,7 @@ def test_ends_of_lines(tmp_path, monkeypatch, end, block):
 
 @pytest.mark.parametrize("block", [16, 1 << 20])
 def test_lines_are_numbered_as_editors_do(tmp_path, monkeypatch, block):
-    monkeypatch.setattr(csv_tables, "BLOCK", block)
+    monkeypatch.setattr(csv_files, "BLOCK", block)
     lines = ["", *(HEADER + ROWS).splitlines()]
     lines.insert(20, "")
     file = table(tmp_path, "\n".join(lines) + "\n")
@@ -52,7 +53,7 @@ def test_lines_are_numbered_as_editors_do(tmp_path, monkeypatch, block):
     lines[30] = "0,1"
     file = table(tmp_path, "\n".join(lines) + "\n")
     with pytest.raises(DataError, match=r"a.csv: line 31 has 2 cells and the header 3: note is missing there"):
-        file.read_columns(["note"])
+        file.load(["note"])
 
 
 @pytest.mark.parametrize("header", ["position,position \n", '"position", position\n', "position,\tposition\n"])
