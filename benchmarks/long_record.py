@@ -21,6 +21,7 @@ from ankleloop.trials.long_record import LongRecord
 
 RATE = 100.0  # Hz
 PART = 1000.0  # s: the record consists of simulated trials of this length, end to end
+OPTIONS = {"method": "pr-moesp", "basis": "chebyshev"}
 CHANNELS = ("position", "torque", "reference")
 
 
@@ -54,49 +55,24 @@ def print_progress(name, share):
 
 
 def main():
-    """Write the record unless it exists, in a process of its own, and identify it."""
+    """Write the record, in a process of its own, and identify it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, default=36_000_000)
-    parser.add_argument("--method", default="pr-moesp")
-    parser.add_argument("--basis", default="chebyshev")
-    parser.add_argument("--folder", type=Path, help="folder of the record; a temporary folder by default")
-    arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = arguments.folder or Path(temporary)
-        path = folder / f"record-{arguments.samples}.h5"
-        if not path.exists():  # not in this process, whose memory is measured
-            writer = multiprocessing.get_context("spawn").Process(target=write_record, args=(path, arguments.samples))
-            writer.start()
-            writer.join()
-            if writer.exitcode:
-                raise SystemExit("the record could not be written.")
-        memory_before = peak_memory()
+    samples = parser.parse_args().samples
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "record.h5")
+        # Not in this process, whose memory is measured.
+        writer = multiprocessing.get_context("spawn").Process(target=write_record, args=(path, samples))
+        writer.start()
+        writer.join()
+        if writer.exitcode:
+            raise SystemExit("the record could not be written.")
         start = time.perf_counter()
-        estimate = identify_file(
-            LongRecord(path),
-            folder / "torques.nc",
-            arguments.method,
-            overwrite=True,
-            basis=arguments.basis,
-            progress=print_progress,
-        )
+        estimate = identify_file(LongRecord(path), Path(folder, "torques.nc"), progress=print_progress, **OPTIONS)
         seconds = time.perf_counter() - start
-        memory = peak_memory()
-        written = estimate.torque.sizes["time"]
         estimate.torque.close()
-    result = {
-        "samples": arguments.samples,
-        "hours": arguments.samples / RATE / 3600,
-        "method": arguments.method,
-        "basis": arguments.basis,
-        "seconds": seconds,
-        "mib": memory,
-        "mib_before": memory_before,
-        "torque_samples": written,
-        "vaf": float(estimate.diagnostics["vaf"]),
-        **{name: float(value) for name, value in estimate.stiffness.items()},
-    }
-    print(json.dumps(result))
+    result = {"samples": samples, "hours": samples / RATE / 3600, "seconds": seconds, "mib": peak_memory()}
+    print(json.dumps({**result, "vaf": float(estimate.diagnostics["vaf"]), **estimate.stiffness}))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ from scipy.integrate import solve_ivp
 
 from ankleloop import UnstableLoopError, simulate
 from ankleloop.joint.prepared import prepare
-from ankleloop.simulation.filters import antialias
 from ankleloop.simulation.loop import run_loop
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
@@ -185,73 +184,38 @@ def test_a_whole_trial_against_an_adaptive_solver(settings):
     assert np.all(error < 1e-4), dict(zip(names, error, strict=True))
 
 
+def respond_to_steps_and_ramps(numerator, denominator, time):
+    """Responses of a transfer function by partial fractions; at time zero they are those after the step."""
+    # A pole at 0 makes the step response, the integral of which is the ramp response.
+    residues, poles, _ = sps.residue(numerator, np.polymul(denominator, [1.0, 0.0]))
+    step = (residues[:, None] * np.exp(poles[:, None] * time)).sum(axis=0).real
+    at_zero = np.abs(poles) <= 1e-6
+    ramp = residues[at_zero].real.sum() * time
+    residues, poles = residues[~at_zero, None], poles[~at_zero, None]
+    return step, ramp + (residues / poles * np.expm1(poles * time)).sum(axis=0).real
+
+
 @pytest.mark.parametrize("closed_loop", [True, False])
-def test_fed_back_torque_has_its_transfer_function(closed_loop):
-    """Without reflex or command, P = −H_imp / (1 + H_imp · joint) times noise and voluntary torque."""
-    settings = SimulationSettings(reflex_gain=0.0, closed_loop=closed_loop)
-    command, noise, ramp = external_signals(1.0, noise=2.0, ramp=3.0)
-    record = run(settings, 0 * command, noise, ramp)
-    if not closed_loop:
-        np.testing.assert_array_equal(record, 0.0)
-        return
-    b, a = sps.bessel(4, 2 * np.pi * 200.0, analog=True, norm="mag")
-    joint, denominator = [0.015, 0.8, 150.0], np.polymul([1.115, 7.9, 400.0], a)
+@pytest.mark.parametrize(("cutoff", "accuracy"), [(200.0, 1e-7), (None, 1e-8)])
+def test_the_loop_without_reflex_has_its_transfer_functions(closed_loop, cutoff, accuracy):
+    """P = servo / (1 + H_imp · joint) · r − H_imp / (1 + H_imp · joint) times noise and voluntary torque."""
+    settings = SimulationSettings(reflex_gain=0.0, closed_loop=closed_loop, antialias_cutoff=cutoff)
+    command, noise, ramp = external_signals(2.0, noise=2.0, ramp=3.0)
     time = np.arange(noise.size) / RATE
-    for channel, factor in ((0, [1.0]), (1, joint)):
-        numerator = -np.polymul(b, factor)
-        # A pole at 0 makes the step response, the integral of which is the ramp response.
-        residues, poles, _ = sps.residue(numerator, np.polymul(denominator, [1.0, 0.0]))
-        step = (residues[:, None] * np.exp(poles[:, None] * time)).sum(axis=0).real
-        at_zero = np.abs(poles) <= 1e-6
-        ramp_response = residues[at_zero].real.sum() * time
-        residues, poles = residues[~at_zero, None], poles[~at_zero, None]
-        ramp_response += (residues / poles * np.expm1(poles * time)).sum(axis=0).real
-        expected = np.convolve(np.diff(noise, prepend=0.0), step)[: noise.size] + 3.0 * ramp_response
-        assert np.max(np.abs(record[channel] - expected)) < 1e-7 * np.max(np.abs(expected))
-
-
-@pytest.mark.parametrize("closed_loop", [True, False])
-def test_the_loop_without_reflex_has_its_transfer_function(closed_loop):
-    """Every switch of the command adds the step response of the closed form, by partial fractions."""
-    settings = SimulationSettings(reflex_gain=0.0, closed_loop=closed_loop)
-    command, silence, _ = external_signals(3.0)
-    record = run(settings, command, silence, silence)
     w = 2 * np.pi * 20.0
-    joint, load = [0.015, 0.8, 150.0], [1.1, 7.1, 250.0]
-    numerator, denominator = [w**2], [1.0, 2 * 0.8 * w, w**2]
-    if closed_loop:  # P = servo / (1 + H_imp · joint) · r
-        numerator, denominator = np.polymul(numerator, load), np.polymul(denominator, np.polyadd(load, joint))
-    b, a = sps.bessel(4, 2 * np.pi * 200.0, analog=True, norm="mag")
-    numerator, denominator = np.polymul(numerator, b), np.polymul(denominator, a)
-    steps = np.diff(command, prepend=0.0)
-    time = np.arange(command.size) / RATE
-    for channel, factor in ((0, [1.0]), (1, joint)):
-        residues, poles, _ = sps.residue(np.polymul(numerator, factor), np.polymul(denominator, [1.0, 0.0]))
-        step_response = (residues[:, None] * np.exp(poles[:, None] * time)).sum(axis=0).real
-        expected = np.convolve(steps, step_response)[: command.size]
-        error = np.max(np.abs(record[channel] - expected)) / np.max(np.abs(expected))
-        assert error < 1e-7
-
-
-def test_external_signals_pass_the_same_recorder():
-    settings = SimulationSettings()
-    _, noise, ramp = external_signals(1.0, noise=1.0, ramp=2.0)
-    A, b, c, _ = bessel(200.0)
-    for x, hold in ((noise, "zoh"), (ramp, "foh")):
-        time = np.arange(x.size) / RATE
-        fine = np.linspace(0, time[-1], 20 * (x.size - 1) + 1)
-        levels = np.repeat(x[:-1], 20) if hold == "zoh" else np.interp(fine, time, x)[:-1]
-        F, g, _, _, _ = sps.cont2discrete((A, b, c, 0), fine[1], method="zoh" if hold == "zoh" else "foh")
-        if hold == "foh":  # a straight line through the low-pass lags behind by its delay, exactly, once settled
-            lag = np.sum(np.real(-1 / np.linalg.eigvals(A)))
-            assert antialias(x, settings, hold)[-1] == pytest.approx(2.0 * (time[-1] - lag), rel=1e-9)
-            continue
-        state, expected = np.zeros(4), []
-        for k, value in enumerate(levels):
-            if k % 20 == 0:
-                expected.append(float(c[0] @ state))
-            state = F @ state + g[:, 0] * value
-        np.testing.assert_allclose(antialias(x, settings, hold)[: len(expected)], expected, atol=1e-9)
+    servo, joint, load = [1.0, 1.6 * w, w**2], [0.015, 0.8, 150.0], [1.1, 7.1, 250.0]
+    b, a = sps.bessel(4, 2 * np.pi * cutoff, analog=True, norm="mag") if cutoff else ([1.0], [1.0])
+    for channel, factor in ((0, b), (1, np.polymul(b, joint))):
+        numerator, denominator, expected = w**2 * np.array(factor), np.polymul(servo, a), 0.0
+        if closed_loop:
+            total = np.polyadd(load, joint)
+            numerator, denominator = np.polymul(numerator, load), np.polymul(denominator, total)
+            step, slope = respond_to_steps_and_ramps(-np.array(factor), np.polymul(total, a), time)
+            expected = np.convolve(np.diff(noise, prepend=0.0), step)[: time.size] + 3.0 * slope
+        step, _ = respond_to_steps_and_ramps(numerator, denominator, time)
+        expected = expected + np.convolve(np.diff(command, prepend=0.0), step)[: time.size]
+        record = run(settings, command, noise, ramp)[channel]
+        np.testing.assert_allclose(record, expected, rtol=0, atol=accuracy * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(("antialias_cutoff", "accuracy"), [(200.0, 0.005), (None, 0.01)])

@@ -3,43 +3,10 @@
 import numpy as np
 import pytest
 from scipy import signal as sps
-from test_loop import run
 
 from ankleloop import simulate
-from ankleloop.simulation.settings import SimulationSettings
 
 RATE = 1000.0
-JOINT, LOAD = [0.015, 0.8, 150.0], [1.1, 7.1, 250.0]
-W = 2 * np.pi * 20.0
-SERVO = [W**2], [1.0, 1.6 * W, W**2]
-
-
-def step_response(numerator, denominator, time):
-    """By partial fractions; at time zero it is the value after the step."""
-    residues, poles, _ = sps.residue(numerator, np.polymul(denominator, [1.0, 0.0]))
-    return (residues[:, None] * np.exp(poles[:, None] * time)).sum(axis=0).real
-
-
-@pytest.mark.parametrize("closed_loop", [True, False])
-def test_signals_are_those_of_the_loop(closed_loop):
-    """Without reflex: command through servo, load and joint, noise through load and joint, in closed form."""
-    settings = SimulationSettings(reflex_gain=0.0, closed_loop=closed_loop, antialias_cutoff=None)
-    rng = np.random.default_rng(1)
-    command = np.repeat(rng.uniform(-0.02, 0.02, 20), 100)
-    noise = np.repeat(rng.standard_normal(200), 10)
-    time = np.arange(command.size) / RATE
-    record = run(settings, command, noise, np.zeros(command.size))
-    closed = np.polyadd(LOAD, JOINT)
-    for channel, factor in ((0, [1.0]), (1, JOINT)):
-        numerator, denominator = np.polymul(SERVO[0], factor), SERVO[1]
-        expected = 0.0
-        if closed_loop:
-            numerator, denominator = np.polymul(numerator, LOAD), np.polymul(denominator, closed)
-            response = step_response(-np.array(factor), closed, time)
-            expected = np.convolve(np.diff(noise, prepend=0.0), response)[: time.size]
-        response = step_response(numerator, denominator, time)
-        expected = expected + np.convolve(np.diff(command, prepend=0.0), response)[: time.size]
-        np.testing.assert_allclose(record[channel], expected, rtol=0, atol=1e-8 * np.abs(expected).max())
 
 
 def test_a_trial_has_steps_that_a_filter_would_smooth():
