@@ -62,7 +62,7 @@ class Band:
         transform = np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)
         return transform[..., self.first_bin :][..., : self.frequency.size]
 
-    @property
+    @cached_property
     def first_bin(self) -> int:
         """Number of the first frequency of the band among those of the records."""
         return round(self.frequency[0] * self.samples / self.rate)
