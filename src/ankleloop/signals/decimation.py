@@ -43,7 +43,6 @@ def decimation_factor(sampling_rate: float, identification_rate: float) -> int:
     return factor
 
 
-@lru_cache(maxsize=64)
 def design_lowpass(
     rate: float, passband: float, stopband: float, derivative: int = 0, shift: float = 0.0
 ) -> tuple[np.ndarray, int]:
@@ -159,6 +158,7 @@ def convolve(x: np.ndarray, taps: np.ndarray) -> np.ndarray:
     return irfft(rfft(x, size) * rfft(taps, size), size)[:length]
 
 
+@lru_cache(maxsize=64)
 def _velocity_taps(rate: float, delay: float) -> tuple[np.ndarray, int, int]:
     """Taps of the wide differentiator, delayed by a fraction of a sample, their half length, and the whole samples."""
     stopband = min(VELOCITY_STOPBAND, 0.5 * rate)

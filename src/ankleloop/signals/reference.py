@@ -137,8 +137,7 @@ def _generate_rows(shifted: np.ndarray) -> Iterator[tuple[np.ndarray, slice]]:
 
 def _fit_response(parts: Parts) -> tuple[np.ndarray, int]:
     """Coefficients of the leads and lags, and their rank; directions without excitation are left out."""
-    gram: np.ndarray | float = 0.0
-    products: np.ndarray | float = 0.0
+    gram = products = np.zeros(1)
     for shifted, signal in parts:
         for chunk, rows in _generate_rows(shifted):
             gram, products = gram + chunk.T @ chunk, products + chunk.T @ signal[rows]

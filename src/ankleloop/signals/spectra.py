@@ -62,10 +62,10 @@ class Band:
         transform = np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)
         return transform[..., self.first_bin :][..., : self.frequency.size]
 
-    @property
+    @cached_property
     def first_bin(self) -> int:
         """Number of the first frequency of the band among those of the records."""
-        return round(self.frequency[0] * self.samples / self.rate)
+        return int(np.searchsorted(np.fft.rfftfreq(self.samples, 1.0 / self.rate), self.lowest))
 
     def signals(self, spectra: np.ndarray) -> np.ndarray:
         """Signals whose transforms are given within the band and zero elsewhere, shape (..., samples)."""

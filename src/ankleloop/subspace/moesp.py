@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ankleloop.errors import DataError
 from ankleloop.options import check_memory, show_fields, show_value
 from ankleloop.subspace.input_matrices import OutputRegression
 from ankleloop.subspace.matrices import Matrices
@@ -214,7 +215,14 @@ def _identify(source: Source, dynamic: ArrayLike | None, options: SubspaceOption
     # The Gram matrix, a copy in the order of the projection, and its eigenvectors.
     check_memory("moesp", 3 * 8.0 * rows.indices.size**2, "use fewer block_rows, instrument_rows or instrument_leads")
     gram = source.compute_gram(rows)
-    arguments = rows.sizes, rows.count_columns(source.lengths), options.rank_tolerance, options.order or 1
+    columns, size = sum(max(0, length - rows.window + 1) for length in source.lengths), rows.indices.size
+    if columns < size:
+        raise DataError(
+            f"the record of {' + '.join(map(str, source.lengths))} samples is shorter than its Hankel window: "
+            f"{size} Hankel rows need at least {size + rows.window - 1} samples. Record longer, or use fewer "
+            "block_rows or instrument_rows."
+        )
+    arguments = rows.sizes, columns, options.rank_tolerance, options.order or 1
     if options.projection == "correlation":
         compression, projection = "gram", project_correlation(gram, *arguments)
     else:
@@ -225,7 +233,7 @@ def _identify(source: Source, dynamic: ArrayLike | None, options: SubspaceOption
     order = choose_order(projection.singular_values, largest) if options.order is None else options.order
     A, C, poles, unstable_radius = realise(projection.observability, p, order)
     regression = OutputRegression(A, C, m, dynamic, len(source.lengths), offsets=source.offsets)
-    inputs = regression.solve(source.generate_records(), source.predicted, options.regression_tolerance)
+    inputs = regression.solve(source.records, source.predicted, options.regression_tolerance)
     u_scale, y_scale = source.scale[:m], source.scale[m : m + p, None]
     matrices = Matrices(A, inputs.B / u_scale, y_scale * C, y_scale * inputs.D / u_scale, options.dt, options.names)
     stable = unstable_radius is None

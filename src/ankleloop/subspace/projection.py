@@ -70,10 +70,9 @@ def project_gram(
     instruments = _find_directions(residual[:z, :z], tolerance, gram[m : m + z, m : m + z])
     if instruments is None:
         return None
-    _check_rank(instruments[0].shape[1], order)
     fit = instruments[0].T @ residual[:z, z:]
     coefficients = instruments[0] @ fit
-    projection = _decompose(fit.T, (directions.shape[1], instruments[0].shape[1]), condition, np.sqrt(columns))
+    projection = _decompose(fit.T, (directions.shape[1], instruments[0].shape[1]), condition, np.sqrt(columns), order)
     fit_size = np.sum((weights[:, :z] @ coefficients) ** 2) + np.sum(coefficients**2)
     error = ROUNDING * largest * (fit_size + 2.0 * np.sqrt(fit_size * output_size))
     return projection if error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2 else None
@@ -98,8 +97,7 @@ def project_factor(
     limit = max(rank_tolerance, LEAST_TOLERANCE) * np.linalg.norm(factor[:, m : m + z], 2)
     left, values, _ = np.linalg.svd(residual[:, :z], full_matrices=False)
     directions = left[:, values > limit]
-    _check_rank(directions.shape[1], order)
-    return _decompose(residual[:, z:].T @ directions, (rank, directions.shape[1]), condition, np.sqrt(columns))
+    return _decompose(residual[:, z:].T @ directions, (rank, directions.shape[1]), condition, np.sqrt(columns), order)
 
 
 def project_correlation(
@@ -149,19 +147,20 @@ def _find_directions(
     return vectors[:, -count:] / np.sqrt(values[-count:]), float(np.sqrt(values[-1] / values[-count])), float(largest)
 
 
-def _decompose(residual: np.ndarray, ranks: tuple[int, int], condition: float, scale: float) -> Projection:
-    """Decompose the matrix whose left singular vectors show the extended observability matrix."""
-    left, values, _ = np.linalg.svd(residual, full_matrices=False)
-    return Projection(left, values / scale, *ranks, condition)
+def _decompose(
+    residual: np.ndarray, ranks: tuple[int, int], condition: float, scale: float, order: int = 0
+) -> Projection:
+    """Decompose the matrix whose left singular vectors show the extended observability matrix.
 
-
-def _check_rank(rank: int, order: int) -> None:
-    """Refuse instruments that leave fewer directions than the order."""
-    if rank < order:
+    Instruments that leave fewer directions than the order are refused.
+    """
+    if ranks[1] < order:
         raise DataError(
-            f"the instruments have rank {rank} beside the future inputs, but order {order} needs at least {order}: "
+            f"the instruments have rank {ranks[1]} beside the future inputs, but order {order} needs at least {order}: "
             "use more instrument_rows, a richer reference, or a lower order."
         )
+    left, values, _ = np.linalg.svd(residual, full_matrices=False)
+    return Projection(left, values / scale, *ranks, condition)
 
 
 def choose_order(singular_values: np.ndarray, largest: int) -> int:

@@ -14,11 +14,6 @@ ROUNDING = 1e-13  # of a mean
 SMALLEST, LARGEST = 1e-100, 1e100  # standard deviations whose squares neither vanish nor overflow
 
 
-def are_merged(x: Any) -> bool:
-    """Whether a signal is a list of records: its items are two-dimensional."""
-    return isinstance(x, (list, tuple)) and len(x) > 0 and all(np.ndim(record) == 2 for record in x)
-
-
 def list_records(x: Any, name: str, merged: bool, lengths: Sequence[int] | None = None) -> list[np.ndarray]:
     """List the records of a signal as two-dimensional arrays, which have the lengths of the inputs.
 
@@ -43,14 +38,6 @@ def list_records(x: Any, name: str, merged: bool, lengths: Sequence[int] | None 
     return records
 
 
-def remove_means(records: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Remove from every record the means of its channels.
-
-    Shapes: records (N, m).
-    """
-    return [record - record.mean(axis=0) for record in records]
-
-
 def scale_records(
     records: Sequence[np.ndarray], name: str, *, scaling: bool = True, subtract_means: bool = True
 ) -> tuple[list[np.ndarray], np.ndarray]:
@@ -59,7 +46,7 @@ def scale_records(
     Shapes: records (N, m); returns (m,).
     """
     refuse_not_finite(records, name)
-    deviations = remove_means(records)
+    deviations = [record - record.mean(axis=0) for record in records]
     with np.errstate(over="ignore"):
         squares = sum(np.einsum("tc,tc->c", deviation, deviation) for deviation in deviations)
     scale = np.sqrt(squares / max(sum(map(len, records)), 1))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple, Self
 
@@ -15,18 +14,15 @@ from ankleloop.signals.reference import predict_from_reference
 from ankleloop.subspace.hankel import generate_columns, hankel_gram
 from ankleloop.subspace.input_matrices import update_factor
 from ankleloop.subspace.records import (
-    are_merged,
     list_records,
     refuse_not_finite,
     refuse_spread,
-    remove_means,
     scale_records,
 )
 
 Chunk = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # inputs, outputs and reference
 SIGNALS = ("input", "output", "reference")
 Instruments = Literal["none", "past-input", "past-input-output", "past-reference"]
-ProjectionForm = Literal["ordinary", "correlation"]
 INSTRUMENT_SIGNALS: dict[Instruments, tuple[str, ...]] = {
     "none": (),
     "past-input": ("input",),
@@ -41,7 +37,7 @@ class SubspaceOptions(Options):
     block_rows: int = option(description="block rows of the future, more than the order", ge=2, le=10000)
     order: int | None = option(description="order; None takes the largest drop of the singular values", ge=1, le=1000)
     instruments: Instruments = option(description="instrumental variables")
-    projection: ProjectionForm = option(description="form of the projection")
+    projection: Literal["ordinary", "correlation"] = option(description="form of the projection")
     dt: float = option(description="sampling interval", unit="s", ge=1e-9, le=1e9)
     instrument_rows: int | None = option(
         None,
@@ -109,17 +105,6 @@ class HankelRows(NamedTuple):
     window: int  # samples that one column reaches over
     lags: np.ndarray  # block rows that each channel reaches over
 
-    def count_columns(self, lengths: Sequence[int]) -> int:
-        """Columns of the Hankel matrices of all records."""
-        columns = sum(max(0, length - self.window + 1) for length in lengths)
-        if columns < self.indices.size:
-            raise DataError(
-                f"the record of {' + '.join(map(str, lengths))} samples is shorter than its Hankel window: "
-                f"{self.indices.size} Hankel rows need at least {self.indices.size + self.window - 1} samples. Record "
-                "longer, or use fewer block_rows or instrument_rows."
-            )
-        return columns
-
 
 def select_rows(options: SubspaceOptions, sizes: tuple[int, int, int], *, open_loop: bool = False) -> HankelRows:
     """The rows of records that hold inputs, outputs and, possibly, a reference side by side.
@@ -151,24 +136,21 @@ def select_rows(options: SubspaceOptions, sizes: tuple[int, int, int], *, open_l
     return HankelRows(indices, (inputs * options.block_rows, instruments.size * reach), window, lags)
 
 
-class Source(ABC):
+class Source:
     """Records of inputs, outputs and a reference that serves as instrument, each without its mean and of variance 1."""
 
     sizes: tuple[int, int, int]  # channels of inputs, outputs and reference
     scale: np.ndarray  # by which the channels were divided
     lengths: list[int]  # samples of each record
+    records: Iterable[Iterable[np.ndarray]]  # the channels of each record, in chunks
     predicted: list[np.ndarray] | None = None  # instruments for the regression of B and D
     offsets = True
     open_loop = False  # whether the reference is the inputs
 
-    @abstractmethod
-    def generate_records(self) -> Iterator[Iterable[np.ndarray]]:
-        """The channels of each record, in chunks."""
-
     def compute_gram(self, rows: HankelRows) -> np.ndarray:
         """Inner products of the Hankel rows, each less its mean over each record unless offsets are zero."""
         total: np.ndarray = np.zeros(1)
-        for record in self.generate_records():
+        for record in self.records:
             total = total + hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets)
         return total[np.ix_(rows.indices, rows.indices)]
 
@@ -177,7 +159,7 @@ class Source(ABC):
         # Rows of ones before all others take the means of the records.
         records = len(self.lengths)
         factor = np.zeros((records + rows.indices.size,) * 2, order="F")
-        for number, record in enumerate(self.generate_records()):
+        for number, record in enumerate(self.records):
             for columns in generate_columns(record, rows.window, rows.indices):
                 ones = np.zeros((records, len(columns)))
                 ones[number] = self.offsets
@@ -189,7 +171,7 @@ class MemorySource(Source):
     """One record or merged records in memory, as `ankleloop.subspace.moesp.moesp` takes them."""
 
     def __init__(self, u: Any, y: Any, reference: Any, predicted: Any, options: MemoryOptions) -> None:
-        merged = are_merged(u)
+        merged = isinstance(u, (list, tuple)) and len(u) > 0 and all(np.ndim(record) == 2 for record in u)
         inputs = list_records(u, "input", merged)
         self.lengths = [len(record) for record in inputs]
         signals = {"input": inputs, "output": list_records(y, "output", merged, self.lengths)}
@@ -199,14 +181,10 @@ class MemorySource(Source):
             if not self.open_loop:
                 signals["reference"] = references
         self.offsets = options.offsets
-        scaled, scales = zip(
-            *(
-                scale_records(records, name, scaling=options.scaling, subtract_means=options.offsets)
-                for name, records in signals.items()
-            ),
-            strict=True,
-        )
-        self._records = [np.concatenate(parts, axis=1) for parts in zip(*scaled, strict=True)]
+        how = {"scaling": options.scaling, "subtract_means": options.offsets}
+        pairs = [scale_records(records, name, **how) for name, records in signals.items()]
+        scaled, scales = zip(*pairs, strict=True)
+        self.records = [[np.concatenate(parts, axis=1)] for parts in zip(*scaled, strict=True)]
         self.sizes = len(scales[0]), len(scales[1]), sum(map(len, scales[2:]))
         self.scale = np.concatenate(scales)
         if options.input_matrices == "instruments":
@@ -215,11 +193,6 @@ class MemorySource(Source):
             raise ValueError(
                 "predicted_inputs are instruments for B and D: use input_matrices='instruments' with them."
             )
-
-    def generate_records(self) -> Iterator[Iterable[np.ndarray]]:
-        """Each record in one chunk."""
-        for record in self._records:
-            yield [record]
 
     def _predict_inputs(
         self, inputs: list[np.ndarray], references: list[np.ndarray], predicted: Any, merged: bool
@@ -235,7 +208,7 @@ class MemorySource(Source):
         m = self.sizes[0]
         if records[0].shape[1] != m:
             raise DataError(f"{m} inputs, {records[0].shape[1]} predicted_inputs: pass a prediction of each.")
-        return [record / self.scale[:m] for record in (remove_means(records) if self.offsets else records)]
+        return [(record - self.offsets * record.mean(axis=0)) / self.scale[:m] for record in records]
 
 
 class ChunkSource(Source):
@@ -271,9 +244,10 @@ class ChunkSource(Source):
         for name, channels in zip(SIGNALS, map(slice, edges, edges[1:]), strict=True):
             refuse_spread(self.scale[channels], size[channels], varies[channels], name)
 
-    def generate_records(self) -> Iterator[Iterable[np.ndarray]]:
+    @property
+    def records(self) -> Iterable[Iterable[np.ndarray]]:  # type: ignore[override]  # anew for each pass
         """The record in chunks, scaled by the moments that are known so far."""
-        yield self._scale_chunks()
+        return [self._scale_chunks()]
 
     def _scale_chunks(self) -> Iterator[np.ndarray]:
         """Chunks, whose sums and sums of squares are kept when the last one has been taken."""
@@ -289,7 +263,6 @@ class ChunkSource(Source):
     def compute_gram(self, rows: HankelRows) -> np.ndarray:
         """First pass: inner products of the Hankel rows, and the length and the moments of the record."""
         gram = super().compute_gram(rows)
-        rows.count_columns(self.lengths)
         shift = self._sums / self.lengths[0]
         deviation = np.sqrt(np.maximum(self._squares / self.lengths[0] - shift**2, 0.0))
         self.mean, self.scale = self.mean + shift * self.scale, self.scale * deviation
