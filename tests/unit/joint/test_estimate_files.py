@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from value_comparison import assert_same_values
+from value_comparison import assert_same_estimate, assert_same_values
 
 from ankleloop import METHODS, DataError, identify, simulate
 from ankleloop.joint.estimate import Estimate
@@ -17,16 +17,6 @@ def make_estimate(seed=0, **fields):
     torque = torque_dataset(time, 100.0, **{name: rng.standard_normal(time.size) for name in TORQUES})
     stiffness = {"K": 150.0 + rng.standard_normal(), "B": 0.8, "I": 0.1 + 0.2}
     return Estimate("pr-moesp", torque, None, stiffness, {"delay": 0.04}, **fields)
-
-
-def assert_same_torque(loaded, saved):
-    assert set(loaded.torque.variables) == {"time", *TORQUES}
-    for name in ("time", *TORQUES):
-        assert loaded.torque[name].dims == ("time",)
-        assert loaded.torque[name].dtype == np.float64
-        assert loaded.torque[name].values.tobytes() == saved.torque[name].values.tobytes()
-        assert loaded.torque[name].attrs == saved.torque[name].attrs
-    assert loaded.torque.attrs["identification_rate"] == saved.torque.attrs["identification_rate"]
 
 
 def collect(index, precision="double"):
@@ -96,7 +86,7 @@ def test_estimates_of_a_point_in_several_files(tmp_path):
         estimates = load_estimates(paths, point, "y")
         assert list(estimates) == list(range(len(expected)))
         for loaded, seed in zip(estimates.values(), expected, strict=True):
-            assert_same_torque(loaded, make_estimate(seed))
+            assert_same_estimate(loaded, make_estimate(seed))
     assert load_estimates(paths, "c", "x") == {}
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.io
 import xarray as xr
-from value_comparison import assert_same_values
+from value_comparison import assert_same_estimate, assert_same_values
 
 from ankleloop import (
     METHODS,
@@ -53,26 +53,6 @@ def other():
 def estimate(request, trial):
     method, options = CASES[request.param]
     return identify(trial, method, **options)
-
-
-def assert_same_estimate(loaded, saved):
-    assert loaded.method == saved.method
-    assert loaded.torque.identical(saved.torque)
-    for name in ("stiffness", "reflex", "intervals"):
-        assert getattr(loaded, name) == getattr(saved, name)
-        assert list(getattr(loaded, name)) == list(getattr(saved, name))
-    assert_same_values(loaded.diagnostics, saved.diagnostics)
-    assert repr(loaded) == repr(saved)
-    assert (loaded.predictor is None) == (saved.predictor is None)
-    assert (loaded.matrices is None) == (saved.matrices is None)
-    if saved.matrices is not None:
-        for name in "ABCD":
-            np.testing.assert_array_equal(getattr(loaded.matrices, name), getattr(saved.matrices, name))
-            np.testing.assert_array_equal(getattr(loaded.model, name), getattr(saved.model, name))
-        assert loaded.matrices.dt == saved.matrices.dt
-        assert loaded.matrices.names == saved.matrices.names
-        assert loaded.matrices.input_delays == saved.matrices.input_delays
-        assert loaded.model.input_labels == saved.model.input_labels
 
 
 @pytest.mark.parametrize("container", CONTAINERS)

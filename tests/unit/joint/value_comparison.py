@@ -1,6 +1,8 @@
-"""Comparison of diagnostics that tests of several files use."""
+"""Comparison of estimates and of diagnostics that tests of several files use."""
 
 import numpy as np
+
+from ankleloop.joint.regressors import TORQUES
 
 
 def assert_same_values(loaded, saved):
@@ -17,7 +19,34 @@ def assert_same_values(loaded, saved):
     elif isinstance(saved, np.ndarray):
         assert (loaded.dtype, loaded.shape) == (saved.dtype, saved.shape)
         np.testing.assert_array_equal(loaded, saved)
+        if saved.dtype.kind == "f":
+            np.testing.assert_array_equal(np.signbit(loaded)[~np.isnan(saved)], np.signbit(saved)[~np.isnan(saved)])
     else:
         value = saved.item() if isinstance(saved, np.generic) else saved
         assert type(loaded) is type(value)
-        assert loaded == value or (value != value and loaded != loaded)
+        assert repr(loaded) == repr(value)  # nan is nan, and -0.0 is not 0.0
+
+
+def assert_same_estimate(loaded, saved):
+    """Everything of an estimate, bit by bit."""
+    assert repr(loaded) == repr(saved)
+    assert loaded.torque.identical(saved.torque)
+    for name in ("time", *TORQUES):
+        assert loaded.torque[name].values.tobytes() == saved.torque[name].values.tobytes()
+    for name in ("method", "stiffness", "reflex", "diagnostics"):
+        assert_same_values(getattr(loaded, name), getattr(saved, name))
+    assert_same_values(*({name: list(ends) for name, ends in each.intervals.items()} for each in (loaded, saved)))
+    assert (loaded.predictor is None) == (saved.predictor is None)
+    if saved.predictor is not None:
+        fields, expected = loaded.predictor.fields(), saved.predictor.fields()
+        assert fields.keys() == expected.keys()
+        for name, value in expected.items():
+            np.testing.assert_array_equal(np.asarray(fields[name]), np.asarray(value))
+    assert (loaded.matrices is None) == (saved.matrices is None)
+    if saved.matrices is not None:
+        for name in "ABCD":
+            np.testing.assert_array_equal(getattr(loaded.matrices, name), getattr(saved.matrices, name))
+            np.testing.assert_array_equal(getattr(loaded.model, name), getattr(saved.model, name))
+        for name in ("dt", "names", "input_delays"):
+            assert getattr(loaded.matrices, name) == getattr(saved.matrices, name)
+        assert loaded.model.input_labels == saved.model.input_labels
