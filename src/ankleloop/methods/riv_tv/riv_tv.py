@@ -19,11 +19,16 @@ from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_o
 from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
 from ankleloop.methods.riv.covariance import estimate_intervals, scale_errors, smallest_correlation
 from ankleloop.methods.riv.equations import DELAY_LIMITS
-from ankleloop.methods.riv_tv.alternatives import find_alternatives
-from ankleloop.methods.riv_tv.bands import deviations, estimate_covariance, find_trajectories, freedom, variation_p
-from ankleloop.methods.riv_tv.checks import check_course, check_perturbation
+from ankleloop.methods.riv_tv.bands import (
+    deviations,
+    estimate_covariance,
+    find_alternatives,
+    find_trajectories,
+    freedom,
+    variation_p,
+)
 from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
-from ankleloop.methods.riv_tv.inputs import TimeVaryingInputs
+from ankleloop.methods.riv_tv.inputs import TimeVaryingInputs, check_course, check_perturbation
 from ankleloop.methods.riv_tv.search import TimeVaryingSolution, solve_time_varying
 from ankleloop.options import Options, as_plain, option, show_value
 

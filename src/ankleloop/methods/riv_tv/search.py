@@ -89,7 +89,7 @@ def choose_penalties(
 
     The factor c is 1 for noise weights; for flat ones it is the variance of the noise where the regressors of the
     parameter have their power, over its mean: low frequencies show K and G, and flat weights leave the noise large
-    there. The first penalties weigh as much as the data.
+    there. Without penalties, as in the first round, they begin by weighing as much as the data.
 
     Shapes: penalties (4,); returns solution (unknowns,), penalties (4,).
     """
