@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import traceback
@@ -17,6 +18,7 @@ from ankleloop.command_line.terminal import echo, show_error, show_warning
 from ankleloop.errors import DataError
 
 DONE, DATA, USAGE, MISTAKE, INTERRUPTED = 0, 1, 2, 3, 130
+FULL = (errno.ENOSPC, errno.EDQUOT)
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # The modules of the verbs are imported when they are used, because `ankleloop --help` needs none of them.
 VERBS = {
@@ -37,7 +39,7 @@ Exit status:
   {DONE}    done; warnings are in the output
   {DATA}    the data cannot be used: refused, or no method is valid
   {USAGE}    wrong usage: an option that is missing or wrong, a file that exists
-  {MISTAKE}    a mistake in the program, or memory that is short
+  {MISTAKE}    a mistake in the program, or memory or disk that is short
   {INTERRUPTED}  interrupted
 
 \b
@@ -55,10 +57,7 @@ class _Verbs(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Command of a verb; None if there is none."""
-        if cmd_name not in VERBS:
-            return None
-        command: click.Command = getattr(import_module(f"ankleloop.command_line.{cmd_name}"), cmd_name)
-        return command
+        return getattr(import_module(f"ankleloop.command_line.{cmd_name}"), cmd_name) if cmd_name in VERBS else None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of the verbs without importing them."""
@@ -105,16 +104,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except DataError as error:
             show_error(str(error))
             return DATA
+        except MemoryError as error:
+            show_error(f"out of memory ({error}): take a shorter part of the recording (start, stop), or free memory.")
+            return MISTAKE
+        except OSError as error:
+            if error.errno not in FULL:
+                return _report_mistake(error)
+            show_error(f"{error.filename or 'the disk'}: {error.strerror}: make room, and run the command again.")
+            return MISTAKE
         except Exception as error:
             return _report_mistake(error)
     return status if isinstance(status, int) else DONE
 
 
 def _report_mistake(error: Exception) -> int:
-    """Show an error that is not about the data or the usage."""
-    if isinstance(error, MemoryError):
-        show_error(f"out of memory ({error}): take a shorter part of the recording (start, stop), or free memory.")
-        return MISTAKE
     traceback.print_exception(error)
     show_error("this is a mistake in ankleloop, not in your data: please report the lines above.")
     return MISTAKE

@@ -48,6 +48,7 @@ def test_both_entries_are_the_command(program):
         (MemoryError("2 GB"), MISTAKE, ["out of memory (2 GB)", "--start, --stop"]),
         (KeyboardInterrupt(), INTERRUPTED, ["interrupted"]),
         (OSError(5, "Input/output error"), MISTAKE, ["Traceback", "Input/output error"]),
+        (OSError(28, "No space left on device", "/x"), MISTAKE, ["/x: No space left on device", "make room"]),
     ],
 )
 def test_status_of_each_error(run, monkeypatch, error, status, words):
