@@ -134,14 +134,13 @@ def _move_results(results: Path, folder: Path, outputs: Iterable[Path], path: Pa
     from ankleloop.trials.files import atomic_file
 
     folder.mkdir(parents=True, exist_ok=True)
-    for output in outputs:
-        target = folder / output
-        if (results / output).exists():
-            target.parent.mkdir(exist_ok=True)
-            with atomic_file(target, overwrite=overwrite, inputs=[path]) as partial:
-                shutil.copyfile(results / output, partial)
-        else:
-            target.unlink(missing_ok=True)
+    made = {output for output in outputs if (results / output).exists()}
+    for output in made:
+        (folder / output).parent.mkdir(exist_ok=True)
+        with atomic_file(folder / output, overwrite=overwrite, inputs=[path]) as partial:
+            shutil.copyfile(results / output, partial)
+    for output in {*outputs} - made:
+        (folder / output).unlink(missing_ok=True)
 
 
 def show_results(table: pd.DataFrame, page: Path) -> int:

@@ -59,10 +59,7 @@ class _Verbs(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Command of a verb; None if there is none."""
-        if cmd_name not in VERBS:
-            return None
-        command: click.Command = getattr(import_module(f"ankleloop.command_line.{cmd_name}"), cmd_name)
-        return command
+        return getattr(import_module(f"ankleloop.command_line.{cmd_name}"), cmd_name) if cmd_name in VERBS else None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of the verbs without importing them."""

@@ -16,13 +16,13 @@ from ankleloop.studies.recording_settings import Recording
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 GUESSED = ("position", "torque", "reference")
-METAVARS = {
+METAVARS = {  # by unit, or by name
     "Hz": "HZ",
     "s": "S",
     "variables": "NAME=VARIABLE,…",
     "cycle_onsets": "NAME|TIMES",
-    "schedule": "NAME",
-}  # by unit, or by name
+    **dict.fromkeys(("schedule", *GUESSED), "NAME"),
+}
 OTHER_DEFAULTS = {
     "position_unit": "as the file states it, else rad",
     "sampling_rate": "that of the file",
@@ -61,9 +61,8 @@ def reading_options(command: Command) -> Command:
 
 def _make_option(name: str, field: Any) -> Callable[[Command], Command]:
     unit = Recording.unit(name)
-    text = (
-        TEXTS.get(name) or re.split(r"; (?:null|0) ", field.description)[0]
-    )  # what null is in YAML is to leave out an option
+    # What null is in YAML is to leave out an option.
+    text = TEXTS.get(name) or re.split(r"; (?:null|0) ", field.description)[0]
     text = text[0].upper() + text[1:] + (f" [{unit}]." if unit != "1" else ".")
     default = OTHER_DEFAULTS.get(name, field.get_default())
     if default not in (None, ""):
@@ -71,12 +70,10 @@ def _make_option(name: str, field: Any) -> Callable[[Command], Command]:
     kinds = set(get_args(field.annotation) or (field.annotation,)) - {NoneType}
     parse: Any = click.STRING
     if get_origin(field.annotation) is Literal:
-        parse = click.Choice([str(value) for value in get_args(field.annotation)])
+        parse = click.Choice(get_args(field.annotation))
     elif kinds <= {int, float}:
         parse = click.FLOAT if float in kinds else click.INT
     metavar = METAVARS.get(name) or METAVARS.get(unit)
-    if metavar is None and name in GUESSED:
-        metavar = "NAME"
     return click.option(f"--{name.replace('_', '-')}", name, type=parse, metavar=metavar, help=text)
 
 
@@ -85,7 +82,7 @@ def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Readin
     from ankleloop.trials.reading_process import list_variables  # here: --help does without numpy
     from ankleloop.trials.variable_names import AmbiguousNameError, find_position_unit, find_variable
 
-    stated = {name: _as_number(name, value) for name, value in values.items() if value is not None}
+    stated = {name: value for name, value in values.items() if value is not None}
     if no_reference and "reference" in stated:
         raise click.UsageError("--reference and --no-reference exclude each other.")
     reasons = {name: "by its option" for name in (*GUESSED, "position_unit") if name in stated}
@@ -97,9 +94,8 @@ def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Readin
         try:
             name = find_variable(channel, variables, source=path.name, taken=taken)
         except AmbiguousNameError as error:
-            remedy = f"Option that decides: --{channel} NAME"
-            remedy += ", or --no-reference." if channel == "reference" else "."
-            raise click.UsageError(f"{error} {remedy}") from None
+            other = ", or --no-reference" if channel == "reference" else ""
+            raise click.UsageError(f"{error} Option that decides: --{channel} NAME{other}.") from None
         if name is not None:
             stated[channel] = name
         reasons[channel] = "by its name" if name else "no variable has such a name"
@@ -109,14 +105,6 @@ def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Readin
         reasons["position_unit"] = "stated by the file" if unit else "assumed; --position-unit deg if it is in degrees"
         stated["position_unit"] = unit or "rad"
     return Reading(_parse_recording(path, stated), reasons)
-
-
-def _as_number(name: str, value: Any) -> Any:
-    """Value of an option; that of a choice of numbers as a number."""
-    annotation = Recording.model_fields[name].annotation
-    if get_origin(annotation) is Literal:
-        return next(choice for choice in get_args(annotation) if str(choice) == str(value))
-    return value
 
 
 def _parse_recording(path: Path, values: Mapping[str, Any]) -> Recording:

@@ -70,7 +70,7 @@ def show_progress() -> Iterator[None]:
 
     On a terminal this is one line, which is gone at the end.
     """
-    logger, handler = logging.getLogger("ankleloop"), _Progress()
+    logger, handler = logging.getLogger(PROGRESS), _Progress(logging.INFO)
     state = logger.level, logger.propagate
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
@@ -79,32 +79,29 @@ def show_progress() -> Iterator[None]:
         yield
     finally:
         logger.removeHandler(handler)
-        logger.level, logger.propagate = state
-        handler.clear()
+        logger.setLevel(state[0])
+        logger.propagate = state[1]
+        handler.show("")
 
 
 class _Progress(logging.Handler):
-    """Shows the messages of one logger on the standard error, on a terminal each in place of the one before."""
+    """Shows messages on the standard error, on a terminal each in place of the one before."""
 
-    def __init__(self) -> None:
-        super().__init__(logging.INFO)
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
         self._start = time.monotonic()
-        self._is_terminal = sys.stderr.isatty()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Show a message."""
-        if record.name != PROGRESS or record.levelno != logging.INFO:
-            return
-        text = f"{record.getMessage()} ({time.monotonic() - self._start:.0f} s)"
-        if self._is_terminal:
-            echo(f"\r\x1b[K{text}", nl=False, err=True)
-        else:
-            echo(text, err=True)
+        """Show a message about progress."""
+        if record.levelno == logging.INFO:
+            self.show(f"{record.getMessage()} ({time.monotonic() - self._start:.0f} s)")
 
-    def clear(self) -> None:
-        """Remove the line."""
-        if self._is_terminal:
-            echo("\r\x1b[K", nl=False, err=True)
+    def show(self, text: str) -> None:
+        """Show a text; an empty one takes away the line."""
+        if sys.stderr.isatty():
+            echo(f"\r\x1b[K{text}", nl=False, err=True)
+        elif text:
+            echo(text, err=True)
 
 
 def format_table(rows: list[list[Any]]) -> str:

@@ -137,7 +137,7 @@ def test_name_of_a_recording(tmp_path, file, name):
 def test_options_that_read_a_file_in_the_same_way(run, tmp_path):
     path = write_columns(tmp_path / "a.csv", "angle", "tq")
     arguments = ["--torque-sign", "-1", "--sampling-rate", "100.0", "--start", "0.5"]
-    values = {"torque_sign": "-1", "sampling_rate": 100.0, "start": 0.5}
+    values = {"torque_sign": -1, "sampling_rate": 100.0, "start": 0.5}
     options = list_options(map_file(path, **values))
     assert options == ["--position", "angle", "--torque", "tq", *(a.replace("100.0", "100") for a in arguments[2:4]),
                        *arguments[:2], *arguments[4:]]  # fmt: skip
@@ -148,8 +148,7 @@ def test_options_of_a_joint_that_changes_read_a_file_in_the_same_way(tmp_path):
     for course in ({"schedule": "level"}, {"cycle_onsets": "0.52 1.93 1234.5678"}, {"cycle_onsets": "phase"}):
         reading = map_file(path, variables="level=emg,phase=gait", **course)
         options = list_options(reading)
-        values = {
-            name.removeprefix("--").replace("-", "_"): value for name, value in zip(*[iter(options)] * 2, strict=True)
-        }
+        names = [name.removeprefix("--").replace("-", "_") for name in options[::2]]
+        values = dict(zip(names, options[1::2], strict=True))
         assert values["variables"] == "level=emg,phase=gait"
         assert map_file(path, **values).recording == reading.recording

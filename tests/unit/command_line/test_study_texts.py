@@ -4,7 +4,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ankleloop.command_line.study_texts import _value
+from ankleloop.command_line.study_texts import dump
 
 PRINTED = st.characters(min_codepoint=32, max_codepoint=0x2FFF, blacklist_categories=["Cs", "Cc"])
 # Characters of what YAML takes for something else: numbers, null, flags, comments, keys, lists.
@@ -21,5 +21,5 @@ VALUES = st.one_of(
 
 @given(VALUES)
 def test_every_value_is_read_as_it_was(value):
-    assert yaml.safe_load(f"key: {_value(value)}  # remark\n") == {"key": value}
-    assert yaml.safe_load(f"key: {{list: {_value([value, value])}}}\n") == {"key": {"list": [value, value]}}
+    assert yaml.safe_load(f"key: {dump(value)}  # remark\n") == {"key": value}
+    assert yaml.safe_load(f"key: {{list: {dump([value, value])}}}\n") == {"key": {"list": [value, value]}}

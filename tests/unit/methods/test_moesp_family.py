@@ -45,10 +45,7 @@ def test_a_rectifier_recovers_the_joint_without_noise(clean, gain, method, optio
     estimate = identify(clean[gain], method, basis="rectifier", **options)
     assert_joint(estimate, gain)
     result = evaluate_vaf(clean[gain], estimate)
-    assert result["net", "measured"] >= 99.99
-    assert result["net", "true"] >= 99.99
-    assert result["intrinsic", "true"] >= 99.99
-    assert result["reflex", "true"] >= 99.99
+    assert result.min() >= 99.99
 
 
 @pytest.mark.parametrize("gain", [2.0, 13.0])
@@ -87,12 +84,11 @@ def test_the_order_is_two_without_noise(clean):
 
 
 def test_the_true_delay_explains_most(clean):
-    net = {}
-    for delay in (0.03, 0.04, 0.05):
-        net[delay] = evaluate_vaf(clean[13.0], identify(clean[13.0], "pr-moesp", basis="rectifier", delay=delay))[
-            "net", "true"
-        ]
-    assert max(net, key=net.get) == 0.04
+    first, true, last = (
+        evaluate_vaf(clean[13.0], identify(clean[13.0], "pr-moesp", basis="rectifier", delay=delay))["net", "true"]
+        for delay in (0.03, 0.04, 0.05)
+    )
+    assert true > max(first, last)
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0])

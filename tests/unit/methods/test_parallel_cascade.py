@@ -89,15 +89,6 @@ def test_passes_of_the_parallel_cascade(cascades, record, passes):
     np.testing.assert_allclose(diagnostics["reflex_lags"], np.arange(LAGS + 1) / 100)
 
 
-@pytest.mark.parametrize("gain", [2.0, 13.0])
-def test_every_pass_explains_more(clean, gain):
-    history = identify(clean[gain], "parallel-cascade", tolerance=1e-6).diagnostics["history"]
-    assert len(history) > 5
-    assert np.all(np.diff(history) > 0)
-    assert np.all(np.diff(history)[:-1] >= 1e-6)
-    assert np.diff(history)[-1] < 1e-6
-
-
 def test_convergence_that_is_not_reached_is_a_warning(noisy, monkeypatch):
     monkeypatch.setattr(parallel_cascade, "PASS_CEILING", 3)
     diagnostics = identify(noisy, "parallel-cascade", tolerance=0.0).diagnostics
@@ -108,6 +99,9 @@ def test_convergence_that_is_not_reached_is_a_warning(noisy, monkeypatch):
 @pytest.mark.parametrize("gain", [2.0, 13.0])
 def test_the_converged_parallel_cascade_has_no_bias_without_noise(clean, gain):
     estimate = identify(clean[gain], "parallel-cascade", tolerance=1e-6)
+    gains = np.diff(estimate.diagnostics["history"])
+    assert np.all(gains[:-1] >= 1e-6)
+    assert 0 < gains[-1] < 1e-6
     assert evaluate_vaf(clean[gain], estimate).min() >= 99.9
     assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.01)
     assert estimate.stiffness["I"] == pytest.approx(0.015, rel=0.01)
@@ -146,3 +140,14 @@ def test_rank_by_minimum_description_length(cascades):
 def test_responses_longer_than_the_record_are_refused(noisy):
     with pytest.raises(DataError, match=r"leaves \d+ samples for 510 unknowns: record longer, or shorten"):
         identify(noisy.isel(time=slice(0, 10_000)), "parallel-cascade", reflex_lags=5.0)
+
+
+def test_lagged_inputs_whose_products_show_too_little_are_taken_themselves(cascades, monkeypatch):
+    """Both ways from the lagged inputs to their directions give the same torques."""
+    trial, _ = cascades["noisy"]
+    expected = identify(trial, "parallel-cascade", max_passes=3)
+    monkeypatch.setattr(parallel_cascade, "LARGEST_CONDITION", 0.0)
+    estimate = identify(trial, "parallel-cascade", max_passes=3)
+    assert not estimate.torque.identical(expected.torque)  # by rounding
+    np.testing.assert_allclose(estimate.torque["intrinsic"], expected.torque["intrinsic"], atol=1e-8)
+    np.testing.assert_allclose(estimate.torque["reflex"], expected.torque["reflex"], atol=1e-8)

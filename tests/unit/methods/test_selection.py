@@ -142,8 +142,6 @@ def test_estimates_predict_records_that_they_have_not_seen(clean, method, option
 def test_methods_without_a_model_do_not_predict(clean):
     with pytest.raises(DataError, match="model to predict with"):
         identify(clean, "real-time").predict(clean)
-    with pytest.raises(DataError, match="segment from 60 to 70 s has no samples"):
-        segment(clean, 60.0, 70.0)
 
 
 def test_the_parts_of_a_record_are_prepared_once():

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from unittest import mock
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -56,13 +57,17 @@ def run_cells(parameters):
     """Markdown and HTML that the cells of the notebook show."""
     cells = json.loads((ROOT / "notebooks" / "time-varying.ipynb").read_text(encoding="utf-8"))["cells"]
     shown, names = [], {}
-    with plt.rc_context({"backend": "Agg"}):
+
+    def show(*outputs):
+        shown.extend(str(getattr(output, "data", output)) for output in outputs)
+
+    with plt.rc_context({"backend": "Agg"}), mock.patch("ankleloop.pages.study_page.display", show):
         for cell in (cell for cell in cells if cell["cell_type"] == "code"):
             exec("".join(cell["source"]), names)
             if "parameters" in cell["metadata"].get("tags", ()):
                 assert set(parameters) <= set(names)
                 names |= parameters
-            names["display"] = lambda *outputs: shown.extend(str(getattr(output, "data", output)) for output in outputs)
+            names["display"] = show
     return "\n".join(shown)
 
 
