@@ -69,7 +69,7 @@ def describe_settings(settings: Mapping[str, Any], varied: Collection[str] = ())
 def typical_point(points: Mapping[str, Mapping[str, Any]], varied: Collection[str]) -> str:
     """Point whose settings are the defaults of the simulation, which a figure of single trials shows."""
     defaults = SimulationSettings.defaults()
-    return max(points, key=lambda point: sum(points[point][name] == defaults[name] for name in varied))
+    return max(points, key=lambda point: sum(points[point].get(name) == defaults.get(name) for name in varied))
 
 
 def most_compliant_point(points: Mapping[str, Mapping[str, Any]]) -> str:
