@@ -120,3 +120,10 @@ def test_other_folders_have_results_of_their_own(clean, snakemake, tiny, tmp_pat
     entry = ("--snakefile", str(clean / "workflow/Snakefile"), trials, *tiny, "--dry-run")
     assert "Nothing to be done" in snakemake(clean, *entry, folder=elsewhere)
     assert not (clean / "results").exists()
+
+
+def test_braces_in_the_path_of_the_project(clean, snakemake, tmp_path):
+    (tmp_path / "a{b}").symlink_to(clean)
+    snakefile = tmp_path / "a{b}" / "Snakefile"
+    text = snakemake(clean, "--dry-run", "--snakefile", str(snakefile), check=False)
+    assert "a{b}: Snakemake takes braces in this path for wildcards: rename the folder" in text

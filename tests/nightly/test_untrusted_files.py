@@ -14,7 +14,7 @@ import scipy.io
 from ankleloop import identify, load_estimate, load_trial, save_estimate, save_trial, simulate
 from ankleloop.errors import DataError
 from ankleloop.trials import reading_process
-from ankleloop.trials.checksums import LENGTH
+from ankleloop.trials.files import LENGTH
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial_files import load_trials, save_trials

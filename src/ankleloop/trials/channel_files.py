@@ -1,4 +1,4 @@
-"""Channels of a trial in a file: which variables they are, and their samples as numbers."""
+"""Channels of a trial in a file: which variables they are, and their samples as numbers, by one rule for all files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import Channel, check_size, join_units
 from ankleloop.trials.contents import Contents, Variable, raise_type
-from ankleloop.trials.decoding import as_text, decode, shorten
 
 # Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
@@ -22,6 +21,9 @@ RATE_TOLERANCE = 1e-3
 HERTZ = ("hz", "hertz", "1/s", "s-1", "s^-1", "samples/s", "samples per second")
 TIME, RATE = "time", "sampling_rate"  # roles beside the channels of the trial
 MOST_VARIABLES = 1000  # that are listed
+# Attributes by the conventions of NetCDF and CF, which HDF5 files of laboratories follow, too.
+MISSING = ("_FillValue", "missing_value")
+UNWRITTEN = 9.969209968386869e36  # what NetCDF libraries put where no sample was written
 
 
 @dataclass(frozen=True)
@@ -83,11 +85,8 @@ def _select(contents: Contents, request: Request) -> dict[str, Variable]:
         if variable is not None:
             selected.setdefault(role, variable)
     rate = contents.find_nearest(RATE_NAMES, position, scalar=True)
-    if rate is not None and request.rate is None:
-        _check_other_rates(contents, rate)
+    if rate is not None and _check_rates(contents, rate, request.rate):
         selected[RATE] = rate
-    elif rate is not None and request.rate is not None:
-        _check_stated_rate(contents, rate, request.rate)
     time = contents.find_nearest(TIME_NAMES, position, scalar=False)
     if time is not None and time.name not in {variable.name for variable in selected.values()}:
         selected[TIME] = time
@@ -140,36 +139,33 @@ def _show(cell: Any) -> str:
     return f"an object ({type(cell).__name__})"
 
 
-def _check_other_rates(contents: Contents, rate: Variable) -> None:
-    """Refuse two sampling rates beside each other that differ."""
-    number = _read_rate(contents, rate)
-    for other in _find_rates(contents, rate):
-        if abs(_read_rate(contents, other) - number) > RATE_TOLERANCE * abs(number):
-            raise DataError(
-                f"{contents.path.name}: {rate.name} is {number.item():g} Hz, but {other.name} is "
-                f"{_read_rate(contents, other).item():g} Hz: pass sampling_rate, or correct the file."
-            )
-
-
-def _check_stated_rate(contents: Contents, rate: Variable, stated: float) -> None:
-    """Refuse a stated sampling rate that no rate of the file agrees with."""
-    try:
-        numbers = {variable.name: _read_rate(contents, variable).item() for variable in _find_rates(contents, rate)}
-    except DataError:  # what cannot be read contradicts nothing
-        return
-    if not any(abs(number - stated) <= RATE_TOLERANCE * stated for number in numbers.values()):
-        texts = " and ".join(f"{name} of the file is {number:g} Hz" for name, number in numbers.items())
-        raise DataError(
-            f"{contents.path.name}: sampling_rate is stated as {stated:g} Hz, but {texts}: leave sampling_rate out, or "
-            "correct the file."
-        )
-
-
-def _find_rates(contents: Contents, rate: Variable) -> list[Variable]:
-    """A sampling rate, and all others beside it."""
+def _check_rates(contents: Contents, rate: Variable, stated: float | None) -> bool:
+    """Refuse rates of a file that contradict each other or the stated one; whether the file's one is to be taken."""
+    source = contents.path.name
     owner, separator, _ = rate.name.rpartition(contents.separator)
-    variables = (contents.find_number(owner, name, f"{owner}{separator}{name}") for name in RATE_NAMES)
-    return [rate, *(variable for variable in variables if variable is not None and variable.name != rate.name)]
+    beside = (contents.find_number(owner, name, f"{owner}{separator}{name}") for name in RATE_NAMES)
+    others = [variable for variable in beside if variable is not None and variable.name != rate.name]
+    try:
+        numbers = {variable.name: _read_rate(contents, variable).item() for variable in (rate, *others)}
+    except DataError:
+        if stated is None:
+            raise
+        return False  # what cannot be read contradicts nothing
+    number = numbers[rate.name]
+    if stated is None:
+        for name, other in numbers.items():
+            if abs(other - number) > RATE_TOLERANCE * abs(number):
+                raise DataError(
+                    f"{source}: {rate.name} is {number:g} Hz, but {name} is {other:g} Hz: pass sampling_rate, or "
+                    "correct the file."
+                )
+    elif not any(abs(other - stated) <= RATE_TOLERANCE * stated for other in numbers.values()):
+        texts = " and ".join(f"{name} of the file is {other:g} Hz" for name, other in numbers.items())
+        raise DataError(
+            f"{source}: sampling_rate is stated as {stated:g} Hz, but {texts}: leave sampling_rate out, or correct the "
+            "file."
+        )
+    return stated is None
 
 
 def _read_rate(contents: Contents, variable: Variable) -> np.ndarray:
@@ -186,3 +182,78 @@ def _read_rate(contents: Contents, variable: Variable) -> np.ndarray:
             f"{source}: sampling_rate is {_show(text or value)} ({variable.name}): pass a single number in Hz."
         ) from None
     return decode(number, variable.attributes, source=source, name=variable.name)
+
+
+def decode(values: np.ndarray, attributes: Mapping[str, Any], *, source: str, name: str) -> np.ndarray:
+    """Apply scale, offset and missing values that the attributes of a variable state.
+
+    A sample is `stored · scale_factor + add_offset`; one that equals `_FillValue` or `missing_value` as stored, or was
+    never written to a NetCDF file, becomes nan. `_Unsigned` turns integers into those without a sign.
+    """
+    if values.dtype.kind not in "iuf":
+        return values
+    missing = _find_missing(values, attributes)
+    if as_text(attributes.get("_Unsigned", "")).lower() == "true" and values.dtype.kind == "i":
+        values = values.view(values.dtype.str.replace("i", "u"))  # the markers have the signed type as stored
+    factor = _read_number(attributes, "scale_factor", 1.0, source, name)
+    offset = _read_number(attributes, "add_offset", 0.0, source, name)
+    if factor == 0.0:
+        raise DataError(f"{source}: scale_factor of {name} is 0, so that all samples are alike: correct the file.")
+    if missing is None and (factor, offset) == (1.0, 0.0):
+        return values
+    with np.errstate(over="ignore"):  # an infinite sample is refused by its number later on
+        numbers = values.astype(float) * factor + offset
+    if missing is not None:
+        numbers[missing] = np.nan
+    return numbers
+
+
+def _find_missing(values: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray | None:
+    """Mask of the samples that are missing; None if there are none."""
+    markers = [marker for key in MISSING for marker in _as_numbers(attributes.get(key, ()))]
+    if values.dtype.kind == "f":
+        markers.append(UNWRITTEN)
+    with np.errstate(over="ignore", invalid="ignore"):
+        # A marker has the type of the samples; another one is rounded to it, as libraries round it when they write.
+        stored = [values.dtype.type(marker) for marker in markers if _fits(marker, values.dtype)]
+    mask = np.isin(values, np.array(stored, dtype=values.dtype)) if stored else np.zeros(values.shape, dtype=bool)
+    return mask if mask.any() else None
+
+
+def _fits(marker: float, dtype: np.dtype[Any]) -> bool:
+    if dtype.kind == "f":
+        return True
+    limits = np.iinfo(dtype)
+    if not (np.isfinite(marker) and marker == int(marker)):
+        return False
+    return int(limits.min) <= int(marker) <= int(limits.max)
+
+
+def _as_numbers(value: Any) -> list[Any]:
+    array = np.ravel(np.asarray(value))
+    return array.tolist() if array.dtype.kind in "iuf" else []
+
+
+def _read_number(attributes: Mapping[str, Any], key: str, default: float, source: str, name: str) -> float:
+    if key not in attributes:
+        return default
+    array = np.ravel(np.asarray(attributes[key]))
+    if array.size != 1 or array.dtype.kind not in "iuf" or not np.isfinite(array[0]):
+        raise DataError(f"{source}: {key} of {name} is no finite number ({shorten(array)}): correct the file.")
+    return float(array[0])
+
+
+def shorten(value: Any) -> str:
+    """Text of a value, of 60 characters at most."""
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def as_text(value: Any) -> str:
+    """Text of an attribute, which libraries give as text, bytes or an array of one of them; "" for what is no text."""
+    array = np.asarray(value)
+    if array.size != 1 or array.dtype.kind not in "OSU":
+        return ""
+    item = array.item()
+    text = item.decode(errors="replace") if isinstance(item, bytes) else item
+    return text.strip("\x00 \t\r\n") if isinstance(text, str) else ""

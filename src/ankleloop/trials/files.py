@@ -1,4 +1,9 @@
-"""Files that appear under their name only when they are complete, and never replace another one unasked."""
+"""Files that appear under their name only when they are complete, and never replace another one unasked.
+
+NetCDF files end with a checksum: whatever has changed since one was written is noticed before a library opens it. HDF5
+does not read what stands behind its content, and removes it when a program changes the file: such a file has no
+checksum any more, and no wrong one.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +20,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from ankleloop.errors import DataError, ResourceError
-from ankleloop.trials.checksums import append_checksum
 
 if TYPE_CHECKING:
     import h5netcdf
@@ -33,6 +37,10 @@ FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
 
 NAME_BYTES = 200  # of the name of the file in the name of its partial file; file systems allow 255 in all
 ABANDONED = 7 * 86400.0  # s without writing, after which a partial file of another computer has no writer
+
+MARK = b"\nankleloop: SHA-256 of all before this line: "
+LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size + 1
+PIECE = 1 << 20
 
 PRECISIONS: dict[str, type[np.floating]] = {"double": np.float64, "single": np.float32}
 
@@ -269,3 +277,33 @@ def check_readable(path: PathLike) -> None:
     except (OSError, ValueError) as cause:  # a ValueError for a byte 0 in the path
         reason = getattr(cause, "strerror", None) or str(cause)
         raise DataError(f"{path}: the file cannot be opened ({reason}): check the path and the permission.") from cause
+
+
+def append_checksum(path: PathLike) -> None:
+    """Append the checksum of its content to a file."""
+    with open(path, "rb+") as file:
+        line = _compute_line(file, os.fstat(file.fileno()).st_size)
+        file.write(line)
+
+
+def has_right_checksum(path: PathLike) -> bool | None:
+    """Whether the content of a file is the one that was written; None for a file without a checksum."""
+    with open(path, "rb") as file:
+        size = os.fstat(file.fileno()).st_size - LENGTH
+        if size < 0:
+            return None
+        file.seek(size)
+        line = file.read(LENGTH)
+        if not line.startswith(MARK):
+            return None
+        file.seek(0)
+        return line == _compute_line(file, size)
+
+
+def _compute_line(file: BinaryIO, size: int) -> bytes:
+    """Line with the checksum of the first bytes of a file, which is read as far as these bytes."""
+    checksum = hashlib.sha256()
+    while size > 0 and (piece := file.read(min(size, PIECE))):
+        checksum.update(piece)
+        size -= len(piece)
+    return MARK + checksum.hexdigest().encode() + b"\n"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -63,39 +64,38 @@ def write_groups(
     groups: Mapping[str, xr.Dataset], path: str | os.PathLike[str], variable: str, *, overwrite: bool = False
 ) -> None:
     """Write groups of variables to one file; it appears when it is complete."""
-    path = Path(path)
-    write = _choose({".nc": _write_netcdf, ".mat": _write_mat}, path)
+    path = _check_suffix(path)
     inputs = set().union(*(source_files(data) for data in groups.values()))
     check_output(path, overwrite=overwrite, inputs=inputs)
-    write(groups, path, variable, overwrite)
+    if path.suffix == ".mat":
+        _write_mat(groups, path, variable, overwrite)
+        return
+    datasets = {f"/{group}": _split_complex(data.drop_encoding()) for group, data in groups.items()}
+    # Fill values would change numbers.
+    encoding = {group: {name: {"_FillValue": None} for name in data.variables} for group, data in datasets.items()}
+    write_netcdf(xr.DataTree.from_dict(datasets), path, encoding, overwrite=overwrite)
 
 
 def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields]:
     """Read a file of groups."""
-    path = Path(path)
-    read = _choose({".nc": _read_netcdf, ".mat": _read_mat}, path)
+    path = _check_suffix(path)
     check_readable(path)
-    if path.suffix == ".mat":
-        _check_version(path)
+    is_matlab = path.suffix == ".mat"
+    if is_matlab and path.read_bytes()[:16].startswith(b"MATLAB 7.3"):
+        raise DataError(f"{path.name}: a MATLAB v7.3 file: save it with -v7.")
     with readable_file(path, f"{path.suffix} file", "restore it from a copy, or write it again") as readable:
-        contents = read(readable, variable)
+        contents = _read_mat(readable, variable, path.name) if is_matlab else _read_netcdf(readable)
     return {
         group: Fields(f"{path.name}, group {group}" if group else path.name, values)
         for group, values in contents.items()
     }
 
 
-def _choose(functions: Mapping[str, Callable[..., Any]], path: Path) -> Callable[..., Any]:
-    if path.suffix not in functions:
-        raise DataError(f"{path.name}: the file ends in {path.suffix or 'no suffix'}: take {' or '.join(functions)}.")
-    return functions[path.suffix]
-
-
-def _write_netcdf(groups: Mapping[str, xr.Dataset], path: Path, _: str, overwrite: bool) -> None:
-    datasets = {f"/{group}": _split_complex(data.drop_encoding()) for group, data in groups.items()}
-    # Fill values would change numbers.
-    encoding = {group: {name: {"_FillValue": None} for name in data.variables} for group, data in datasets.items()}
-    write_netcdf(xr.DataTree.from_dict(datasets), path, encoding, overwrite=overwrite)
+def _check_suffix(path: str | os.PathLike[str]) -> Path:
+    path = Path(path)
+    if path.suffix not in SUFFIXES:
+        raise DataError(f"{path.name}: the file ends in {path.suffix or 'no suffix'}: take {' or '.join(SUFFIXES)}.")
+    return path
 
 
 def _split_complex(data: xr.Dataset) -> xr.Dataset:
@@ -108,10 +108,10 @@ def _split_complex(data: xr.Dataset) -> xr.Dataset:
     return data.assign(pairs)
 
 
-def _read_netcdf(path: Path, _: str) -> dict[str, dict[str, Any]]:
+def _read_netcdf(readable: Path | io.BytesIO) -> dict[str, dict[str, Any]]:
     import h5netcdf  # here, because its import takes time and workflow jobs do not need it
 
-    with h5netcdf.File(path, "r", phony_dims="access") as file:
+    with h5netcdf.File(readable, "r", phony_dims="access") as file:
         contents = {}
         for group, node in {"": file, **file.groups}.items():
             values = {name: variable[...] for name, variable in node.variables.items()}
@@ -142,18 +142,12 @@ def _as_struct(data: xr.Dataset) -> dict[str, Any]:
     return fields
 
 
-def _check_version(path: Path) -> None:
-    with open(path, "rb") as file:
-        if file.read(16).startswith(b"MATLAB 7.3"):
-            raise DataError(f"{path.name}: a MATLAB v7.3 file: save it with -v7.")
-
-
-def _read_mat(path: Path, variable: str) -> dict[str, dict[str, Any]]:
+def _read_mat(readable: Path | io.BytesIO, variable: str, source: str) -> dict[str, dict[str, Any]]:
     import scipy.io
 
-    workspace = scipy.io.loadmat(path)
+    workspace = scipy.io.loadmat(readable)
     if variable not in workspace or workspace[variable].dtype.names is None:
-        raise DataError(f"{path.name}: there is no struct {variable!r}: the file is of another origin.")
+        raise DataError(f"{source}: there is no struct {variable!r}: the file is of another origin.")
     contents: dict[str, dict[str, Any]] = {"": {}}
     for name, value in _read_struct(workspace[variable]).items():
         if value.dtype.names is None:

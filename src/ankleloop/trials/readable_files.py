@@ -9,8 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ankleloop.errors import DataError, ResourceError
-from ankleloop.trials.checksums import has_right_checksum
-from ankleloop.trials.files import check_readable
+from ankleloop.trials.files import check_readable, has_right_checksum
 
 PathLike = str | os.PathLike[str]
 

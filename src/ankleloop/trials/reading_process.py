@@ -189,15 +189,11 @@ def _receive(pipe: IO[bytes], channels: dict[str, Channel], request: Request) ->
 
 def _raise_error(end: dict[str, Any], request: Request, describe: Describe) -> None:
     """Raise the error that the last message stands for."""
-    kind, name = end["kind"], Path(request.path).name
+    kind, name, ended = end["kind"], Path(request.path).name, end.get("signal", "")
+    if kind == "end":
+        return
     if kind == "refused":
         raise DataError(end["text"])
-    if kind == "failed":
-        raise DataError(describe(end["text"]))
-    if kind == "memory":
-        text = describe(f"it needs more than {request.memory / 1e9:.1f} GB of memory").rstrip(".")
-        hint = "; a long record is read from HDF5 or NetCDF with ankleloop.LongRecord"
-        raise DataError(f"{text}{hint if request.task != 'copy' else ''}.")
     if kind == "limited":
         raise ResourceError(f"{name}: this program is allowed too little memory to read the file (ulimit -v).")
     if kind == "late":
@@ -205,17 +201,22 @@ def _raise_error(end: dict[str, Any], request: Request, describe: Describe) -> N
             f"{name}: the file was not read within {end['seconds']:.0f} s: the computer is busy, or the disk slow; try "
             "again later."
         )
-    if kind == "died" and end["signal"] in ("SIGKILL", "SIGTERM"):
+    if ended in ("SIGKILL", "SIGTERM"):
         raise ResourceError(
-            f"{name}: the process that reads the file was killed ({end['signal']}), most often because memory was "
-            "short: free memory, and try again."
+            f"{name}: the process that reads the file was killed ({ended}), most often because memory was short: free "
+            "memory, and try again."
         )
-    if kind == "died" and end["signal"] == "SIGPROF":
-        limit = request.seconds
-        raise DataError(describe(f"stopped after {end['seconds']:.0f} s, {limit:.0f} s is the limit for its size"))
-    if kind == "died":
-        comma = ", " if end["signal"] else ""
-        raise DataError(describe(f"it crashed the process that reads it{comma}{end['signal']}"))
+    hint = ""
+    if kind == "failed":
+        reason = end["text"]
+    elif kind == "memory":
+        reason = f"it needs more than {request.memory / 1e9:.1f} GB of memory"
+        hint = "; a long record is read from HDF5 or NetCDF with ankleloop.LongRecord" * (request.task != "copy")
+    elif ended == "SIGPROF":
+        reason = f"stopped after {end['seconds']:.0f} s, {request.seconds:.0f} s is the limit for its size"
+    else:
+        reason = f"it crashed the process that reads it{ended and f', {ended}'}"
+    raise DataError(f"{describe(reason).rstrip('.')}{hint}.")
 
 
 def _name_signal(code: int | None) -> str:

@@ -8,7 +8,7 @@ from ankleloop.paper.results import read_results
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.identification import identify_chunk
 from ankleloop.studies.simulation import simulate_chunk
-from ankleloop.trials.checksums import LENGTH
+from ankleloop.trials.files import LENGTH
 from ankleloop.trials.trial_files import load_trial_of
 
 METHODS = {"pr": {"method": "pr-moesp", "options": {"basis": "rectifier"}}}

@@ -1,6 +1,7 @@
 """Trials from files: formats, names, units, signs and sampling rates."""
 
 import gzip
+import re
 
 import h5netcdf
 import h5py
@@ -211,6 +212,29 @@ def test_stated_units_contradict_the_option(tmp_path, unit):
     ):
         read_trial(tmp_path / "a.h5")
     assert_signals(read_trial(tmp_path / "a.h5", position_unit="deg"), rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "shown"),
+    [
+        ({"UNITS": "deg"}, "deg"),
+        ({"units": np.array([57.3])}, "[57.3]"),
+        ({"units": 57}, "57"),
+        ({"units": ["deg", "deg"]}, "['deg' 'deg']"),
+        ({"units": "rad", "unit": "deg"}, "deg and rad"),
+        ({"Unit": "radians", "units": "rad", "unit": ""}, None),
+    ],
+)
+def test_units_in_unusual_forms_are_not_taken_for_rad(tmp_path, attributes, shown):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["position"], file["torque"], file["fs"] = P, TQ, RATE
+        file["position"].attrs.update(attributes)
+        file["torque"].attrs.update(unit="Nm", units="N·m")
+    if shown is None:
+        assert_signals(read_trial(tmp_path / "a.h5"))
+        return
+    with pytest.raises(DataError, match=rf"a.h5: position is in .*{re.escape(shown)}.* according to the file"):
+        read_trial(tmp_path / "a.h5")
 
 
 def test_degrees_without_a_stated_unit_are_refused(tmp_path):
