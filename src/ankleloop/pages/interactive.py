@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ankleloop.joint.prepared import PreparedTrial
 
 MOST_VALUES = 700_000  # numbers of a figure: less than 4 MB in the page
-HEIGHT, STRIP = 190, 80  # px of a panel, and of the strip that shows the window in the record
+HEIGHT, STRIP = 160, 80  # px of a panel, and of the strip that shows the window in the record
 SHORTEST = 0.05  # s of a window
 RESIDUAL = 0.45  # opacity of a residual, whose colour is that of the estimate
 
@@ -96,25 +96,28 @@ def _draw(lines: Sequence[Line], window: Mapping[str, float], width: int) -> Any
     panels = {}
     for torque in TORQUES:
         wheel = WheelZoomTool(dimensions="width", modifiers={"ctrl": True})
-        panel = figure(height=HEIGHT, x_range=x_range, tools="xpan,box_zoom,reset,save", active_drag="xpan")
+        panel = figure(frame_height=HEIGHT, x_range=x_range, tools="xpan,box_zoom,reset,save", active_drag="xpan")
         panel.add_tools(wheel, cursor, HoverTool(tooltips=tips, visible=torque == "net"))
         panel.toolbar.active_scroll, panel.toolbar.active_inspect = wheel, cursor
         panel.yaxis.axis_label, panel.min_border_left = f"{torque} torque [N·m]", 70
+        panel.toolbar.logo = None
         panels[torque] = panel
     panels["reflex"].xaxis.axis_label = "time [s]"
     items = []
     for label, colour, alpha, shown, time, torques in lines:
         places = time.astype(np.float32) if width == 1 else np.repeat(time[::width], 2).astype(np.float32)
         style: dict[str, Any] = {"color": colour, "alpha": alpha, "visible": shown, "name": label}
-        drawn = [panels[torque].line(places, thin(values, width), **style) for torque, values in torques.items()]
+        ordinates = {torque: thin(values, width) for torque, values in torques.items()}
+        drawn: list[Any] = [panels[torque].line(places, ordinate, **style) for torque, ordinate in ordinates.items()]
         items.append(LegendItem(label=label, renderers=drawn))
-    panels["net"].add_layout(Legend(items=items, click_policy="hide", ncols=3, label_text_font_size="11px"), "above")
-    strip = figure(height=STRIP, x_range=Range1d(*times), tools="", toolbar_location=None, min_border_left=70)
-    strip.line(*(items[0].renderers[0].data_source.data[name] for name in "xy"), color=lines[0][1])
+    legend = Legend(items=items, click_policy="hide", location="top_left", ncols=2, label_text_font_size="11px")
+    panels["net"].add_layout(legend, "above")
+    strip = figure(height=STRIP, x_range=Range1d(*times), tools="", toolbar_location=None, sizing_mode="stretch_width")
+    strip.line(lines[0][4][::width], lines[0][5]["net"][::width], color=lines[0][1])
     strip.add_tools(RangeTool(x_range=x_range))
-    strip.yaxis.visible = False
-    rows = [[panel] for panel in panels.values()]
-    grid = gridplot(rows, sizing_mode="stretch_width", toolbar_location="right", toolbar_options={"logo": None})  # type: ignore[arg-type]
+    strip.yaxis.visible, strip.min_border_left = False, 70
+    rows: list[list[Any]] = [[panel] for panel in panels.values()]
+    grid = gridplot(rows, sizing_mode="stretch_width", toolbar_location="right")
     item = json_item(column(grid, strip, sizing_mode="stretch_width"))
     # Names of models that do not depend on what the process has drawn before.
     names: dict[str, str] = {}

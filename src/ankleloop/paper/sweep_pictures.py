@@ -113,7 +113,7 @@ def describe_design(sweep: SweepStudy) -> str:
 
 
 def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'s' * (number != 1)}"
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def _describe_values(axis: SweepAxis) -> str:

@@ -119,8 +119,13 @@ def _stretch_above(axis: Axes, level: float) -> None:
         return places / np.where(places < 0.0, below, above) + level
 
     axis.set_yscale("function", functions=(stretch, shrink))
-    ticks = [tick for tick in MaxNLocator(4).tick_values(low, level) if low <= tick < level]
-    axis.set_yticks([*ticks, *(tick for tick in MaxNLocator(4).tick_values(level, high) if level <= tick <= high)])
+    ticks = [tick for tick in MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, level) if low <= tick < level]
+    axis.set_yticks(
+        [
+            *ticks,
+            *(tick for tick in MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(level, high) if level <= tick <= high),
+        ]
+    )
     axis.axhline(level, color="#888888", lw=0.8, zorder=0.5)
 
 
