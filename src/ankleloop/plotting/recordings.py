@@ -160,5 +160,6 @@ def recordings_figure(
 
 def _name_recording(row: pd.Series) -> str:
     """Name of a recording, with subject and condition where the table has them."""
-    groups = [str(row[name]) for name in ("subject", "condition") if row.get(name) not in (None, "", "–")]
-    return f"{row['recording']} ({', '.join(groups)})" if groups else str(row["recording"])
+    groups = [str(row[name]) for name in ("subject", "condition") if pd.notna(row.get(name))]
+    named = ", ".join(name for name in groups if name not in ("", "–"))
+    return f"{row['recording']} ({named})" if named else str(row["recording"])
