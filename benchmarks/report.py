@@ -4,9 +4,8 @@ import matplotlib
 import pandas as pd
 import tools
 
-from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.method_styles import MethodStyle
-from ankleloop.plotting.panels import panel_grid
+from ankleloop.plotting.panels import add_legend, panel_grid
 from ankleloop.plotting.style import STYLE, save_figure
 
 COLUMNS = {

@@ -10,7 +10,7 @@ import nbformat
 import papermill
 from nbconvert import HTMLExporter
 
-from ankleloop.pages.notebooks import find_captions, render_notebook_page
+from ankleloop.pages.rendering import find_captions, render_notebook_page
 from ankleloop.paper.completeness import check_study
 from ankleloop.paper.results import KEYS
 from ankleloop.paper.trial_counts import describe_failures

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ankleloop.pages.rendering import render_page, render_template
 from ankleloop.pages.tables import describe_table
@@ -34,7 +35,9 @@ VERDICT_COLOURS = {
 }
 # Of the ledger, in their order: a narrow screen shows the first ones.
 LEDGER_COLUMNS = ["verdict", "section", "statement", "paper", "ours", "unit", "reason", "difference", "tolerance", "id"]
-MOST_ROWS = 1000  # of a table in its page
+MOST_ROWS, MOST_COLUMNS = 1000, 14  # of a table in its page; wider ones are divided
+KEYS = 3  # columns that each part of a divided table has
+SENTENCE = re.compile(r".{40,}?[.!?](?=\s|$)", re.DOTALL)  # of a caption, with what stands before it in short
 
 
 @dataclass(frozen=True)
@@ -46,45 +49,32 @@ class Figure:
     files: Mapping[str, str]  # paths of its other files by their kind
     caption: str  # what it shows; empty if not known
 
+    @property
+    def summary(self) -> str:
+        """First sentence of the caption."""
+        sentence = SENTENCE.match(self.caption)
+        return sentence[0] if sentence else self.caption
+
+    @property
+    def details(self) -> str:
+        """The other sentences."""
+        return self.caption[len(self.summary) :].strip()
+
 
 @dataclass(frozen=True)
 class Results:
-    """What a run has made, as far as it exists.
+    """What a run has made, as far as it exists; tables as text."""
 
-    Parameters
-    ----------
-    links : dict of str to str
-        Pages and files of the whole run by their description.
-    verdicts : dict of str to int
-        Number of claims with each verdict of the ledger; empty without a ledger.
-    studies : pandas.DataFrame
-        A row for each study, as text.
-    study_links : dict of str to str
-        Pages of the studies by their titles.
-    figures : dict of str to list of Figure
-        Figures by the titles of their studies.
-    recordings : pandas.DataFrame
-        A row for each recording, as text.
-    recording_links : dict of str to str
-        Pages of the recordings by their names.
-    run_times : dict of str to pandas.DataFrame
-        Tables of times, as text, by their headings.
-    provenance : list of (str, str)
-        Terms and texts.
-    details : dict of str to str
-        Long texts by their headings, such as the configuration.
-    """
-
-    links: Mapping[str, str]
-    verdicts: Mapping[str, int]
-    studies: pd.DataFrame
-    study_links: Mapping[str, str]
-    figures: Mapping[str, Sequence[Figure]]
-    recordings: pd.DataFrame
-    recording_links: Mapping[str, str]
-    run_times: Mapping[str, pd.DataFrame]
-    provenance: Sequence[tuple[str, str]]
-    details: Mapping[str, str] = field(default_factory=dict)
+    links: Mapping[str, str]  # pages and files of the whole run by their description
+    verdicts: Mapping[str, int]  # number of claims with each verdict of the ledger; empty without a ledger
+    studies: pd.DataFrame  # a row for each study
+    study_links: Mapping[str, str]  # pages of the studies by their titles
+    figures: Mapping[str, Sequence[Figure]]  # by the titles of their studies
+    recordings: pd.DataFrame  # a row for each recording
+    recording_links: Mapping[str, str]  # pages of the recordings by their names
+    run_times: Mapping[str, pd.DataFrame]  # by their headings
+    provenance: Sequence[tuple[str, str]]  # terms and texts
+    details: Mapping[str, str] = field(default_factory=dict)  # long texts by their headings, such as the configuration
 
 
 def render_index(results: Results) -> str:
@@ -92,9 +82,7 @@ def render_index(results: Results) -> str:
     body = render_template(
         "index.html.j2",
         results=results,
-        verdicts={
-            verdict: (count, VERDICTS[verdict], VERDICT_COLOURS[verdict]) for verdict, count in results.verdicts.items()
-        },
+        verdicts=_explain(results.verdicts),
         studies=describe_table(results.studies, results.study_links),
         recordings=describe_table(results.recordings, results.recording_links),
         run_times={heading: describe_table(table) for heading, table in results.run_times.items()},
@@ -102,27 +90,34 @@ def render_index(results: Results) -> str:
     return render_page("Results", body, pictures_of_files=True)
 
 
+def _explain(counts: Mapping[str, int]) -> dict[str, tuple[int, str, str]]:
+    """Number, meaning and colour of each verdict."""
+    return {verdict: (count, VERDICTS[verdict], VERDICT_COLOURS[verdict]) for verdict, count in counts.items()}
+
+
 def render_ledger(ledger: pd.DataFrame) -> str:
     """Page of the ledger: each number and claim of the paper with its verdict in its colour."""
     counts = ledger["verdict"].value_counts()
+    table = tabulate_ledger(ledger)[LEDGER_COLUMNS]
     body = render_template(
         "ledger.html.j2",
         count=len(ledger),
-        verdicts={
-            verdict: (int(counts.get(verdict, 0)), meaning, VERDICT_COLOURS[verdict])
-            for verdict, meaning in VERDICTS.items()
-        },
-        table=describe_table(
-            tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS, identifier="claims", compact=True
-        ),
+        verdicts=_explain({verdict: int(counts.get(verdict, 0)) for verdict in VERDICTS}),
+        table=describe_table(table, colours=VERDICT_COLOURS, identifier="claims"),
     )
-    return render_page("Ledger", body, index="index.html", wide=True)
+    return render_page("Ledger", body, index="index.html")
 
 
 def render_tables(tables: Mapping[str, pd.DataFrame]) -> str:
     """Page of tables that readers sort and search."""
-    described = {
-        name: (describe_table(table.head(MOST_ROWS), identifier=f"table-{name}"), len(table))
-        for name, table in tables.items()
-    }
-    return render_page("Tables", render_template("tables.html.j2", tables=described), index="index.html", wide=True)
+    described = {name: (_divide(table.head(MOST_ROWS), name), len(table)) for name, table in tables.items()}
+    return render_page("Tables", render_template("tables.html.j2", tables=described), index="index.html")
+
+
+def _divide(table: pd.DataFrame, name: str) -> list[dict[str, Any]]:
+    """Parts of a table that fit into a page, each with the first columns."""
+    names, step = list(table.columns), MOST_COLUMNS - KEYS
+    if len(names) <= MOST_COLUMNS:
+        return [describe_table(table, identifier=f"table-{name}")]
+    parts = [table[names[:KEYS] + names[start : start + step]] for start in range(KEYS, len(names), step)]
+    return [describe_table(part, identifier=f"table-{name}-{number}") for number, part in enumerate(parts)]

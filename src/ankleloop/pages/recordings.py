@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from ankleloop.pages.figures import EmbeddedFigure, embed_figure
+import pandas as pd
+
 from ankleloop.pages.interactive import render_interactive_torques
 from ankleloop.pages.rendering import render_page, render_template
+from ankleloop.pages.tables import describe_table
 from ankleloop.plotting.method_styles import method_styles
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
+from ankleloop.plotting.style import render_png
 from ankleloop.plotting.torques import torque_figure
 from ankleloop.plotting.trajectories import trajectories_figure
 from ankleloop.quantities import QUANTITIES
@@ -22,8 +26,8 @@ from ankleloop.recordings.recommendation import (
 from ankleloop.recordings.variation import describe_variations
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
+    from matplotlib.figure import Figure
 
     from ankleloop.joint.estimate import Estimate
     from ankleloop.recordings.analysis import Analysis
@@ -36,6 +40,26 @@ PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay
 ROWS = {name: QUANTITIES[name].label for name in (*SCORES, *PARAMETERS)}
 ROWS |= {"intervals": "intervals of the parameters", "selected": "selected"}
 SUSPECT = "{} (warning)"  # label of a method that is not to be trusted
+LARGEST_WIDTH = 980  # px
+PIXELS_PER_INCH = 137.5  # of the page: a figure of two columns fills it
+DOTS_PER_INCH = 220  # of the picture
+
+
+@dataclass(frozen=True)
+class EmbeddedFigure:
+    """A picture that is part of a page."""
+
+    source: str  # the picture as a data URI
+    width: int  # width in the page [px]
+    interactive: str = ""  # HTML of the same figure with more in it, for the screen; empty where there is none
+    data: pd.DataFrame | None = field(default=None, compare=False, repr=False)  # numbers that the figure draws
+
+
+def embed_figure(figure: Figure) -> EmbeddedFigure:
+    """Convert a figure to a picture inside a page."""
+    width = min(LARGEST_WIDTH, round(PIXELS_PER_INCH * figure.get_size_inches()[0]))
+    source = f"data:image/png;base64,{base64.b64encode(render_png(figure, DOTS_PER_INCH)).decode()}"
+    return EmbeddedFigure(source, width, data=getattr(figure, "data", None))
 
 
 def embed_recording_figures(
@@ -78,16 +102,24 @@ def render_recording_page(
         "recording.html.j2",
         title=name,
         description=_describe(mapping),
+        answer=_answer(valid, recommendation.label),
         check=analysis.check,
         recommendation=recommendation,
         figures=figures,
-        labels=list(marked.values()),
-        quantities=_compare_methods(valid),
+        methods=describe_table(_compare_methods(valid, list(marked.values()))) if marked else None,
         variations=[(marked[variation.label], variation) for variation in describe_variations(analysis)],
         remarks=_list_remarks(analysis.table),
         residuals={marked[label]: test for label, test in analysis.residuals.items()},
     )
     return render_page(name, body, index=index)
+
+
+def _answer(valid: pd.DataFrame, label: str | None) -> str:
+    """The method to take, with the stiffness; empty where none is recommended."""
+    if label is None:
+        return ""
+    row = valid[valid["label"] == label].iloc[0]
+    return f"Use {label}: K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}"
 
 
 def _select_changing(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
@@ -111,11 +143,11 @@ def _describe(mapping: Mapping[str, Any]) -> list[str]:
     return [*(f"{name} {mapping[name]}" for name in names), *(f"file {part['file']}" for part in mapping["parts"])]
 
 
-def _compare_methods(valid: pd.DataFrame) -> list[tuple[str, list[str]]]:
-    """Headings and cells of all quantities that some method has, a cell for each method."""
+def _compare_methods(valid: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
+    """A row for each quantity that some method has, a column for each method."""
     rows = [row for _, row in valid.iterrows()]
-    quantities = [(heading, [_format_cell(row, name) for row in rows]) for name, heading in ROWS.items()]
-    return [(heading, cells) for heading, cells in quantities if set(cells) - {"–", ""}]
+    quantities = [[heading, *(_format_cell(row, name) for row in rows)] for name, heading in ROWS.items()]
+    return pd.DataFrame([cells for cells in quantities if set(cells[1:]) - {"–", ""}], columns=["", *labels])
 
 
 def _format_cell(row: pd.Series, name: str) -> str:
@@ -132,18 +164,12 @@ def _mark_labels(analysis: Analysis) -> dict[str, str]:
 
 def _list_remarks(table: pd.DataFrame) -> list[tuple[str, str]]:
     """Labels of methods, with why they were not fitted, their warnings, what to bear in mind, and what they assume."""
+    headings = {"caution": "caution", "unseen_warnings": "fit to the first half", "assumptions": "assumed"}
     remarks = []
     for _, row in table.iterrows():
-        texts = {name: row.get(name) for name in ("warnings", "caution", "unseen_warnings", "assumptions")}
-        headings = {
-            "warnings": "warning" if row.get("valid") is True else "not fitted",
-            "caution": "caution",
-            "unseen_warnings": "fit to the first half",
-            "assumptions": "assumed",
-        }
+        own = {"warnings": "warning" if row.get("valid") is True else "not fitted", **headings}
+        texts = {heading: row.get(name) for name, heading in own.items()}
         remarks += [
-            (row["label"], f"{headings[name]}: {text}")
-            for name, text in texts.items()
-            if isinstance(text, str) and text
+            (row["label"], f"{heading}: {text}") for heading, text in texts.items() if isinstance(text, str) and text
         ]
     return remarks

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ankleloop.pages.rendering import render_template
@@ -10,9 +10,15 @@ from ankleloop.pages.rendering import render_template
 if TYPE_CHECKING:
     import pandas as pd
 
-SHORT_TEXT = 16  # letters up to which a cell is one line
-# Letters of a cell from which its column has a class, which is wider.
-LONG_TEXTS = {100: "long", 40: "text", SHORT_TEXT: "words"}
+# Names of methods in cells, which are as short as they can be; the first one that a cell has.
+SHORT_NAMES = {
+    "Refined instrumental variables (riv)": "riv",
+    "Refined instrumental variables": "riv",
+    "Parallel cascade": "cascade",
+    "Real-time algorithm": "real-time",
+    "instruments for B and D": "instr. for B, D",
+}
+NAME, TEXT = 60, 24  # letters of a cell up to which it may be a name, and from which on it is a text, which wraps
 FILTERED_ROWS = 15  # of a table from which it has a field that filters
 
 
@@ -22,34 +28,40 @@ def describe_table(
     *,
     colours: Mapping[str, str] | None = None,
     identifier: str = "",
-    compact: bool = False,
 ) -> dict[str, Any]:
-    """A table for the template `table.html.j2`."""
-    columns = [[str(cell) for cell in column] for _, column in table.items()]
+    """A table for the template `table.html.j2`; columns with one value in all rows are said below it."""
+    columns = [(str(name), [_shorten(str(cell)) for cell in column]) for name, column in table.items()]
+    constant = [(name, cells[0]) for name, cells in columns[1:] if len(cells) > 2 and len(set(cells)) == 1]
+    names = {name for name, _ in constant}
+    columns = [(name, cells) for name, cells in columns if name not in names]
     return {
         "identifier": identifier,
-        "compact": compact,
         "filtered": len(table) >= FILTERED_ROWS,
-        "names": list(table.columns),
-        "classes": [_class_of(column) for column in columns],
-        "rows": list(zip(*columns, strict=True)),
+        "names": [name for name, _ in columns],
+        "classes": [_class_of(cells) for _, cells in columns],
+        "rows": list(zip(*(cells for _, cells in columns), strict=True)),
+        "constant": [f"{name} {text}" for name, text in constant if text not in ("", "–")],
         "links": links or {},
         "colours": colours or {},
-        "short": SHORT_TEXT,
     }
 
 
-def _class_of(column: Iterable[str]) -> str:
-    texts = [text for text in column if text not in ("", "–")]
+def _shorten(text: str) -> str:
+    """A name of a method in short."""
+    name = next((name for name in SHORT_NAMES if name in text), "")
+    return text.replace(name, SHORT_NAMES[name]) if name and len(text) <= NAME else text
+
+
+def _class_of(column: Sequence[str]) -> str:
+    texts = [text.replace(",", "") for text in column if text not in ("", "–")]
     if texts and all(_is_number(text) for text in texts):
         return "number"
-    longest = max(map(len, texts), default=0)
-    return next((name for letters, name in LONG_TEXTS.items() if longest > letters), "")
+    return "text" if max(map(len, texts), default=0) > TEXT else ""
 
 
 def _is_number(text: str) -> bool:
     try:
-        float(text.replace(",", ""))
+        float(text)
     except ValueError:
         return False
     return True

@@ -12,7 +12,7 @@ from ankleloop.paper.results import SETTINGS
 from ankleloop.quantities import QUANTITIES, Quantity
 from ankleloop.simulation.settings import SimulationSettings
 
-TORQUES = {"net": "net", "intrinsic": "intrinsic", "reflex": "reflex"}
+TORQUES = ("net", "intrinsic", "reflex")
 ESTIMATED = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}
 DIAGNOSTICS = {
@@ -32,38 +32,32 @@ TRAJECTORY_SCORES = {
     "covered": ("places at which the 95 % band of {} holds the truth", "covered by the band of {}(·)", "%"),
     "rise": ("time from 10 to 90 % of a step of {}", "rise time of {}(·)", "s"),
 }
-
-
-def _list_quantities() -> dict[str, Quantity]:
-    quantities = {
-        f"vaf_{torque}_{against}": Quantity(f"{word} VAF, {against} torque", f"{word} VAF, {against}", "%")
-        for torque, word in TORQUES.items()
+SWEEP_QUANTITIES = {
+    **{
+        f"vaf_{torque}_{against}": Quantity(f"{torque} VAF, {against} torque", f"{torque} VAF, {against}", "%")
+        for torque in TORQUES
         for against in ("true", "measured")
-    }
-    quantities |= {name: QUANTITIES[name] for name in ESTIMATED}
-    quantities |= {
+    },
+    **{name: QUANTITIES[name] for name in ESTIMATED},
+    **{
         f"{name}_error": Quantity(f"relative error of {QUANTITIES[name].symbol}", f"error of {symbol}", "%")
         for name, symbol in ((name, QUANTITIES[name].symbol) for name in SETTINGS)
-    }
-    quantities |= DIAGNOSTICS
-    quantities |= {
+    },
+    **DIAGNOSTICS,
+    **{
         f"{name}_{score}": Quantity(words.format(name), symbol.format(name), unit)
         for score, (words, symbol, unit) in TRAJECTORY_SCORES.items()
         for name in TRAJECTORY_TRUTHS
-    }
-    return quantities | {name: Quantity(label, label, "%") for name, label in FAULT_SHARES.items()}
-
-
-SWEEP_QUANTITIES = _list_quantities()
+    },
+    **{name: Quantity(label, label, "%") for name, label in FAULT_SHARES.items()},
+}
 
 
 def default_quantities(columns: Collection[str]) -> list[str]:
-    """Quantities that are shown where the configuration names none."""
-    names = [
-        next((name for against in ("true", "measured") if (name := f"vaf_{torque}_{against}") in columns), "")
-        for torque in TORQUES
-    ]
-    return [name for name in names if name] + [f"{name}_error" for name in ("K", "G") if name in columns]
+    """Quantities that are shown where the configuration names none: against the true torques where there are any."""
+    scores = [[f"vaf_{torque}_{against}" for against in ("true", "measured")] for torque in TORQUES]
+    first = [next((name for name in names if name in columns), "") for names in scores]
+    return [name for name in first if name] + [f"{name}_error" for name in ("K", "G") if name in columns]
 
 
 def error_source(quantity: str) -> str | None:
@@ -91,8 +85,3 @@ def label_parameter(name: str, labels: Mapping[str, str]) -> str:
         units = [entry.options.unit(field) for entry in METHODS.values() if field in entry.options.model_fields]
         unit = next(iter(units), "1")
     return f"{words} [{unit}]"
-
-
-def label_difference(quantity: Quantity) -> str:
-    """Label of the difference of two methods."""
-    return f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"

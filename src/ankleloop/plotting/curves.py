@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
 
-from ankleloop.plotting.fault_marks import draw_crosses, draw_rings
-from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.method_styles import MethodStyle, ordinal_styles
-from ankleloop.plotting.panels import Panel, panel_grid, share_ordinates, split_label
-from ankleloop.plotting.style import ONE_COLUMN, REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure, inches
+from ankleloop.plotting.panels import Panel, add_legend, mark_means, panel_grid, split_label
+from ankleloop.plotting.style import NOTE, ONE_COLUMN, REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure
 from ankleloop.signals.vaf import confidence_margin
 
 HEIGHT = 50.0  # mm of a row of panels
 MOST_TICKS = 6  # values of a logarithmic parameter that have a tick each
-UPPER_SHARE = 0.8  # height of the part above a break over that of the part below
-NOTE: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": 6.5, "color": "#555555"}
+UPPER_SHARE = 0.45  # of the ordinate, for what lies above a break
+MOST_SYMBOLS = 25  # means of a curve that have a symbol each
 
 
 @matplotlib.rc_context(STYLE)
@@ -38,116 +35,103 @@ def curves_figure(
     """Mean over trials against a parameter, with the 95 % confidence band of the mean.
 
     A single trial has no band. A ring marks means of which a trial failed or came with a warning; where every trial
-    failed, a cross stands at the lower edge of the panel. Panels of the same quantity share their ordinate.
+    failed, a cross stands at the lower edge of the panel. Panels of the same quantity share their ordinate, whose part
+    above a break has a scale of its own.
     """
+    styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
     means = pd.concat([_summarise(table[table["panel"] == name], panel) for name, panel in panels.items()])
-    styles = styles or ordinal_styles(dict.fromkeys(means["series"]))
     columns = min(columns, len(panels))
-    axes: Sequence[tuple[Axes, ...]]
-    if break_at is not None and (means["mean"] < break_at).any():
-        figure, axes = _broken_grid(list(panels.values()), columns, break_at)
-    else:
-        figure, grid = panel_grid(len(panels), columns, HEIGHT, width=_width(columns), sharex=True)
-        share_ordinates(grid, list(panels.values()), columns)
-        axes = [(axis,) for axis in grid]
-    for parts, (name, panel) in zip(axes, panels.items(), strict=True):
-        for axis in parts:
-            edges = _edges(axis, parts, break_at)
-            _draw_panel(axis, means[means["panel"] == name], panel, styles, edges)
+    height = HEIGHT if break_at is None else 1.25 * HEIGHT
+    width = ONE_COLUMN if columns == 1 else TWO_COLUMNS
+    figure, axes = panel_grid(len(panels), columns, height, width=width, sharex=True)
+    share_ordinates(axes, list(panels.values()), columns)
+    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
+        rows = means[means["panel"] == name]
+        for number, (series, part) in enumerate(rows.groupby("series", sort=False)):
+            draw_curve(axis, part, styles[str(series)], str(series), 0.03 + 0.04 * number)
+        if panel.truth is not None:
+            axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=0.5)
         if panel.limits:
-            _limit_ordinate(parts, panel.limits, means.loc[means["panel"] == name, "mean"])
-    lowest = [parts[-1] for parts in axes]
-    for axis in lowest[-columns:]:
+            axis.set_ylim(panel.limits)
+            note_lowest(axis, rows["mean"].min())
+        if break_at is not None and (means["mean"] < break_at).any():
+            _stretch_above(axis, break_at)
+    for axis in axes[-columns:]:
         axis.set_xlabel(xlabel)
     if log:
-        _set_logarithmic(lowest, means["x"])
-    add_legend(figure, [axis for parts in axes for axis in parts])
+        _set_logarithmic(axes, means["x"].dropna())
+    add_legend(figure, axes)
     figure.data = _name_columns(means, panels, xlabel)
     return figure
 
 
-def _edges(axis: Axes, parts: Sequence[Axes], break_at: float | None) -> tuple[float, float]:
-    """Values between which the part of a panel lies."""
-    if len(parts) == 1 or break_at is None:
-        return -np.inf, np.inf
-    return (break_at, np.inf) if axis is parts[0] else (-np.inf, break_at)
-
-
-def _width(columns: int) -> float:
-    return ONE_COLUMN if columns == 1 else TWO_COLUMNS
+def share_ordinates(axes: Sequence[Axes], panels: Sequence[Panel], columns: int) -> None:
+    """Give panels of the same quantity one ordinate, with its label at the first of them in a row."""
+    first: dict[str, Axes] = {}
+    for number, (axis, panel) in enumerate(zip(axes, panels, strict=True)):
+        if panel.label in first:
+            axis.sharey(first[panel.label])
+        first.setdefault(panel.label, axis)
+        if number % columns and panels[number - 1].label == panel.label:
+            axis.tick_params(labelleft=False)
+        else:
+            axis.set_ylabel(panel.label)
+        axis.set_title(panel.title)
 
 
 def _summarise(trials: pd.DataFrame, panel: Panel) -> pd.DataFrame:
     """Mean and interval of each series at each value of the parameter, and what came of the trials."""
-    by = trials.groupby(["panel", "series", "x"], sort=False)
+    order = {name: number for number, name in enumerate(dict.fromkeys(trials["series"]))}
+    by = trials.assign(outcome=trials.get("outcome", "estimate")).groupby(["panel", "series", "x"], sort=False)
     summary = by["value"].agg(["mean", "std", "count"])
     margin = confidence_margin(summary["std"], summary["count"])  # none of a single trial
     summary = summary.assign(low=summary["mean"] - margin, high=summary["mean"] + margin, true_value=panel.truth)
-    outcomes = by["outcome"] if "outcome" in trials else None
-    summary["marked"] = False if outcomes is None else outcomes.agg(lambda values: (values != "estimate").any())
-    summary["failed"] = False if outcomes is None else outcomes.agg(lambda values: (values == "failure").all())
-    order = {name: number for number, name in enumerate(dict.fromkeys(trials["series"]))}
-    summary = summary.reset_index().assign(number=lambda rows: rows["series"].map(order))
-    return summary.sort_values(["number", "x"])
+    summary["marked"] = by["outcome"].agg(lambda values: (values != "estimate").any())
+    summary["failed"] = by["outcome"].agg(lambda values: (values == "failure").all())
+    return summary.reset_index().sort_values(["series", "x"], key=lambda column: column.replace(order))
 
 
-def _name_columns(means: pd.DataFrame, panels: Mapping[str, Panel], xlabel: str) -> pd.DataFrame:
-    """The means as a table for readers, with quantities and units."""
-    names = {name: (*split_label(panel.label), panel.title) for name, panel in panels.items()}
-    quantity, unit, title = ([names[name][part] for name in means["panel"]] for part in range(3))
-    table = means.assign(panel=title, quantity=quantity, unit=unit)
-    shown = [
-        "quantity",
-        "unit",
-        "panel",
-        "series",
-        "x",
-        "mean",
-        "low",
-        "high",
-        "count",
-        "true_value",
-        "marked",
-        "failed",
-    ]
-    return table[shown].rename(columns={"x": xlabel, "count": "trials"}).reset_index(drop=True)
+def draw_curve(axis: Axes, rows: pd.DataFrame, style: MethodStyle, label: str, edge: float) -> None:
+    """Means with their band; marks of failures, those of lost means at a height in the panel."""
+    x, mean, low, high = (rows[name].to_numpy(dtype=float) for name in ("x", "mean", "low", "high"))
+    axis.fill_between(x, low, high, color=style.colour, alpha=0.25, lw=0)
+    curve = style.curve if len(rows) <= MOST_SYMBOLS else style.line
+    axis.plot(x, mean, **curve, label=label)
+    marked, failed = (rows[name].to_numpy(dtype=bool) for name in ("marked", "failed"))
+    mark_means(axis, x, mean, marked, failed, style.colour, edge)
 
 
-def _draw_panel(
-    axis: Axes,
-    means: pd.DataFrame,
-    panel: Panel,
-    styles: Mapping[str, MethodStyle],
-    edges: tuple[float, float],
-) -> None:
-    """Curves of a panel, or of one part of it, which has the symbols of the means between its edges."""
-    for number, (series, rows) in enumerate(means.groupby("series", sort=False)):
-        x, mean, low, high = (rows[name].to_numpy() for name in ("x", "mean", "low", "high"))
-        style = styles[str(series)]
-        axis.fill_between(x, low, high, color=style.colour, alpha=0.25, lw=0)
-        inside = (mean >= edges[0]) & (mean < edges[1])
-        axis.plot(x, mean, **style.curve, markevery=np.flatnonzero(inside).tolist(), label=str(series))
-        marked = rows["marked"].to_numpy(dtype=bool) & inside
-        draw_rings(axis, x[marked], mean[marked])
-        failed = x[rows["failed"].to_numpy(dtype=bool)]
-        if edges[0] == -np.inf:
-            draw_crosses(axis, failed, 0.03 + 0.04 * number, style.colour, axis.get_xaxis_transform())
-    if panel.truth is not None:
-        axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=0.5)
+def note_lowest(axis: Axes, lowest: float) -> None:
+    """Note the lowest mean where a curve leaves the panel below."""
+    if lowest < axis.get_ylim()[0]:
+        axis.annotate(f"lowest mean: {lowest:.4g}", (0.03, 0.03), **NOTE)
 
 
-def _limit_ordinate(parts: Sequence[Axes], limits: tuple[float, float], means: pd.Series) -> None:
-    """Limit the ordinate, and note the lowest mean where a curve goes below it."""
-    low, high = limits
-    parts[0].set_ylim(top=high)
-    parts[-1].set_ylim(bottom=low)
-    if means.min() < low:
-        parts[-1].annotate(f"lowest mean: {means.min():.4g}", (0.03, 0.03), **NOTE)
+def _stretch_above(axis: Axes, level: float) -> None:
+    """Draw what lies above a level on a scale of its own."""
+    low, high = axis.get_ylim()
+    below, above = (1.0 - UPPER_SHARE) / (level - low), UPPER_SHARE / (high - level)
+
+    def stretch(values: np.ndarray) -> np.ndarray:
+        return np.where(values < level, below, above) * (values - level)
+
+    def shrink(places: np.ndarray) -> np.ndarray:
+        return places / np.where(places < 0.0, below, above) + level
+
+    axis.set_yscale("function", functions=(stretch, shrink))
+    ticks = [tick for tick in MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, level) if low <= tick < level]
+    axis.set_yticks(
+        [
+            *ticks,
+            *(tick for tick in MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(level, high) if level <= tick <= high),
+        ]
+    )
+    axis.axhline(level, color="#888888", lw=0.8, zorder=0.5)
 
 
 def _set_logarithmic(axes: Sequence[Axes], x: pd.Series) -> None:
     """Logarithmic abscissae with numbers instead of powers; few values have a tick each."""
-    values = np.unique(x.dropna())
+    values = np.unique(x)
     for axis in axes:
         axis.set_xscale("log")
         axis.xaxis.set_major_formatter("{x:g}")
@@ -157,34 +141,11 @@ def _set_logarithmic(axes: Sequence[Axes], x: pd.Series) -> None:
             axis.set_xticks([], minor=True)
 
 
-def _broken_grid(panels: Sequence[Panel], columns: int, break_at: float) -> tuple[DataFigure, list[tuple[Axes, Axes]]]:
-    """Panels of two parts with the same abscissa: above a value and below it."""
-    rows = -(-len(panels) // columns)
-    size = inches(_width(columns)), inches(1.25 * HEIGHT * rows)
-    figure = DataFigure(figsize=size, layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.02))
-    ratios = [UPPER_SHARE, 1.0] * rows
-    grid = figure.subplots(2 * rows, columns, squeeze=False, sharex=True, height_ratios=ratios)
-    pairs = [
-        (grid[2 * (n // columns), n % columns], grid[2 * (n // columns) + 1, n % columns])
-        for n in range(rows * columns)
-    ]
-    for upper, lower in pairs[len(panels) :]:
-        upper.set_visible(False)
-        lower.set_visible(False)
-    pairs = pairs[: len(panels)]
-    for part in range(2):
-        share_ordinates([pair[part] for pair in pairs], panels, columns)
-    slope = {"marker": [(-1, -0.6), (1, 0.6)], "ms": 6, "ls": "", "color": "black", "mew": 0.7, "clip_on": False}
-    for number, (upper, lower) in enumerate(pairs):
-        upper.spines["bottom"].set_visible(False)
-        upper.tick_params(which="both", bottom=False, labelbottom=False)
-        upper.set_ylabel(upper.get_ylabel(), y=0.0)  # beside both parts
-        upper.set_ylim(bottom=break_at)
-        lower.set_ylim(top=break_at)
-        lower.set_title("")
-        lower.set_ylabel("")
-        for axis, place in ((upper, 0.0), (lower, 1.0)):
-            axis.plot([0.0], [place], transform=axis.transAxes, label="_break", **slope)
-        if number + columns >= len(panels):
-            lower.tick_params(labelbottom=True)
-    return figure, pairs
+def _name_columns(means: pd.DataFrame, panels: Mapping[str, Panel], xlabel: str) -> pd.DataFrame:
+    """The means as a table for readers, with quantities and units."""
+    labels = [split_label(panels[name].label) for name in means["panel"]]
+    table = means.assign(quantity=[name for name, _ in labels], unit=[unit for _, unit in labels])
+    table["panel"] = [panels[name].title for name in means["panel"]]
+    columns = ["quantity", "unit", "panel", "series", "x", "mean", "low", "high", "count", "true_value"]
+    table = table[[*columns, "marked", "failed"]]
+    return table.rename(columns={"x": xlabel, "count": "trials"}).reset_index(drop=True)

@@ -2,57 +2,49 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.method_styles import MethodStyle, method_styles, ordinal_styles
-from ankleloop.plotting.panels import panel_grid, split_label, tabulate_lines
-from ankleloop.plotting.style import FAULT_RING, MARK, REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure, inches
+from ankleloop.plotting.panels import Panel, add_legend, panel_grid, tabulate_lines
+from ankleloop.plotting.studies import estimates_figure
+from ankleloop.plotting.style import REFERENCE_LINE, STYLE, DataFigure
 from ankleloop.quantities import QUANTITIES
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ankleloop.assessment.residuals import ResidualTest
     from ankleloop.joint.estimate import Estimate
 
 LONGEST = 0.4  # s of impulse responses
 FREQUENCIES = np.geomspace(0.2, 38.0, 200)  # Hz of Bode diagrams
-GROUP_COLUMNS = 4  # methods side by side; more are drawn below
-TITLE = 24  # characters of a line above a panel
-MOST_SUBJECTS = 9  # that have an entry in the legend
-CHARACTERS = 110  # of tick labels that fit side by side into the width of a figure
+MARGIN = 0.08  # of the range of the values that are shown, at either side
 
 
 @matplotlib.rc_context(STYLE)
 def spectra_figure(spectra: Mapping[str, np.ndarray]) -> DataFigure:
     """Power spectra of position and torque, and their coherence."""
     figure, axes = panel_grid(3, 3, 48.0)
-    position, torque, coherence = axes
     frequency = spectra["frequency"]
-    for axis, name, unit in ((position, "position", "rad²/Hz"), (torque, "torque", "(N·m)²/Hz")):
+    for axis, name, unit in zip(axes, ("position", "torque"), ("rad²/Hz", "(N·m)²/Hz"), strict=False):
         axis.loglog(frequency, spectra[name], color="#444444", label=name)
         axis.set_ylabel(f"{name} [{unit}]")
     names = {"coherence": "position and torque", "reference_coherence": "reference and position"}
     pairs = {name: label for name, label in names.items() if name in spectra}
     for (name, label), style in zip(pairs.items(), ordinal_styles(pairs).values(), strict=True):
         dashes = {"ls": (0, (4, 1.2))} if name == "reference_coherence" else {}
-        coherence.semilogx(frequency, spectra[name], color=style.colour, label=label, **dashes)
-    coherence.set(ylabel="squared coherence [1]", ylim=(0, 1.02))
+        axes[2].semilogx(frequency, spectra[name], color=style.colour, label=label, **dashes)
+    axes[2].set(ylabel="squared coherence [1]", ylim=(0, 1.02))
     for axis in axes:
         axis.set_xlabel("frequency [Hz]")
         axis.xaxis.set_major_formatter("{x:g}")
-    add_legend(figure, [coherence])
+    add_legend(figure, axes[2:])
     figure.data = tabulate_lines(axes)
     return figure
 
@@ -62,31 +54,36 @@ def model_figure(estimates: Mapping[str, Estimate], *, styles: Mapping[str, Meth
     """Models of several methods: impulse responses, Bode diagrams, and the nonlinearity of the reflex."""
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     figure, axes = panel_grid(6, 3, 52.0)
-    intrinsic, intrinsic_gain, curve, reflex, reflex_gain, reflex_phase = axes
+    intrinsic, intrinsic_gain, curve, *_ = axes
     # The first panel has the responses of methods that are not parametric, else the phase of the parametric models.
     with_responses = any("intrinsic_response" in estimate.diagnostics for estimate in estimates.values())
-    for label, estimate in estimates.items():
-        style = {**styles[label].line, "label": label}
-        if with_responses:
-            _draw_intrinsic_response(intrinsic, estimate, style)
-        else:
-            _draw_phase(intrinsic, _intrinsic_response(estimate), style)
-        intrinsic_gain.loglog(FREQUENCIES, np.abs(_intrinsic_response(estimate)), **style)
-        if "omega_n" in estimate.reflex:
-            _draw_reflex(reflex, reflex_gain, reflex_phase, estimate, style)
-        nonlinearity = estimate.diagnostics.get("nonlinearity")
-        if nonlinearity is not None:
-            curve.plot(nonlinearity["velocity"], nonlinearity["torque"], **style)
     if with_responses:
         intrinsic.set(xlabel="time [s]", ylabel="intrinsic response [N·m/rad]", title="per sample, two-sided")
     else:
-        intrinsic.set(xlabel="frequency [Hz]", ylabel="intrinsic phase [°]")
+        intrinsic.set(xlabel="frequency [Hz]", ylabel="intrinsic phase [°]", xscale="log")
+        intrinsic.xaxis.set_major_formatter("{x:g}")
+    for label, estimate in estimates.items():
+        style = {**styles[label].line, "label": label}
+        s = 2j * np.pi * FREQUENCIES
+        response = estimate.stiffness["K"] + estimate.stiffness["B"] * s + estimate.stiffness["I"] * s**2
+        if not with_responses:
+            intrinsic.plot(FREQUENCIES, np.degrees(np.unwrap(np.angle(response))), **style)
+        elif "intrinsic_response" in estimate.diagnostics:
+            lags, samples = (estimate.diagnostics[f"intrinsic_{name}"] for name in ("lags", "response"))
+            intrinsic.plot(lags, samples, marker="o", ms=1.6, **style)
+        intrinsic_gain.loglog(FREQUENCIES, np.abs(response), **style)
+        if "omega_n" in estimate.reflex:
+            _draw_reflex(axes[3:], estimate, style)
+        nonlinearity = estimate.diagnostics.get("nonlinearity")
+        if nonlinearity is not None:
+            curve.plot(nonlinearity["velocity"], nonlinearity["torque"], **style)
     intrinsic_gain.set(xlabel="frequency [Hz]", ylabel="intrinsic gain [N·m/rad]")
     curve.set(xlabel="delayed velocity [rad/s]", ylabel="nonlinearity [N·m]")
-    reflex.set(xlabel="time after the movement [s]", ylabel="reflex response [1/s]", title="of unit gain")
-    reflex_gain.set(xlabel="frequency [Hz]", ylabel="reflex gain over that at rest [1]")
-    reflex_phase.set(xlabel="frequency [Hz]", ylabel="reflex phase without delay [°]")
-    for axis in (intrinsic_gain, reflex_gain, reflex_phase):
+    axes[3].set(xlabel="time after the movement [s]", ylabel="reflex response [1/s]", title="of unit gain")
+    axes[4].set(xlabel="frequency [Hz]", ylabel="reflex gain over that at rest [1]")
+    axes[5].set(xlabel="frequency [Hz]", ylabel="reflex phase without delay [°]")
+    for axis in (intrinsic_gain, *axes[4:]):
+        axis.set_xscale("log")
         axis.xaxis.set_major_formatter("{x:g}")
     intrinsic_gain.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))  # hardly more than a decade
     intrinsic_gain.yaxis.set_major_formatter("{x:g}")
@@ -96,27 +93,9 @@ def model_figure(estimates: Mapping[str, Estimate], *, styles: Mapping[str, Meth
     return figure
 
 
-def _intrinsic_response(estimate: Estimate) -> np.ndarray:
-    """Frequency response of K, B and I."""
-    s = 2j * np.pi * FREQUENCIES
-    K, B, I = (estimate.stiffness[name] for name in "KBI")  # noqa: E741 - the field's name
-    return K + B * s + I * s**2
-
-
-def _draw_intrinsic_response(axis: Axes, estimate: Estimate, style: Mapping[str, Any]) -> None:
-    """Two-sided impulse response of a method that has one."""
-    if "intrinsic_response" in estimate.diagnostics:
-        lags, response = (estimate.diagnostics[f"intrinsic_{name}"] for name in ("lags", "response"))
-        axis.plot(lags, response, marker="o", ms=1.6, **style)
-
-
-def _draw_phase(axis: Axes, response: np.ndarray, style: Mapping[str, Any]) -> None:
-    axis.semilogx(FREQUENCIES, np.degrees(np.unwrap(np.angle(response))), **style)
-    axis.xaxis.set_major_formatter("{x:g}")
-
-
-def _draw_reflex(response: Axes, gain: Axes, phase: Axes, estimate: Estimate, style: Mapping[str, Any]) -> None:
+def _draw_reflex(axes: Sequence[Axes], estimate: Estimate, style: Mapping[str, Any]) -> None:
     """Low-pass of the reflex, and the impulse response of a method that is not parametric; both after the delay."""
+    response, gain, phase = axes
     values = estimate.reflex
     dynamics = ReflexDynamics(values["omega_n"], values["zeta"], values.get("pole"))
     time = np.arange(0.0, LONGEST, 1e-3)
@@ -131,7 +110,7 @@ def _draw_reflex(response: Axes, gain: Axes, phase: Axes, estimate: Estimate, st
         response.plot(delay + lags[window], samples[window], **points, label=f"{style['label']}, per sample")
     low_pass = dynamics.response(2j * np.pi * FREQUENCIES)[0]
     gain.loglog(FREQUENCIES, np.abs(low_pass), **style)
-    _draw_phase(phase, low_pass, style)
+    phase.plot(FREQUENCIES, np.degrees(np.unwrap(np.angle(low_pass))), **style)
 
 
 @matplotlib.rc_context(STYLE)
@@ -156,93 +135,31 @@ def residual_figure(
     return figure
 
 
-@matplotlib.rc_context(STYLE)
-def group_figure(
-    table: pd.DataFrame, names: Sequence[str], *, condition: str = "condition", subject: str = "subject"
+def recordings_figure(
+    table: pd.DataFrame, names: Sequence[str], *, styles: Mapping[str, MethodStyle] | None = None
 ) -> DataFigure:
-    """Parameters against the condition: a point for each recording, a line for the mean of each subject.
+    """Parameters of all recordings with their 95 % intervals: a panel for each, a row for a recording.
 
-    Estimates with a warning are crosses where they lie within the axes, and are left out of the means; a ring marks
-    such means.
+    A ring marks estimates with a warning. They may be anywhere: the axes are those of the others, and arrow heads
+    stand for what is beyond.
     """
-    labels, conditions, subjects = (list(dict.fromkeys(table[name])) for name in ("label", condition, subject))
-    data = _tabulate_group(table, names, condition, subject)
-    columns = min(GROUP_COLUMNS, len(labels))
-    blocks = -(-len(labels) // columns)
-    size = (inches(TWO_COLUMNS), inches((27.0 * len(names) + 14.0) * blocks))
-    figure = DataFigure(figsize=size, layout="constrained")
-    shape = len(names) * blocks, columns
-    axes = figure.subplots(*shape, squeeze=False, sharex=True)
-    styles = ordinal_styles(map(str, subjects))
-    for number, (label, name) in enumerate(product(labels, names)):
-        method, row = divmod(number, len(names))
-        axis = axes[row + len(names) * (method // columns), method % columns]
-        axis.sharey(axes[row, 0]) if axis is not axes[row, 0] else None
-        rows = data[(data["method"] == label) & (data["name"] == name)]
-        _draw_subjects(axis, rows, conditions, subjects, styles)
-        axis.set_xticks(range(len(conditions)), conditions)
-        axis.margins(x=0.15)
-        axis.set_title(textwrap.fill(label, TITLE) if row == 0 else "")
-        axis.tick_params(labelleft=method % columns == 0, labelbottom=row == len(names) - 1)
-        axis.set_ylabel(QUANTITIES[name].label.replace(", ", ",\n") if method % columns == 0 else "")
-        if row == len(names) - 1:
-            axis.set_xlabel(condition)
-            _turn_labels(axis, conditions, columns)
-    for axis in axes.ravel():
-        axis.set_visible(bool(axis.get_lines()))
-    if len(subjects) <= MOST_SUBJECTS:
-        add_legend(figure, axes.flat)
-    figure.data = data.drop(columns="name")
-    return figure
+    rows = table.apply(_name_recording, axis="columns")
+    trusted = table["trusted"].eq(True)
+    parts, panels = [], {}
+    for name in names:
+        ends = {end: table.get(f"{name}_{end}", pd.Series(np.nan, table.index)) for end in ("low", "high")}
+        part = pd.DataFrame({"panel": name, "row": rows, "series": table["label"], "value": table[name], **ends})
+        parts.append(part.assign(fault=~trusted & table[name].notna()))
+        shown = part.loc[trusted if trusted.any() else ~trusted, ["value", "low", "high"]]
+        low, high = shown.min(axis=None), shown.max(axis=None)
+        margin = MARGIN * (high - low) or MARGIN * abs(high) or 1.0
+        limits = (low - margin, high + margin) if np.isfinite(high) else None
+        panels[name] = Panel(QUANTITIES[name].label, limits=limits)
+    return estimates_figure(pd.concat(parts, ignore_index=True), panels, styles=styles)
 
 
-def _turn_labels(axis: Axes, conditions: Sequence[Any], columns: int) -> None:
-    """Turn the names of conditions where they have no room side by side."""
-    if sum(len(str(name)) + 2 for name in conditions) > CHARACTERS / columns:
-        for label in axis.get_xticklabels():
-            label.set(rotation=25, ha="right", rotation_mode="anchor")
-
-
-def _tabulate_group(table: pd.DataFrame, names: Sequence[str], condition: str, subject: str) -> pd.DataFrame:
-    """A row for each recording, method and parameter, with the mean over the recordings that are to be trusted."""
-    table = table.assign(trusted=table["trusted"].eq(True) if "trusted" in table else True)
-    columns = [*(["recording"] if "recording" in table else []), subject, condition, "label", "trusted"]
-    data = table.melt(columns, list(names), "name", "value").rename(columns={"label": "method"})
-    keys = ["method", "name", subject, condition]
-    trusted = data.assign(value=data["value"].where(data["trusted"]))
-    data["mean"] = trusted.groupby(keys, sort=False)["value"].transform("mean")
-    quantities = [split_label(QUANTITIES[name].label) for name in data["name"]]
-    data.insert(len(columns), "quantity", [quantity for quantity, _ in quantities])
-    data.insert(len(columns) + 1, "unit", [unit for _, unit in quantities])
-    return data.rename(columns={subject: "subject", condition: "condition"})
-
-
-def _draw_subjects(
-    axis: Axes,
-    rows: pd.DataFrame,
-    conditions: Sequence[Any],
-    subjects: Sequence[Any],
-    styles: Mapping[str, MethodStyle],
-) -> None:
-    """Values of each subject by the number of their condition, and a line through its means."""
-    for number, person in enumerate(subjects):
-        part = rows[rows["subject"] == person].assign(place=lambda part: part["condition"].map(conditions.index))
-        offset = 0.24 * ((number + 0.5) / len(subjects) - 0.5)
-        _draw_subject(axis, part.assign(place=part["place"] + offset), str(person), styles[str(person)])
-
-
-def _draw_subject(axis: Axes, rows: pd.DataFrame, label: str, style: MethodStyle) -> None:
-    """Values of one subject, and a line through the means of those to be trusted."""
-    trusted = rows["trusted"].astype(bool)
-    values, suspect = rows[trusted].dropna(subset="value"), rows[~trusted].dropna(subset="value")
-    symbol = {**style.symbol, "markerfacecolor": "none", "ls": "", "ms": 2.6, "mew": 0.6}
-    axis.plot(values["place"], values["value"], **symbol)
-    means = values.drop_duplicates("place").sort_values("place")
-    axis.plot(means["place"], means["mean"], **style.line, lw=1.0, label=label)
-    reduced = means[means["place"].isin(suspect["place"])]
-    if len(reduced):
-        axis.plot(reduced["place"], reduced["mean"], **{**FAULT_RING, "label": "mean without those with a warning"})
-    if len(suspect):  # as an artist, which does not widen the axis: such values may be anywhere
-        marks = Line2D(suspect["place"], suspect["value"], marker="x", ms=4, ls="none", color="grey", gid=MARK)
-        marks.set(label="with a warning", transform=axis.transData)
-        axis.add_artist(marks)
+def _name_recording(row: pd.Series) -> str:
+    """Name of a recording, with subject and condition where the table has them."""
+    groups = [str(row[name]) for name in ("subject", "condition") if pd.notna(row.get(name))]
+    named = ", ".join(name for name in groups if name not in ("", "–"))
+    return f"{row['recording']} ({named})" if named else str(row["recording"])

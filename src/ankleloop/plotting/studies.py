@@ -1,8 +1,8 @@
-"""Charts of many trials: traces over time, errors, intervals, singular values."""
+"""Charts of many trials: means with intervals row by row, traces over time, intervals, singular values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -10,21 +10,92 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ankleloop.plotting.fault_marks import mark_means
-from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.method_styles import MethodStyle, ordinal_styles
-from ankleloop.plotting.panels import Panel, panel_grid, split_label
-from ankleloop.plotting.style import (
-    MARK,
-    REFERENCE_LINE,
-    STYLE,
-    TWO_COLUMNS,
-    DataFigure,
-    inches,
-)
+from ankleloop.plotting.panels import Panel, add_legend, mark_means, new_figure, panel_grid, split_label
+from ankleloop.plotting.style import MARK, REFERENCE_LINE, STYLE, DataFigure
 
-MISSED = "#D55E00"  # of intervals that do not hold the truth
+MISSED = MethodStyle("#D55E00", "s", filled=False)  # intervals that do not hold the truth
 COLUMNS = 3  # panels side by side
+ROW = 5.5  # mm of a row of symbols
+RATIO = "rms error over the bound [1]"
+
+
+@matplotlib.rc_context(STYLE)
+def estimates_figure(
+    table: pd.DataFrame,
+    panels: Mapping[str, Panel],
+    *,
+    columns: int = COLUMNS,
+    styles: Mapping[str, MethodStyle] | None = None,
+) -> DataFigure:
+    """Means with their intervals: a panel for each quantity, a row for each condition, a symbol for each method.
+
+    Intervals are from `low` to `high`, or `margin` around the value. Arrow heads stand for values beyond the limits.
+    """
+    styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
+    if "margin" in table:
+        table = table.assign(low=table["value"] - table["margin"], high=table["value"] + table["margin"])
+    names = list(dict.fromkeys(table["row"]))
+    figure, axes = panel_grid(len(panels), columns, ROW * len(names) + 14.0, sharey=True)
+    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
+        _draw_rows(axis, table[table["panel"] == name], names, panel, styles)
+        if panel.truth is not None:
+            axis.axvline(panel.truth, **REFERENCE_LINE, label="true value")
+        axis.set(xlabel=panel.label, xlim=panel.limits, title=panel.title)
+    add_legend(figure, axes)
+    data = table[table["panel"].isin(panels)]
+    shown = [panels[name] for name in data["panel"]]
+    labels = [split_label(panel.label) for panel in shown]
+    data = data.assign(quantity=[name for name, _ in labels], unit=[unit for _, unit in labels])
+    data = data.assign(panel=[panel.title for panel in shown], true_value=[panel.truth for panel in shown])
+    kept = ["quantity", "unit", "panel", "row", "series", "value", "low", "high", "true_value", "fault", "failed"]
+    figure.data = data[[name for name in kept if name in data]].reset_index(drop=True)
+    return figure
+
+
+@matplotlib.rc_context(STYLE)
+def ratio_figure(
+    table: pd.DataFrame, *, limit: float, largest: float = 50.0, styles: Mapping[str, MethodStyle] | None = None
+) -> DataFigure:
+    """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a symbol for a method."""
+    panels, names = list(dict.fromkeys(table["panel"])), list(dict.fromkeys(table["row"]))
+    styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
+    figure, axes = panel_grid(len(panels), COLUMNS, 1.5 * ROW * len(names) + 13.0, sharex=True, sharey=True)
+    for number, (axis, name) in enumerate(zip(axes, panels, strict=True)):
+        rows = table[table["panel"] == name].assign(value=table["ratio"], low=np.nan, high=np.nan)
+        _draw_rows(axis, rows, names, Panel(RATIO, limits=(0.0, largest)), styles)
+        axis.axvline(1.0, color="black", lw=0.8, gid=MARK, label="the bound")
+        axis.axvline(limit, **REFERENCE_LINE, label=f"{limit:g} times the bound")
+        axis.set(title=name.replace(", ", ",\n", 1), xscale="log", xlim=(0.7, 1.15 * largest))
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.set_xlabel(RATIO if number + COLUMNS >= len(panels) else "")
+    add_legend(figure, axes)
+    columns = {"panel": "setting", "row": "parameter", "series": "method", "ratio": RATIO}
+    figure.data = table[[*columns, *[name for name in ("fault", "failed") if name in table]]].rename(columns=columns)
+    return figure
+
+
+def _draw_rows(
+    axis: Axes, table: pd.DataFrame, names: Sequence[str], panel: Panel, styles: Mapping[str, MethodStyle]
+) -> None:
+    """Symbols and intervals of all series, those of one series a little below those of the series before."""
+    low, high = panel.limits or (-np.inf, np.inf)
+    series = table.groupby("series", sort=False)
+    for number, (label, part) in enumerate(series):
+        style, value = styles[str(label)], part["value"].to_numpy(dtype=float)
+        offset = 0.8 / max(5, len(series)) * (number - 0.5 * (len(series) - 1))
+        heights = np.array([names.index(name) + offset for name in part["row"]])
+        axis.hlines(heights, part["low"], part["high"], color=style.colour, lw=0.9, zorder=2)
+        inside = np.where((value < low) | (value > high), np.nan, value)
+        axis.plot(inside, heights, **style.symbol, ls="", label=str(label))
+        arrow: dict[str, Any] = {"color": style.colour, "ls": "", "ms": 5.0, "mew": 0.0, "clip_on": False, "zorder": 3}
+        for beyond, edge, marker in ((value < low, low, 8), (value > high, high, 9)):  # carets, their tips at the edge
+            if beyond.any():
+                axis.plot(np.full(beyond.sum(), edge), heights[beyond], marker=marker, **arrow)
+        fault, failed = (part.get(name, pd.Series(False, part.index)).to_numpy(bool) for name in ("fault", "failed"))
+        mark_means(axis, value.clip(low, high), heights, fault, failed, style.colour, edge=None)
+    axis.set_ylim(len(names) - 0.5, -0.5)
+    axis.set_yticks(range(len(names)), names)
 
 
 @matplotlib.rc_context(STYLE)
@@ -37,144 +108,25 @@ def traces_figure(
 ) -> DataFigure:
     """Estimated parameters over time, a column for each condition."""
     style = style or ordinal_styles(["estimate"])["estimate"]
-    size = (inches(TWO_COLUMNS), inches(32.0 * len(truths) + 6.0))
-    figure = DataFigure(figsize=size, layout="constrained")
+    figure = new_figure(32.0 * len(truths) + 6.0)
     axes = figure.subplots(len(truths), len(traces), sharex=True, sharey="row", squeeze=False)
     drawn = []
-    for column, (condition, trace) in enumerate(traces.items()):
-        for axis, (name, (label, truth)) in zip(axes[:, column], truths.items(), strict=True):
+    for row, (name, (label, truth)) in zip(axes, truths.items(), strict=True):
+        quantity, unit = split_label(label)
+        for axis, (condition, trace) in zip(row, traces.items(), strict=True):
             axis.plot(trace["time"], trace[name], **style.line, lw=0.9, label="estimate")
             axis.axhline(truth, **REFERENCE_LINE, label="true value")
-            quantity, unit = split_label(label)
             part = {"condition": condition, "quantity": quantity, "unit": unit, "true_value": truth}
             drawn.append(pd.DataFrame({**part, "time [s]": trace["time"], "estimate": trace[name]}))
-        axes[0, column].set_title(condition.replace(", ", ",\n"))
-        axes[-1, column].set_xlabel("time [s]")
-    for axis, (name, (label, truth)) in zip(axes[:, 0], truths.items(), strict=True):
-        values = [trace[name][np.asarray(trace["time"]) >= settling] for trace in traces.values()]
-        low, high = min(truth, *map(np.min, values)), max(truth, *map(np.max, values))
-        axis.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
-        axis.set_ylabel(label)
-    add_legend(figure, axes.ravel())
+        settled = [trace[name][np.asarray(trace["time"]) >= settling] for trace in traces.values()]
+        low, high = min(truth, *map(np.min, settled)), max(truth, *map(np.max, settled))
+        row[0].set(ylabel=label, ylim=(low - 0.2 * (high - low), high + 0.2 * (high - low)))
+    for top, bottom, condition in zip(axes[0], axes[-1], traces, strict=True):
+        top.set_title(condition.replace(", ", ",\n"))
+        bottom.set_xlabel("time [s]")
+    add_legend(figure, axes.flat)
     figure.data = pd.concat(drawn, ignore_index=True)
     return figure
-
-
-@matplotlib.rc_context(STYLE)
-def ratio_figure(
-    table: pd.DataFrame,
-    *,
-    limit: float,
-    largest: float = 50.0,
-    styles: Mapping[str, MethodStyle] | None = None,
-) -> DataFigure:
-    """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a symbol for a method."""
-    panels, names = list(dict.fromkeys(table["panel"])), list(dict.fromkeys(table["row"]))
-    styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
-    offset = 0.8 / max(1, table["series"].nunique())
-    figure, axes = panel_grid(len(panels), COLUMNS, 9.0 * len(names) + 13.0, sharex=True, sharey=True)
-    for number, (axis, panel) in enumerate(zip(axes, panels, strict=True)):
-        _draw_ratios(axis, table[table["panel"] == panel], names, largest, styles, offset)
-        axis.axvline(1.0, color="black", lw=0.8, gid=MARK, label="the bound")
-        axis.axvline(limit, **REFERENCE_LINE, label=f"{limit:g} times the bound")
-        axis.set(title=panel.replace(", ", ",\n", 1), xscale="log", xlim=(0.7, 1.15 * largest))
-        axis.set_ylim(len(names) - 0.5, -0.5)
-        axis.set_yticks(range(len(names)), names)
-        axis.xaxis.set_major_formatter("{x:g}")
-        if number + COLUMNS >= len(panels):
-            axis.set_xlabel("rms error over the bound [1]")
-    add_legend(figure, axes)
-    columns = {"panel": "setting", "row": "parameter", "series": "method", "ratio": "rms error over the bound [1]"}
-    figure.data = table[[*columns, *[name for name in ("fault", "failed") if name in table]]].rename(columns=columns)
-    return figure
-
-
-def _draw_ratios(
-    axis: Axes,
-    table: pd.DataFrame,
-    names: Sequence[str],
-    largest: float,
-    styles: Mapping[str, MethodStyle],
-    offset: float,
-) -> None:
-    """Ratios of all methods, those of one method a little below those of the method before."""
-    for label, heights, rows in _list_series(table, names, offset):
-        _draw_symbols(axis, rows["ratio"].to_numpy(), heights, (0.0, largest), label, styles[label])
-        mark_means(axis, rows, rows["ratio"].clip(upper=largest), heights, styles[label].colour)
-
-
-def _draw_symbols(
-    axis: Axes,
-    values: np.ndarray,
-    heights: Sequence[float],
-    limits: tuple[float, float],
-    label: str,
-    style: MethodStyle,
-) -> None:
-    """Symbols of values within limits, and arrow heads at the edge for those beyond."""
-    low, high = limits
-    axis.plot(np.where((values < low) | (values > high), np.nan, values), heights, **style.symbol, ls="", label=label)
-    arrow: dict[str, Any] = {"color": style.colour, "ls": "", "ms": 5.0, "mew": 0.0, "clip_on": False, "zorder": 3}
-    for beyond, edge, marker in ((values < low, low, 8), (values > high, high, 9)):  # carets, their tips at the edge
-        if beyond.any():
-            axis.plot(np.full(beyond.sum(), edge), np.asarray(heights)[beyond], marker=marker, **arrow)
-
-
-@matplotlib.rc_context(STYLE)
-def estimates_figure(
-    table: pd.DataFrame,
-    panels: Mapping[str, Panel],
-    *,
-    columns: int = COLUMNS,
-    styles: Mapping[str, MethodStyle] | None = None,
-) -> DataFigure:
-    """Means with their intervals: a panel for each quantity, a row for each condition, a symbol for each method."""
-    names = list(dict.fromkeys(table["row"]))
-    styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
-    figure, axes = panel_grid(len(panels), columns, 5.5 * len(names) + 14.0, sharey=True)
-    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
-        rows = table[table["panel"] == name]
-        limits = panel.limits or (-np.inf, np.inf)
-        for series, heights, part in _list_series(rows, names, 0.16):
-            value = part["value"].to_numpy()
-            ends = value - part["margin"], value + part["margin"]
-            axis.hlines(heights, *ends, color=styles[series].colour, lw=0.9, zorder=2)
-            _draw_symbols(axis, value, heights, limits, series, styles[series])
-            mark_means(axis, part, part["value"].clip(*limits), heights, styles[series].colour)
-        if panel.truth is not None:
-            axis.axvline(panel.truth, **REFERENCE_LINE, label="true value")
-        axis.set(xlabel=panel.label, xlim=panel.limits, ylim=(len(names) - 0.5, -0.5), title=panel.title)
-        axis.set_yticks(range(len(names)), names)
-    add_legend(figure, axes)
-    figure.data = _name_estimates(table, panels)
-    return figure
-
-
-def _name_estimates(table: pd.DataFrame, panels: Mapping[str, Panel]) -> pd.DataFrame:
-    """Means and intervals as a table for readers, with quantities and units."""
-    table = table[table["panel"].isin(panels)]
-    shown = [panels[name] for name in table["panel"]]
-    labels = [split_label(panel.label) for panel in shown]
-    data = table.assign(
-        quantity=[quantity for quantity, _ in labels],
-        unit=[unit for _, unit in labels],
-        panel=[panel.title for panel in shown],
-        low=table["value"] - table["margin"],
-        high=table["value"] + table["margin"],
-        true_value=[panel.truth for panel in shown],
-    )
-    columns = ["quantity", "unit", "panel", "row", "series", "value", "low", "high", "true_value", "fault", "failed"]
-    return data[[name for name in columns if name in data]].reset_index(drop=True)
-
-
-def _list_series(
-    rows: pd.DataFrame, names: Sequence[str], distance: float
-) -> Iterator[tuple[str, list[float], pd.DataFrame]]:
-    """Label, heights and rows of each series, those of one series a little below those of the series before."""
-    series = rows.groupby("series", sort=False)
-    for number, (label, part) in enumerate(series):
-        offset = distance * (number - 0.5 * (len(series) - 1))
-        yield str(label), [names.index(name) + offset for name in part["row"]], part
 
 
 @matplotlib.rc_context(STYLE)
@@ -187,34 +139,27 @@ def interval_figure(
 ) -> DataFigure:
     """Estimates with their intervals, side by side, and the truth; intervals that miss it have another colour."""
     style = style or ordinal_styles(["estimate"])["estimate"]
-    miss = MethodStyle(MISSED, "s", filled=False)
-    size = (inches(TWO_COLUMNS), inches(27.0 * len(panels) + 6.0))
-    figure = DataFigure(figsize=size, layout="constrained")
+    figure = new_figure(27.0 * len(panels) + 6.0)
     axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
     drawn = []
     for axis, (panel, (label, truth)) in zip(axes, panels.items(), strict=True):
-        estimates = table[table["panel"] == panel].reset_index(drop=True)
-        hits = (estimates["low"] <= truth) & (truth <= estimates["high"])
-        _draw_intervals(axis, estimates[hits], style, "95 % interval that holds the truth")
-        _draw_intervals(axis, estimates[~hits], miss, "95 % interval that misses it")
+        rows = table.loc[table["panel"] == panel, ["value", "low", "high"]].reset_index(drop=True)
+        quantity, unit = split_label(label)
+        rows = rows.assign(quantity=quantity, unit=unit, true_value=truth, **{xlabel: rows.index + 1})
+        rows["holds"] = (rows["low"] <= truth) & (truth <= rows["high"])
+        kinds = {True: (style, "that holds the truth"), False: (MISSED, "that misses it")}
+        for holds, part in rows.groupby("holds", sort=False):
+            kind, words = kinds[bool(holds)]
+            axis.vlines(part[xlabel], part["low"], part["high"], color=kind.colour, lw=0.9)
+            axis.plot(part[xlabel], part["value"], **kind.symbol, ls="", ms=2.8, label=f"95 % interval {words}")
         axis.axhline(truth, **REFERENCE_LINE, label="true value")
         axis.set(ylabel=label)
-        quantity, unit = split_label(label)
-        values = estimates[["value", "low", "high"]].assign(quantity=quantity, unit=unit, true_value=truth, holds=hits)
-        drawn.append(values.assign(**{xlabel: estimates.index + 1}))
+        drawn.append(rows)
     axes[-1].set_xlabel(xlabel)
     add_legend(figure, axes)
     columns = ["quantity", "unit", xlabel, "value", "low", "high", "true_value", "holds"]
     figure.data = pd.concat(drawn, ignore_index=True)[columns]
     return figure
-
-
-def _draw_intervals(axis: Axes, estimates: pd.DataFrame, style: MethodStyle, label: str) -> None:
-    if estimates.empty:
-        return
-    places = estimates.index.to_numpy() + 1
-    axis.vlines(places, estimates["low"], estimates["high"], color=style.colour, lw=0.9)
-    axis.plot(places, estimates["value"], **style.symbol, ls="", ms=2.8, label=label)
 
 
 @matplotlib.rc_context(STYLE)
@@ -227,16 +172,13 @@ def order_figure(
 ) -> DataFigure:
     """Singular values that show the order, of every trial and method."""
     styles = styles or ordinal_styles(singular_values)
-    size = (inches(TWO_COLUMNS), inches(52.0))
-    figure = DataFigure(figsize=size, layout="constrained")
-    axes = figure.subplots(1, len(singular_values), squeeze=False, sharey=True)[0]
+    figure, axes = panel_grid(len(singular_values), len(singular_values), 52.0, sharey=True)
     drawn = []
     for axis, (label, trials) in zip(axes, singular_values.items(), strict=True):
-        style = styles[label]
         for trial, values in enumerate(trials):
             relative = np.asarray(values)[:largest] / values[0]
             numbers = np.arange(1, relative.size + 1)
-            axis.semilogy(numbers, relative, **style.symbol, ms=2.2, mew=0.5, lw=0.5, alpha=0.6)
+            axis.semilogy(numbers, relative, **styles[label].symbol, ms=2.2, mew=0.5, lw=0.5, alpha=0.6)
             part = {"method": label, "trial [1]": trial, "number [1]": numbers}
             drawn.append(pd.DataFrame({**part, "singular value over the first [1]": relative}))
         axis.axvline(order + 0.5, **REFERENCE_LINE)

@@ -30,6 +30,7 @@ TRUE_LINE: dict[str, Any] = {"color": "black", "lw": 1.0, "gid": MARK}
 FAULT_RING: dict[str, Any] = {"ls": "", "marker": "o", "ms": 6.0, "mfc": "none", "mec": "#666666", "mew": 0.5}
 FAULT_RING |= {"zorder": 4, "label": "with failures or warnings", "gid": MARK}
 ALL_FAILED = "every trial failed"  # label of a cross at the edge of a panel
+NOTE: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": 6.5, "color": "#555555"}
 STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib, so that figures are the same on every machine
     "font.size": 8.0,

@@ -1,4 +1,4 @@
-"""Axes of pictures of a sweep: numbers on a linear or logarithmic axis, or a list of values; ticks, cells and bins."""
+"""Axes of pictures of a sweep: numbers on a linear or logarithmic axis, or a list of values."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator
-from numpy.typing import ArrayLike
 
 MOST_LISTED = 12  # distinct values that are drawn one by one; more are drawn in bins
-MOST_TICKS = 8  # values that all have a label of their own
 BINS = 10
 LABEL = 30  # characters of a line of a label
 DIGITS = ((1.0, 2.0, 5.0), (1.0, 3.0))  # that have a label in each decade, by the room that there is
@@ -41,19 +39,24 @@ class SweepAxis:
         numbers = sorted(value for value in distinct if _is_number(value))
         return cls(name, label, (*numbers, *(value for value in distinct if not _is_number(value))), words or {})
 
+    @property
+    def ordered(self) -> bool:
+        """Whether a line may join neighbours: all values are numbers."""
+        return all(map(_is_number, self.values))
+
     @cached_property
     def kind(self) -> Literal["linear", "log", "listed"]:
         """Scale: values that are spaced neither linearly nor logarithmically, or are no numbers, are listed."""
-        if not all(map(_is_number, self.values)):
+        if not self.ordered:
             return "listed"
-        if len(self.values) < 3:
-            return "linear"
         numbers = np.array(self.values, dtype=float)
+        if numbers.size < 3:
+            return "linear"
         logarithmic = False
         if numbers[0] > 0 and numbers[-1] / numbers[0] >= LEAST_DECADE:
             logarithmic = _unevenness(np.log(numbers)) < _unevenness(numbers)
         gaps = np.diff(np.log(numbers) if logarithmic else numbers)
-        if gaps.min() < NARROWEST * gaps.mean() and len(numbers) <= MOST_LISTED:
+        if gaps.min() < NARROWEST * gaps.mean() and numbers.size <= MOST_LISTED:
             return "listed"
         return "log" if logarithmic else "linear"
 
@@ -68,66 +71,58 @@ class SweepAxis:
         return self.label.rstrip("]").partition(" [")[2].removesuffix("1")
 
     @property
-    def texts(self) -> list[str]:
-        """Values as words."""
-        return [self._format(value) for value in self.values]
+    def heading(self) -> str:
+        """The label, without the unit of what has none."""
+        return self.label.removesuffix(" [1]")
 
     @property
-    def ordered(self) -> bool:
-        """Whether a line may join neighbours: all values are numbers."""
-        return all(map(_is_number, self.values))
+    def texts(self) -> list[str]:
+        """Values as words."""
+        return [self.format(value) for value in self.values]
+
+    def format(self, value: Any) -> str:
+        """A value as a word."""
+        value = _as_value(value)
+        standard = {None: "none", True: "true", False: "false"}
+        return f"{value:.4g}" if _is_number(value) else self.words.get(value) or standard.get(value) or str(value)
 
     def describe(self, value: Any) -> str:
         """A value with name and unit, such as "block rows 12 samples"."""
-        value = _as_value(value)
-        unit = self.unit if _is_number(value) else ""
-        return f"{self.description} {self._format(value)} {unit}".rstrip()
+        unit = self.unit if _is_number(_as_value(value)) else ""
+        return f"{self.description} {self.format(value)} {unit}".rstrip()
+
+    def numbers(self, values: Iterable[Any]) -> np.ndarray:
+        """Numbers of values in the list of all."""
+        numbers = {value: number for number, value in enumerate(self.values)}
+        return np.array([numbers[_as_value(value)] for value in values], dtype=int)
 
     def places(self, values: Iterable[Any]) -> np.ndarray:
         """Places of values on the axis: the values themselves, or their numbers in the list."""
-        if self.kind != "listed":
-            return np.asarray(list(values), dtype=float)
-        numbers = {value: number for number, value in enumerate(self.values)}
-        return np.array([numbers[_as_value(value)] for value in values], dtype=float)
+        return self.numbers(values) if self.kind == "listed" else np.asarray(list(values), dtype=float)
 
-    def value_at(self, place: float) -> Any:
-        """The value at a place: the number itself, or what stands there in the list."""
-        return self.texts[round(place)] if self.kind == "listed" else float(place)
-
-    def edges(self) -> np.ndarray:
-        """Edges of the cells around all values: halfway between neighbours, on the scale of the axis."""
-        places = self._scale(self.places(self.values))
-        if places.size == 1:
-            return self._unscale(places[0] + np.array([-0.5, 0.5]))
-        middles = (places[1:] + places[:-1]) / 2
-        return self._unscale(np.r_[2 * places[0] - middles[0], middles, 2 * places[-1] - middles[-1]])
-
-    def bin(self, values: Iterable[Any], count: int = BINS, most: int = MOST_LISTED) -> tuple[np.ndarray, np.ndarray]:
-        """Divide values into bins of equal width on the scale of the axis, or by value where there are few of them."""
+    def bin(self, values: pd.Series, most: int = MOST_LISTED, count: int = BINS) -> pd.Series:
+        """Replace many different numbers by the medians of bins with as many points each; few values stay."""
         if self.kind == "listed" or len(self.values) <= most:
-            return self.places(values), self.edges()
-        first, last = self._scale([self.values[0], self.values[-1]])
-        edges = np.linspace(first, last, count + 1)
-        numbers = np.digitize(self._scale(self.places(values)), edges) - 1
-        centres = (edges[1:] + edges[:-1]) / 2
-        return self._unscale(centres)[np.clip(numbers, 0, count - 1)], self._unscale(edges)
+            return values
+        bins = pd.qcut(values, min(count, len(self.values)), labels=False, duplicates="drop")
+        return values.groupby(bins).transform("median")
 
-    def set_ticks(self, axes: Axes, direction: Literal["x", "y"], room: int = MOST_TICKS) -> None:
-        """Set scale, label and ticks of an axis of a panel."""
+    def set_ticks(self, axes: Axes, direction: Literal["x", "y"], room: int, *, listed: bool = False) -> None:
+        """Set scale, label and ticks of an axis of a panel, which lists all values, or those without a scale."""
         axis = axes.xaxis if direction == "x" else axes.yaxis
-        label = self.label if self.ordered else self.label.removesuffix(" [1]")
-        axis.set_label_text(textwrap.fill(label, LABEL if direction == "y" else max(5 * room, LABEL)))
-        if self.kind == "listed":
-            self._list_ticks(axis, direction, room)
+        axis.set_label_text(textwrap.fill(self.label if self.ordered else self.heading, max(5 * room, LABEL)))
+        if listed or self.kind == "listed":
+            texts = self.texts[:: -(-len(self.values) // room)]
+            axis.set_ticks(range(0, len(self.values), -(-len(self.values) // room)), texts)
+            pitch = 8 * room // len(texts)  # characters of two neighbours on an abscissa
+            if direction == "x" and any(len(first + second) > pitch for first, second in pairwise(texts)):
+                axis.set_tick_params(rotation=35)
             return
-        if direction == "x":
-            axes.set_xscale(self.kind)
-        else:
-            axes.set_yscale(self.kind)
+        axes.set(**{f"{direction}scale": self.kind})
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
-        if len(self.values) <= room and (len("".join(self.texts)) <= 4 * room or direction == "y"):
-            axis.set_ticks(self.places(self.values), self.texts)
+        if len(self.values) <= room and len("".join(self.texts)) <= 4 * room:
+            axis.set_ticks(self.values, self.texts)
             axis.set_ticks([], minor=True)
         elif self.kind == "log":
             decades = np.log10(self.values[-1] / self.values[0])
@@ -135,31 +130,6 @@ class SweepAxis:
             axis.set_major_locator(LogLocator(subs=digits))
         else:
             axes.locator_params(axis=direction, nbins=min(room, 6))
-
-    def _list_ticks(self, axis: Axis, direction: str, room: int) -> None:
-        """Ticks at listed values; long texts on an abscissa have several lines, or are turned."""
-        step = -(-len(self.values) // room)
-        texts = self.texts[::step]
-        pitch = 4 * room // len(texts)  # characters between neighbours on an abscissa
-        if direction == "x":
-            texts = [textwrap.fill(text, pitch, break_long_words=False) for text in texts]
-        axis.set_ticks(range(0, len(self.values), step), texts)
-        widths = [max(map(len, text.splitlines())) for text in texts]
-        if direction == "x" and any(first + second > 2 * pitch for first, second in pairwise(widths)):
-            for label in axis.get_ticklabels():
-                label.set(rotation=35, ha="right", rotation_mode="anchor")
-
-    def _format(self, value: Any) -> str:
-        if _is_number(value):
-            return f"{value:.4g}"
-        standard = {None: "none", True: "true", False: "false"}
-        return self.words.get(value) or standard.get(value) or str(value)
-
-    def _scale(self, places: ArrayLike) -> np.ndarray:
-        return np.log(places) if self.kind == "log" else np.asarray(places, dtype=float)
-
-    def _unscale(self, values: ArrayLike) -> np.ndarray:
-        return np.exp(values) if self.kind == "log" else np.asarray(values, dtype=float)
 
 
 def _unevenness(numbers: np.ndarray) -> float:

@@ -1,29 +1,38 @@
-"""Pictures of a sweep: lines over one parameter, and a matrix of effects of several."""
+"""Pictures of a sweep: means over each of its parameters as lines, and over two of them as maps."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any, Literal
 
 import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 
-from ankleloop.plotting.fault_marks import draw_crosses, draw_rings
-from ankleloop.plotting.legends import add_legend
+from ankleloop.plotting.curves import draw_curve, note_lowest
+from ankleloop.plotting.maps import draw_cells
 from ankleloop.plotting.method_styles import MethodStyle
-from ankleloop.plotting.panels import panel_grid, split_label
-from ankleloop.plotting.style import REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure, inches
+from ankleloop.plotting.panels import add_legend, new_figure, panel_grid, split_label
+from ankleloop.plotting.style import FAULT_RING, MARK, NOTE, REFERENCE_LINE, STYLE, DataFigure
 from ankleloop.plotting.sweep_axes import SweepAxis
 
-LABEL = 18  # characters of a line of a label of a row of effects
+LABEL = 18  # characters of a line of a label beside a row of panels
 LEGEND = 60  # characters of a line of an entry
+MAP_COLUMNS = 4
+MAP_TITLE = 84  # characters of the titles of all maps in a row
+PANEL, MAP, LINE = 36.0, 34.0, 3.4  # mm of a row of lines and of maps, and of a line of a title
 DIFFERENCE_STYLE = MethodStyle("#222222", "o")
 FAULT_SHARE = 0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked
 BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}  # %, beyond which a value says no more than that it is lost
+MAP_ROOM = 22  # numbers side by side in all maps of a row
+NO_VALUE: dict[str, Any] = {"ls": "", "marker": "x", "ms": 4.0, "color": "#777777", "gid": MARK, "label": "no value"}
+NO_POINT: dict[str, Any] = {"ls": "", "marker": "s", "ms": 5.0, "color": "#d5d5d5", "gid": MARK, "label": "no point"}
 
 
 @dataclass(frozen=True)
@@ -32,8 +41,8 @@ class SweepSeries:
 
     method: str  # value of the column `method`
     label: str  # its name in the legend or the title
-    style: MethodStyle = DIFFERENCE_STYLE  # colour, symbol and line; of a difference `DIFFERENCE_STYLE`
-    is_difference: bool = False  # whether it is a difference of two methods
+    style: MethodStyle = DIFFERENCE_STYLE
+    is_difference: bool = False
 
 
 @dataclass(frozen=True)
@@ -49,160 +58,195 @@ class SweepPanel:
     marked: bool = True
 
     @property
-    def is_difference(self) -> bool:
-        """Whether it shows the difference of two methods."""
-        return self.series[0].is_difference
+    def reference(self) -> float | None:
+        """Value that is right: the truth, or zero for an error or a difference."""
+        return 0.0 if self.desired == "zero" else self.truth
 
     def rows(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Its rows of a summary."""
-        return table[(table["quantity"] == self.quantity) & table["method"].isin([item.method for item in self.series])]
+        """Its rows of a summary, with what is marked."""
+        rows = table[(table["quantity"] == self.quantity) & table["method"].isin([item.method for item in self.series])]
+        failed = (rows["failures"] == rows["trials"]) & (rows["trials"] > 0)
+        faults = rows["failures"] + rows["warnings"]
+        marked = (faults > 0) & (faults >= FAULT_SHARE * rows["trials"]) & ~failed
+        return rows.assign(marked=marked & self.marked, failed=failed & self.marked)
 
 
 @matplotlib.rc_context(STYLE)
-def lines_figure(
-    table: pd.DataFrame,
-    axis: SweepAxis,
-    panels: Sequence[SweepPanel],
-    *,
-    band: Literal["mean", "trials"] = "mean",
-) -> DataFigure:
-    """Means against one parameter, in panels side by side."""
-    has_difference = any(panel.is_difference for panel in panels)
-    columns = min(len(panels), 4 if has_difference and len(panels) > 4 else 2 if has_difference else 3)
-    narrow = columns == 4
-    figure, panel_axes = panel_grid(len(panels), columns, 46.0 if columns > 2 else 52.0)
-    for number, (panel_axis, panel) in enumerate(zip(panel_axes, panels, strict=True)):
-        _draw_panel(panel_axis, table, axis, panel, band)
-        axis.set_ticks(panel_axis, "x", room=5 if narrow else 6)
-        panel_axis.set_ylabel(_break_unit(panel.label) if narrow else panel.label)
-        words = panel_axis.get_xlabel() if number + columns >= len(panels) else ""
-        panel_axis.set_xlabel(_break_unit(words) if narrow else words)
-    add_legend(figure, panel_axes)
-    figure.data = tabulate_sweep(table, [axis], panels)
-    return figure
+def lines_figure(table: pd.DataFrame, axes: Sequence[SweepAxis], panels: Sequence[SweepPanel]) -> DataFigure:
+    """Means with their bands over each parameter: panels side by side for one, a row for each quantity for several.
 
-
-@matplotlib.rc_context(STYLE)
-def effects_figure(
-    table: pd.DataFrame,
-    axes: Sequence[SweepAxis],
-    panels: Sequence[SweepPanel],
-    *,
-    band: Literal["mean", "trials"] = "mean",
-) -> DataFigure:
-    """Means over each of several parameters: a column for each, a row for each quantity and difference."""
-    size = (inches(TWO_COLUMNS), inches(33.0 * len(panels) + 8.0))
-    figure = DataFigure(figsize=size, layout="constrained")
-    grid = figure.subplots(len(panels), len(axes), squeeze=False, sharex="col", sharey="row")
-    for panel_axes, panel in zip(grid, panels, strict=True):
-        for panel_axis, axis in zip(panel_axes, axes, strict=True):
-            _draw_panel(panel_axis, table, axis, panel, band)
-        panel_axes[0].set_ylim(*_row_limits(table, panel, band)[:2])
-        panel_axes[0].set_ylabel(textwrap.fill(panel.label, LABEL))
-    for panel_axis, axis in zip(grid[-1], axes, strict=True):
-        axis.set_ticks(panel_axis, "x", room=5 if len(axes) <= 4 else 3)
-        panel_axis.xaxis.label.set_wrap(True)
-    joined = [column for column, axis in enumerate(axes) if axis.ordered]  # their entries have a line, too
-    add_legend(figure, [*grid.ravel(), *grid[:, joined].ravel()])
-    figure.data = tabulate_sweep(table, axes, panels)
-    return figure
-
-
-def tabulate_sweep(table: pd.DataFrame, axes: Sequence[SweepAxis], panels: Sequence[SweepPanel]) -> pd.DataFrame:
-    """What a picture of a sweep draws as a table for readers, with quantities and units."""
-    return pd.concat([_tabulate_panel(panel.rows(table), axes, panel) for panel in panels], ignore_index=True)
-
-
-def _tabulate_panel(rows: pd.DataFrame, axes: Sequence[SweepAxis], panel: SweepPanel) -> pd.DataFrame:
-    quantity, unit = split_label(panel.label)
-    labels = {item.method: item.label for item in panel.series}
-    parts: dict[str, Any] = {"quantity": quantity, "unit": unit, "method": [labels[name] for name in rows["method"]]}
-    if "parameter" in rows:
-        by_name = {axis.name: axis for axis in axes}
-        parts["parameter"] = [by_name[name].label for name in rows["parameter"]]
-        places = zip(rows["parameter"], rows["place"], strict=True)
-        parts["value of the parameter"] = [by_name[name].value_at(place) for name, place in places]
+    The table has a row for each quantity, method, `parameter` and `value`, with `low` and `high`.
+    """
+    if len(axes) == 1:
+        figure, flat = panel_grid(len(panels), 3, 46.0)
+        grid = np.array(flat)[:, None]
     else:
-        parts |= {a.label: [a.value_at(place) for place in rows[n]] for a, n in zip(axes, "xy", strict=True)}
-    columns = ["slice", "mean", "margin", "low", "high", "trials", "failures", "warnings"]
-    return rows.assign(**parts)[[*parts, *[name for name in columns if name in rows]]]
+        figure = new_figure(PANEL * len(panels) + 8.0)
+        grid = figure.subplots(len(panels), len(axes), squeeze=False, sharex="col", sharey="row")
+    for row, panel in zip(grid, panels, strict=True):
+        rows = panel.rows(table)
+        for cell, axis in zip(row, axes, strict=True):
+            _draw_lines(cell, rows[rows["parameter"] == axis.name], axis, panel)
+            axis.set_ticks(cell, "x", room=6 if len(axes) <= 2 else 4)
+        values = np.r_[rows[["mean", "low", "high"]].to_numpy(dtype=float).ravel(), panel.reference or np.nan]
+        low, high = value_limits(values, panel.desired)
+        margin = 0.06 * (high - low) or 0.06 * abs(low) or 1.0
+        row[0].set_ylim(low - margin, high + margin)
+        row[0].set_ylabel(textwrap.fill(panel.label, LABEL))
+        note_lowest(row[0], rows["mean"].min())
+    for cell in grid[: -min(3, len(panels))].flat if len(axes) == 1 else grid[:-1].flat:
+        cell.set_xlabel("")
+    add_legend(figure, grid.flat)
+    labels = {axis.name: axis.label for axis in axes}
+    figure.data = _tabulate(table.assign(parameter=table["parameter"].map(labels)), panels, ["parameter", "value"])
+    return figure
 
 
-def _break_unit(label: str) -> str:
-    """Put the unit into a line of its own."""
-    return label.replace(" [", "\n[")
-
-
-def _draw_panel(axis: Axes, table: pd.DataFrame, parameter: SweepAxis, panel: SweepPanel, band: str) -> None:
-    table = panel.rows(table[table["parameter"] == parameter.name])
+def _draw_lines(cell: Axes, rows: pd.DataFrame, axis: SweepAxis, panel: SweepPanel) -> None:
+    """Means of all methods over one parameter; values without an order have bars, and no line between them."""
+    if panel.reference is not None:
+        label = "true value" if panel.desired is None else "_zero"
+        cell.axhline(panel.reference, **REFERENCE_LINE, label=label, zorder=0.5)
+    if axis.kind == "listed":
+        cell.set_xlim(-0.5, len(axis.values) - 0.5)
+    if not rows["mean"].notna().any():
+        cell.annotate("not estimated", (0.5, 0.5), ha="center", va="center", **NOTE)
     for number, item in enumerate(panel.series):
-        rows = table[table["method"] == item.method].sort_values("place")
-        offset = 0.0 if parameter.ordered else 0.12 * (number - 0.5 * (len(panel.series) - 1))
-        # A share of the trials is a count, and has no band.
-        _draw_means(axis, rows, item, offset, parameter.ordered, band if panel.marked else "none")
-        if panel.marked:
-            _mark_means(axis, rows, item, offset, 0.03 + 0.06 * number)
-    if panel.truth is not None:
-        axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=0.5)
-    elif panel.desired == "zero":
-        axis.axhline(0.0, **REFERENCE_LINE, zorder=0.5)
-    low, high, lowest = _row_limits(table, panel, band)
-    axis.set_ylim(low, high)
-    if lowest < low:
-        note = f"lowest mean: {lowest:.4g}"
-        axis.annotate(note, (0.03, 0.03), xycoords="axes fraction", fontsize=6.5, color="#555555")
-    if parameter.kind == "listed":
-        axis.set_xlim(-0.5, len(parameter.values) - 0.5)
-    if not table["mean"].notna().any():
-        axis.annotate("not estimated", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center", color="#555555")
+        part = rows[rows["method"] == item.method]
+        part = part.assign(x=axis.places(part["value"])).sort_values("x")
+        label = textwrap.fill(item.label, LEGEND)
+        if axis.ordered:
+            draw_curve(cell, part, item.style, label, 0.03 + 0.06 * number)
+            continue
+        x = part["x"] + 0.12 * (number - 0.5 * (len(panel.series) - 1))
+        cell.vlines(x, part["low"], part["high"], color=item.style.colour, lw=1.2)
+        cell.plot(x, part["mean"], **item.style.symbol, ls="", label=label)
+        cell.plot(x[part["marked"]], part.loc[part["marked"], "mean"], **FAULT_RING)
 
 
-def _draw_means(axis: Axes, rows: pd.DataFrame, series: SweepSeries, offset: float, joined: bool, band: str) -> None:
-    """Means of a method with their bands; values without an order have bars, and no line between them."""
-    places, mean = rows["place"].to_numpy() + offset, rows["mean"].to_numpy()
-    low, high = _band(rows, band)
-    style = series.style
-    if joined:
-        axis.fill_between(places, low, high, color=style.colour, alpha=0.22, lw=0)
+@matplotlib.rc_context({**STYLE, "axes.grid": False})
+def maps_figure(
+    table: pd.DataFrame,
+    axes: tuple[SweepAxis, SweepAxis],
+    panels: Sequence[SweepPanel],
+    slices: Sequence[str] = ("",),
+    *,
+    is_grid: bool = True,
+) -> DataFigure:
+    """Means over two parameters: rows for each quantity, with a map for each method and for a difference of two.
+
+    The table has a row for each quantity, method, `slice`, `x` and `y`. Points that are no grid are drawn one by one.
+    """
+    maps = [
+        [(panel, item, name) for panel in group for item in panel.series for name in slices]
+        for _, group in groupby(panels, key=lambda panel: panel.quantity)
+    ]
+    columns = min(MAP_COLUMNS, max(map(len, maps)))
+    rows = [part[start : start + columns] for part in maps for start in range(0, len(part), columns)]
+    texts = [[_wrap_title(item, name, columns) for _, item, name in row] for row in rows]
+    height = MAP + LINE * max(text.count("\n") + 1 for row in texts for text in row)
+    figure = new_figure(height * len(rows) + 4.0)
+    grid = figure.subplots(len(rows), columns, squeeze=False, sharex=True, sharey=True)
+    for cells, row, titles in zip(grid, rows, texts, strict=True):
+        for number, (cell, (panel, item, name)) in enumerate(zip(cells, row, strict=False)):
+            means = panel.rows(table)
+            colours, extend = _choose_colours(means["mean"].to_numpy(dtype=float), panel)
+            shown = means[(means["method"] == item.method) & (means["slice"] == name)]
+            image = _draw_map(cell, shown, axes, colours, int(MAP_ROOM / columns) if is_grid else None)
+            cell.set_title(titles[number])
+            axes[0].set_ticks(cell, "x", room=18 // columns, listed=is_grid)
+            axes[1].set_ticks(cell, "y", room=10, listed=is_grid)
+            cell.set_ylabel(textwrap.fill(axes[1].label, LABEL + 4))
+            if number + 1 == len(row) or row[number + 1][0] is not panel:
+                label = textwrap.fill(panel.label, LABEL + 4)
+                figure.colorbar(image, ax=cell, label=label, extend=extend, aspect=22, pad=0.02)
+        for cell in cells[len(row) :]:
+            cell.set_visible(False)
+    _label_outside(grid)
+    add_legend(figure, grid.flat)
+    names = {"x": axes[0].label, "y": axes[1].label}
+    figure.data = _tabulate(table, panels, ["x", "y", "slice"]).rename(columns=names)
+    return figure
+
+
+def _wrap_title(item: SweepSeries, name: str, columns: int) -> str:
+    """Title of a map: the method, and the value of a further parameter."""
+    lines = [textwrap.fill(text, MAP_TITLE // columns, break_on_hyphens=False) for text in (item.label, name) if text]
+    return "\n".join(lines)
+
+
+def _label_outside(grid: np.ndarray) -> None:
+    """Leave the labels beside the first column of a grid, and below the last panel of each column."""
+    for column in grid.T:
+        shown = [cell for cell in column if cell.get_visible()]
+        shown[-1].tick_params(labelbottom=True)
+        for cell in shown[:-1]:
+            cell.set_xlabel("")
+    for cell in grid[:, 1:].flat:
+        cell.set_ylabel("")
+
+
+def _draw_map(
+    cell: Axes, rows: pd.DataFrame, axes: tuple[SweepAxis, SweepAxis], colours: dict[str, Any], room: int | None
+) -> ScalarMappable:
+    """Cells of a grid, with numbers where there is room for so many side by side; without a room single points."""
+    marked, empty = rows["marked"].to_numpy(dtype=bool), rows["mean"].isna().to_numpy()
+    if room is None:
+        x, y = axes[0].places(rows["x"]), axes[1].places(rows["y"])
+        size = float(np.clip(3000 / max(len(rows), 1), 8, 45))
+        image: ScalarMappable = cell.scatter(x, y, c=rows["mean"], s=size, lw=0.3, edgecolors="#555555", **colours)
     else:
-        axis.vlines(places, low, high, color=style.colour, lw=1.2)
-    size = {"markersize": 0.0} if len(rows) > 25 else {}
-    properties: dict[str, Any] = {**(style.curve if joined else {**style.symbol, "linestyle": ""}), **size}
-    axis.plot(places, mean, **properties, label=textwrap.fill(series.label, LEGEND))
+        x, y = axes[0].numbers(rows["x"]), axes[1].numbers(rows["y"])
+        means = np.full((len(axes[1].values), len(axes[0].values)), np.nan)
+        means[y, x] = rows["mean"]
+        texts = np.full(means.shape, "", dtype=object)
+        texts[y, x] = [_format(mean) + "*" * int(mark) for mean, mark in zip(rows["mean"], marked, strict=True)]
+        image = draw_cells(cell, means, **colours, texts=texts if means.shape[1] <= room else None)
+        if len(rows) < means.size:
+            cell.set_facecolor(NO_POINT["color"])
+            cell.plot([], [], **NO_POINT)
+        if means.shape[1] <= room:
+            marked = np.zeros_like(marked)  # their numbers have an asterisk
+    if marked.any():
+        cell.plot(x[marked], y[marked], **{**FAULT_RING, "ms": min(6.0, 200.0 / len(axes[0].values))})
+    if empty.any():
+        cell.plot(x[empty], y[empty], **NO_VALUE)
+    return image
 
 
-def _mark_means(axis: Axes, rows: pd.DataFrame, series: SweepSeries, offset: float, height: float) -> None:
-    places, mean = rows["place"].to_numpy() + offset, rows["mean"].to_numpy()
-    marked, failed = mark_rows(rows)
-    draw_rings(axis, places[marked], mean[marked])
-    draw_crosses(axis, places[failed], height, series.style.colour, axis.get_xaxis_transform())
+def _format(mean: float) -> str:
+    """A mean in few characters."""
+    decimals = next((digits for limit, digits in ((10.0, 2), (100.0, 1), (1e4, 0)) if abs(mean) < limit), None)
+    return "" if np.isnan(mean) else f"{mean:.0e}" if decimals is None else f"{mean:.{decimals}f}"
 
 
-def _band(rows: pd.DataFrame, band: str) -> tuple[np.ndarray, np.ndarray]:
-    if band == "trials":
-        return rows["low"].to_numpy(), rows["high"].to_numpy()
-    mean = rows["mean"].to_numpy()
-    margin = rows["margin"].to_numpy() if band == "mean" else 0.0
-    return mean - margin, mean + margin
+def _choose_colours(means: np.ndarray, panel: SweepPanel) -> tuple[dict[str, Any], str]:
+    """Scale and colours of maps, and the ends at which values are beyond the scale.
+
+    Colours diverge from zero for differences and errors, and from the truth of a parameter that all points share.
+    """
+    low, high = value_limits(means, panel.desired)
+    cmap = "viridis"
+    if panel.reference is not None:
+        reach = max(abs(low - panel.reference), abs(high - panel.reference)) or 1.0
+        low, high = panel.reference - reach, panel.reference + reach
+        cmap = "RdBu" if panel.series[0].is_difference else "PuOr"
+    elif low == high:
+        low, high = low - 0.5, high + 0.5
+    beyond = bool((means < low).any()), bool((means > high).any())
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+    return {"norm": Normalize(low, high), "cmap": cmap}, extend
 
 
-def mark_rows(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
-    """Means that are marked because of their trials, and those of which every trial failed."""
-    trials, failures = rows["trials"].to_numpy(), rows["failures"].to_numpy()
-    failed = (failures == trials) & (trials > 0)
-    faults = failures + rows["warnings"].to_numpy()
-    return (faults > 0) & (faults >= FAULT_SHARE * trials) & ~failed, failed
-
-
-def _row_limits(table: pd.DataFrame, panel: SweepPanel, band: str) -> tuple[float, float, float]:
-    """Limits of the ordinate, and the lowest mean."""
-    rows = panel.rows(table)
-    reference = [0.0] if panel.desired == "zero" else [] if panel.truth is None else [panel.truth]
-    places = np.r_[rows["mean"].to_numpy(), *_band(rows, band if panel.marked else "none"), reference]
-    low, high = value_limits(places, panel.desired)
-    margin = 0.06 * (high - low) or 0.06 * abs(low) or 1.0
-    means = rows["mean"].dropna()
-    return low - margin, high + margin, float(means.min()) if len(means) else np.inf
+def _tabulate(table: pd.DataFrame, panels: Sequence[SweepPanel], columns: Sequence[str]) -> pd.DataFrame:
+    """What a picture of a sweep draws as a table for readers, with quantities and units."""
+    parts = []
+    for panel in panels:
+        rows, (quantity, unit) = panel.rows(table), split_label(panel.label)
+        labels = {item.method: item.label for item in panel.series}
+        parts.append(rows.assign(quantity=quantity, unit=unit, method=rows["method"].map(labels)))
+    shown = ["quantity", "unit", "method", *columns, "mean", "low", "high", "trials", "failures", "warnings"]
+    return pd.concat(parts, ignore_index=True)[shown]
 
 
 def value_limits(values: np.ndarray, desired: str | None) -> tuple[float, float]:
@@ -217,6 +261,6 @@ def value_limits(values: np.ndarray, desired: str | None) -> tuple[float, float]
     if not inside.size:
         return (low, high) if np.isfinite(low) else (float(values.min()), float(values.max()))
     first, last = np.quantile(inside, [0.1, 0.9])
-    reach = 3.0 * (last - first)
-    inliers = inside[(inside >= first - reach) & (inside <= last + reach)] if reach > 0 else inside
+    reach = 3.0 * (last - first) or np.inf
+    inliers = inside[(inside >= first - reach) & (inside <= last + reach)]
     return float(inliers.min()), float(inliers.max())

@@ -1,21 +1,22 @@
-"""Figure of measured and estimated torques over time."""
+"""Measured and estimated torques over time: as arrays, and as a figure."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from ankleloop.assessment.scores import evaluate
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
-from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.method_styles import MethodStyle, method_styles
-from ankleloop.plotting.style import MEASURED_LINE, STYLE, TRUE_LINE, TWO_COLUMNS, DataFigure, inches
-from ankleloop.plotting.torque_series import centre_torques
+from ankleloop.plotting.panels import add_legend, new_figure
+from ankleloop.plotting.style import MEASURED_LINE, STYLE, TRUE_LINE, DataFigure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,6 +27,33 @@ if TYPE_CHECKING:
 COLUMNS = 3  # methods side by side; more are drawn below
 HEIGHT = 33.0  # mm of a panel
 ESTIMATED = (4.0, 1.2)  # dashes, so that what lies below can be seen
+
+
+@dataclass(frozen=True, eq=False)
+class CentredTorques:
+    """Torques at the samples of an estimate, each less its mean over them [N·m]; all arrays of shape (N,)."""
+
+    time: np.ndarray  # [s]
+    measured: np.ndarray
+    true: Mapping[str, np.ndarray]  # by "net", "intrinsic" and "reflex"; none of a recording
+    estimated: Mapping[str, np.ndarray]  # by the same names
+
+
+def centre_torques(trial: PreparedTrial, estimate: Estimate) -> CentredTorques:
+    """Measured, true and estimated torques at the samples of an estimate, each less its mean."""
+    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+
+    def centre(channel: str) -> np.ndarray:
+        values = trial.channel_at(channel, time, rate)
+        return values - values.mean()
+
+    true: dict[str, np.ndarray] = {}
+    if {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
+        parts = {part: centre(f"torque_{part}") for part in ("intrinsic", "reflex")}
+        true = {"net": parts["intrinsic"] + parts["reflex"], **parts}
+    estimated = {torque: estimate.torque[torque].values for torque in TORQUES}
+    centred = {torque: values - values.mean() for torque, values in estimated.items()}
+    return CentredTorques(time, centre("torque"), true, centred)
 
 
 @matplotlib.rc_context(STYLE)
@@ -72,43 +100,43 @@ def torque_figure(
     """
     trial = prepare(trial)
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
-    window = _window(trial.samples("time"), start, length)
-    scores = {label: _first_scores(trial, estimate) for label, estimate in estimates.items()}
-    table = pd.concat(
-        [_tabulate(trial, label, estimate, scores[label], window) for label, estimate in estimates.items()]
-    )
+    window = find_window(trial.samples("time"), start, length)
     columns = min(COLUMNS, len(estimates))
     blocks = -(-len(estimates) // columns)
-    size = (inches(TWO_COLUMNS), inches((3 * HEIGHT + 12.0) * blocks + 4.0 * bool(title)))
-    figure = DataFigure(figsize=size, layout="constrained")
+    figure = new_figure((3 * HEIGHT + 12.0) * blocks + 4.0 * bool(title))
     axes = figure.subplots(3 * blocks, columns, squeeze=False, sharex=True, sharey="row")
     axes[0, 0].set_xlim(*window)  # of all panels
-    for number, label in enumerate(estimates):
+    drawn = []
+    for number, (label, estimate) in enumerate(estimates.items()):
         row, column = 3 * (number // columns), number % columns
-        rows = table[table["method"] == label]
-        _draw_column(axes[row : row + 3, column], rows, label, styles[label], scores[label])
-        axes[row + 2, column].set_xlabel("time [s]")
-        axes[row + 2, column].tick_params(labelbottom=True)
-        if column == 0:
-            for axis, torque in zip(axes[row : row + 3, 0], TORQUES, strict=True):
-                axis.set_ylabel(f"{torque} torque [N·m]")
-    for axis in axes.ravel():
+        panels = axes[row : row + 3, column]
+        # VAF of each torque, and against which torque of the trial: the true one, or the measured one.
+        scores = evaluate(trial, estimate).groupby("torque", sort=False).first()
+        scores = scores.reindex(list(TORQUES)).fillna({"against": "true"})  # a true torque that is zero has no VAF
+        table = _tabulate(trial, label, estimate, scores, window)
+        for axis, torque in zip(panels, TORQUES, strict=True):
+            _draw_torque(axis, table[table["torque"] == torque], styles[label])
+            vaf, against = scores.loc[torque, ["vaf", "against"]]
+            axis.set_title(
+                f"{torque}: " + (f"VAF {vaf:.1f} % ({against})" if vaf == vaf else f"no VAF ({against}: zero)")
+            )
+            axis.set_ylabel(f"{torque} torque [N·m]" if column == 0 else "")
+        panels[0].set_title(f"{label}\n{panels[0].get_title()}")
+        panels[2].set_xlabel("time [s]")
+        panels[2].tick_params(labelbottom=True)
+        drawn.append(table)
+    for axis in axes.flat:
         axis.set_visible(bool(axis.get_lines()))
     figure.suptitle(title)
     add_legend(figure, axes.flat)
-    figure.data = table.reset_index(drop=True)
+    figure.data = pd.concat(drawn, ignore_index=True)
     return figure
 
 
-def _window(time: np.ndarray, start: float, length: float) -> tuple[float, float]:
+def find_window(time: np.ndarray, start: float, length: float) -> tuple[float, float]:
+    """Start and end of a window within a record [s]; of a record that ends earlier its last seconds."""
     end = min(start + length, float(time[-1]))
     return max(float(time[0]), end - length), end
-
-
-def _first_scores(trial: PreparedTrial, estimate: Estimate) -> pd.DataFrame:
-    """VAF of each torque, and against which torque of the trial: the true one, or the measured one."""
-    scores = evaluate(trial, estimate).groupby("torque", sort=False).first()
-    return scores.reindex(list(TORQUES)).fillna({"against": "true"})  # a true torque that is zero has no VAF
 
 
 def _tabulate(
@@ -133,15 +161,11 @@ def _tabulate(
     return pd.concat(parts)
 
 
-def _draw_column(axes: np.ndarray, table: pd.DataFrame, label: str, style: MethodStyle, scores: pd.DataFrame) -> None:
-    """Three panels of one estimate."""
-    for axis, torque in zip(axes, TORQUES, strict=True):
-        rows = table[table["torque"] == torque]
-        time = rows["time [s]"].to_numpy()
-        true = rows["against"].iloc[0] == "true"
-        target = {**TRUE_LINE, "label": "true (simulated)"} if true else {**MEASURED_LINE, "label": "measured"}
-        axis.plot(time, rows["torque of the trial [N·m]"], **target)
-        line = {"color": style.colour, "ls": (0, ESTIMATED), "lw": 1.0, "label": f"{label} (estimated)"}
-        axis.plot(time, rows["estimated torque [N·m]"], **line)
-        axis.set_title("{}: VAF {:.1f} % ({})".format(torque, *scores.loc[torque, ["vaf", "against"]]))
-    axes[0].set_title(f"{label}\n{axes[0].get_title()}")
+def _draw_torque(axis: Axes, rows: pd.DataFrame, style: MethodStyle) -> None:
+    """An estimated torque over that of the trial."""
+    true = rows["against"].iloc[0] == "true"
+    target = {**TRUE_LINE, "label": "true (simulated)"} if true else {**MEASURED_LINE, "label": "measured"}
+    axis.plot(rows["time [s]"], rows["torque of the trial [N·m]"], **target)
+    line: dict[str, Any] = {"color": style.colour, "ls": (0, ESTIMATED), "lw": 1.0}
+    label = f"{rows['method'].iloc[0]} (estimated)"
+    axis.plot(rows["time [s]"], rows["estimated torque [N·m]"], **line, label=label)

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ankleloop.plotting.legends import add_legend
 from ankleloop.plotting.method_styles import MethodStyle, method_styles, ordinal_styles
-from ankleloop.plotting.style import STYLE, TRUE_LINE, TWO_COLUMNS, DataFigure, inches
+from ankleloop.plotting.panels import add_legend, new_figure
+from ankleloop.plotting.style import STYLE, TRUE_LINE, DataFigure
 from ankleloop.quantities import QUANTITIES
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ ABSCISSAE = {
 }
 BLANK = "#dddddd"  # places at which a parameter is not identified
 ROW, EXCITATION = 44.0, 20.0  # mm of a row of panels, and of one that shows the excitation
+LEVEL = "excitation over its mean [1]"
 SPREAD = 1.3  # ordinates show the truth and the means with this share of their range
 
 
@@ -43,65 +44,66 @@ def trajectories_figure(
 
     Where a parameter is not identified its trajectory is blank, and a grey field marks the places.
     """
-    dimensions = {str(next(iter(e.trajectories.sizes))) for e in estimates.values() if e.trajectories is not None}
+    curves = {label: e.trajectories for label, e in estimates.items() if e.trajectories is not None}
+    dimensions = {str(next(iter(part.sizes))) for part in curves.values()}
     if len(dimensions) != 1:
         raise ValueError(f"trajectories must be functions of one thing, got {', '.join(sorted(dimensions)) or 'none'}.")
     (dimension,) = dimensions
+    abscissa = _label_abscissa(next(iter(curves.values())), dimension)
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
-    size = (inches(TWO_COLUMNS), inches(ROW + EXCITATION))
-    figure = DataFigure(figsize=size, layout="constrained")
-    curves = [estimate.trajectories for estimate in estimates.values() if estimate.trajectories is not None]
-    names = [name for name in PARAMETERS if any(name in part for part in curves)]
+    names = [name for name in PARAMETERS if any(name in part for part in curves.values())]
+    figure = new_figure(ROW + EXCITATION)
     rows = figure.subplots(2, len(names), sharex=True, height_ratios=[ROW, EXCITATION], squeeze=False)
+    drawn = []
     for (upper, lower), name in zip(rows.T, names, strict=True):
         upper.set_ylabel(QUANTITIES[name].label)
-        lower.set_xlabel(variable if dimension == "schedule" and variable else _label_abscissa(curves[0]))
+        lower.set_xlabel(variable if dimension == "schedule" and variable else abscissa)
         if truths is not None and name in truths:
             upper.plot(truths[dimension], truths[name], **TRUE_LINE, label="true value")
         for label, estimate in estimates.items():
-            _draw_estimate(upper, estimate, name, label, styles[label])
-            _draw_excitation(lower, estimate, name, label, styles[label])
+            if name in curves.get(label, ()):
+                table = _tabulate(estimate, name, dimension, truths)
+                _draw_band(upper, table, "value", styles[label], label)
+                _draw_band(lower, table.assign(low=0.0, high=table[LEVEL]), LEVEL, styles[label], label)
+                for axis in (upper, lower):
+                    _mark_blanks(axis, table["place"].to_numpy(), table["value"].isna().to_numpy())
+                drawn.append(table.assign(series=label, abscissa=abscissa))
+            else:  # a constant
+                value = {**estimate.stiffness, **estimate.reflex}.get(name, np.nan)
+                upper.axhline(value, **styles[label].line, label=label)
         lower.set_ylim(bottom=0.0)
     rows[1, 0].set_ylabel("excitation [1]")
-    add_legend(figure, rows.ravel())
-    figure.data = _tabulate(estimates, truths)
+    add_legend(figure, rows.flat)
+    figure.data = pd.concat(drawn, ignore_index=True)
     return figure
 
 
-def _label_abscissa(curves: xr.Dataset) -> str:
+def _label_abscissa(curves: xr.Dataset, dimension: str) -> str:
     """What trajectories are functions of, with its unit."""
-    dimension = str(next(iter(curves.sizes)))
     name, unit = (curves.attrs.get(key, "") for key in ("variable", "variable_unit"))
     return (f"{name} [{unit}]" if unit else name) or ABSCISSAE[dimension]
 
 
-def _draw_estimate(axis: Axes, estimate: Estimate, name: str, label: str, style: MethodStyle) -> None:
-    """A trajectory with its band; the constant of an estimate that has none."""
-    if estimate.trajectories is None or name not in estimate.trajectories:
-        value = {**estimate.stiffness, **estimate.reflex}.get(name, np.nan)
-        axis.axhline(value, **style.line, label=label)
-        return
+def _tabulate(estimate: Estimate, name: str, dimension: str, truths: xr.Dataset | None) -> pd.DataFrame:
+    """A trajectory with its band, its excitation and its truth, a row for each place."""
     curves = estimate.trajectories
-    place = curves[next(iter(curves.sizes))].values
-    axis.fill_between(place, curves[f"{name}_low"], curves[f"{name}_high"], color=style.colour, alpha=0.25, lw=0)
-    axis.plot(place, curves[name], **style.line, label=label)
-    _mark_blanks(axis, place, curves[name].values)
+    assert curves is not None
+    table = pd.DataFrame({"quantity": name, "unit": QUANTITIES[name].unit, "place": curves[dimension].values})
+    for column, key in (("value", name), ("low", f"{name}_low"), ("high", f"{name}_high")):
+        table[column] = curves[key].values
+    if truths is not None and name in truths:
+        table["truth"] = np.interp(curves[dimension], truths[dimension], truths[name])
+    return table.assign(**{LEVEL: estimate.diagnostics.get("excitation", {}).get(name, np.nan)})
 
 
-def _draw_excitation(axis: Axes, estimate: Estimate, name: str, label: str, style: MethodStyle) -> None:
-    """Information of the record about a parameter at each place, over its mean."""
-    excitation = estimate.diagnostics.get("excitation")
-    if excitation is None or estimate.trajectories is None or name not in estimate.trajectories:
-        return
-    place = estimate.trajectories[next(iter(estimate.trajectories.sizes))].values
-    axis.fill_between(place, 0.0, excitation[name], color=style.colour, alpha=0.25, lw=0)
-    axis.plot(place, excitation[name], **(style.line | {"lw": 0.7}), label=label)
-    _mark_blanks(axis, place, estimate.trajectories[name].values)
+def _draw_band(axis: Axes, table: pd.DataFrame, column: str, style: MethodStyle, label: str) -> None:
+    """A curve, and the band from `low` to `high`."""
+    axis.fill_between(table["place"], table["low"], table["high"], color=style.colour, alpha=0.22, lw=0)
+    axis.plot(table["place"], table[column], **style.line, label=label)
 
 
-def _mark_blanks(axis: Axes, place: np.ndarray, values: np.ndarray) -> None:
+def _mark_blanks(axis: Axes, place: np.ndarray, blank: np.ndarray) -> None:
     """A grey field where a parameter is not identified."""
-    blank = ~np.isfinite(values)
     if blank.any():
         half = 0.5 * (place[1] - place[0])
         edges = np.flatnonzero(np.diff(np.concatenate([[False], blank, [False]]).astype(int)))
@@ -110,42 +112,21 @@ def _mark_blanks(axis: Axes, place: np.ndarray, values: np.ndarray) -> None:
         axis.plot([], [], color=BLANK, lw=5.0, label="not identified")
 
 
-def _tabulate(estimates: Mapping[str, Estimate], truths: xr.Dataset | None) -> pd.DataFrame:
-    """All trajectories with their bands and the excitation, a row for each place."""
-    parts = []
-    for label, estimate in estimates.items():
-        if estimate.trajectories is None:
-            continue
-        curves, excitation = estimate.trajectories, estimate.diagnostics.get("excitation", {})
-        dimension = str(next(iter(curves.sizes)))
-        for name in filter(curves.__contains__, PARAMETERS):
-            quantity = {"series": label, "quantity": name, "unit": QUANTITIES[name].unit}
-            part = pd.DataFrame({**quantity, "abscissa": _label_abscissa(curves), "place": curves[dimension].values})
-            for column, key in (("value", name), ("low", f"{name}_low"), ("high", f"{name}_high")):
-                part[column] = curves[key].values
-            if truths is not None and name in truths:
-                part["truth"] = np.interp(curves[dimension], truths[dimension], truths[name])
-            parts.append(part.assign(**{"excitation over its mean [1]": excitation.get(name, np.nan)}))
-    return pd.concat(parts, ignore_index=True)
-
-
 @matplotlib.rc_context(STYLE)
 def mean_trajectories_figure(table: pd.DataFrame, *, styles: Mapping[str, MethodStyle] | None = None) -> DataFigure:
     """Mean trajectories over trials with the spread of the trials: a row for each setting, a column for K, B and G."""
     styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
-    rows = list(dict.fromkeys(table["row"]))
+    settings = list(dict.fromkeys(table["row"]))
     names = [name for name in PARAMETERS if name in set(table["parameter"])]
-    size = (inches(TWO_COLUMNS), inches(ROW * len(rows)))
-    figure = DataFigure(figsize=size, layout="constrained")
-    axes = figure.subplots(len(rows), len(names), squeeze=False)
-    for number, row in enumerate(rows):
-        for axis, name in zip(axes[number], names, strict=True):
-            _draw_means(axis, table[(table["row"] == row) & (table["parameter"] == name)], styles)
-            axis.set(ylabel=QUANTITIES[name].label, title=row if name == names[len(names) // 2] else "")
-    add_legend(figure, axes.ravel())
-    columns = {"row": "setting", "series": "method"}
-    names = ["row", "series", "parameter", "dimension", "place", "truth", "mean", "low", "high", "n"]
-    data = table[names].rename(columns=columns)
+    figure = new_figure(ROW * len(settings))
+    axes = figure.subplots(len(settings), len(names), squeeze=False)
+    for row, setting in zip(axes, settings, strict=True):
+        for axis, name in zip(row, names, strict=True):
+            _draw_means(axis, table[(table["row"] == setting) & (table["parameter"] == name)], styles)
+            axis.set(ylabel=QUANTITIES[name].label, title=setting if name == names[len(names) // 2] else "")
+    add_legend(figure, axes.flat)
+    columns = ["row", "series", "parameter", "dimension", "place", "truth", "mean", "low", "high", "n"]
+    data = table[columns].rename(columns={"row": "setting", "series": "method"})
     figure.data = data.assign(unit=[QUANTITIES[name].unit for name in data["parameter"]]).reset_index(drop=True)
     return figure
 
@@ -153,12 +134,10 @@ def mean_trajectories_figure(table: pd.DataFrame, *, styles: Mapping[str, Method
 def _draw_means(axis: Axes, table: pd.DataFrame, styles: Mapping[str, MethodStyle]) -> None:
     """Mean trajectories of all methods in one setting; the ordinate follows truth and means."""
     for number, (series, part) in enumerate(table.groupby("series", sort=False)):
-        style = styles[str(series)]
         if number == 0:
             axis.plot(part["place"], part["truth"], **TRUE_LINE, label="true value", zorder=2.5)
             axis.set_xlabel(ABSCISSAE[part["dimension"].iloc[0]])
-        axis.fill_between(part["place"], part["low"], part["high"], color=style.colour, alpha=0.18, lw=0)
-        axis.plot(part["place"], part["mean"], **style.line, label=str(series))
+        _draw_band(axis, part, "mean", styles[str(series)], str(series))
     values = table[["truth", "mean"]].to_numpy(float)
     if np.isfinite(values).any():
         low, high = float(np.nanmin(values)), float(np.nanmax(values))

@@ -12,8 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
-from ankleloop.pages.figures import EmbeddedFigure
-from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
+from ankleloop.pages.recordings import EmbeddedFigure, embed_recording_figures, render_recording_page
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
 from ankleloop.recordings.recommendation import recommend

@@ -1,12 +1,15 @@
 """The figure of torques holds every sample, or the peaks of a long record, and no text of it is taken for HTML."""
 
-import html
 import re
 
+import numpy as np
 import pytest
 
 import ankleloop
-from ankleloop.pages.interactive import render_interactive_torques
+from ankleloop.joint.prepared import prepare
+from ankleloop.joint.regressors import TORQUES
+from ankleloop.pages.interactive import list_lines, render_interactive_torques, thin
+from ankleloop.plotting.method_styles import METHOD_STYLES
 
 HOSTILE = '</script><b>riv & "co"'
 WINDOW = {"start": 10.0, "length": 5.0}
@@ -26,7 +29,7 @@ def test_no_text_of_a_label_is_html(trial, estimates):
     page = render_interactive_torques(trial, estimates, window=WINDOW)
     assert page.count("</script>") == 1
     assert "<b>riv" not in page
-    assert f"residual of {html.escape(HOSTILE, quote=False)}" in page.replace("&#34;", '"')
+    assert "residual of \\u003c/script\\u003e\\u003cb\\u003eriv" in page
 
 
 @pytest.mark.parametrize(
@@ -35,9 +38,51 @@ def test_no_text_of_a_label_is_html(trial, estimates):
 )
 def test_the_window_lies_within_the_record(trial, estimates, window, expected):
     page = render_interactive_torques(trial, estimates, window=window)
-    whole, first = (tuple(map(float, text.split())) for text in re.findall(r'data-window="(.*?)"', page))
-    assert 0.0 <= whole[0] < whole[1] <= 20.0
-    assert first == (expected or (pytest.approx(whole[1] - 5.0), whole[1]))
+    text = page[page.index('"bounds"') - 200 :][:500]
+    first = [float(re.search(rf'"{name}": ([\d.]+)', text)[1]) for name in ("start", "end")]
+    begin, end = map(float, re.search(r'"bounds": .*?\[([\d.]+), ([\d.]+)\]', text).groups())
+    assert 0.0 <= begin < end <= 20.0
+    assert tuple(first) == (expected or (pytest.approx(end - 5.0), end))
+
+
+@pytest.fixture(scope="module")
+def lines(trial, estimates):
+    styles = dict.fromkeys(estimates, METHOD_STYLES["riv"])
+    return {line[0]: line[4:] for line in list_lines(prepare(trial), estimates, styles, [])}
+
+
+def test_estimates_are_centred_and_residuals_are_what_they_leave(lines, estimates):
+    _, measured = lines["measured"]
+    _, true = lines["true (simulated)"]
+    for name, estimate in estimates.items():
+        time, torques = lines[name]
+        _, residual = lines[f"residual of {name}"]
+        np.testing.assert_array_equal(time, estimate.torque["time"])
+        for torque in TORQUES:
+            values = estimate.torque[torque].values
+            np.testing.assert_allclose(torques[torque], values - values.mean(), atol=1e-12)
+            if time.size == measured["net"].size:
+                target = measured[torque] if torque == "net" else true[torque]
+                np.testing.assert_allclose(torques[torque] + residual[torque], target, atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 400, 1001])
+def test_no_peak_of_a_long_record_is_lost(size):
+    samples = np.random.default_rng(1).normal(size=size)
+    low, high = thin(samples, 7).reshape(-1, 2).T
+    bins = np.arange(size) // 7
+    assert low.size == -(-size // 7)
+    for number in range(low.size):
+        part = samples[bins == number].astype(np.float32)
+        assert (low[number], high[number]) == (part.min(), part.max())
+
+
+def test_a_long_record_says_what_is_drawn_and_stays_small(trial, estimates, monkeypatch):
+    whole = render_interactive_torques(trial, estimates, window=WINDOW)
+    monkeypatch.setattr("ankleloop.pages.interactive.MOST_VALUES", 10_000)
+    page = render_interactive_torques(trial, estimates, window=WINDOW)
+    assert "least and greatest value in every" in page
+    assert len(page) < len(whole)
 
 
 def test_a_recording_says_that_its_parts_are_not_known(trial, estimates):

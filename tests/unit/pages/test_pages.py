@@ -15,8 +15,7 @@ from matplotlib.figure import Figure
 
 import ankleloop
 from ankleloop.pages import rendering
-from ankleloop.pages.figures import EmbeddedFigure, embed_figure
-from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
+from ankleloop.pages.recordings import EmbeddedFigure, embed_figure, embed_recording_figures, render_recording_page
 from ankleloop.pages.rendering import render_template
 from ankleloop.pages.tables import render_table
 from ankleloop.quantities import QUANTITIES
@@ -179,7 +178,7 @@ def test_page_of_a_refused_recording_has_its_reason_and_no_figures():
     figures = embed_recording_figures(None, analysis)
     page = check_page(render_recording_page("A3", mapping(subject=""), analysis, recommend(analysis), figures))
     heading = page.texts.index("A3", page.texts.index("Contents"))
-    description = ["condition rest, trial 1, file first.csv", "refused.", recommend(analysis).text]
+    description = ["condition rest, trial 1, file first.csv", recommend(analysis).text, "Check: refused"]
     assert page.texts[heading + 1 : heading + 4] == description
     assert "bad.csv: torque is not finite" in page.texts
     assert "img" not in page.elements

@@ -6,8 +6,7 @@ import pytest
 from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, sweep_options, write_trials
 
 from ankleloop.errors import DataError
-from ankleloop.paper.sweep_captions import describe_design, list_extremes
-from ankleloop.paper.sweep_pictures import draw_map, draw_sweep
+from ankleloop.paper.sweep_pictures import describe_design, draw_map, draw_sweep, list_extremes
 from ankleloop.paper.sweep_quantities import label_parameter
 from ankleloop.paper.sweep_study import SweepStudy
 
@@ -61,14 +60,14 @@ def test_axes_choose_the_picture(read):
     varied = ["reflex_gain", "voluntary", "block_rows"]
     figure, caption = draw_sweep(read(table, varied))
     assert len([axis for axis in figure.axes if axis.get_visible()]) == 5 * 3
-    assert caption.startswith("Effect of each parameter")
+    assert caption.startswith("Means over trials against reflex gain, relative voluntary torque, block rows; bands are")
     figure, caption = draw_sweep(read(table, varied, axes=["voluntary"], quantities=["K"]))
     assert figure.axes[0].get_xlabel() == "relative voluntary torque [1]"
-    assert "relative voluntary torque, and over reflex gain, block rows; bands are" in caption
+    assert "relative voluntary torque; each is over all values of reflex gain, block rows; bands are" in caption
     figure, caption = draw_map(read(table, varied, quantities=["K"]))
     titles = [axis.get_title().split("\n")[-1] for axis in figure.axes if axis.get_title()]
     assert titles == ["block rows 10 samples", "block rows 12 samples"] * 2
-    assert caption.startswith("Means over the trials of each point.")
+    assert caption.startswith("Means over trials against reflex gain, relative voluntary torque, block rows.")
 
 
 def test_extremes_are_the_ends_of_the_means(sweep):

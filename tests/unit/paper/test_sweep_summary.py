@@ -5,13 +5,8 @@ from scipy import stats
 from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, write_trials
 
 from ankleloop.errors import DataError
-from ankleloop.paper.sweep_cells import list_slices, summarise_cells
-from ankleloop.paper.sweep_summary import (
-    pair_methods,
-    read_sweep,
-    summarise_effects,
-    summarise_sweep,
-)
+from ankleloop.paper.sweep_pictures import list_slices
+from ankleloop.paper.sweep_study import pair_methods, read_sweep, summarise_effects, summarise_sweep
 from ankleloop.plotting.sweep_axes import SweepAxis
 
 QUANTITIES = ["vaf_net_true", "K_error", "G_error", "failures", "warnings"]
@@ -112,7 +107,7 @@ def test_effect_has_the_interval_over_conditions(trials):
     effects = summarise_effects(trials, axis, ["vaf_net_true"])
     part = trials[(trials["voluntary"] == 0.5) & (trials["method"] == "moesp")]
     means = part.groupby("reflex_gain")["vaf_net_true"].mean()
-    row = effects[(effects["place"] == 0.5) & (effects["method"] == "moesp")].iloc[0]
+    row = effects[(effects["value"] == 0.5) & (effects["method"] == "moesp")].iloc[0]
     low, _ = stats.t.interval(0.95, 2, means.mean(), stats.sem(means))
     assert (row["mean"], row["mean"] - row["margin"], row["n"]) == pytest.approx((means.mean(), low, 3))
     assert (row["trials"], row["failures"]) == (12, 3)
@@ -124,7 +119,7 @@ def test_effect_of_an_option_has_the_interval_over_trials(tmp_path):
     effects = summarise_effects(trials, SweepAxis.of("block_rows", "block rows", [12, 18]), ["K"])
     assert (effects["n"] == 6).all()
     part = table[(table["block_rows"] == 12) & (table["method"] == "riv")]["K"]
-    row = effects[(effects["place"] == 12) & (effects["method"] == "riv")].iloc[0]
+    row = effects[(effects["value"] == 12) & (effects["method"] == "riv")].iloc[0]
     low, high = stats.t.interval(0.95, 5, part.mean(), stats.sem(part))
     assert (row["mean"] - row["margin"], row["mean"] + row["margin"]) == pytest.approx((low, high))
 
@@ -133,33 +128,10 @@ def test_effects_of_many_values_are_means_over_bins():
     values = np.linspace(0.0, 1.0, 50)
     trials = make_trials([{"voluntary": value} for value in values], trials=1).assign(failed=False, warned=False)
     effects = summarise_effects(trials, SweepAxis.of("voluntary", "v", values), ["K"])
-    assert effects["place"].nunique() == 10
+    assert effects["value"].nunique() == 10
     assert effects["trials"].sum() == len(trials)
     first = trials[(trials["voluntary"] < 0.1) & (trials["method"] == "riv")]["K"].mean()
-    assert effects[effects["method"] == "riv"].sort_values("place")["mean"].iloc[0] == pytest.approx(first)
-
-
-def test_cells_of_a_grid_are_its_points(trials):
-    axes = tuple(SweepAxis.of(name, name, trials[name]) for name in VARIED)
-    cells, edges = summarise_cells(trials, axes, ["vaf_net_true"])
-    expected = summarise_sweep(trials, ["point", *VARIED, "method"], ["vaf_net_true"])
-    merged = cells.merge(expected, left_on=["x", "y", "method"], right_on=[*VARIED, "method"])
-    assert len(merged) == len(cells) == 12
-    np.testing.assert_allclose(merged["mean_x"], merged["mean_y"])
-    assert [line.size for line in edges] == [4, 3]
-
-
-def test_random_points_are_drawn_one_by_one_or_in_tiles():
-    rng = np.random.default_rng(1)
-    for count, tiled in ((40, False), (700, True)):
-        points = [dict(zip(VARIED, row, strict=True)) for row in rng.random((count, 2)).tolist()]
-        trials = make_trials(points, trials=1).assign(failed=False, warned=False)
-        axes = tuple(SweepAxis.of(name, name, trials[name]) for name in VARIED)
-        cells, edges = summarise_cells(trials, axes, ["K"])
-        assert (edges is not None) == tiled
-        assert cells["trials"].sum() == len(trials)
-        weighted = (cells["mean"] * cells["n"]).sum() / cells["n"].sum()
-        assert weighted == pytest.approx(trials["K"].mean())
+    assert effects[effects["method"] == "riv"].sort_values("value")["mean"].iloc[0] == pytest.approx(first)
 
 
 def test_few_values_of_other_parameters_have_slices(trials):

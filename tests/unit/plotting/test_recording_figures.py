@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop.plotting.recordings import group_figure, model_figure, residual_figure, spectra_figure
+from ankleloop.plotting.recordings import model_figure, recordings_figure, residual_figure, spectra_figure
 from ankleloop.quantities import QUANTITIES
 
 
@@ -80,39 +80,25 @@ def test_residuals_have_a_limit_for_correlations():
     np.testing.assert_array_equal(drawn["x"], lags)
 
 
-def test_group_has_points_and_a_line_through_the_means_of_a_subject():
-    table = pd.DataFrame(
-        {
-            "label": "riv",
-            "subject": ["S1", "S1", "S1", "S2"],
-            "condition": ["rest", "rest", "active", "active"],
-            "K": [100.0, 120.0, 200.0, np.nan],
-        }
-    )
-    figure = group_figure(table, ["K"])
+def recordings(**columns):
+    names = {"label": "riv", "recording": ["A1", "A2", "A3"], "trusted": [True, True, False]}
+    values = {"K": [100.0, 120.0, 900.0], "K_low": [90.0, 115.0, np.nan], "K_high": [110.0, 125.0, np.nan]}
+    return pd.DataFrame({**names, **values, **columns})
+
+
+def test_recordings_have_a_row_each_with_their_intervals():
+    figure = recordings_figure(recordings(), ["K"])
     (axis,) = figure.axes
-    assert axis.get_ylabel() == QUANTITIES["K"].label
-    points, means, *second_subject = axis.get_lines()
-    assert points.get_ydata().tolist() == [100.0, 120.0, 200.0]
-    assert means.get_ydata().tolist() == [110.0, 200.0]
-    assert means.get_xdata() == pytest.approx([-0.06, 0.94])  # beside those of the other subject
-    assert all(len(line.get_xdata()) == 0 for line in second_subject)  # without a value
-    assert legend(figure) == ["S1", "S2"]
+    assert axis.get_xlabel() == QUANTITIES["K"].label
+    assert [label.get_text() for label in axis.get_yticklabels()] == ["A1", "A2", "A3"]
+    ends = [segment[:, 0].tolist() for segment in axis.collections[0].get_segments()[:2]]
+    assert ends == [[90.0, 110.0], [115.0, 125.0]]
+    low, high = axis.get_xlim()
+    assert 80.0 < low < 90.0 < 125.0 < high < 135.0  # of those to be trusted; the other one is an arrow head
+    assert legend(figure) == ["riv", "with failures or warnings"]
+    assert figure.data["fault"].tolist() == [False, False, True]
 
 
-def test_estimates_with_a_warning_are_crosses_and_not_in_the_mean():
-    table = pd.DataFrame(
-        {
-            "label": "riv",
-            "subject": "S1",
-            "condition": "rest",
-            "K": [100.0, 120.0, 900.0],
-            "trusted": [True, True, False],
-        }
-    )
-    figure = group_figure(table, ["K"])
-    points, means, rings, crosses = figure.axes[0].get_lines()
-    assert list(points.get_ydata()) == [100.0, 120.0]
-    assert list(means.get_ydata()) == list(rings.get_ydata()) == [110.0]
-    assert (crosses.get_marker(), list(crosses.get_ydata())) == ("x", [900.0])
-    assert legend(figure) == ["S1", "mean without those with a warning", "with a warning"]
+def test_subjects_and_conditions_are_named_where_the_table_names_them():
+    figure = recordings_figure(recordings(subject=["S1", "–", ""], condition=["rest", "rest", "–"]), ["K"])
+    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == ["A1 (S1, rest)", "A2 (rest)", "A3"]

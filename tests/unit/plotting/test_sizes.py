@@ -1,5 +1,6 @@
 """Every figure has the width of one or two columns, and letters that can be read in print."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import matplotlib
@@ -13,7 +14,7 @@ from ankleloop.plotting.curves import curves_figure
 from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
 from ankleloop.plotting.maps import map_figure
 from ankleloop.plotting.panels import Panel
-from ankleloop.plotting.recordings import group_figure, residual_figure, spectra_figure
+from ankleloop.plotting.recordings import recordings_figure, residual_figure, spectra_figure
 from ankleloop.plotting.studies import (
     estimates_figure,
     interval_figure,
@@ -23,8 +24,7 @@ from ankleloop.plotting.studies import (
 )
 from ankleloop.plotting.style import ONE_COLUMN, STYLE, TWO_COLUMNS, DataFigure
 from ankleloop.plotting.sweep_axes import SweepAxis
-from ankleloop.plotting.sweep_maps import maps_figure
-from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, effects_figure, lines_figure
+from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, lines_figure, maps_figure
 from ankleloop.plotting.trajectories import mean_trajectories_figure, trajectories_figure
 
 SMALLEST = 6.0  # pt
@@ -49,7 +49,7 @@ def means(**columns):
     places = [{"place": place, "x": place, "y": y} for place in AXIS.values for y in AXIS.values]
     rows = [{**place, "method": item.method, "quantity": "vaf", **columns} for place in places for item in SERIES]
     values = {"mean": 90.0, "margin": 1.0, "low": 80.0, "high": 95.0, "trials": 3, "failures": 0, "warnings": 1}
-    return pd.DataFrame(rows).assign(**values, parameter="voluntary", slice="")
+    return pd.DataFrame(rows).assign(**values, parameter="voluntary", value=0.1, slice="")
 
 
 def rows_of(**columns):
@@ -62,8 +62,8 @@ def residuals():
 
 
 def group():
-    table = pd.DataFrame({"label": METHODS, "subject": "S1", "condition": "rest", "K": 100.0})
-    return group_figure(pd.concat([table, table.assign(condition="a condition with a long name")]), ["K"])
+    table = pd.DataFrame({"label": METHODS, "subject": "S1", "condition": "rest", "K": 100.0, "trusted": True})
+    return recordings_figure(table.assign(recording="a recording with a long name"), ["K"])
 
 
 def changing():
@@ -102,9 +102,9 @@ FIGURES = {
     "spectra": lambda: spectra_figure(dict.fromkeys(("frequency", "position", "torque", "coherence"), LINE)),
     "residuals": lambda: residual_figure(residuals()),
     "group": group,
-    "lines": lambda: lines_figure(means(), AXIS, (SWEEP + DIFFERENCE) * 3),
-    "effects": lambda: effects_figure(means(), [AXIS], SWEEP),
-    "maps": lambda: maps_figure(means(), (AXIS, AXIS), (AXIS.edges(), AXIS.edges()), SWEEP),
+    "lines": lambda: lines_figure(means(), [AXIS], (SWEEP + DIFFERENCE) * 3),
+    "effects": lambda: lines_figure(means(), [AXIS, AXIS], SWEEP),
+    "maps": lambda: maps_figure(means(), (AXIS, replace(AXIS, label="noise [1]")), SWEEP),
     "trajectories": changing,
     "mean trajectories": mean_trajectories,
     "closed loop": closed_loop_diagram,

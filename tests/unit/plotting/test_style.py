@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from ankleloop.plotting.legends import add_legend
-from ankleloop.plotting.panels import Panel, panel_grid, share_ordinates
+from ankleloop.plotting.curves import share_ordinates
+from ankleloop.plotting.panels import Panel, add_legend, panel_grid
 from ankleloop.plotting.style import (
     REFERENCE_LINE,
     SCREEN_DOTS_PER_INCH,

@@ -5,13 +5,11 @@ import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.colors import to_hex
 
 from ankleloop.plotting.method_styles import METHOD_STYLES
 from ankleloop.plotting.style import FAULT_RING, STYLE
 from ankleloop.plotting.sweep_axes import SweepAxis
-from ankleloop.plotting.sweep_maps import NO_POINT, NO_VALUE, maps_figure
-from ankleloop.plotting.sweeps import SweepPanel, SweepSeries, lines_figure, mark_rows, value_limits
+from ankleloop.plotting.sweeps import NO_POINT, SweepPanel, SweepSeries, lines_figure, maps_figure, value_limits
 
 SERIES = [
     SweepSeries("riv", "RIV", METHOD_STYLES["riv"]),
@@ -51,14 +49,11 @@ def rows_of(places, **columns):
 
 
 def effects(axis):
-    return rows_of([{"place": place} for place in axis.places(axis.values)], parameter=axis.name)
+    return rows_of([{"value": value} for value in axis.values], parameter=axis.name)
 
 
 def cells():
     return rows_of([{"x": x, "y": y} for y in NOISE.values for x in GAIN.values], slice="")
-
-
-EDGES = (GAIN.edges(), NOISE.edges())
 
 
 def panels_of(figure):
@@ -70,7 +65,7 @@ def bars_of(figure):
 
 
 def test_lines_have_a_panel_for_each_quantity_and_each_difference():
-    figure = draw(lines_figure(effects(GAIN), GAIN, PANELS))
+    figure = draw(lines_figure(effects(GAIN), [GAIN], PANELS))
     labels = [axis.get_ylabel().replace("\n", " ") for axis in panels_of(figure)]
     assert labels == [
         "reflex VAF [%]",
@@ -82,25 +77,22 @@ def test_lines_have_a_panel_for_each_quantity_and_each_difference():
     assert panels_of(figure)[-1].get_xlabel().replace("\n", " ") == "reflex gain [N·m·s/rad]"
 
 
-def test_lines_are_the_means_and_bands_their_intervals_or_the_trials():
-    for band, half in (("mean", 1.0), ("trials", 3.0)):
-        figure = draw(lines_figure(effects(GAIN), GAIN, [VAF], band=band))
-        axis = panels_of(figure)[0]
-        line = next(line for line in axis.get_lines() if line.get_label() == "RIV")
-        np.testing.assert_array_equal(line.get_xydata(), [(5, 95), (10, 96), (15, 97), (20, 98)])
-        edges = axis.collections[0].get_paths()[0].vertices
-        at_ten = edges[edges[:, 0] == 10.0][:, 1]
-        assert (at_ten.min(), at_ten.max()) == (96 - half, 96 + half)
+def test_lines_are_the_means_and_bands_their_ends():
+    axis = panels_of(draw(lines_figure(effects(GAIN), [GAIN], [VAF])))[0]
+    line = next(line for line in axis.get_lines() if line.get_label() == "RIV")
+    np.testing.assert_array_equal(line.get_xydata(), [(5, 95), (10, 96), (15, 97), (20, 98)])
+    edges = axis.collections[0].get_paths()[0].vertices
+    at_ten = edges[edges[:, 0] == 10.0][:, 1]
+    assert (at_ten.min(), at_ten.max()) == (93.0, 99.0)
 
 
 def test_marks_stand_where_trials_failed_or_warned():
     table = effects(GAIN)
-    first = (table["place"] == 5.0) & (table["method"] == "riv")
-    table.loc[first, "warnings"] = 1
-    last = (table["place"] == 20.0) & (table["method"] == "moesp")
-    table.loc[last, ["mean", "margin", "low", "high"]] = np.nan
+    table.loc[(table["value"] == 5.0) & (table["method"] == "riv"), "warnings"] = 1
+    last = (table["value"] == 20.0) & (table["method"] == "moesp")
+    table.loc[last, ["mean", "low", "high"]] = np.nan
     table.loc[last, "failures"] = 5
-    axis = panels_of(draw(lines_figure(table, GAIN, [VAF])))[0]
+    axis = panels_of(draw(lines_figure(table, [GAIN], [VAF])))[0]
     lines = {line.get_label(): line for line in axis.get_lines()}
     np.testing.assert_array_equal(lines[FAULT_RING["label"]].get_xydata(), [(5.0, 95.0)])
     assert lines["every trial failed"].get_xdata().tolist() == [20.0]
@@ -108,13 +100,13 @@ def test_marks_stand_where_trials_failed_or_warned():
 
 def test_only_a_relevant_share_of_faults_is_marked():
     rows = pd.DataFrame({"trials": [100, 100, 20, 5, 5], "failures": [4, 5, 0, 5, 0], "warnings": [0, 0, 1, 0, 0]})
-    marked, failed = mark_rows(rows)
-    assert marked.tolist() == [False, True, True, False, False]
-    assert failed.tolist() == [False, False, False, True, False]
+    rows = rows.assign(quantity="vaf", method="riv")
+    assert VAF.rows(rows)["marked"].tolist() == [False, True, True, False, False]
+    assert VAF.rows(rows)["failed"].tolist() == [False, False, False, True, False]
 
 
 def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
-    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS))
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), PANELS))
     titles = [axis.get_title() for axis in panels_of(figure)]
     assert titles == ["RIV", "PR-MOESP", "RIV − PR-MOESP"] * 2 + ["RIV", "PR-MOESP"]
     labels = [axis.get_ylabel().replace("\n", " ") for axis in bars_of(figure)]
@@ -125,43 +117,52 @@ def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
     beside = [axis.get_ylabel().replace("\n", " ") for axis in panels]
     assert below == [""] * 5 + [GAIN.label] * 3  # below the last panel of each column
     assert beside == [NOISE.label, "", ""] * 2 + [NOISE.label, ""]
-    assert {axis.get_yscale() for axis in panels} == {"log"}
+    assert [label.get_text() for label in panels[0].get_yticklabels()] == ["0.1", "1", "10"]
 
 
 def test_tables_of_sweeps_have_what_is_drawn():
-    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, PANELS))
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), PANELS))
     rows = figure.data.query("quantity == 'reflex VAF' and method == 'PR-MOESP'").sort_values([NOISE.label, GAIN.label])
-    mesh = panels_of(figure)[1].collections[0]
-    np.testing.assert_array_equal(mesh.get_array().ravel(), rows["mean"])
+    image = panels_of(figure)[1].images[0]
+    np.testing.assert_array_equal(image.get_array().ravel(), rows["mean"])
     assert set(figure.data["unit"]) == {"%", "points", "N·m/rad"}
-    figure = draw(lines_figure(effects(GAIN), GAIN, [VAF]))
+    figure = draw(lines_figure(effects(GAIN), [GAIN], [VAF]))
     rows = figure.data.query("method == 'RIV'")
     line = next(line for line in panels_of(figure)[0].get_lines() if line.get_label() == "RIV")
-    np.testing.assert_array_equal(line.get_xydata(), rows[["value of the parameter", "mean"]].astype(float))
+    np.testing.assert_array_equal(line.get_xydata(), rows[["value", "mean"]].astype(float))
 
 
 def test_colours_of_differences_are_centred_at_zero():
-    figure = draw(maps_figure(cells(), (GAIN, NOISE), EDGES, [VAF, VAF_DIFFERENCE]))
-    mesh = panels_of(figure)[2].collections[0]
-    assert mesh.norm.vmin == -mesh.norm.vmax
-    assert mesh.get_cmap().name == "RdBu"
-    shared = {id(axis.collections[0].norm) for axis in panels_of(figure)[:2]}
-    assert len(shared) == 1
+    figure = draw(maps_figure(cells(), (GAIN, NOISE), [VAF, VAF_DIFFERENCE]))
+    first, second, difference = (axis.images[0] for axis in panels_of(figure))
+    assert difference.norm.vmin == -difference.norm.vmax
+    assert difference.get_cmap().name == "RdBu"
+    assert (first.norm.vmin, first.norm.vmax) == (second.norm.vmin, second.norm.vmax)
 
 
-def test_cells_without_a_value_are_hatched_and_those_without_a_point_are_grey():
+def test_cells_have_their_numbers_and_marks():
+    """A cross where there are trials but no value, grey where there is no point, an asterisk behind marked means."""
     table = cells()
     table = table[~((table["x"] == 20.0) & (table["y"] == 10.0))]
-    hit = (table["x"] == 5.0) & (table["y"] == 0.1) & (table["method"] == "riv")
-    table.loc[hit, "mean"] = np.nan
-    table.loc[hit, "failures"] = 5
-    figure = draw(maps_figure(table, (GAIN, NOISE), EDGES, [VAF]))
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == [NO_POINT, NO_VALUE, "every trial failed"]
+    lost = (table["x"] == 5.0) & (table["y"] == 0.1) & (table["method"] == "riv")
+    table.loc[lost, ["mean", "failures"]] = np.nan, 5
+    table.loc[(table["x"] == 10.0) & (table["y"] == 0.1), "warnings"] = 1
+    figure = draw(maps_figure(table, (GAIN, NOISE), [VAF]))
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["no point", "no value"]
     first, second = panels_of(figure)
-    assert np.isnan(first.collections[0].get_array().filled(np.nan)).sum() == 2
-    assert first.collections[1].get_hatch() == "////"
-    assert [to_hex(colour) for colour in first.collections[1].get_facecolor()] == ["#f4f4f4"]
-    assert len(second.collections) == 1
+    assert np.isnan(first.images[0].get_array().filled(np.nan)).sum() == 2
+    assert [text.get_text() for text in second.texts][:4] == ["90.0", "91.0*", "92.0", "93.0"]
+    assert first.get_facecolor() == second.get_facecolor() == matplotlib.colors.to_rgba(NO_POINT["color"])
+
+
+def test_small_cells_have_rings_and_points_of_a_random_design_are_drawn_one_by_one():
+    axis = SweepAxis.of("reflex_gain", "reflex gain [N·m·s/rad]", np.arange(40.0))
+    table = rows_of([{"x": x, "y": x} for x in axis.values], slice="", warnings=1)
+    first = panels_of(draw(maps_figure(table, (axis, axis), [VAF])))[0]
+    assert not first.texts
+    assert first.get_lines()[-1].get_label() == FAULT_RING["label"]
+    points = panels_of(draw(maps_figure(table, (axis, axis), [VAF], is_grid=False)))[0]
+    np.testing.assert_array_equal(points.collections[0].get_offsets(), [(x, x) for x in axis.values])
 
 
 @pytest.mark.parametrize(
@@ -202,7 +203,7 @@ def test_tick_labels_do_not_overlap():
         for scale in (np.linspace(0.0, 30.0, count), np.geomspace(0.01, 1000.0, count)):
             axis = SweepAxis.of("x", "reflex gain [N·m·s/rad]", scale.tolist())
             table = effects(axis)
-            panel = panels_of(draw(lines_figure(table, axis, [replace(VAF, series=SERIES[:1])] * 3)))[0]
+            panel = panels_of(draw(lines_figure(table, [axis], [replace(VAF, series=SERIES[:1])] * 3)))[0]
             low, high = sorted(panel.get_xlim())
             boxes = [
                 label.get_window_extent()

@@ -3,8 +3,9 @@ import pandas as pd
 import pytest
 
 import ankleloop
+from ankleloop.joint.prepared import prepare
 from ankleloop.plotting.style import TWO_COLUMNS, inches, save_figure
-from ankleloop.plotting.torques import torque_figure
+from ankleloop.plotting.torques import centre_torques, torque_figure
 
 
 @pytest.fixture(scope="module")
@@ -62,3 +63,18 @@ def test_methods_beyond_the_width_of_a_figure_are_drawn_below(identified):
     visible = [axis for axis in figure.axes if axis.get_visible()]
     assert len(visible) == 3 * len(many)
     assert figure.get_figwidth() == pytest.approx(inches(TWO_COLUMNS))
+
+
+def test_torques_have_no_mean_and_are_those_of_the_trial(identified):
+    trial, estimates = identified
+    prepared, estimate = prepare(trial), estimates["PR-MOESP"]
+    torques = centre_torques(prepared, estimate)
+    for values in (torques.measured, *torques.true.values(), *torques.estimated.values()):
+        assert values.shape == torques.time.shape
+        assert abs(values.mean()) < 1e-9
+    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    for channel, values in (("torque", torques.measured), ("torque_reflex", torques.true["reflex"])):
+        expected = prepared.channel_at(channel, time, rate)
+        np.testing.assert_allclose(values, expected - expected.mean(), atol=1e-12)
+    np.testing.assert_allclose(torques.true["net"], torques.true["intrinsic"] + torques.true["reflex"], atol=1e-12)
+    assert centre_torques(prepare(trial.drop_vars(["torque_intrinsic", "torque_reflex"])), estimate).true == {}
