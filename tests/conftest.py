@@ -154,5 +154,5 @@ def reproduction(repository, reduced):
 @pytest.fixture
 def coarse_pictures(monkeypatch):
     """Pictures of few pixels, which take less time."""
-    for module in ("pages.figures", "plotting.style"):
+    for module in ("pages.recordings", "plotting.style"):
         monkeypatch.setattr(f"ankleloop.{module}.DOTS_PER_INCH", 40)

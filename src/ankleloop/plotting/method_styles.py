@@ -8,13 +8,6 @@ from typing import Any
 
 Dashes = tuple[float, ...]
 
-SOLID: Dashes = ()
-DASHED: Dashes = (4.0, 1.5)
-DASH_DOT: Dashes = (6.0, 1.5, 1.0, 1.5)
-DOTTED: Dashes = (1.0, 1.5)
-LONG_DASHED: Dashes = (8.0, 2.0)
-DASH_DOT_DOT: Dashes = (6.0, 1.5, 1.0, 1.5, 1.0, 1.5)
-
 
 @dataclass(frozen=True)
 class MethodStyle:
@@ -23,7 +16,7 @@ class MethodStyle:
     colour: str  # of lines and symbols, as "#rrggbb"
     marker: str  # symbol, as matplotlib names it
     filled: bool = True  # whether the symbol is filled
-    dashes: Dashes = SOLID  # lengths of dashes and gaps in line widths; empty for a solid line
+    dashes: Dashes = ()  # lengths of dashes and gaps in line widths; empty for a solid line
 
     @property
     def symbol(self) -> dict[str, Any]:
@@ -60,12 +53,12 @@ SPARE_STYLES = (MethodStyle("#555555", "P"), MethodStyle("#332288", "h"), Method
 
 # Change of lightness, fill and line of the variants of a method: they keep its colour and its symbol.
 VARIANTS: tuple[tuple[float, bool, Dashes], ...] = (
-    (0.0, True, SOLID),
-    (-0.35, False, DASHED),
-    (0.4, True, DASH_DOT),
-    (-0.35, True, DOTTED),
-    (0.4, False, LONG_DASHED),
-    (0.0, False, DASH_DOT_DOT),
+    (0.0, True, ()),
+    (-0.35, False, (4.0, 1.5)),
+    (0.4, True, (6.0, 1.5, 1.0, 1.5)),
+    (-0.35, True, (1.0, 1.5)),
+    (0.4, False, (8.0, 2.0)),
+    (0.0, False, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5)),
 )
 MOST_VARIANTS = 3  # of a single method that are drawn in its colour
 # Variants that several studies have; they are drawn alike in all of them.
