@@ -51,7 +51,6 @@ def test_both_entries_are_the_command(program):
         (OSError(28, "No space left on device", "/tmp/x"), MISTAKE, ["/tmp/x: the disk is full", "free space there"]),
         (KeyboardInterrupt(), INTERRUPTED, ["interrupted"]),
         (OSError(5, "Input/output error"), MISTAKE, ["Traceback", "Input/output error"]),
-        (OSError(28, "No space left on device", "/x"), MISTAKE, ["/x: No space left on device", "make room"]),
     ],
 )
 def test_status_of_each_error(run, monkeypatch, error, status, words):
