@@ -57,14 +57,14 @@ class Results:
         Number of claims with each verdict of the ledger; empty without a ledger.
     studies : pandas.DataFrame
         A row for each study, as text.
-    study_links : dict of str to str
-        Pages of the studies by their titles.
+    study_links : sequence of str
+        Page of each study; empty where it has none.
     figures : dict of str to list of Figure
-        Figures by the titles of their studies.
+        Figures by the headings of their studies.
     recordings : pandas.DataFrame
         A row for each recording, as text.
-    recording_links : dict of str to str
-        Pages of the recordings by their names.
+    recording_links : sequence of str
+        Page of each recording; empty where it has none.
     run_times : dict of str to pandas.DataFrame
         Tables of times, as text, by their headings.
     provenance : list of (str, str)
@@ -76,10 +76,10 @@ class Results:
     links: Mapping[str, str]
     verdicts: Mapping[str, int]
     studies: pd.DataFrame
-    study_links: Mapping[str, str]
+    study_links: Sequence[str]
     figures: Mapping[str, Sequence[Figure]]
     recordings: pd.DataFrame
-    recording_links: Mapping[str, str]
+    recording_links: Sequence[str]
     run_times: Mapping[str, pd.DataFrame]
     provenance: Sequence[tuple[str, str]]
     details: Mapping[str, str] = field(default_factory=dict)

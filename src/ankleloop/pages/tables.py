@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ankleloop.pages.rendering import render_template
@@ -18,13 +18,13 @@ FILTERED_ROWS = 15  # of a table from which it has a field that filters
 
 def describe_table(
     table: pd.DataFrame,
-    links: Mapping[str, str] | None = None,
+    links: Sequence[str] = (),
     *,
     colours: Mapping[str, str] | None = None,
     identifier: str = "",
     compact: bool = False,
 ) -> dict[str, Any]:
-    """A table for the template `table.html.j2`."""
+    """A table for the template `table.html.j2`, with the link of each row; its first cell has it unless it is empty."""
     columns = [[str(cell) for cell in column] for _, column in table.items()]
     return {
         "identifier": identifier,
@@ -33,7 +33,7 @@ def describe_table(
         "names": list(table.columns),
         "classes": [_class_of(column) for column in columns],
         "rows": list(zip(*columns, strict=True)),
-        "links": links or {},
+        "links": links or [""] * len(table),
         "colours": colours or {},
         "short": SHORT_TEXT,
     }
@@ -55,8 +55,8 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def render_table(table: pd.DataFrame, links: Mapping[str, str] | None = None) -> str:
-    """Table as HTML."""
+def render_table(table: pd.DataFrame, links: Sequence[str] = ()) -> str:
+    """Table as HTML, with a link for each row."""
     return render_template("table.html.j2", table=describe_table(table, links))
 
 

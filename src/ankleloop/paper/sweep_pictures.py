@@ -33,7 +33,7 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     >>> import tempfile
     >>> import pandas as pd
     >>> from ankleloop.simulation.settings import SimulationSettings
-    >>> from ankleloop.studies.sweep_settings import SweepSettings
+    >>> from ankleloop.studies.config import SweepSettings
     >>> table = pd.DataFrame(
     ...     [
     ...         {"study": "s", "point": f"G={gain}", "reflex_gain": gain, "method": "riv", "trial": trial}

@@ -1,0 +1,209 @@
+"""Jobs of a chunk of trials: simulation, and identification by all methods of the study with scores."""
+
+from __future__ import annotations
+
+import logging
+import os
+import zlib
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pyarrow as pa
+import xarray as xr
+from numpy.random import SeedSequence
+
+from ankleloop.assessment.scores import parameter_row, score_rows
+from ankleloop.errors import NUMERICAL_ERRORS, DataError, UnstableLoopError
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.estimate_files import EstimateTable
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.methods.registry import identify
+from ankleloop.paper.trial_tables import ENDS, ESTIMATED, as_table, save_table
+from ankleloop.simulation.simulate import simulate
+from ankleloop.trials.files import parse_precision
+from ankleloop.trials.trial_files import FailedTrial, load_chunks
+
+log = logging.getLogger(__name__)
+
+GROUP_ROWS = 2_000  # that wait as objects; those of a table take much less memory
+TYPES = {"number": pa.float64(), "count": pa.int64(), "flag": pa.bool_(), "text": pa.string()}
+
+PathLike = str | os.PathLike[str]
+Points = Mapping[str, Mapping[str, Any]]
+Trials = Iterator[tuple[str, int, xr.Dataset | FailedTrial]]  # condition and number of each
+
+
+def describe_error(error: BaseException) -> str:
+    """The message of an error in one line, with its type where that says more than the message, or what to do."""
+    kind, text = type(error).__name__, str(error)
+    if hasattr(error, "ename") and hasattr(error, "evalue"):  # of a notebook: that in its cell
+        kind, text = error.ename, error.evalue
+    message = " ".join(text.split())
+    if isinstance(error, MemoryError):
+        return (
+            f"out of memory ({message or 'no message'}): run the same command again with fewer jobs at a time "
+            "(--cores 1), or on a machine with more memory. What other jobs have finished is kept."
+        )
+    if kind in (DataError.__name__, UnstableLoopError.__name__):
+        return message
+    return f"{kind}: {message or 'no message'}"
+
+
+@contextmanager
+def locate_errors(place: str) -> Iterator[None]:
+    """Note on every error of the block where it was: job, file, study, point, trial or method."""
+    try:
+        yield
+    except Exception as error:
+        error.add_note(place)
+        raise
+
+
+def trial_entropy(seed: int, study: str, point: str, number: int) -> list[int]:
+    """Entropy of a trial for `numpy.random.SeedSequence`, so that any part of a study gives the same bits alone."""
+    return [seed, zlib.crc32(study.encode()), zlib.crc32(point.encode()), number]
+
+
+def simulate_trials(
+    study: str,
+    seed: int,
+    conditions: Points,
+    *,
+    failures: Literal["stop", "count"] = "count",
+    precision: str = "double",
+) -> Trials:
+    """Simulate trials one after the other, with the samples that they would have in a trial file.
+
+    `conditions` have `settings` and the numbers of the trials, from `first` to `stop` without it.
+    """
+    kind = parse_precision(precision)
+    for condition, part in conditions.items():
+        for number in range(part["first"], part["stop"]):
+            trial: xr.Dataset | FailedTrial
+            with locate_errors(f"study {study}, point {condition}, trial {number}"):
+                try:
+                    entropy = trial_entropy(seed, study, condition, number)
+                    trial = _round(simulate(seed=SeedSequence(entropy), **part["settings"]), kind)
+                except NUMERICAL_ERRORS as error:
+                    if failures == "stop":
+                        raise
+                    trial = FailedTrial(condition, number, describe_error(error))
+                    log.warning("%s: trial %d failed: %s", condition, number, trial.reason)
+            yield condition, number, trial
+            log.info("%s: simulated trial %d", condition, number)
+
+
+def _round(trial: xr.Dataset, kind: type[np.floating]) -> xr.Dataset:
+    if kind is not np.float64:
+        for name in trial.data_vars:
+            variable = trial.variables[name]
+            variable.values = variable.values.astype(kind).astype(float)
+    return trial
+
+
+def read_trials(path: PathLike, conditions: Points) -> Trials:
+    """Trials of a file, those of each condition from `first` to `stop` without it."""
+    ranks = {condition: rank for rank, condition in enumerate(conditions)}
+    numbers = {condition: (part["first"], part["stop"]) for condition, part in conditions.items()}
+    with locate_errors(str(path)):
+        for chunk in load_chunks(path, numbers):
+            rows: list[tuple[str, int, xr.Dataset | FailedTrial]]
+            rows = list(zip(chunk.points, chunk.numbers, chunk.trials, strict=True))
+            rows += [(failure.point, failure.number, failure) for failure in chunk.failures]
+            yield from sorted(rows, key=lambda row: (ranks[row[0]], row[1]))
+
+
+def identify_trials(
+    trials: Trials,
+    files: Mapping[str, PathLike],
+    study: str,
+    conditions: Points,
+    methods: Points,
+    kinds: Mapping[str, str],
+    *,
+    settings: str = "",
+    against: Literal["measured"] | None = None,
+    precision: str = "double",
+    failures: Literal["stop", "count"] = "count",
+) -> pa.Table:
+    """Identify trials by every method, score the estimates, and write the rows of all trials to `files["scores"]`.
+
+    `conditions` have `points`, each with its `values` (columns) and `options` by method. Points of one condition share
+    its trials, and a method whose options are the same at several of them identifies a trial once. `files["estimates"]`
+    is optional.
+    """
+    folder = Path(files["scores"]).parent
+    estimates = EstimateTable(precision, folder) if "estimates" in files else None
+    variants = {condition: _list_variants(part["points"], methods) for condition, part in conditions.items()}
+    varied = {name: TYPES[kind] for name, kind in kinds.items()}
+    tables, waiting = [], []
+    for condition, number, trial in trials:
+        prepared = trial if isinstance(trial, FailedTrial) else PreparedTrial(trial, validated=True)
+        results = {}
+        for (name, _), (options, points) in variants[condition].items():
+            with locate_errors(f"study {study}, point {points[0]}, trial {number}, method {name}"):
+                estimate, row = _identify(prepared, methods[name]["method"], options, failures, against)
+                row = {_column(key, varied): value for key, value in row.items()}
+            for point in points:
+                results[point, name] = row
+                if estimate is not None and estimates is not None:
+                    estimates.add(estimate, point=point, name=name, number=number)
+                if "failure" in row:
+                    log.warning("%s, trial %d, %s failed: %s", point, number, name, row["failure"])
+        for point, part in conditions[condition]["points"].items():
+            keys = {"study": study, "point": point, **part["values"]}
+            waiting += [{**keys, "method": name, "trial": number, **results[point, name]} for name in methods]
+        if len(waiting) >= GROUP_ROWS:
+            tables.append(as_table(waiting, varied))
+            waiting = []
+        log.info("%s: identified trial %d", condition, number)
+        if isinstance(prepared, PreparedTrial):
+            prepared.clear()
+    table = pa.concat_tables([*tables, as_table(waiting, varied)], promote_options="default")
+    if estimates is not None:
+        estimates.write(files["estimates"], overwrite=True)
+    save_table(table, files["scores"], settings)
+    return table
+
+
+def _list_variants(points: Points, methods: Iterable[str]) -> dict[tuple[str, str], tuple[dict[str, Any], list[str]]]:
+    """Options of each method, and the points of a condition at which it has them."""
+    variants: dict[tuple[str, str], tuple[dict[str, Any], list[str]]] = {}
+    for point, part in points.items():
+        for name, method in methods.items():
+            options = part["options"].get(name, {})
+            key = (name, repr(sorted(options.items())))
+            variants.setdefault(key, ({**method["options"], **options}, []))[1].append(point)
+    return variants
+
+
+def _identify(
+    trial: PreparedTrial | FailedTrial,
+    method: str,
+    options: Mapping[str, Any],
+    failures: str,
+    against: Literal["measured"] | None,
+) -> tuple[Estimate | None, dict[str, Any]]:
+    """Estimate of a trial with its scores and parameters as a row, or without it the reason of the failure."""
+    if isinstance(trial, FailedTrial):
+        return None, {"failure": f"the trial could not be simulated: {trial.reason}"}
+    try:
+        estimate = identify(trial, method, **options)
+        scores = score_rows(trial, estimate, against=against, intervals=True)
+        parameters = parameter_row(trial, estimate)
+    except NUMERICAL_ERRORS as error:
+        if failures == "stop":
+            raise
+        return None, {"failure": describe_error(error)}
+    columns = ((f"vaf_{torque}_{target}", values) for torque, target, *values in scores)
+    row = {f"{name}{end}": value for name, values in columns for end, value in zip(("", *ENDS), values, strict=True)}
+    return estimate, row | parameters
+
+
+def _column(name: str, varied: Collection[str]) -> str:
+    """Column of an estimated quantity: one that the points vary by name has the value of the point there."""
+    quantity = name.removesuffix("_low").removesuffix("_high")
+    return f"{quantity}{ESTIMATED}{name.removeprefix(quantity)}" if quantity in varied else name
