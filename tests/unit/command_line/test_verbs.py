@@ -17,9 +17,9 @@ from ankleloop.command_line.terminal import show_progress
 from ankleloop.recordings.usual_methods import usual_methods
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.config_files import check_config_file
+from ankleloop.studies.recordings import Worker
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import read_studies
-from ankleloop.studies.recordings import Worker
 from ankleloop.trials.recording_files import write_recording
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
