@@ -3,7 +3,8 @@
 from types import SimpleNamespace
 
 from ankleloop.paper.trial_tables import join_tables
-from ankleloop.studies.jobs import identify_trials, read_trials, simulate_trials
+from ankleloop.studies.identification import identify_trials, read_trials
+from ankleloop.studies.simulation import simulate_trials
 from ankleloop.trials.trial_files import save_trials
 
 

@@ -20,7 +20,8 @@ JOBS = {"short": (4.0, 1000, 10_000), "default": (50.0, 100, 300)}
 
 PREPARE = """
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.jobs import identify_trials, read_trials, simulate_trials
+from ankleloop.studies.identification import identify_trials, read_trials
+from ankleloop.studies.simulation import simulate_trials
 from study_jobs import write_trials
 conditions = {"p": {"settings": SimulationSettings(duration=duration).model_dump(), "first": 0, "stop": count}}
 points = {"p": {**conditions["p"], "points": {"p": {"values": {}, "options": {}}}}}

@@ -3,7 +3,9 @@
 import sys
 
 from ankleloop.paper.trial_counts import describe_failures
-from ankleloop.studies.jobs import identify_trials, read_trials, simulate_trials
+from ankleloop.studies.failures import locate_errors
+from ankleloop.studies.identification import identify_trials, read_trials
+from ankleloop.studies.simulation import simulate_trials
 
 from job import running
 
@@ -13,7 +15,8 @@ with running(snakemake):
         trials = simulate_trials(study, precision=arguments["precision"], **snakemake.params.simulation)
     else:
         trials = read_trials(snakemake.input.trials, arguments["conditions"])
-    table = identify_trials(trials, dict(snakemake.output.items()), study, **arguments)
+    with locate_errors(", ".join(snakemake.input)):
+        table = identify_trials(trials, dict(snakemake.output.items()), study, **arguments)
     message = describe_failures(table.select(["point", "method", "trial", "failure"]).to_pandas())
     if message:
         print(f"{study}, chunk {snakemake.wildcards.chunk}: {message}", file=sys.stderr)

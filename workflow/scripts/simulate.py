@@ -2,7 +2,7 @@
 
 import sys
 
-from ankleloop.studies.jobs import simulate_trials
+from ankleloop.studies.simulation import simulate_trials
 from ankleloop.trials.trial_files import FailedTrial, save_trials
 
 from job import running

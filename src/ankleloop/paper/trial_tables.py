@@ -188,7 +188,7 @@ def _group_rows(batches: Iterable[pa.RecordBatch]) -> Iterator[pa.Table]:
     waiting: list[pa.RecordBatch] = []
     for batch in batches:
         waiting.append(batch)
-        if sum(map(len, waiting)) >= GROUP_ROWS:
+        while sum(map(len, waiting)) >= GROUP_ROWS:
             rows = pa.Table.from_batches(waiting)
             yield rows.slice(0, GROUP_ROWS).combine_chunks()
             waiting = rows.slice(GROUP_ROWS).to_batches()

@@ -19,7 +19,7 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.moesp import MEMBERS, REGRESSION_TOLERANCE, MoespOptions
 from ankleloop.paper.judgement import Mean
-from ankleloop.studies.jobs import describe_error
+from ankleloop.studies.failures import describe_error
 from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.moesp import moesp
 

@@ -21,7 +21,7 @@ from ankleloop.pages.recordings import embed_recording_figures, render_recording
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.studies.jobs import locate_errors
+from ankleloop.studies.failures import locate_errors
 from ankleloop.trials.csv_output import write_csv
 from ankleloop.trials.files import atomic_file
 

@@ -16,8 +16,9 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.paper.trial_counts import describe_failures
 from ankleloop.paper.trial_tables import read_results
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies import jobs
-from ankleloop.studies.jobs import identify_trials, read_trials, simulate_trials, trial_entropy
+from ankleloop.studies import identification
+from ankleloop.studies.identification import identify_trials, read_trials
+from ankleloop.studies.simulation import simulate_trials, trial_entropy
 from ankleloop.studies.study import read_studies
 from ankleloop.trials.checksums import LENGTH
 from ankleloop.trials.trial_files import load_trial_of
@@ -148,7 +149,7 @@ def fail(monkeypatch):
                 raise error
             return identify(trial, name, **options)
 
-        monkeypatch.setattr(jobs, "identify", identify_or_fail)
+        monkeypatch.setattr(identification, "identify", identify_or_fail)
 
     return change
 
@@ -190,7 +191,7 @@ def test_estimates_that_cannot_be_scored_are_failures(monkeypatch, tmp_path):
     def refuse(*_, **__):
         raise DataError("nothing is left to score")
 
-    monkeypatch.setattr(jobs, "score_rows", refuse)
+    monkeypatch.setattr(identification, "score_rows", refuse)
     results = run_chunk(tmp_path)
     assert (results.rows["failure"] == "nothing is left to score").all()
     assert load_estimates(results.estimates, "first", "pr") == {}
@@ -244,7 +245,7 @@ def test_a_method_whose_options_are_the_same_identifies_a_trial_once(tmp_path, m
         calls.append((method, options.get("block_rows")))
         return identify(trial, method, **options)
 
-    monkeypatch.setattr(jobs, "identify", count)
+    monkeypatch.setattr(identification, "identify", count)
     rows = pd.read_parquet(run_jobs(read_study(points={"block_rows": [8, 10]}, trials=2), tmp_path).table)
     assert calls == [("pr-moesp", 8), ("parallel-cascade", None), ("pr-moesp", 10)] * 2
     stiffness = rows.pivot(index=["method", "trial"], columns="block_rows", values="K")

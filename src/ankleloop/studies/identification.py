@@ -1,29 +1,24 @@
-"""Jobs of a chunk of trials: simulation, and identification by all methods of the study with scores."""
+"""Identification of a chunk of trials by all methods of a study, and its scores."""
 
 from __future__ import annotations
 
 import logging
 import os
-import zlib
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import pyarrow as pa
 import xarray as xr
-from numpy.random import SeedSequence
 
 from ankleloop.assessment.scores import parameter_row, score_rows
-from ankleloop.errors import NUMERICAL_ERRORS, DataError, UnstableLoopError
+from ankleloop.errors import NUMERICAL_ERRORS
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.registry import identify
 from ankleloop.paper.trial_tables import ENDS, ESTIMATED, as_table, save_table
-from ankleloop.simulation.simulate import simulate
-from ankleloop.trials.files import parse_precision
+from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.trials.trial_files import FailedTrial, load_chunks
 
 log = logging.getLogger(__name__)
@@ -34,74 +29,6 @@ TYPES = {"number": pa.float64(), "count": pa.int64(), "flag": pa.bool_(), "text"
 PathLike = str | os.PathLike[str]
 Points = Mapping[str, Mapping[str, Any]]
 Trials = Iterator[tuple[str, int, xr.Dataset | FailedTrial]]  # condition and number of each
-
-
-def describe_error(error: BaseException) -> str:
-    """The message of an error in one line, with its type where that says more than the message, or what to do."""
-    kind, text = type(error).__name__, str(error)
-    if hasattr(error, "ename") and hasattr(error, "evalue"):  # of a notebook: that in its cell
-        kind, text = error.ename, error.evalue
-    message = " ".join(text.split())
-    if isinstance(error, MemoryError):
-        return (
-            f"out of memory ({message or 'no message'}): run the same command again with fewer jobs at a time "
-            "(--cores 1), or on a machine with more memory. What other jobs have finished is kept."
-        )
-    if kind in (DataError.__name__, UnstableLoopError.__name__):
-        return message
-    return f"{kind}: {message or 'no message'}"
-
-
-@contextmanager
-def locate_errors(place: str) -> Iterator[None]:
-    """Note on every error of the block where it was: job, file, study, point, trial or method."""
-    try:
-        yield
-    except Exception as error:
-        error.add_note(place)
-        raise
-
-
-def trial_entropy(seed: int, study: str, point: str, number: int) -> list[int]:
-    """Entropy of a trial for `numpy.random.SeedSequence`, so that any part of a study gives the same bits alone."""
-    return [seed, zlib.crc32(study.encode()), zlib.crc32(point.encode()), number]
-
-
-def simulate_trials(
-    study: str,
-    seed: int,
-    conditions: Points,
-    *,
-    failures: Literal["stop", "count"] = "count",
-    precision: str = "double",
-) -> Trials:
-    """Simulate trials one after the other, with the samples that they would have in a trial file.
-
-    `conditions` have `settings` and the numbers of the trials, from `first` to `stop` without it.
-    """
-    kind = parse_precision(precision)
-    for condition, part in conditions.items():
-        for number in range(part["first"], part["stop"]):
-            trial: xr.Dataset | FailedTrial
-            with locate_errors(f"study {study}, point {condition}, trial {number}"):
-                try:
-                    entropy = trial_entropy(seed, study, condition, number)
-                    trial = _round(simulate(seed=SeedSequence(entropy), **part["settings"]), kind)
-                except NUMERICAL_ERRORS as error:
-                    if failures == "stop":
-                        raise
-                    trial = FailedTrial(condition, number, describe_error(error))
-                    log.warning("%s: trial %d failed: %s", condition, number, trial.reason)
-            yield condition, number, trial
-            log.info("%s: simulated trial %d", condition, number)
-
-
-def _round(trial: xr.Dataset, kind: type[np.floating]) -> xr.Dataset:
-    if kind is not np.float64:
-        for name in trial.data_vars:
-            variable = trial.variables[name]
-            variable.values = variable.values.astype(kind).astype(float)
-    return trial
 
 
 def read_trials(path: PathLike, conditions: Points) -> Trials:
