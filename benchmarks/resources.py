@@ -23,7 +23,8 @@ import yaml
 from scipy.optimize import nnls
 
 from ankleloop import METHODS, simulate
-from ankleloop.studies.resources import BLOCK_ROWS, MEASURED, READ_TRIALS
+from ankleloop.studies.resources import BLOCK_ROWS, MEASURED
+from ankleloop.trials.trial_files import CHUNK  # trials that are in memory at a time
 
 ROOT = Path(__file__).resolve().parents[1]
 SNAKEMAKE = Path(sys.executable).with_name("snakemake")
@@ -196,7 +197,7 @@ def describe_memory(row):
         return _describe_report(row)
     if row["rule"] == "simulate":
         return {"simulate": 1.0, "simulated sample": row["samples"]}
-    read = row["samples"] * min(row["trials"], READ_TRIALS)
+    read = row["samples"] * min(row["trials"], CHUNK)
     return {
         "identify": 1.0,
         "identified sample": read,
