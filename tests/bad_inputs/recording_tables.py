@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.config import Recording
-from ankleloop.studies.tables import read_recordings
+from ankleloop.studies.recording_tables import read_recordings
 from bad_inputs.bad_input import BadInput, rows_of
 from bad_inputs.inputs import missing, text_file
 

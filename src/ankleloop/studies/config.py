@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from functools import reduce
-from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -13,15 +11,14 @@ from pydantic import (
     Field,
     StringConstraints,
     WithJsonSchema,
-    create_model,
     model_validator,
 )
 
 from ankleloop.methods.registry import METHODS
-from ankleloop.methods.selection import check_selection
 from ankleloop.options import Options, option, show_value, suggest_name
 from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.studies.method_settings import MethodSettings, union_of_methods
 from ankleloop.studies.points import SETTINGS, Design, PointTable, ValueRange
 from ankleloop.studies.recording_settings import Recording
 
@@ -51,59 +48,6 @@ SCORES = {
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)]
 RecordingName = Annotated[str, StringConstraints(pattern=RECORDING_NAME, max_length=MAX_NAME)]
 Names = Annotated[list[str], Field(min_length=1)]
-
-
-class MethodSettings(Options):
-    """A method of a study: its name, its label and its options."""
-
-    method: str = option(description="identification method")
-    label: str | None = option(None, "name in tables and legends; null for the key")
-    options: Options = option(description="options of the method; those left out have their defaults")
-    select: dict[str, Annotated[list[Any], Field(min_length=1)]] = option(
-        {}, "options to select on data that were not fitted, each with its candidates from simple to complex"
-    )
-    criterion: Literal["instrumental", "cross-validation"] | None = option(
-        None, "criterion of that selection; null for instrumental with a reference, cross-validation without"
-    )
-
-    @model_validator(mode="after")
-    def _check_candidates(self) -> Self:
-        options = {name: getattr(self.options, name) for name in self.options.model_fields_set}
-        try:
-            check_selection(f"method {self.method!r}", type(self.options), options, self.select, self.criterion)
-        except TypeError as error:  # pydantic names the place of a ValueError only
-            raise ValueError(str(error)) from None
-        return self
-
-    @property
-    def fixed_options(self) -> dict[str, Any]:
-        """Options with their defaults, without those that are to be selected."""
-        return {name: value for name, value in self.options if name not in self.select}
-
-    @property
-    def identify_options(self) -> dict[str, Any]:
-        """All options that `ankleloop.identify` takes, the candidates of a selection among them."""
-        selection = {"select": self.select, "criterion": self.criterion} if self.select else {}
-        return {**self.fixed_options, **selection}
-
-
-def union_of_methods() -> Any:
-    """One model of `MethodSettings` for each set of options; the name of the method tells them apart."""
-    names: dict[type[Options], list[str]] = {}
-    for name, entry in METHODS.items():
-        names.setdefault(entry.options, []).append(name)
-    method, field = (MethodSettings.model_fields[name].description or "" for name in ("method", "options"))
-    models: list[Any] = [
-        create_model(
-            options.__name__.replace("Options", "Settings"),
-            __base__=MethodSettings,
-            __doc__=f"A method with {options.__name__}.",
-            method=(Literal[tuple(members)], option(description=method)),  # type: ignore[arg-type] # of the registry
-            options=(options, option(description=field, default_factory=options)),
-        )
-        for options, members in names.items()
-    ]
-    return Annotated[reduce(or_, models), Field(discriminator="method")]
 
 
 class SweepSettings(Options):

@@ -18,9 +18,10 @@ from ankleloop.methods.registry import METHODS
 from ankleloop.options import Options, as_plain, option, show_value, suggest_name
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import ConfigError, check, expand_path
+from ankleloop.studies.tables import FLAGS, cast_number, read_points
 
 if TYPE_CHECKING:
-    from ankleloop.studies.config import MethodSettings
+    from ankleloop.studies.method_settings import MethodSettings
 
 SETTINGS = tuple(SimulationSettings.model_fields)
 MAX_POINTS = 100_000  # of a study
@@ -279,8 +280,6 @@ def _list_combinations(
 def _read_table(
     place: Place, table: str, methods: Mapping[str, MethodSettings]
 ) -> tuple[Mapping[str, Parameter], Iterator[Combination]]:
-    from ankleloop.studies.tables import read_points  # here, because tables need models of the configuration
-
     path = expand_path(table, f"study {place[1]}: the table of its points")
     try:
         rows = read_points(path)
@@ -304,8 +303,6 @@ def _read_table(
 
 def _cast(parameter: Parameter, value: Any, row: str) -> Any:
     """A cell as the type of its column; text that is none stays text, which the model refuses."""
-    from ankleloop.studies.tables import FLAGS, cast_number
-
     if value == "":
         raise ConfigError(
             f"{row}: the cell of the column {parameter.column!r} is empty: every point has a value of each parameter; "

@@ -13,8 +13,9 @@ from ankleloop.methods.registry import METHODS
 from ankleloop.options import suggest_name
 from ankleloop.paper.results import true_values
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config import Config, MethodSettings
+from ankleloop.studies.config import Config
 from ankleloop.studies.config_files import find_key
+from ankleloop.studies.method_settings import MethodSettings
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy, Study, read_studies
 
 MOST_POINTS = 1000  # of a notebook that has a line of its table, or a curve, for each

@@ -17,15 +17,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ankleloop.studies.checking import ConfigError, check, expand_path
-from ankleloop.studies.config import NOTEBOOKS, Config, MethodSettings, Recording, RecordingsStudy, SimulationStudy
+from ankleloop.studies.config import NOTEBOOKS, Config, RecordingsStudy, SimulationStudy
+from ankleloop.studies.method_settings import MethodSettings
 from ankleloop.studies.points import Point, list_points
+from ankleloop.studies.recording_settings import Recording
+from ankleloop.studies.recording_tables import read_recordings
 from ankleloop.studies.resources import (
     RECORDING_SECONDS,
     START_SECONDS,
     identification_seconds,
     simulation_seconds,
 )
-from ankleloop.studies.tables import read_recordings
 
 MAX_JOBS = 100_000  # of a rule, for one study
 MAX_SAMPLES = 2**25  # of all trials of a trial file, which then has at most 2 GB

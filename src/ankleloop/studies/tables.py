@@ -1,4 +1,4 @@
-"""Tables that people write, CSV or Parquet: a row for each recording, or for each point of a study."""
+"""Tables that people write, CSV or Parquet, row by row: values as they stand, or a message that names the line."""
 
 from __future__ import annotations
 
@@ -7,66 +7,15 @@ import io
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from ankleloop.options import option, show_value
-from ankleloop.studies.checking import NUMBER, ConfigError, check
-from ankleloop.studies.config import MAX_NAME, RECORDING_NAME, Recording, check_recording_names
+from ankleloop.studies.checking import NUMBER, ConfigError
 from ankleloop.studies.config_files import read_text
 
 FLAGS = {"true": True, "false": False}
-
-
-class _Row(Recording):
-    """A row of a table of recordings: a recording, or one of the trials that are merged into one."""
-
-    name: str | None = option(None, "name of the recording; without one, subject, condition and trial make it")
-    batch: str | None = option(None, "name that rows share whose trials are merged")
-
-    @property
-    def recording_name(self) -> str:
-        """Name of the recording to which the row belongs."""
-        parts = [part for part in (self.subject, self.condition, self.trial) if part]
-        return self.batch or self.name or "-".join(parts) or Path(self.file).name
-
-
-def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -> dict[str, list[Recording]]:
-    """Read a table of recordings."""
-    path = Path(path)
-    recordings: dict[str, list[Recording]] = {}
-    batches: set[str | None] = set()
-    for place, cells in _read_rows(path):
-        values = {key: _cast_recording(key, text) for key, text in cells.items() if text}
-        row = check(_Row, {**defaults, **values}, place)
-        name = row.recording_name
-        if not re.fullmatch(RECORDING_NAME.strip("^$"), name) or len(name) > MAX_NAME:
-            raise ConfigError(
-                f"{place}: the name {show_value(name)} must consist of at most {MAX_NAME} letters A-Z a-z, digits and "
-                "_ - ., and begin with a letter or digit: write another one into the column name."
-            )
-        if name in recordings and not (row.batch and name in batches):
-            raise ConfigError(f"{place}: the name {name!r} is taken; give each row, and each batch, a name of its own.")
-        batches.add(row.batch)
-        parts = recordings.setdefault(name, [])
-        if (row.file, row.start, row.stop) in [(part.file, part.start, part.stop) for part in parts]:
-            raise ConfigError(f"{place}: the same part of {row.file} is in the batch {name!r} already.")
-        parts.append(Recording(**row.model_dump(exclude={"name", "batch"})))
-    try:
-        check_recording_names("names", recordings)
-    except ValueError as error:
-        raise ConfigError(f"{path}: {error}.") from None
-    return recordings
-
-
-def _cast_recording(key: str, text: str) -> Any:
-    """A cell as the type of its column; what is no number stays text, which the model refuses."""
-    field = _Row.model_fields.get(key)
-    kinds = (get_args(field.annotation) or (field.annotation,)) if field else (str,)
-    takes_text = any(kind is str or isinstance(kind, str) for kind in kinds)
-    return text if takes_text else cast_number(text)
 
 
 def cast_number(text: str) -> Any:
@@ -78,7 +27,7 @@ def cast_number(text: str) -> Any:
 
 def read_points(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     """Place and cells of each row of a table of points: text of CSV, values of Parquet."""
-    return _read_parquet(path) if path.suffix == ".parquet" else _read_rows(path)
+    return _read_parquet(path) if path.suffix == ".parquet" else read_rows(path)
 
 
 def _read_parquet(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -98,7 +47,7 @@ def _read_parquet(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     _check_rows(path, len(table))
 
 
-def _read_rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
+def read_rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
     """Place and cells of each row of a CSV table, as text without spaces around it; empty rows are left out."""
     _check_existence(path)
     reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)

@@ -9,7 +9,7 @@ import pytest
 from ankleloop.methods.registry import METHODS
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config import MethodSettings
+from ankleloop.studies.method_settings import MethodSettings
 from ankleloop.studies.points import list_points
 from ankleloop.studies.run_config import check_uses
 from ankleloop.studies.study import read_studies
