@@ -18,6 +18,7 @@ from pyarrow import dataset, parquet
 
 from ankleloop.errors import DataError
 from ankleloop.methods.registry import METHODS
+from ankleloop.options import Options
 from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
 from ankleloop.quantities import QUANTITIES, Quantity
 from ankleloop.simulation.settings import SimulationSettings
@@ -219,7 +220,7 @@ def _describe(field: pa.Field, varied: Collection[str]) -> pa.Field:
     unit, words = quantity.unit, ENDS.get(end, "") + quantity.name
     if field.name in varied:
         option = field.name.rpartition(".")[2]
-        models = [SimulationSettings, *(method.options for method in METHODS.values())]
+        models: list[type[Options]] = [SimulationSettings, *(method.options for method in METHODS.values())]
         model = next(model for model in models if option in model.model_fields)
         unit, words = model.unit(option), model.model_fields[option].description or option
     return field.with_metadata({"unit": unit, "description": words})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -96,7 +96,7 @@ def identify_trials(
     return table
 
 
-def _list_variants(points: Points, methods: Iterable[str]) -> dict[tuple[str, str], tuple[dict[str, Any], list[str]]]:
+def _list_variants(points: Points, methods: Points) -> dict[tuple[str, str], tuple[dict[str, Any], list[str]]]:
     """Options of each method, and the points of a condition at which it has them."""
     variants: dict[tuple[str, str], tuple[dict[str, Any], list[str]]] = {}
     for point, part in points.items():

@@ -217,10 +217,11 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Map
             message = f"study {study}: the points {other} and {name} have the same settings."
             raise ConfigError(f"{row}: {message}" if row else message, place)
         points[name] = (row, Point(name, condition, values, options))
-    complete = {name: _shared_value(parameter, shared, methods) for name, parameter in parameters.items()}
-    return Points(
-        [point._replace(values={**complete, **point.values}) for _, point in points.values()], conditions, parameters
-    )
+    listed = [point for _, point in points.values()]
+    if any(len(point.values) < len(parameters) for point in listed):
+        complete = {name: _shared_value(parameter, shared, methods) for name, parameter in parameters.items()}
+        listed = [point._replace(values={**complete, **point.values}) for point in listed]
+    return Points(listed, conditions, dict(parameters))
 
 
 def _list_options(values: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, dict[str, Any]]:

@@ -11,7 +11,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -60,20 +60,22 @@ class Study:
     """A study under its name."""
 
     settings: SimulationStudy | RecordingsStudy
+    varied: Sequence[str] = ()  # names of the columns that differ between the points
 
     def __init__(self, name: str, settings: Any) -> None:
         self.name, self.settings = name, settings
+        self.methods: Mapping[str, MethodSettings] = settings.methods  # by the name that tables use
+
+    @property
+    def points(self) -> dict[str, dict[str, Any]]:
+        """Settings of each point, or mapping of each recording, by name."""
+        raise NotImplementedError
 
     @property
     def title(self) -> str:
         """Heading of its report; its name where the configuration has none."""
         words = re.sub("[_-]+", " ", self.name).strip()
         return self.settings.title or words[:1].upper() + words[1:]
-
-    @property
-    def methods(self) -> Mapping[str, MethodSettings]:
-        """Methods by the name that tables use."""
-        return self.settings.methods
 
     @property
     def labels(self) -> dict[str, str]:
@@ -94,10 +96,12 @@ class SimulatedStudy(Study):
     settings: SimulationStudy
 
     def __init__(self, name: str, settings: SimulationStudy) -> None:
-        super().__init__(name, settings)
+        self.name, self.settings, self.methods = name, settings, settings.methods
         points = list_points(name, settings.points, settings.simulation, settings.methods)
         self.point_list, self.conditions, self.parameters = points
-        self.varied = list(self.parameters)  # names of the columns that differ between the points
+        self.varied = list(self.parameters)
+        target = 60.0 * settings.job_minutes
+        self._job_seconds = max(target - START_SECONDS, target / 2)  # of a job without its start
         self._points_of: dict[str, list[Point]] = {}
         for point in self.point_list:
             self._points_of.setdefault(point.condition, []).append(point)
@@ -128,8 +132,12 @@ class SimulatedStudy(Study):
         return [chunk for _, chunk in self._divide(self._list_trials(), self._fit_file)]
 
     @cached_property
-    def _chunks(self) -> list[tuple[Any, list[PointTrials]]]:
-        """Chunks, each with the number of its trial file and the points of its conditions."""
+    def chunks(self) -> list[list[PointTrials]]:
+        """Trials of each chunk, which one job identifies: those of some conditions, or part of those of one condition.
+
+        Of a condition with many points, a chunk may also have part of these. The trials belong to one trial file. Only
+        without trial files and estimates their length and rate may differ.
+        """
         parts: Parts = self._list_trials()
         if self.settings.keep == "everything":
             ranks = {condition: rank for rank, condition in enumerate(self.conditions)}
@@ -141,20 +149,14 @@ class SimulatedStudy(Study):
             for label, part in parts
             for points in slices[part.condition]
         ]
-        return self._divide(sliced, lambda condition: self._fit(self._cost(condition, slices[condition][0])))
-
-    @cached_property
-    def chunks(self) -> list[list[PointTrials]]:
-        """Trials of each chunk, which one job identifies: those of some conditions, or part of those of one condition.
-
-        Of a condition with many points, a chunk may also have part of these. The trials belong to one trial file. Only
-        without trial files and estimates their length and rate may differ.
-        """
-        return [chunk for _, chunk in self._chunks]
+        chunks = self._divide(sliced, lambda condition: self._fit(self._cost(condition, slices[condition][0])))
+        self._trial_files = [label[0] for label, _ in chunks]
+        return [chunk for _, chunk in chunks]
 
     def trial_chunk_of(self, chunk: int) -> int:
         """Number of the trial file that holds the trials of a chunk."""
-        return int(self._chunks[chunk][0][0])
+        self.chunks  # noqa: B018  # which also finds the files
+        return int(self._trial_files[chunk])
 
     def _identified_conditions(self, parts: Iterable[PointTrials]) -> dict[str, dict[str, Any]]:
         """Conditions with the trials that are identified, and their points, with `values` and `options` by method."""
@@ -208,7 +210,8 @@ class SimulatedStudy(Study):
 
     def _list_trials(self) -> Parts:
         """All trials of each condition, with what those of a file share: length, rate and variables."""
-        trials, parts = self.settings.trials, []
+        trials = self.settings.trials
+        parts: Parts = []
         for condition, settings in self.conditions.items():
             follows_cycle = any(settings[name] for name in ("movement", "locked_torque", "perturbation_locked"))
             label = (settings["duration"], settings["recording_rate"], settings["variation"], follows_cycle)
@@ -241,12 +244,6 @@ class SimulatedStudy(Study):
             cost = identification_seconds(samples, methods, rate)
             self._costs[key] = cost + simulation_seconds(samples) * (self.settings.keep != "everything")
         return self._costs[key]
-
-    @property
-    def _job_seconds(self) -> float:
-        """Time of a job without its start [s]."""
-        target = 60.0 * self.settings.job_minutes
-        return max(target - START_SECONDS, target / 2)
 
     def _fit(self, cost: float, most: int = MAX_SAMPLES) -> ChunkSize:
         """Size of a chunk whose trials take about as long as a job should."""
@@ -313,7 +310,6 @@ class RecordedStudy(Study):
     """A study of recordings of a laboratory."""
 
     settings: RecordingsStudy
-    varied: tuple[str, ...] = ()
 
     @cached_property
     def hashes(self) -> list[str]:
