@@ -120,7 +120,8 @@ def trial_file_of(wildcards):
     study = study_of(wildcards)
     if study.settings.keep != "everything":
         return []
-    return trial_files(study)[study.trial_chunk_of(int(wildcards.chunk))]
+    number = study.trial_chunk_of(int(wildcards.chunk))
+    return f"results/trials/{study.name}/{number}.nc"
 
 
 def table_file(study):

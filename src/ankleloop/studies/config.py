@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
-    BeforeValidator,
     Field,
     StringConstraints,
     WithJsonSchema,
@@ -92,13 +91,6 @@ class SweepSettings(Options):
                 )
 
 
-def _check_form(points: Any) -> Any:
-    """Refuse what is neither a mapping nor a list; names and values are checked with the methods of the study."""
-    if not isinstance(points, (Mapping, list)) or points == []:
-        raise ValueError("must be lists of values by setting, or a list of points with their settings")
-    return points
-
-
 PARAMETER = {
     "anyOf": [
         {"enum": sorted({*SETTINGS, *(name for method in METHODS.values() for name in method.options.model_fields)})},
@@ -107,7 +99,6 @@ PARAMETER = {
 }
 Points = Annotated[
     Any,
-    BeforeValidator(_check_form),
     WithJsonSchema(
         {
             "anyOf": [

@@ -272,7 +272,7 @@ def _list_combinations(
         if count > MAX_POINTS:
             raise _error(place, f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies")
         return parameters, (("", dict(zip(entry, row, strict=True))) for row in itertools.product(*lists))
-    if not all(isinstance(point, Mapping) for point in entry):
+    if not isinstance(entry, list) or not entry or not all(isinstance(point, Mapping) for point in entry):
         raise _error(place, "must be lists of values by setting, or a list of points with their settings")
     names = list(dict.fromkeys(name for point in entry for name in point))
     return find_parameters(names, methods, place), (("", dict(point)) for point in entry)
