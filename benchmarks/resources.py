@@ -23,7 +23,8 @@ from scipy.optimize import nnls
 from tools import ROOT, SNAKEMAKE, workflow_environment
 
 from ankleloop import METHODS, simulate
-from ankleloop.studies.resources import BLOCK_ROWS, MEASURED, READ_TRIALS
+from ankleloop.studies.resources import BLOCK_ROWS, MEASURED
+from ankleloop.trials.trial_files import CHUNK  # trials that are in memory at a time
 
 RATE = 1000.0  # recorded samples of a second
 IDENTIFICATION_RATE = 100.0
@@ -193,7 +194,7 @@ def describe_memory(row):
         return _describe_report(row)
     if row["rule"] == "simulate":
         return {"simulate": 1.0, "simulated sample": row["samples"]}
-    read = row["samples"] * min(row["trials"], READ_TRIALS)
+    read = row["samples"] * min(row["trials"], CHUNK)
     return {
         "identify": 1.0,
         "identified sample": read,

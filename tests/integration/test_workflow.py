@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from ankleloop.paper.results import read_results
 from ankleloop.paper.trial_counts import COUNTS, count_outcomes, count_trials
+from ankleloop.paper.trial_tables import read_results
 
 pytestmark = pytest.mark.workflow
 
@@ -29,13 +29,12 @@ def plan(reproduction, reduced):
     return plan
 
 
-# Summaries of all studies, which follow any change in one of them; the economy is measured on Table 1.
-SUMMARIES = {"verify": 1, "article": 1, "crate": 1, "index": 1}
-ECONOMY = {"economy": 1}
+# Summaries of all studies, which follow any change in one of them.
+SUMMARIES = {"verify": 1, "article": 1, "index": 1}
 
 
 def report_jobs(study, figures):
-    return {f"small_trial_table {study}": 1, f"report {study}": 1, f"figure {study}": figures}
+    return {f"small_table {study}": 1, f"report {study}": 1, f"figure {study}": figures}
 
 
 def page(path):
@@ -81,7 +80,7 @@ def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
         if path.stem in ("economy", "recordings") or path.stem.endswith("-trials"):
             continue
         table = pd.read_csv(path)
-        details = read_results((reproduction / "results/parameters" / path.stem).glob("*.csv"))
+        details = read_results(reproduction / f"results/tables/{path.stem}-trials.parquet")[0]
         assert set(COUNTS) <= set(table), path.name
         assert (table["trials"] == count_trials(details)).all(), path.name
         assert table["failures"].max() == 0, path.name
@@ -95,7 +94,7 @@ def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
 def test_scores_are_means_of_trials(reproduction):
     table = pd.read_csv(reproduction / "results/tables/table1.csv").query("gain == 13")
     table = table.set_index(["method", "torque", "against"])
-    scores = pd.read_csv(reproduction / "results/scores/table1/0.csv")
+    scores = read_results(reproduction / "results/tables/table1-trials.parquet")[1].query("reflex_gain == 13")
     for key, rows in scores.groupby(["method", "torque", "against"]):
         row = table.loc[key]
         assert row["mean"] == pytest.approx(rows["vaf"].mean(), abs=1e-9)
@@ -114,13 +113,13 @@ def test_settings_rerun_exactly_what_depends_on_them(plan):
     option = {"methods": {"pr-moesp": {"options": {"block_rows": 20}}}}
     jobs = plan(table1=option, table2={"simulation": {"voluntary": 0.4}})
     chunks = {"identify table1 0": 1, "identify table1 1": 1, "simulate table2 0": 1, "identify table2 0": 1}
-    assert jobs == chunks | report_jobs("table1", 2) | report_jobs("table2", 1) | ECONOMY | SUMMARIES
+    assert jobs == chunks | report_jobs("table1", 2) | report_jobs("table2", 1) | SUMMARIES
 
 
 def test_a_changed_and_a_new_point_leave_the_others_alone(plan):
     jobs = plan(table1={"points": {"reflex_gain": [13.0, 5.0, 7.0]}})
     chunks = {f"{rule} table1 {chunk}": 1 for rule in ("simulate", "identify") for chunk in (1, 2)}
-    assert jobs == chunks | report_jobs("table1", 2) | ECONOMY | SUMMARIES
+    assert jobs == chunks | report_jobs("table1", 2) | SUMMARIES
 
 
 @pytest.fixture
@@ -143,13 +142,13 @@ def test_a_changed_method_identifies_again_and_simulates_nothing(reproduction, p
     jobs = plan()
     studies = yaml.safe_load((reproduction / "config/ci.yaml").read_text(encoding="utf-8"))["studies"]
     assert {job.split()[1] for job in jobs if job.startswith("identify")} == set(studies)
-    assert {"simulate", "diagrams"}.isdisjoint(job.split()[0] for job in jobs)
+    assert not any(job.startswith("simulate") for job in jobs)
 
 
 def test_changed_diagrams_and_pages_are_drawn_again(plan, touch):
     touch("plotting/diagrams.py")
     touch("pages/templates/base.html.j2")
-    rules = {"diagrams", "report", "figure", "article", "crate", "index", "recordings", "publish"}
+    rules = {"report", "figure", "article", "index", "recordings", "publish"}
     assert {job.split()[0] for job in plan()} == rules
 
 

@@ -13,7 +13,7 @@ SEED = 2008
 def test_results_after_a_kill_are_those_of_an_undisturbed_run(start, finish, undisturbed, tmp_path):
     """Every other kill takes the jobs along; otherwise they go on as orphans while the next run begins."""
     expected, duration = undisturbed
-    assert {"tables/study.csv", "reports/study.html", f"scores/study/{CHUNKS - 1}.csv"} <= set(expected)
+    assert {"tables/study.csv", "reports/study.html", f"scores/study/{CHUNKS - 1}.parquet"} <= set(expected)
     generator = random.Random(SEED)
     during = 0
     for number in range(KILLS):

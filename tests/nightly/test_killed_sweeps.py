@@ -136,7 +136,7 @@ def test_a_full_disk_is_named_by_jobs_and_table_and_loses_nothing(start, config,
         resize((disk.f_blocks - disk.f_bfree) * disk.f_frsize)
         run = start(tmp_path, *arguments)
         assert run.wait() != 0
-        check_message(run, "small_trial_table")
+        check_message(run, "small_table")
         resize("8M")
         assert count_jobs(run_to_end(start, tmp_path, config)) == 0
         assert finished(tmp_path) == before

@@ -4,51 +4,60 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import h5py
 import pytest
 
 from ankleloop import simulate
 
+TESTS = Path(__file__).parents[1]
 MOST = 500e6  # bytes of a job of 10,000 trials
 GROWTH = 4e3  # bytes for each trial: its attributes, and its places in temporary files; no signals
 # Duration of trials [s], how many fill the buffers of the job and of the libraries, and how many there are.
 STEP = 5e6  # bytes by which a peak varies; one channel of each trial that is kept would be 80 MB in the default job
 JOBS = {"short": (4.0, 1000, 10_000), "default": (50.0, 100, 300)}
 
-SIMULATE = """
+PREPARE = """
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.simulation import simulate_chunk
-settings = SimulationSettings(duration=duration).model_dump()
-simulate_chunk(f"{folder}/trials.nc", "s", 1, {"p": {"settings": settings, "first": 0, "stop": count}})
-"""
-IDENTIFY = """
-from ankleloop.studies.identification import identify_chunk
-files = {"estimates": f"{folder}/e.parquet", "scores": f"{folder}/s.csv", "parameters": f"{folder}/p.csv"}
+from ankleloop.studies.identification import identify_trials, read_trials
+from ankleloop.studies.simulation import simulate_trials
+from study_jobs import write_trials
+conditions = {"p": {"settings": SimulationSettings(duration=duration).model_dump(), "first": 0, "stop": count}}
+points = {"p": {**conditions["p"], "points": {"p": {"values": {}, "options": {}}}}}
 methods = {
     "pr": {"method": "pr-moesp", "options": {"block_rows": 10}},
     "cascade": {"method": "parallel-cascade", "options": {"max_passes": 1}},
 }
-points = {"p": {"p": {"values": {}, "options": {}}}}
-identify_chunk(f"{folder}/trials.nc", files, "s", points, methods)
+files = {"scores": f"{folder}/scores.parquet"}
 """
-SWEEP = """
-from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.sweep_job import sweep_chunk
-files = {"scores": f"{folder}/0-s.csv", "parameters": f"{folder}/0-p.csv"}
-methods = {
-    "pr": {"method": "pr-moesp", "options": {"block_rows": 10}},
-    "cascade": {"method": "parallel-cascade", "options": {"max_passes": 1}},
-}
-settings = SimulationSettings(duration=duration).model_dump()
-conditions = {"p": {"settings": settings, "first": 0, "stop": count}}
-sweep_chunk(files, "s", 1, conditions, {"p": {"p": {"values": {}, "options": {}}}}, methods)
+SIMULATE = (
+    PREPARE
+    + """
+write_trials(f"{folder}/trials.nc", "s", 1, conditions)
 """
+)
+IDENTIFY = (
+    PREPARE
+    + """
+files["estimates"] = f"{folder}/estimates.parquet"
+identify_trials(read_trials(f"{folder}/trials.nc", points), files, "s", points, methods, {})
+"""
+)
+SWEEP = (
+    PREPARE
+    + """
+identify_trials(simulate_trials("s", 1, conditions), files, "s", points, methods, {})
+"""
+)
 TABLE = """
-import json, sys
-from ankleloop.paper.trial_tables import write_trial_table
-folder, count = sys.argv[1], int(sys.argv[2])
-write_trial_table(f"{folder}/t.parquet", [f"{folder}/0-p.csv"] * count, [f"{folder}/0-s.csv"] * count)
+import json, shutil, sys
+from ankleloop.paper.trial_tables import join_tables
+folder, count, rows = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+chunks = {f"{folder}/{number}.parquet": "" for number in range(count)}
+for path in chunks:
+    shutil.copyfile(f"{folder}/scores.parquet", path)
+join_tables(f"{folder}/table.parquet", chunks, [], count * rows, "")
 print(json.dumps(largest_memory()))
 """
 LARGEST_MEMORY = """
@@ -92,7 +101,8 @@ ALLOCATION = {"MALLOC_MMAP_THRESHOLD_": str(2**30), "MALLOC_TRIM_THRESHOLD_": st
 
 def run(program, *arguments, **environment):
     """What a program prints, as JSON."""
-    environment = {**os.environ, **environment, "OMP_NUM_THREADS": "1"}
+    path = os.pathsep.join(filter(None, [str(TESTS), os.environ.get("PYTHONPATH")]))
+    environment = {**os.environ, **environment, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
     command = [sys.executable, "-c", program, *arguments]
     process = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert process.returncode == 0, process.stderr
@@ -138,5 +148,5 @@ def test_memory_does_not_grow_with_the_table_of_a_study(tmp_path):
     trials, chunks = 500, (20, 200)
     sweep = PROGRAM.replace("{job}", SWEEP).replace("{message}", "")
     run(LARGEST_MEMORY + sweep, str(tmp_path), "4.0", "0", str(trials))
-    few, many = (run(LARGEST_MEMORY + TABLE, str(tmp_path), str(count)) for count in chunks)
+    few, many = (run(LARGEST_MEMORY + TABLE, str(tmp_path), str(count), str(2 * trials)) for count in chunks)
     assert many - few < 50 * 2 * trials * (chunks[1] - chunks[0]), (few, many)  # a row has 30 numbers of 8 bytes

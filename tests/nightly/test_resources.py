@@ -87,7 +87,7 @@ def test_a_job_without_memory_says_so_and_the_others_finish(repository, start, f
     place = r"study study, point reflex_gain=\S+, trial \d+, method pr-moesp; results/trials/study/\d+\.nc"
     assert re.match(rf"rule identify, study study, chunk \d+; {place}: out of memory \(", messages[0]), messages
     assert "run the same command again with fewer jobs at a time (--cores 1)" in messages[0]
-    assert len(list(folder.glob("results/scores/study/*.csv"))) == CHUNKS - 1
+    assert len(list(folder.glob("results/scores/study/*.parquet"))) == CHUNKS - 1
     assert not list(folder.rglob("*.part"))
     assert not list_differences(expected, finish(folder, unlock=False))
 
@@ -109,7 +109,7 @@ def test_a_job_that_the_system_ends_for_want_of_memory_is_named(start, finish, u
     jobs[0].send_signal(signal.SIGKILL)
     assert run.wait() != 0
     assert "Error in rule identify:" in run.text
-    assert len(list(tmp_path.glob("results/scores/study/*.csv"))) == CHUNKS - 1
+    assert len(list(tmp_path.glob("results/scores/study/*.parquet"))) == CHUNKS - 1
     assert not list_differences(expected, finish(tmp_path, unlock=False))
 
 

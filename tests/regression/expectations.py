@@ -8,6 +8,8 @@ beside each number.
 import numpy as np
 import pandas as pd
 
+from ankleloop.paper.trial_tables import read_results
+
 SHARE = 0.25  # of the standard error
 LEAST = 1e-4  # of the number itself: rounding in other builds of linear algebra
 KEY = ["point", "method", "quantity"]
@@ -18,9 +20,8 @@ DECIDED_BY_ROUNDING = "-without-rank-policy"
 
 def summarise_results(results, study):
     """Mean, spread and number of trials of every VAF, and of K, B, I and G, of a study."""
-    scores = _read_chunks(results / "scores" / study)
+    details, scores = read_results(results / "tables" / f"{study}-trials.parquet")
     vaf = scores.assign(quantity="VAF " + scores["torque"] + " (" + scores["against"] + ")", value=scores["vaf"])
-    details = _read_chunks(results / "parameters" / study)
     names = [name for name in ("K", "B", "I", "G") if name in details]
     values = details.melt(["point", "method", "trial"], names, "quantity", "value").dropna(subset="value")
     everything = pd.concat([vaf[[*KEY, "value"]], values[[*KEY, "value"]]])
@@ -29,10 +30,6 @@ def summarise_results(results, study):
     table = table[table["n"] > 1].reset_index(drop=True)  # one trial that has a G has no spread
     standard_error = table["sd"].fillna(0.0) / np.sqrt(table["n"])
     return table.assign(tolerance=np.maximum(SHARE * standard_error, LEAST * table["mean"].abs()))
-
-
-def _read_chunks(folder):
-    return pd.concat([pd.read_csv(path) for path in sorted(folder.glob("*.csv"), key=lambda path: int(path.stem))])
 
 
 def list_differences(expected, results):

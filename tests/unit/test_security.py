@@ -101,7 +101,7 @@ SCRIPT = "<script>alert(1)</script><img src=x onerror=alert(1)>"
 
 
 def test_names_in_tables_are_text():
-    table = render_table(pd.DataFrame({SCRIPT: [SCRIPT]}), {SCRIPT: SCRIPT})
+    table = render_table(pd.DataFrame({SCRIPT: [SCRIPT]}), [SCRIPT])
     assert "<script" not in table
     assert "<img" not in table
 

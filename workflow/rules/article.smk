@@ -1,66 +1,20 @@
-# What is made of several studies: the diagrams, the economy of the methods, the ledger and the article.
+# What is made of several studies: the ledger with the economy of the methods, and the article with the diagrams.
+
+
 # The economy is that of the published methods, on the trials of Table 1.
-ECONOMY = {study.name: study for study in ARTICLE if study.name == "table1"}
-
-
-rule diagrams:
-    output:
-        report(
-            expand(
-                "results/figures/{figure}.{suffix}",
-                figure=DIAGRAMS,
-                suffix=["png", "pdf", "svg"],
-            ),
-            category="Figures 1 and 2",
-            caption="../report/diagrams.rst",
-        ),
-    log:
-        "logs/diagrams.log",
-    conda:
-        "../envs/ankleloop.yaml"
-    threads: 1
-    params:
-        library=library("workflow/scripts/diagrams.py"),
-    script:
-        "../scripts/diagrams.py"
-
-
-rule economy:
-    input:
-        trials=[path for study in ECONOMY.values() for path in trial_files(study)],
-    output:
-        table="results/tables/economy.csv",
-    log:
-        "logs/economy.log",
-    benchmark:
-        "logs/economy.tsv"
-    conda:
-        "../envs/ankleloop.yaml"
-    # All cores of a local run: a job at its side would change the times.
-    threads: local_cores()
-    resources:
-        mem_mb=table_memory,
-        runtime=table_runtime,
-    params:
-        options={
-            name: study.identified_methods[name]["options"]
-            for study in ECONOMY.values()
-            for name in ("pr-moesp", "eiv-moesp")
-            if name in study.methods
-        },
-        library=library("workflow/scripts/economy.py"),
-    script:
-        "../scripts/economy.py"
-
-
 rule verify:
     input:
         published=OF_PAPER,
         findings=repository_file("data/findings.csv"),
-        economy="results/tables/economy.csv",
-        scores=chunk_files_of_article("scores"),
-        parameters=chunk_files_of_article("parameters"),
+        trials=[
+            path
+            for study in ARTICLE
+            if study.name == "table1"
+            for path in trial_files(study)
+        ],
+        tables=[table_file(study) for study in ARTICLE],
     output:
+        economy="results/tables/economy.csv",
         ledger=report(
             "results/verification.csv",
             category="Verification",
@@ -73,14 +27,22 @@ rule verify:
         "logs/verify.tsv"
     conda:
         "../envs/ankleloop.yaml"
-    threads: 1
+    # All cores of a local run: a job at its side would change the times.
+    threads: local_cores()
     resources:
-        mem_mb=table_memory,
-        runtime=table_runtime,
+        mem_mb=memory,
+        runtime=half_hour,
     params:
+        options={
+            name: study.identified_methods[name]["options"]
+            for study in ARTICLE
+            if study.name == "table1"
+            for name in ("pr-moesp", "eiv-moesp")
+            if name in study.methods
+        },
         studies={
             study.name: {
-                "kind": study.kind,
+                "kind": study.settings.kind,
                 "points": study.points,
                 "labels": study.labels,
             }
@@ -93,14 +55,12 @@ rule verify:
 
 rule article:
     input:
-        scores=chunk_files_of_article("scores"),
-        parameters=chunk_files_of_article("parameters"),
+        tables=[table_file(study) for study in ARTICLE],
         reports=[f"results/reports/{study.name}.html" for study in ARTICLE],
-        tables=[f"results/tables/{study.name}.csv" for study in ARTICLE],
+        summaries=[f"results/tables/{study.name}.csv" for study in ARTICLE],
         figures=[path for study in ARTICLE for path in figure_files(study)],
-        diagrams=[f"results/figures/{name}.png" for name in DIAGRAMS],
-        economy="results/tables/economy.csv",
-        verification="results/verification.csv",
+        economy=rules.verify.output.economy,
+        verification=rules.verify.output.ledger,
         conclusions=repository_file("data/conclusions.yaml"),
         notebook=repository_file("notebooks/article.ipynb"),
     output:
@@ -108,6 +68,15 @@ rule article:
             "results/article.html",
             category="Article",
             caption="../report/article.rst",
+        ),
+        diagrams=report(
+            expand(
+                "results/figures/{figure}.{suffix}",
+                figure=DIAGRAMS,
+                suffix=["png", "pdf", "svg"],
+            ),
+            category="Figures 1 and 2",
+            caption="../report/diagrams.rst",
         ),
     log:
         "logs/article.log",
@@ -117,10 +86,10 @@ rule article:
         "../envs/ankleloop.yaml"
     threads: 1
     resources:
-        mem_mb=table_memory,
-        runtime=table_runtime,
+        mem_mb=memory,
+        runtime=half_hour,
     params:
-        parameters=lambda wildcards, input: article_parameters(
+        parameters=lambda wildcards, input, output: article_parameters(
             ARTICLE,
             {
                 study.name: article_files(
@@ -131,7 +100,7 @@ rule article:
             verification=input.verification,
             conclusions=input.conclusions,
             economy=input.economy,
-            diagrams=list(input.diagrams),
+            diagrams=[path for path in output.diagrams if path.endswith(".png")],
         ),
         library=library("workflow/scripts/render.py", "notebooks/article.ipynb"),
     script:

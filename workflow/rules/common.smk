@@ -1,25 +1,24 @@
 # The configuration, the studies that it describes, and what several rules take of them.
 import os
 import sys
-from functools import cache
+from base64 import urlsafe_b64encode
 
+from ankleloop.errors import DataError
+from ankleloop.paper.trial_tables import read_hash
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.notebooks import NOTEBOOKS
+from ankleloop.studies.config import NOTEBOOKS
 from ankleloop.studies.fingerprint import fingerprint
-from ankleloop.studies.job_resources import describe_chunk, describe_tables
-from ankleloop.studies.results import (
-    MOST_TEXT_ROWS,
+from ankleloop.studies.notebooks import (
     article_parameters,
-    article_studies,
-    count_rows,
-    figure_names,
     report_parameters,
-    run_studies,
     shows_sweep,
 )
+from ankleloop.studies.resources import MEMORY, requested_minutes
 from ankleloop.studies.run_config import describe_article, read_run
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy
 from snakemake.logging import logger
+
+MOST_TEXT_ROWS = 10_000  # of a table of trials that is written as CSV, too
 
 # Jobs keep the memory that they have freed: the first touch of new memory can cost more than the numbers in it.
 os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(2**30))
@@ -33,8 +32,10 @@ except ConfigError as error:
     )  # without the traceback that Snakemake would show
 if workflow.is_main_process and describe_article(CONFIG):
     logger.info(describe_article(CONFIG))
-ARTICLE = article_studies(CONFIG, STUDIES)
+RUN = [STUDIES[name] for name in CONFIG.run_names]
+ARTICLE = [STUDIES[name] for name in CONFIG.article_names]
 DIAGRAMS = ["figure1", "figure2"]
+KINDS = ["trials", "estimates", "scores"]
 # Files of the repository; `local` says that they are never in the storage of the results.
 PUBLISHED = [
     local(str(path)) for path in sorted((ROOT / "data" / "published").glob("*.csv"))
@@ -43,32 +44,26 @@ PUBLISHED = [
 OF_PAPER = [
     path for path in PUBLISHED if Path(path).stem in ("claims", "table1", "table2")
 ]
+SIMULATED = {
+    name: study for name, study in STUDIES.items() if isinstance(study, SimulatedStudy)
+}
 
 
 def alternatives(names):
     """Regular expression of some names; of none it matches nothing."""
-    return "|".join(names) or "(?!)"
+    return "|".join(sorted(names)) or "(?!)"
 
 
-# Studies of simulations by what they keep on disk.
-KEPT = {
-    keep: alternatives(
-        name
-        for name, study in STUDIES.items()
-        if isinstance(study, SimulatedStudy) and study.settings.keep == keep
+def names_keeping(*kinds):
+    """Expression of the simulated studies that keep everything, estimates or scores on disk."""
+    return alternatives(
+        name for name, study in SIMULATED.items() if study.settings.keep in kinds
     )
-    for keep in ("everything", "estimates", "scores")
-}
-RECORDED = alternatives(
-    name for name, study in STUDIES.items() if isinstance(study, RecordedStudy)
-)
 
+
+RECORDED = alternatives(set(STUDIES) - set(SIMULATED))
 # Studies whose table of all trials is small: it is written as CSV, too.
-SMALL = [
-    study.name
-    for study in run_studies(CONFIG, STUDIES)
-    if isinstance(study, SimulatedStudy) and count_rows(study) <= MOST_TEXT_ROWS
-]
+SMALL = {name for name, study in SIMULATED.items() if study.rows <= MOST_TEXT_ROWS}
 
 
 wildcard_constraints:
@@ -87,29 +82,17 @@ def local_cores():
     return 1 if workflow.remote_exec else max(1, workflow.resource_settings.cores or 1)
 
 
+def repository_file(path):
+    """A file of the repository, wherever the results are stored."""
+    return local(str(ROOT / path))
+
+
 def study_of(wildcards):
     return STUDIES[wildcards.study]
 
 
-def chunk_of(wildcards):
-    return int(wildcards.chunk)
-
-
-def chunks(wildcards):
-    """Numbers of the chunks of a study."""
-    return range(len(study_of(wildcards).chunks))
-
-
-def identification_time(wildcards):
-    """Time that the methods of a chunk take, in proportion."""
-    study = study_of(wildcards)
-    return study.simulated_time(chunk_of(wildcards)) * len(study.methods)
-
-
-def simulation_priority(wildcards):
-    """Above that of any identification."""
-    study = study_of(wildcards)
-    return 1e9 + study.simulated_time(chunk_of(wildcards), stored=True)
+def title_of(wildcards):
+    return study_of(wildcards).title
 
 
 def notebook_of(wildcards):
@@ -117,150 +100,137 @@ def notebook_of(wildcards):
     return f"notebooks/{study_of(wildcards).settings.notebook}.ipynb"
 
 
-def repository_file(path):
-    """A file of the repository, wherever the results are stored."""
-    return local(str(ROOT / path))
-
-
-def title_of(wildcards):
-    return study_of(wildcards).title
-
-
-def estimates_of(wildcards):
-    """Estimate files of a study, if it keeps them; of recordings the folder of their pages, to which their notebook links."""
-    study = study_of(wildcards)
-    if isinstance(study, SimulatedStudy):
-        has_files = study.settings.keep != "scores"
-        return chunk_files("estimates", study, "parquet") if has_files else []
-    return f"results/reports/{study.name}"
-
-
-def chunk_files(kind, study, suffix="csv"):
+def chunk_files(kind, study):
     """Files of all chunks of a study."""
     return [
-        f"results/{kind}/{study.name}/{chunk}.{suffix}"
+        f"results/{kind}/{study.name}/{chunk}.parquet"
         for chunk in range(len(study.chunks))
     ]
 
 
 def trial_files(study):
-    """Trial files of a study; none of recordings, and where no trials are kept."""
-    count = len(study.trial_chunks) if isinstance(study, SimulatedStudy) else 0
-    return [f"results/trials/{study.name}/{number}.nc" for number in range(count)]
-
-
-def trial_files_of(wildcards):
-    return trial_files(study_of(wildcards))
+    """Trial files of a study; none where no trials are kept."""
+    return [
+        f"results/trials/{study.name}/{k}.nc" for k in range(len(study.trial_chunks))
+    ]
 
 
 def trial_file_of(wildcards):
-    """Trial file that holds the trials of a chunk."""
-    number = study_of(wildcards).trial_chunk_of(chunk_of(wildcards))
-    return f"results/trials/{wildcards.study}/{number}.nc"
-
-
-def trial_table_files(study):
-    """Files of the table of all trials of a study; none of recordings."""
-    if isinstance(study, RecordedStudy):
-        return []
-    suffixes = ["parquet", "csv"] if study.name in SMALL else ["parquet"]
-    return [f"results/tables/{study.name}-trials.{suffix}" for suffix in suffixes]
-
-
-def trial_table_of(wildcards):
-    """Table of all trials of a study, as Parquet."""
-    return trial_table_files(study_of(wildcards))[:1]
-
-
-def score_files_of(wildcards):
-    """Scores of a study; recordings have none."""
+    """Trial file that holds the trials of a chunk; none where no trials are kept."""
     study = study_of(wildcards)
-    return chunk_files("scores", study) if isinstance(study, SimulatedStudy) else []
+    if study.settings.keep != "everything":
+        return []
+    number = study.trial_chunk_of(int(wildcards.chunk))
+    return f"results/trials/{study.name}/{number}.nc"
 
 
-def parameter_files_of(wildcards):
-    return chunk_files("parameters", study_of(wildcards))
+def table_file(study):
+    """Table of all trials of a study."""
+    return f"results/tables/{study.name}-trials.parquet"
 
 
-def unless_sweep(files):
-    """Files of a study for its notebook; that of a sweep reads the table of all trials alone."""
-    return lambda wildcards: (
-        [] if shows_sweep(study_of(wildcards)) else files(wildcards)
-    )
+def tables_of(wildcards):
+    """Tables that the notebook of a study reads."""
+    study = study_of(wildcards)
+    recorded = isinstance(study, RecordedStudy)
+    return chunk_files("scores", study) if recorded else [table_file(study)]
 
 
-def chunk_files_of_article(kind):
-    """Files of all chunks of all studies of the article."""
-    return [path for study in ARTICLE for path in chunk_files(kind, study)]
+def trials_of(wildcards):
+    """Trial files that the notebook of a study reads."""
+    study = study_of(wildcards)
+    recorded = isinstance(study, RecordedStudy)
+    return [] if recorded or shows_sweep(study) else trial_files(study)
+
+
+def estimates_of(wildcards):
+    """Estimates that the notebook of a study reads; of recordings the folder of their pages, to which it links."""
+    study = study_of(wildcards)
+    if isinstance(study, RecordedStudy):
+        return f"results/reports/{study.name}"
+    none = shows_sweep(study) or study.settings.keep == "scores"
+    return [] if none else chunk_files("estimates", study)
 
 
 def figure_files(study):
     """Figures of a study, as PNG."""
-    return [f"results/figures/{study.name}-{name}.png" for name in figure_names(study)]
+    return [f"results/figures/{study.name}-{name}.png" for name in study.figures]
 
 
 def article_files(study, folder):
     """Files of a study that the article shows; results may be in a folder into which a storage copies them."""
-    files = {
-        "scores": chunk_files("scores", study),
-        "estimates": chunk_files("parameters", study),
-        "table": f"results/tables/{study.name}.csv",
-        "report": f"results/reports/{study.name}.html",
-        "figures": figure_files(study),
-    }
     return {
-        name: (
-            folder + item if isinstance(item, str) else [folder + path for path in item]
-        )
-        for name, item in files.items()
+        "table_file": folder + table_file(study),
+        "table": f"{folder}results/tables/{study.name}.csv",
+        "report": f"{folder}results/reports/{study.name}.html",
+        "figures": [folder + path for path in figure_files(study)],
     }
 
 
 def targets():
     """Everything that the studies of a run make."""
     paths = []
-    for study in run_studies(CONFIG, STUDIES):
+    for study in RUN:
         if isinstance(study, RecordedStudy):
             paths.append(f"results/reports/{study.name}")
+        else:
+            paths.append(table_file(study))
+            if study.name in SMALL:
+                paths.append(f"results/tables/{study.name}-trials.csv")
         if study.settings.notebook:
             paths += [f"results/reports/{study.name}.html", *figure_files(study)]
-        if isinstance(study, SimulatedStudy):
-            paths += trial_table_files(study)
-        elif not study.settings.notebook:
-            paths += chunk_files("parameters", study)
+        elif isinstance(study, RecordedStudy):
+            paths += chunk_files("scores", study)
     return [*paths, "results/article.html"] if ARTICLE else paths
 
 
-# Memory and time of jobs, for schedulers: a new attempt asks for more.
-@cache
-def chunk_resources(task, study, chunk):
-    return describe_chunk(STUDIES[study], task, chunk)
+def check_results(study):
+    """Refuse tables of other settings of which Snakemake has no record, as after the loss of .snakemake: it would keep
+    them."""
+    tables = dict(zip(chunk_files("scores", study), study.hashes))
+    if isinstance(study, SimulatedStudy):
+        tables[table_file(study)] = study.hash
+    for path, expected in tables.items():
+        record = f".snakemake/metadata/{urlsafe_b64encode(path.encode()).decode()}"
+        if not os.path.exists(path) or os.path.exists(record):
+            continue
+        try:
+            is_right = read_hash(path) == expected
+        except DataError:  # it is damaged
+            is_right = False
+        if not is_right:
+            folders = [f"results/{kind}/{study.name}" for kind in KINDS]
+            sys.exit(
+                f"{path} was made with other settings, and the record of that in .snakemake is lost: delete "
+                f"{', '.join(folders)} and {table_file(study)}, and run again: they are made anew."
+            )
 
 
-def chunk_memory(task):
-    """Memory of the job of a chunk [MB]."""
-    return lambda wildcards, attempt: chunk_resources(
-        task, wildcards.study, chunk_of(wildcards)
-    ).mem_mb(attempt)
+if workflow.is_main_process:
+    for study in RUN:
+        check_results(study)
 
 
-def chunk_runtime(task):
-    """Time of the job of a chunk [min]."""
-    return lambda wildcards, attempt: chunk_resources(
-        task, wildcards.study, chunk_of(wildcards)
-    ).runtime(attempt)
+# Memory [MB] and time [min] of jobs, for schedulers: a new attempt asks for more.
+def memory(wildcards, attempt):
+    return MEMORY * attempt
 
 
-def read_studies_of(wildcards):
-    """Studies whose tables a job reads: that of its name, or those of the article."""
-    return [study_of(wildcards)] if "study" in wildcards.keys() else ARTICLE
+def half_hour(wildcards, attempt):
+    return 30 * attempt
 
 
-def table_memory(wildcards, attempt):
-    """Memory of a job that reads tables [MB]."""
-    return describe_tables(read_studies_of(wildcards)).mem_mb(attempt)
+def simulation_seconds(wildcards):
+    """Time of the job of a trial file [s]."""
+    study = study_of(wildcards)
+    return study.simulation_seconds(study.trial_chunks[int(wildcards.chunk)])
 
 
-def table_runtime(wildcards, attempt):
-    """Time of a job that reads tables [min]."""
-    return describe_tables(read_studies_of(wildcards)).runtime(attempt)
+def identification_seconds(wildcards):
+    """Time of the job of a chunk [s]."""
+    study = study_of(wildcards)
+    return study.identification_seconds(study.chunks[int(wildcards.chunk)])
+
+
+def minutes(seconds):
+    return lambda wildcards, attempt: requested_minutes(seconds(wildcards), attempt)

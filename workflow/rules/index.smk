@@ -1,22 +1,36 @@
-# The page at which a reader starts: it lists whatever is there of the results.
+# The metadata of a run, as a Research Object Crate, and the page at which a reader starts: what was made, from which
+# configuration and by which programs.
+JOBS = {
+    study.name: (
+        {"recordings": study.chunks}
+        if isinstance(study, RecordedStudy)
+        else {
+            "simulate": study.trial_chunks,
+            "sweep" if study.settings.keep == "scores" else "identify": study.chunks,
+        }
+    )
+    for study in RUN
+}
+
+
 rule index:
     input:
-        metadata=rules.crate.output.metadata,
-        configuration=rules.crate.output.configuration,
-        provenance=rules.crate.output.provenance,
         results=targets(),
         rendered=[
             f"results/rendered/{study.name}"
-            for study in run_studies(CONFIG, STUDIES)
+            for study in RUN
             if study.settings.notebook
         ],
-        parameters=[
+        tables=[
             path
-            for study in run_studies(CONFIG, STUDIES)
+            for study in RUN
             if isinstance(study, RecordedStudy)
-            for path in chunk_files("parameters", study)
+            for path in chunk_files("scores", study)
         ],
     output:
+        metadata="results/ro-crate-metadata.json",
+        configuration="results/configuration.json",
+        provenance="results/provenance.json",
         index="results/index.html",
         tables="results/tables.html",
         ledger=["results/ledger.html"] if ARTICLE else [],
@@ -27,17 +41,33 @@ rule index:
         "../envs/ankleloop.yaml"
     threads: 1
     params:
-        folder=lambda wildcards, input: os.path.dirname(input.provenance),
-        studies={
+        configuration=CONFIG.model_dump(mode="json", by_alias=True),
+        repository=str(ROOT),
+        # Jobs of the run by their logs; folders may also hold those of earlier runs.
+        jobs=[
+            *(["verify", "article"] if ARTICLE else []),
+            *[
+                f"{rule}/{study}/{chunk}"
+                for study, rules in JOBS.items()
+                for rule, chunks in rules.items()
+                for chunk in range(len(chunks))
+            ],
+            *[f"table/{name}" for name in JOBS if name in SIMULATED],
+            *[f"report/{study.name}" for study in RUN if study.settings.notebook],
+        ],
+        studies=lambda wildcards, input: {
             study.name: {
                 "title": study.title,
-                "kind": study.kind,
+                "kind": study.settings.kind,
                 "points": len(study.points),
                 "methods": len(study.methods),
                 "trials": getattr(study.settings, "trials", None),
                 "seed": getattr(study.settings, "seed", None),
+                "recordings": [
+                    path for path in input.tables if f"/{study.name}/" in path
+                ],
             }
-            for study in run_studies(CONFIG, STUDIES)
+            for study in RUN
         },
         library=library("workflow/scripts/index.py"),
     script:

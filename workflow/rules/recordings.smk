@@ -4,10 +4,10 @@ rule recordings:
     input:
         files=lambda wildcards: [
             local(path)
-            for path in study_of(wildcards).existing_paths(chunk_of(wildcards))
+            for path in study_of(wildcards).existing_paths(int(wildcards.chunk))
         ],
     output:
-        table="results/parameters/{study}/{chunk}.csv",
+        table="results/scores/{study}/{chunk}.parquet",
         folder=directory("results/recordings/{study}/{chunk}"),
     log:
         "logs/recordings/{study}/{chunk}.log",
@@ -19,12 +19,15 @@ rule recordings:
         "../envs/ankleloop.yaml"
     threads: 1
     resources:
-        mem_mb=chunk_memory("recordings"),
-        runtime=chunk_runtime("recordings"),
+        mem_mb=memory,
+        runtime=minutes(
+            lambda wildcards: study_of(wildcards).seconds(int(wildcards.chunk))
+        ),
     params:
-        points=lambda wildcards: study_of(wildcards).mappings(chunk_of(wildcards)),
+        points=lambda wildcards: study_of(wildcards).mappings(int(wildcards.chunk)),
         methods=lambda wildcards: study_of(wildcards).analysed_methods,
         figure=lambda wildcards: study_of(wildcards).settings.figure.model_dump(),
+        settings=lambda wildcards: study_of(wildcards).hashes[int(wildcards.chunk)],
         library=library("workflow/scripts/recordings.py"),
     script:
         "../scripts/recordings.py"
@@ -33,7 +36,10 @@ rule recordings:
 # Pages and exported estimates of all recordings of a study, under the names that a reader opens.
 rule publish:
     input:
-        folders=collect("results/recordings/{{study}}/{chunk}", chunk=chunks),
+        folders=lambda wildcards: [
+            f"results/recordings/{wildcards.study}/{chunk}"
+            for chunk in range(len(study_of(wildcards).chunks))
+        ],
     output:
         pages=directory("results/reports/{study}"),
         estimates=directory("results/estimates/{study}"),

@@ -1,11 +1,9 @@
 # One notebook for each study: its tables, its figures and a page that needs nothing else.
 rule report:
     input:
-        trials=unless_sweep(trial_files_of),
-        estimates=unless_sweep(estimates_of),
-        scores=unless_sweep(score_files_of),
-        parameters=unless_sweep(parameter_files_of),
-        table=trial_table_of,
+        trials=trials_of,
+        estimates=estimates_of,
+        tables=tables_of,
         notebook=lambda wildcards: repository_file(notebook_of(wildcards)),
         published=PUBLISHED,
     output:
@@ -29,20 +27,16 @@ rule report:
         "../envs/ankleloop.yaml"
     threads: 1
     resources:
-        mem_mb=table_memory,
-        runtime=table_runtime,
+        mem_mb=memory,
+        runtime=half_hour,
     params:
-        notebook=lambda wildcards: study_of(wildcards).settings.notebook,
         parameters=lambda wildcards, input, output: report_parameters(
             study_of(wildcards),
             input,
             published=str(ROOT / "data" / "published"),
             table_stem=os.path.splitext(output.table)[0],
             figure_stem=f"{output.figures}/{wildcards.study}",
-            table_file="".join(input.table),
         ),
-        # Recordings have no number of trials.
-        trials=lambda wildcards: getattr(study_of(wildcards).settings, "trials", None),
         library=lambda wildcards: library(
             "workflow/scripts/render.py", notebook_of(wildcards)
         ),
@@ -69,7 +63,6 @@ rule figure:
         "../envs/ankleloop.yaml"
     threads: 1
     params:
-        notebook=lambda wildcards: study_of(wildcards).settings.notebook,
         stem=lambda wildcards, input: f"{input.folder}/{wildcards.study}-{wildcards.figure}",
     shell:
         "(cp {params.stem}.png {output.png} && cp {params.stem}.pdf {output.pdf} && cp {params.stem}.csv {output.csv}) > {log} 2>&1"

@@ -1,10 +1,22 @@
 """Identify the trials of a chunk by every method of their study, and score the estimates."""
 
-from ankleloop.studies.identification import FILES, identify_chunk
+import sys
 
-from job import print_failures, running
+from ankleloop.paper.trial_counts import describe_failures
+from ankleloop.studies.failures import locate_errors
+from ankleloop.studies.identification import identify_trials, read_trials
+from ankleloop.studies.simulation import simulate_trials
+
+from job import running
 
 with running(snakemake):
-    files = {name: snakemake.output[name] for name in FILES}
-    identify_chunk(snakemake.input.trials, files, snakemake.wildcards.study, **snakemake.params.arguments)
-    print_failures(snakemake)
+    study, arguments = snakemake.wildcards.study, snakemake.params.arguments
+    if snakemake.params.simulation:
+        trials = simulate_trials(study, precision=arguments["precision"], **snakemake.params.simulation)
+    else:
+        trials = read_trials(snakemake.input.trials, arguments["conditions"])
+    with locate_errors(", ".join(snakemake.input)):
+        table = identify_trials(trials, dict(snakemake.output.items()), study, **arguments)
+    message = describe_failures(table.select(["point", "method", "trial", "failure"]).to_pandas())
+    if message:
+        print(f"{study}, chunk {snakemake.wildcards.chunk}: {message}", file=sys.stderr)

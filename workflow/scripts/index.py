@@ -1,29 +1,41 @@
-"""The page that lists all results, and those of the ledger and of the tables."""
+"""Metadata of the run, and the page that lists all results with those of the ledger and of the tables."""
 
+import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
 
 from ankleloop.pages.index import render_index, render_ledger, render_tables
-from ankleloop.studies.provenance import load_provenance
-from ankleloop.studies.results_index import collect_results, read_tables
+from ankleloop.studies.provenance import read_provenance, write_crate
+from ankleloop.studies.results_index import collect_results, read_run_times, read_tables
 from ankleloop.trials.files import atomic_file
 
 from job import running
 
 
-def write_page(path: str, page: str) -> None:
-    """Write a page."""
+def write_text(path: str, text: str) -> None:
+    """Write a page, or the text of another file."""
     with atomic_file(path, overwrite=True) as partial:
-        partial.write_text(page, encoding="utf-8")
+        partial.write_text(text, encoding="utf-8")
 
 
 with running(snakemake):
-    folder, logs = Path(snakemake.params.folder), Path(snakemake.log[0]).parent
-    provenance = load_provenance(snakemake.input.provenance)
-    write_page(snakemake.output.tables, render_tables(read_tables(folder)))
-    for path in snakemake.output.ledger:  # none without the ledger
-        write_page(path, render_ledger(pd.read_csv(folder / "verification.csv")))
-    has_article = bool(snakemake.output.ledger)
-    results = collect_results(folder, logs, snakemake.params.studies, provenance, has_article=has_article)
-    write_page(snakemake.output.index, render_index(results))
+    output, studies = snakemake.output, snakemake.params.studies
+    folder, logs = Path(output.index).parent, Path(snakemake.log[0]).parent
+    provenance = read_provenance(snakemake.params.repository)
+    for path, content in (
+        (output.configuration, snakemake.params.configuration),
+        (output.provenance, asdict(provenance)),
+    ):
+        write_text(path, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+    seeds = {name: study["seed"] for name, study in studies.items() if study["seed"] is not None}
+    write_crate(folder, snakemake.input.results, Path(output.configuration), provenance, seeds)
+    names = [*studies, "economy"] if output.ledger else studies
+    paths = [folder / "tables" / f"{name}.csv" for name in names]
+    write_text(output.tables, render_tables(read_tables(path for path in paths if path.exists())))
+    for path in output.ledger:  # none without the ledger
+        write_text(path, render_ledger(pd.read_csv(folder / "verification.csv")))
+    times = read_run_times(logs, snakemake.params.jobs)
+    results = collect_results(folder, studies, times, provenance, has_article=bool(output.ledger))
+    write_text(output.index, render_index(results))

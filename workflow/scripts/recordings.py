@@ -4,11 +4,12 @@ import sys
 from pathlib import Path
 
 import pandas as pd
+import pyarrow as pa
 
+from ankleloop.paper.trial_tables import save_table
 from ankleloop.studies.recordings import analyse_recordings
-from ankleloop.trials.files import atomic_file
 
-from job import progress, running
+from job import log, running
 
 with running(snakemake):
     folder = Path(snakemake.output.folder)
@@ -17,9 +18,10 @@ with running(snakemake):
     points, tables = snakemake.params.points, []
     # Rule `publish` copies the pages to results/reports/{study}.
     results = analyse_recordings(points, snakemake.params.methods, folder, window, index="../../index.html")
-    for name, table, refusals in progress(results, len(points), "analysed"):
+    for name, table, refusals in results:
         tables.append(table)
+        log.info("analysed %d of %d", len(tables), len(points))
         for text in refusals:
             print(f"{name} refused: {text}", file=sys.stderr)
-    with atomic_file(snakemake.output.table, overwrite=True) as path:
-        pd.concat(tables, ignore_index=True).to_csv(path, index=False)
+    rows = pa.Table.from_pandas(pd.concat(tables, ignore_index=True).replace("", None), preserve_index=False)
+    save_table(rows, snakemake.output.table, snakemake.params.settings)

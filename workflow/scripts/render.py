@@ -11,10 +11,11 @@ import papermill
 from nbconvert import HTMLExporter
 
 from ankleloop.pages.rendering import find_captions, render_notebook_page
-from ankleloop.paper.completeness import check_study
 from ankleloop.paper.results import KEYS
 from ankleloop.paper.trial_counts import describe_failures
 from ankleloop.paper.trial_tables import read_trial_table
+from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
+from ankleloop.plotting.style import save_figure
 from ankleloop.trials.files import atomic_file
 
 from job import log, running
@@ -52,16 +53,6 @@ def export_outputs(notebook: nbformat.NotebookNode) -> str:
     return exporter.from_notebook_node(notebook)[0]
 
 
-def check_results_of(study: Mapping) -> None:
-    """Refuse a simulated study of which results are missing.
-
-    The table of all trials, which the page of a sweep shows, has been checked when it was written.
-    """
-    if study["kind"] == "simulation" and study["parameters"]:
-        names = ("parameters", "scores", "points", "labels")
-        check_study(*(study[name] for name in names), snakemake.params.trials)
-
-
 def describe_failures_of(study: Mapping) -> str:
     """How many identifications of a simulated study failed."""
     if study["kind"] != "simulation":
@@ -79,8 +70,9 @@ with running(snakemake):
     notebook, parameters = snakemake.input.notebook, dict(snakemake.params.parameters)
     study = parameters.get("study")  # the article shows several, each of which has a page of its own
     check_parameters(notebook, parameters)
-    if study:
-        check_results_of(study)
+    for path in parameters.get("diagrams", ()):  # of the article
+        diagram = parallel_cascade_diagram() if "figure1" in path else closed_loop_diagram()
+        save_figure(diagram, Path(path).with_suffix(""), suffixes=(".png", ".pdf", ".svg"), overwrite=True)
     if snakemake.output.get("figures"):  # a folder, which the notebook fills
         Path(snakemake.output.figures).mkdir(parents=True, exist_ok=True)
     executed = execute(notebook, parameters)

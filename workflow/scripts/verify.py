@@ -1,40 +1,40 @@
-"""Check every number and claim of the paper."""
+"""Measure what the published methods cost, and check every number and claim of the paper."""
 
+# ruff: noqa: E402
+
+import os
+
+# The job has all cores, so that no other job shares them; linear algebra has one thread as everywhere. This comes
+# before any import of numpy.
+LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "GOTO_NUM", "MKL_NUM", "NUMEXPR_NUM", "VECLIB_MAXIMUM")
+os.environ.update({f"{name}_THREADS": "1" for name in LIBRARIES})
+
+from itertools import chain
 from pathlib import Path
 
 import pandas as pd
 
-from ankleloop.paper.completeness import check_study
 from ankleloop.paper.evidence import StudyResults
 from ankleloop.paper.ledger import format_ledger, verify
-from ankleloop.paper.results import read_results
+from ankleloop.paper.trial_tables import read_results
+from ankleloop.studies.economy import measure_economy
+from ankleloop.trials.csv_output import write_csv
 from ankleloop.trials.files import atomic_file
+from ankleloop.trials.trial_files import load_trials
 
 from job import running
 
-
-def chunk_files(kind, study):
-    """Files of all chunks of a study."""
-    return [path for path in snakemake.input[kind] if Path(path).parent.name == study]
-
-
 with running(snakemake):
-    for name, description in snakemake.params.studies.items():
-        tables = [chunk_files(kind, name) for kind in ("parameters", "scores")]
-        check_study(*tables, description["points"], description["labels"])
-    studies = {
-        name: StudyResults(
-            name=name,
-            scores=read_results(chunk_files("scores", name)),
-            parameters=read_results(chunk_files("parameters", name)),
-            **description,
-        )
-        for name, description in snakemake.params.studies.items()
-    }
+    trials = chain.from_iterable(load_trials(path) for path in snakemake.input.trials)
+    economy = measure_economy(trials, snakemake.params.options)
+    write_csv(economy, snakemake.output.economy, overwrite=True)
+    studies = {}
+    for path, (name, description) in zip(snakemake.input.tables, snakemake.params.studies.items(), strict=True):
+        parameters, scores = read_results(path)
+        studies[name] = StudyResults(name=name, scores=scores, parameters=parameters, **description)
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}
     claims, findings = published.pop("claims"), pd.read_csv(snakemake.input.findings)
-    ledger = verify(claims, published, studies, pd.read_csv(snakemake.input.economy), findings)
-    with atomic_file(snakemake.output.ledger, overwrite=True) as path:
-        ledger.to_csv(path, index=False)
+    ledger = verify(claims, published, studies, economy, findings)
+    write_csv(ledger, snakemake.output.ledger, overwrite=True)
     with atomic_file(snakemake.output.page, overwrite=True) as path:
         path.write_text(format_ledger(ledger), encoding="utf-8")

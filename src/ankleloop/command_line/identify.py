@@ -19,7 +19,7 @@ from ankleloop.command_line.terminal import COLOURS, echo, format_table, name_op
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ankleloop.studies.recorded_study import RecordedStudy
+    from ankleloop.studies.study import RecordedStudy
 
 # Keys of `usual_methods`, which --help does not import.
 METHODS = ("riv", "pr-moesp", "pi-moesp", "parallel-cascade", "riv-tv")
@@ -81,6 +81,7 @@ def identify_recording(
 ) -> tuple[pd.DataFrame, Path]:
     """Analyse a recording as the workflow does, and write its page, its table and its estimates."""
     from ankleloop.studies.recordings import analyse_recordings
+    from ankleloop.trials.csv_output import write_csv
 
     name = name_recording(path)
     study = _make_study(path, reading, name, tuple(methods))
@@ -89,7 +90,7 @@ def identify_recording(
     with tempfile.TemporaryDirectory(prefix="ankleloop-") as temporary:
         results = Path(temporary)
         ((_, table, _),) = analyse_recordings(study.mappings(0), study.analysed_methods, results, window)
-        table.to_csv(results / f"{name}-parameters.csv", index=False)
+        write_csv(table, results / f"{name}-parameters.csv")
         _move_results(results, folder, outputs, path, overwrite=overwrite)
     return table, folder / f"{name}.html"
 
@@ -99,7 +100,7 @@ def _make_study(path: Path, reading: Reading, name: str, methods: tuple[str, ...
     from ankleloop.recordings.usual_methods import usual_methods
     from ankleloop.studies.checking import check
     from ankleloop.studies.config import RecordingsStudy
-    from ankleloop.studies.recorded_study import RecordedStudy
+    from ankleloop.studies.study import RecordedStudy
 
     recording = reading.recording
     changing = "riv-tv" in methods or recording.changes

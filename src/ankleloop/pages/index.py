@@ -68,10 +68,10 @@ class Results:
     links: Mapping[str, str]  # pages and files of the whole run by their description
     verdicts: Mapping[str, int]  # number of claims with each verdict of the ledger; empty without a ledger
     studies: pd.DataFrame  # a row for each study
-    study_links: Mapping[str, str]  # pages of the studies by their titles
+    study_links: Sequence[str]  # page of each study; empty where it has none
     figures: Mapping[str, Sequence[Figure]]  # by the titles of their studies
     recordings: pd.DataFrame  # a row for each recording
-    recording_links: Mapping[str, str]  # pages of the recordings by their names
+    recording_links: Sequence[str]  # page of each recording; empty where it has none
     run_times: Mapping[str, pd.DataFrame]  # by their headings
     provenance: Sequence[tuple[str, str]]  # terms and texts
     details: Mapping[str, str] = field(default_factory=dict)  # long texts by their headings, such as the configuration

@@ -17,8 +17,9 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.pages.tables import render_table
 from ankleloop.paper.captions import describe_settings, typical_point
-from ankleloop.paper.results import join_scores, read_results
+from ankleloop.paper.results import join_scores
 from ankleloop.paper.tables import write_table
+from ankleloop.paper.trial_tables import read_results
 from ankleloop.paper.trial_counts import count_trials, describe_faults, describe_warnings, list_outcomes
 from ankleloop.plotting.method_styles import MethodStyle, label_styles
 from ankleloop.plotting.style import save_figure
@@ -48,24 +49,26 @@ class StudyPage:
     table_stem: str
     figure_stem: str
     table_file: str = ""  # all trials in one table
-    # Files, one for each chunk of points.
-    scores: Sequence[str] = ()
-    parameters: Sequence[str] = ()
-    trials: Sequence[str] = ()
+    tables: Sequence[str] = ()  # of recordings: a file for each chunk
+    trials: Sequence[str] = ()  # files of trials and of estimates, one for each chunk of points
     estimates: Sequence[str] = ()
     # Of a sweep: the settings that all points share, and what its pictures show.
     settings: Mapping[str, Any] = field(default_factory=dict)
     sweep: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
-    def results(self) -> pd.DataFrame:
-        """Scores: a row for each torque of each estimate."""
-        return read_results(self.scores)
+    def _results(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        return read_results(self.table_file)
 
-    @cached_property
+    @property
     def details(self) -> pd.DataFrame:
         """Parameters and diagnostics: a row for each estimate."""
-        return read_results(self.parameters)
+        return self._results[0]
+
+    @property
+    def results(self) -> pd.DataFrame:
+        """Scores: a row for each torque of each estimate."""
+        return self._results[1]
 
     @cached_property
     def table(self) -> pd.DataFrame:

@@ -24,12 +24,12 @@ FILTERED_ROWS = 15  # of a table from which it has a field that filters
 
 def describe_table(
     table: pd.DataFrame,
-    links: Mapping[str, str] | None = None,
+    links: Sequence[str] = (),
     *,
     colours: Mapping[str, str] | None = None,
     identifier: str = "",
 ) -> dict[str, Any]:
-    """A table for the template `table.html.j2`; columns with one value in all rows are said below it."""
+    """A table for the template `table.html.j2`, with a link for each row; columns with one value are said below it."""
     columns = [(str(name), [_shorten(str(cell)) for cell in column]) for name, column in table.items()]
     constant = [(name, cells[0]) for name, cells in columns[1:] if len(cells) > 2 and len(set(cells)) == 1]
     names = {name for name, _ in constant}
@@ -41,7 +41,7 @@ def describe_table(
         "classes": [_class_of(cells) for _, cells in columns],
         "rows": list(zip(*(cells for _, cells in columns), strict=True)),
         "constant": [f"{name} {text}" for name, text in constant if text not in ("", "–")],
-        "links": links or {},
+        "links": links or [""] * len(table),
         "colours": colours or {},
     }
 
@@ -68,7 +68,7 @@ def _is_number(text: str) -> bool:
 
 
 def render_table(
-    table: pd.DataFrame, links: Mapping[str, str] | None = None, *, colours: Mapping[str, str] | None = None
+    table: pd.DataFrame, links: Sequence[str] = (), *, colours: Mapping[str, str] | None = None
 ) -> str:
     """Table as HTML; cells with a colour have it as background."""
     return render_template("table.html.j2", table=describe_table(table, links, colours=colours))

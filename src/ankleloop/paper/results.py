@@ -1,24 +1,18 @@
-"""Results of a study: reading them, joining them, summaries over trials, and their words and numbers in tables."""
+"""Results of a study: joining them, summaries over trials, and their words and numbers in tables."""
 
 from __future__ import annotations
 
-import csv
-import io
-import os
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ankleloop.errors import DataError
 from ankleloop.paper.trial_counts import count_outcomes
 
 RATE = 100.0  # Hz, of the identification by default
 
 KEYS = ["point", "method", "trial"]  # of an estimate
-TEXTS = ("recording", "subject", "condition", "trial")  # of tables of recordings
 # Simulation setting that is the true value of each estimated parameter.
 SETTINGS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}
 SETTINGS |= {name: name for name in ("omega_n", "zeta", "delay")}
@@ -26,40 +20,6 @@ CONDITIONS: dict[str, dict[Any, str]] = {
     "closed_loop": {True: "closed loop", False: "open loop"},
     "perturbation": {"prbs": "PRBS", "pulses": "decorrelating pulses"},
 }
-
-
-def read_results(paths: Iterable[str | os.PathLike[str]]) -> pd.DataFrame:
-    """Read tables of scores or parameters, one below the other."""
-    tables = [_read_table(path) for path in paths]
-    return pd.concat([table for table in tables if len(table)] or tables, ignore_index=True)
-
-
-def _read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
-    try:
-        text = Path(path).read_bytes().decode("utf-8")
-        damage = _find_damage(text)
-        table = pd.DataFrame() if damage else pd.read_csv(io.StringIO(text, newline=""), low_memory=False)
-    except (OSError, ValueError, csv.Error) as error:
-        damage = str(error)
-    if damage:
-        raise DataError(f"{path}: the table is damaged ({damage}): delete it, and run again: it is made anew.")
-    if "recording" in table:
-        texts = pd.read_csv(io.StringIO(text, newline=""), dtype=str, keep_default_na=False)
-        texts = texts.where(texts != "")
-        table = table.assign(**{name: texts[name] for name in TEXTS if name in table})
-    return table
-
-
-def _find_damage(text: str) -> str:
-    """What a CSV file that is cut off in a row lacks; of a whole file nothing."""
-    if not text.endswith("\n"):
-        return "it has no end"
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    columns = len(next(reader))
-    for row in reader:
-        if len(row) != columns:
-            return f"line {reader.line_num} has {len(row)} of {columns} cells"
-    return ""
 
 
 def join_scores(parameters: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:

@@ -51,7 +51,7 @@ class SweepStudy:
     methods : dict of str to str
         Label of each method of the study.
     settings : dict
-        Fields of `ankleloop.studies.sweep_settings.SweepSettings`.
+        Fields of `ankleloop.studies.config.SweepSettings`.
     simulation : dict
         Settings of the simulation that all points share.
     algorithms : dict of str to str
@@ -62,7 +62,7 @@ class SweepStudy:
     >>> import tempfile
     >>> import pandas as pd
     >>> from ankleloop.simulation.settings import SimulationSettings
-    >>> from ankleloop.studies.sweep_settings import SweepSettings
+    >>> from ankleloop.studies.config import SweepSettings
     >>> table = pd.DataFrame(
     ...     [
     ...         {"study": "s", "point": f"G={gain}", "reflex_gain": gain, "method": "riv", "trial": trial}

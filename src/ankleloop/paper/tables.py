@@ -13,6 +13,7 @@ import pandas as pd
 from ankleloop.paper.results import format_pairs
 from ankleloop.paper.trial_counts import COUNTS, count_outcomes, summarise_scores
 from ankleloop.signals.vaf import confidence_margin
+from ankleloop.trials.csv_output import write_csv
 from ankleloop.trials.files import atomic_file
 
 
@@ -104,8 +105,7 @@ def write_table(
 ) -> None:
     """Write a table as CSV, and as Markdown with its caption."""
     stem = Path(stem)
-    with atomic_file(stem.with_name(stem.name + ".csv"), overwrite=overwrite) as path:
-        table.to_csv(path, index=False)
+    write_csv(table, stem.with_name(stem.name + ".csv"), overwrite=overwrite)
     with atomic_file(stem.with_name(stem.name + ".md"), overwrite=overwrite) as path:
         page = (table if shown is None else shown).to_markdown(index=False)
         path.write_text(f"{page}\n\n{caption}\n", encoding="utf-8")

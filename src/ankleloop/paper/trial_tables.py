@@ -1,71 +1,117 @@
-"""The table of the trials of a study: a row for each point, method and trial, in one Parquet file."""
+"""The table of the trials of a study: a row for each point, method and trial, in one Parquet file.
+
+The job of a chunk writes its rows with their types; the table of the study is those of all chunks, one below the other.
+Each file holds the hash of the settings that made it.
+"""
 
 from __future__ import annotations
 
-import csv
 import itertools
 import os
-from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-from pyarrow import csv as arrow_csv
-from pyarrow import parquet
+from pyarrow import dataset, parquet
 
 from ankleloop.errors import DataError
-from ankleloop.paper.completeness import check_scores
-from ankleloop.paper.results import KEYS
-from ankleloop.paper.trial_columns import (
-    Kind,
-    column_kind,
-    describe_column,
-    order_columns,
-    score_columns,
-    value_kind,
-)
+from ankleloop.methods.registry import METHODS
+from ankleloop.options import Options
+from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
+from ankleloop.quantities import QUANTITIES, Quantity
 from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.trials.csv_output import write_csv
 from ankleloop.trials.files import atomic_file, check_readable
 from ankleloop.trials.readable_files import name_errors
 
 PathLike = str | os.PathLike[str]
 
 GROUP_ROWS = 20_000  # that are written at a time
-SCORE = ["torque", "against"]
-TYPES = {"number": pa.float64(), "count": pa.int64(), "flag": pa.bool_(), "text": pa.string()}
-STORED = {**TYPES, "text": pa.dictionary(pa.int32(), pa.string())}
+HASH = b"settings"  # key of the hash of the settings that made a file
 REMEDY = "delete it, and run again: it is made anew"
+TYPES = {
+    **dict.fromkeys(("study", "point", "method", "reference", "intervals", "failure", "warnings"), pa.string()),
+    **dict.fromkeys(("trial", "order", "passes", "cycles"), pa.int64()),
+    **dict.fromkeys(("converged", "stable"), pa.bool_()),
+}  # of columns that hold no floating-point numbers
+FIRST, LAST = ("study", "point"), ("failure", "warnings")
+ENDS = {"_low": "lower end of the 95 % interval of the ", "_high": "upper end of the 95 % interval of the "}
+ESTIMATED = "_estimated"  # ending of an estimate whose name is that of a parameter of the sweep
+OTHERS = {
+    "study": "study",
+    "point": "point of the study",
+    "method": "name of the method in the study",
+    "trial": "number of the trial at its point",
+    "reference": "signal that served as reference",
+    "intervals": "kind of the intervals",
+    "converged": "whether the iteration converged",
+    "stable": "whether the model is stable",
+    "failure": "why there is no estimate; empty where there is one",
+    "warnings": "warnings that came with the estimate",
+}
+ORDER = {name: rank for rank, name in enumerate([*QUANTITIES, *SWEEP_QUANTITIES])}
 
 
-def write_trial_table(
+def as_table(rows: Sequence[Mapping[str, Any]], varied: Mapping[str, pa.DataType]) -> pa.Table:
+    """Rows as a table whose columns have types that no row decides; nan and empty texts are no values."""
+    columns = {}
+    for name in dict.fromkeys([*(name for row in rows for name in row), *LAST]):
+        kind = varied.get(name) or TYPES.get(name.removesuffix(ESTIMATED), pa.float64())
+        values = [row.get(name) for row in rows]
+        columns[name] = pa.array([None if value == "" else value for value in values], kind, from_pandas=True)
+    return pa.table(columns)
+
+
+def save_table(table: pa.Table, path: PathLike, settings: str) -> None:
+    """Write the table of a job with the hash of the settings that made it."""
+    with atomic_file(path, overwrite=True) as partial:
+        parquet.write_table(
+            table.replace_schema_metadata({HASH: settings}), partial, compression="zstd", write_page_checksum=True
+        )
+
+
+def read_hash(path: PathLike) -> str:
+    """Hash of the settings that made a table; empty where there is none."""
+    return ((_read_schema(path).metadata or {}).get(HASH) or b"").decode()
+
+
+def join_tables(
     path: PathLike,
-    parameters: Sequence[PathLike],
-    scores: Sequence[PathLike],
-    varied: Sequence[str] = (),
-    *,
+    chunks: Mapping[PathLike, str],
+    varied: Sequence[str],
+    rows: int,
+    settings: str,
     text: PathLike | None = None,
-    points: int | None = None,
-    methods: Collection[str] | None = None,
-    trials: int | None = None,
 ) -> None:
-    r"""Write the table of the trials of a study, chunk by chunk; memory does not grow with the study.
+    """Join the tables of all chunks, each with the hash that it should have; memory does not grow with the study.
 
     The rows do not depend on how the trials are divided into chunks, and their order only where the points of one
     condition are divided, which are more than a job takes.
     """
-    kinds, pairs = _scan(parameters, scores, varied)
-    names = order_columns(kinds, varied, pairs)
-    kinds = {name: kinds.get(name) or column_kind(name) for name in names}
-    counts = _Counts()
-    chunks = _join_chunks(parameters, scores, kinds, names, counts)
-    with ExitStack() as stack:
-        partial = stack.enter_context(atomic_file(path, overwrite=True))
-        rows = None if text is None else stack.enter_context(atomic_file(text, overwrite=True))
-        _write(partial, rows, _group_rows(chunks), _schema(kinds, varied))
-        counts.check(parameters, points, methods, trials)
+    for chunk, expected in chunks.items():
+        if read_hash(chunk) != expected:
+            raise DataError(f"{chunk}: the table was made with other settings: {REMEDY}.")
+    schema = pa.unify_schemas([_read_schema(chunk).remove_metadata() for chunk in chunks])
+    names = _order_columns(schema.names, varied)
+    schema = pa.schema([_describe(schema.field(name), varied) for name in names], metadata={HASH: settings})
+    tables = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_batches(use_threads=False)
+    count, reasons = 0, set()
+    with atomic_file(path, overwrite=True) as partial:
+        with parquet.ParquetWriter(partial, schema, compression="zstd", write_page_checksum=True) as writer:
+            for table in _group_rows(tables):
+                writer.write_table(table)
+                count += len(table)
+                reasons |= set(table["failure"].unique().to_pylist())
+        if count != rows:
+            raise DataError(
+                f"{next(iter(chunks))} …: the tables have {count} of {rows} rows: delete them, and run again."
+            )
+        if None not in reasons:
+            raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
+        if text is not None:
+            write_csv(parquet.read_table(partial).to_pandas(integer_object_nulls=True), text, overwrite=True)
 
 
 def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -74,7 +120,7 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
     Parameters
     ----------
     path : path-like
-        Parquet file of `write_trial_table`.
+        Parquet file, `results/tables/STUDY-trials.parquet`.
     columns : sequence of str, optional
         Columns to read; by default all of them.
 
@@ -96,191 +142,85 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
       ...
     ankleloop.errors.DataError: nowhere.parquet: there is no such file: check the path.
     """
-    known = trial_table_columns(path)
+    schema = _read_schema(path)
     for name in columns or ():
-        if name not in known:
-            raise DataError(f"{path}: there is no column {name!r}; there are {', '.join(known)}.")
-    with _readable(path, "table of trials"):
+        if name not in schema.names:
+            raise DataError(f"{path}: there is no column {name!r}; there are {', '.join(schema.names)}.")
+    texts = [field.name for field in schema if pa.types.is_string(field.type)]
+    with name_errors(path, "table of trials", REMEDY):
         table = parquet.read_table(
-            path, columns=None if columns is None else list(columns), page_checksum_verification=True, use_threads=False
+            path, columns=columns, read_dictionary=texts, page_checksum_verification=True, use_threads=False
         )
         return table.to_pandas(use_threads=False)
 
 
 def trial_table_columns(path: PathLike) -> list[str]:
     """Columns of the table of the trials of a study."""
-    with _readable(path, "table of trials"):
-        return list(parquet.read_schema(path).names)
+    return list(_read_schema(path).names)
 
 
-@contextmanager
-def _readable(path: PathLike, kind: str) -> Iterator[None]:
-    """Say in plain words what is wrong with a table that is read in the block."""
+def read_results(path: PathLike) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Parameters of the trials of a study, and its scores by torque; ordered by point, method and trial."""
+    table = read_trial_table(path)
+    ranks = [pd.factorize(table[name])[0] for name in ("method", "point")]
+    table = table.iloc[np.lexsort((table["trial"], *ranks))].reset_index(drop=True)
+    texts = table.select_dtypes("category").columns
+    table = table.astype(dict.fromkeys(texts, object))
+    pairs = itertools.product(("net", "intrinsic", "reflex"), ("measured", "true"))
+    names = [name for pair in pairs if (name := "_".join(("vaf", *pair))) in table]
+    keys = table[table.columns[: table.columns.get_loc("trial") + 1]]
+    scores = []
+    for name in names:
+        _, torque, against = name.split("_")
+        values = {"vaf": table[name], **{end[1:]: table[f"{name}{end}"] for end in ENDS}}
+        scores.append(keys.assign(torque=torque, against=against, **values))
+    details = table.drop(columns=[f"{name}{end}" for name in names for end in ("", *ENDS)])
+    return details, pd.concat(scores).dropna(subset="vaf").sort_index(kind="stable").reset_index(drop=True)
+
+
+def _read_schema(path: PathLike) -> pa.Schema:
     check_readable(path)
-    with name_errors(path, kind, REMEDY):
-        yield
+    with name_errors(path, "table of trials", REMEDY):
+        return parquet.read_schema(path)
 
 
-def _scan(
-    parameters: Sequence[PathLike], scores: Sequence[PathLike], varied: Sequence[str]
-) -> tuple[dict[str, Kind], set[tuple[str, str]]]:
-    """Kinds of all columns of the parameters, and torques that were scored with what they were scored against."""
-    names: dict[str, None] = {}
-    values: dict[str, set[str]] = {name: set() for name in varied}
-    pairs: set[tuple[str, str]] = set()
-    for path in parameters:
-        header = _read_header(path)
-        names |= dict.fromkeys(header)
-        present = [name for name in varied if name in header]
-        if present:
-            table = _read_csv(path, dict.fromkeys(present, "text"), present)
-            for name in present:
-                values[name] |= {value or "" for value in table[name].unique().to_pylist()}
-    for path in scores:
-        table = _read_csv(path, dict.fromkeys(SCORE, "text"), SCORE)
-        pairs |= set(zip(*(table[name].to_pylist() for name in SCORE), strict=True))
-    kinds = {name: value_kind(values[name]) if name in values else column_kind(name) for name in names}
-    return kinds, pairs
-
-
-def _read_header(path: PathLike) -> list[str]:
-    with _readable(path, "table"), open(path, newline="", encoding="utf-8") as file:
-        return next(csv.reader(file))
-
-
-def _read_csv(path: PathLike, kinds: Mapping[str, Kind], columns: Sequence[str] = ()) -> pa.Table:
-    """Columns of a table of a chunk, by default all of them, each of its kind; numbers with all of their digits."""
-    with _readable(path, "table"):
-        with open(path, "rb") as file:
-            file.seek(-1, os.SEEK_END)
-            if file.read() != b"\n":
-                raise DataError(f"{path}: the table is damaged (it has no end): {REMEDY}.")
-        return arrow_csv.read_csv(
-            path,
-            read_options=arrow_csv.ReadOptions(use_threads=False),
-            parse_options=arrow_csv.ParseOptions(newlines_in_values=True),
-            convert_options=arrow_csv.ConvertOptions(
-                column_types={name: TYPES[kind] for name, kind in kinds.items()},
-                include_columns=list(columns),
-                null_values=[""],
-                strings_can_be_null=True,
-                true_values=["True"],
-                false_values=["False"],
-            ),
-        )
-
-
-def _join_chunks(
-    parameters: Sequence[PathLike],
-    scores: Sequence[PathLike],
-    kinds: Mapping[str, Kind],
-    names: Sequence[str],
-    counts: _Counts,
-) -> Iterator[pa.Table]:
-    """Rows of each chunk with all columns."""
-    for path, other in zip(parameters, scores, strict=True):
-        table = _read_csv(path, {name: kinds[name] for name in _read_header(path)})
-        keys = table.select([name for name in (*KEYS, "failure") if name in table.column_names]).to_pandas()
-        values = _read_csv(other, {name: column_kind(name) for name in (*KEYS, *SCORE, "vaf", "low", "high")})
-        table = _add_scores(table, keys, values.to_pandas(), other)
-        counts.add(keys)
-        for name in names:
-            if name not in table.column_names:
-                table = table.append_column(name, pa.nulls(len(table), TYPES[kinds[name]]))
-        yield _order_rows(table.select(list(names)))
-
-
-def _order_rows(table: pa.Table) -> pa.Table:
-    """Rows of a chunk by condition and trial, so that all rows of a study have an order that no chunks change."""
-    varied = table.column_names[2 : table.column_names.index("method")]  # behind study and point
-    settings = [table[name].to_pylist() for name in varied if name in SimulationSettings.model_fields]
-    rows = zip(*settings, strict=True) if settings else [()] * len(table)
-    ranks: dict[tuple[Any, ...], int] = {}
-    conditions = [ranks.setdefault(values, len(ranks)) for values in rows]
-    return table.take(np.lexsort((table["trial"].to_numpy(), conditions)))
-
-
-def _add_scores(table: pa.Table, keys: pd.DataFrame, scores: pd.DataFrame, path: PathLike) -> pa.Table:
-    """A table of parameters with the scores of each estimate beside it."""
-    check_scores(path, scores, keys)
-    for pair, part in scores.groupby(SCORE, sort=False):
-        if part.duplicated(KEYS).any():
-            raise DataError(f"{path}: the table is damaged (a score is there twice): {REMEDY}.")
-        joined = keys[KEYS].merge(part, how="left", on=KEYS)
-        for name, column in zip(score_columns(*pair), ("vaf", "low", "high"), strict=True):
-            table = table.append_column(name, pa.array(joined[column].to_numpy(float), from_pandas=True))
-    return table
-
-
-def _group_rows(tables: Iterator[pa.Table]) -> Iterator[pa.Table]:
+def _group_rows(batches: Iterable[pa.RecordBatch]) -> Iterator[pa.Table]:
     """The same rows in groups of equal size, which do not depend on the chunks."""
-    waiting: list[pa.Table] = []
-    for table in tables:
-        waiting.append(table)
-        if sum(map(len, waiting)) >= GROUP_ROWS:
-            rows = pa.concat_tables(waiting)
-            complete = len(rows) // GROUP_ROWS * GROUP_ROWS
-            for start in range(0, complete, GROUP_ROWS):
-                yield rows.slice(start, GROUP_ROWS)
-            waiting = [rows.slice(complete)]
-    if waiting and sum(map(len, waiting)):
-        yield pa.concat_tables(waiting)
+    waiting: list[pa.RecordBatch] = []
+    for batch in batches:
+        waiting.append(batch)
+        while sum(map(len, waiting)) >= GROUP_ROWS:
+            rows = pa.Table.from_batches(waiting)
+            yield rows.slice(0, GROUP_ROWS).combine_chunks()
+            waiting = rows.slice(GROUP_ROWS).to_batches()
+    if waiting:
+        yield pa.Table.from_batches(waiting).combine_chunks()
 
 
-def _schema(kinds: Mapping[str, Kind], varied: Sequence[str]) -> pa.Schema:
-    return pa.schema(
-        [pa.field(name, STORED[kind], metadata=dict(describe_column(name, varied))) for name, kind in kinds.items()]
-    )
+def _split_end(name: str) -> tuple[str, str]:
+    """Name of a quantity, and `_low` or `_high` where the column is an end of its interval."""
+    end = next((end for end in ENDS if name.endswith(end)), "")
+    return name.removesuffix(end).removesuffix(ESTIMATED), end
 
 
-def _write(path: PathLike, text: PathLike | None, tables: Iterator[pa.Table], schema: pa.Schema) -> None:
-    with ExitStack() as stack:
-        writer = stack.enter_context(parquet.ParquetWriter(path, schema, compression="zstd", write_page_checksum=True))
-        rows = None
-        if text is not None:
-            file = stack.enter_context(open(text, "w", newline="", encoding="utf-8"))
-            rows = csv.writer(file, lineterminator="\n")
-            rows.writerow(schema.names)
-        for table in tables:
-            writer.write_table(table.combine_chunks().cast(schema))  # whole columns: the same bytes for any chunks
-            if rows is not None:
-                rows.writerows([_as_text(value) for value in row.values()] for row in table.to_pylist())
+def _order_columns(names: Collection[str], varied: Sequence[str]) -> list[str]:
+    """Keys, scores, parameters and diagnostics, faults."""
+    first = [*FIRST, *varied, "method", "trial"]
+
+    def place(name: str) -> tuple[bool, int, str]:
+        return not name.startswith("vaf_"), ORDER.get(_split_end(name)[0], len(ORDER)), name.replace("_low", "_ends")
+
+    return [*first, *sorted(set(names) - {*first, *LAST}, key=place), *LAST]
 
 
-def _as_text(value: Any) -> str:
-    return "" if value is None or value != value else str(value)
-
-
-class _Counts:
-    """Rows of each point and method, and how many of them are failures."""
-
-    def __init__(self) -> None:
-        self._rows: Counter[tuple[str, str]] = Counter()
-        self._failures = 0
-        self._reason = ""
-
-    def add(self, keys: pd.DataFrame) -> None:
-        """Count the rows of a chunk."""
-        self._rows.update(zip(keys["point"], keys["method"], strict=True))
-        if "failure" in keys:
-            reasons = keys["failure"].dropna().tolist()
-            self._failures += len(reasons)
-            self._reason = self._reason or next(iter(reasons), "")
-
-    def check(
-        self, files: Sequence[PathLike], points: int | None, methods: Collection[str] | None, trials: int | None
-    ) -> None:
-        """Refuse tables in which a trial of a method has no row, or more than one, and those without any estimate."""
-        place = " … ".join(dict.fromkeys([str(files[0]), str(files[-1])]))
-        remedy = "delete these files, and run again: they are made anew"
-        known = dict.fromkeys(point for point, _ in self._rows)
-        if points is not None and len(known) != points:
-            raise DataError(f"{place}: there are {len(known)} of {points} points: {remedy}.")
-        expected = trials or max(self._rows.values(), default=0)
-        for pair in itertools.product(known, methods or dict.fromkeys(method for _, method in self._rows)):
-            count = self._rows[pair]
-            if count != expected:
-                point, method = pair
-                raise DataError(f"{place}: point {point}, method {method} has {count} of {expected} trials: {remedy}.")
-        if self._failures and self._failures == self._rows.total():
-            raise DataError(f"no trial of the study could be identified by any method: {self._reason}")
+def _describe(field: pa.Field, varied: Collection[str]) -> pa.Field:
+    """A column with its unit and description."""
+    base, end = _split_end(field.name)
+    quantity = SWEEP_QUANTITIES.get(base) or QUANTITIES.get(base) or Quantity(OTHERS.get(base, base), base, "1")
+    unit, words = quantity.unit, ENDS.get(end, "") + quantity.name
+    if field.name in varied:
+        option = field.name.rpartition(".")[2]
+        models: list[type[Options]] = [SimulationSettings, *(method.options for method in METHODS.values())]
+        model = next(model for model in models if option in model.model_fields)
+        unit, words = model.unit(option), model.model_fields[option].description or option
+    return field.with_metadata({"unit": unit, "description": words})

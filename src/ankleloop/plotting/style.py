@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 from matplotlib.figure import Figure
 
+from ankleloop.trials.csv_output import quote_formulas
 from ankleloop.trials.files import atomic_file
 
 if TYPE_CHECKING:
@@ -111,6 +112,6 @@ def save_figure(
     for suffix in suffixes:
         with atomic_file(stem.with_name(stem.name + suffix), overwrite=overwrite) as partial:
             if suffix == ".csv" and data is not None:
-                data.to_csv(partial, index=False, lineterminator="\n")
+                quote_formulas(data).to_csv(partial, index=False, lineterminator="\n")
             else:
                 partial.write_bytes(_render(figure, suffix, DOTS_PER_INCH))

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from ankleloop.options import Options, describe_error, show_value, suggest_name
 
 VARIABLE = re.compile(r"\$(?:\$|\{(\w+)\}|(\w+))")
+# As people write it: Python also takes 1_0, nan and digits of other scripts.
 NUMBER = re.compile(r"\s*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*")
 
 

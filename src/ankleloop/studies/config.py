@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
-    BeforeValidator,
     Field,
     StringConstraints,
     WithJsonSchema,
@@ -16,30 +15,80 @@ from pydantic import (
 
 from ankleloop.methods.registry import METHODS
 from ankleloop.options import Options, option, show_value, suggest_name
+from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.method_settings import MethodSettings, union_of_methods
-from ankleloop.studies.notebooks import NOTEBOOKS
-from ankleloop.studies.point_designs import Design, ValueRange
-from ankleloop.studies.point_parameters import SETTINGS
-from ankleloop.studies.point_tables import PointTable
+from ankleloop.studies.points import SETTINGS, Design, PointTable, ValueRange
 from ankleloop.studies.recording_settings import Recording
-from ankleloop.studies.sweep_settings import SweepSettings
 
-MAX_JOBS = 100_000  # of a rule, for one study
 MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
+RECORDING_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+# Figures that each notebook draws beside its page and its table; what each needs is in `studies.run_config`.
+NOTEBOOKS = {
+    "table1": ("figure3", "order"),
+    "figure4": ("figure4", "passes"),
+    "passes": ("passes",),
+    "table2": ("figure5",),
+    "comparison": ("stiffness", "vaf"),
+    "traces": ("traces",),
+    "sensitivity": ("map",),
+    "efficiency": ("efficiency", "intervals"),
+    "choosing": ("choosing",),
+    "obstacles": ("obstacles",),
+    "time-varying": ("errors", "trajectories"),
+    "sweep": ("sweep",),
+    "recordings": ("group",),
+}
+SCORES = {
+    None: ("vaf_net_measured", "vaf_net_true", "vaf_intrinsic_true", "vaf_reflex_true"),
+    "measured": ("vaf_net_measured", "vaf_intrinsic_measured", "vaf_reflex_measured"),
+}  # by `against`
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)]
-RECORDING_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
-
-
 RecordingName = Annotated[str, StringConstraints(pattern=RECORDING_NAME, max_length=MAX_NAME)]
+Names = Annotated[list[str], Field(min_length=1)]
 
 
-def _check_form(points: Any) -> Any:
-    """Refuse what is neither a mapping nor a list; names and values are checked with the methods of the study."""
-    if not isinstance(points, (Mapping, list)) or points == []:
-        raise ValueError("must be lists of values by setting, or a list of points with their settings")
-    return points
+class SweepSettings(Options):
+    """Pictures of a study whose points differ in settings of the simulation or options of methods."""
+
+    quantities: Names | None = option(
+        None,
+        "scores (vaf_net_true), parameters (K), relative errors of parameters (K_error), and shares of trials "
+        "(failures, warnings) that are shown, a row or a panel each; null for the VAF of net, intrinsic and reflex "
+        "torque and the errors of K and G",
+    )
+    methods: Names | None = option(None, "methods that are shown; null for all")
+    difference: Annotated[list[str], Field(min_length=2, max_length=2)] | None = option(
+        None, "two methods whose difference (first minus second, trial by trial) is shown as well; null for none"
+    )
+    axes: Names | None = option(
+        None,
+        "varied settings or options over which the pictures are drawn: one gives lines, two give maps, more give a "
+        "matrix of effects; null for all in the order of the points",
+    )
+    band: Literal["mean", "trials"] = option(
+        "mean", "bands of lines: the 95 % confidence interval of the mean, or 80 % of the trials (quantiles 10 to 90 %)"
+    )
+
+    @model_validator(mode="after")
+    def _check_quantities(self) -> Self:
+        _check_list("quantities", self.quantities or (), "quantity", SWEEP_QUANTITIES)
+        return self
+
+    def check(self, varied: Collection[str], methods: Collection[str], against: Literal["measured"] | None) -> None:
+        """Refuse pictures of what a study does not have."""
+        if not varied:
+            raise ValueError("no setting and no option differs between the points: give points more than one value")
+        _check_list("methods", self.methods or (), "method", methods)
+        _check_list("difference", self.difference or (), "method", methods)
+        _check_list("axes", self.axes or (), "varied parameter", varied)
+        for name in self.quantities or ():
+            if name.startswith("vaf_") and name not in SCORES[against]:
+                scores = ", ".join(SCORES[against])
+                raise ValueError(
+                    f"quantities: a study with against: {against or 'null'} has no {name}; it has {scores}"
+                )
 
 
 PARAMETER = {
@@ -50,7 +99,6 @@ PARAMETER = {
 }
 Points = Annotated[
     Any,
-    BeforeValidator(_check_form),
     WithJsonSchema(
         {
             "anyOf": [
@@ -97,23 +145,37 @@ else:
     SimulationNotebook = Literal[tuple(name for name in NOTEBOOKS if name != "recordings")]
 
 
-def _figure_option() -> Any:
-    return option(description="what figures of torques show", default_factory=FigureSettings)
+class _StudySettings(Options):
+    """Keys of every study."""
+
+    kind: str = option(description="source of the trials")
+    title: str = option("", "heading of the report; if it is empty, the name of the study")
+    figure: FigureSettings = option(description="what figures of torques show", default_factory=FigureSettings)
+    methods: Methods = option(
+        description="methods with their options, by the name that tables and figures use", min_length=1
+    )
+
+    @model_validator(mode="after")
+    def _check_methods(self) -> Self:
+        """Refuse names and labels by which results could be taken for those of another method, and unknown ones."""
+        _check_cases("methods", self.methods)
+        for name, method in self.methods.items():
+            if name in METHODS and name != method.method:
+                raise ValueError(
+                    f"methods: {name} is the name of another method than {method.method}: choose another name"
+                )
+        labels = Counter(method.label or name for name, method in self.methods.items())
+        for label, count in labels.items():
+            if count > 1:
+                raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
+        _check_list("figure: methods", self.figure.methods or (), "method", self.methods)
+        return self
 
 
-def _title_option() -> Any:
-    return option("", "heading of the report; if it is empty, the name of the study")
-
-
-def _methods_option() -> Any:
-    return option(description="methods with their options, by the name that tables and figures use", min_length=1)
-
-
-class SimulationStudy(Options):
+class SimulationStudy(_StudySettings):
     """A study of simulated trials."""
 
     kind: Literal["simulation"] = option(description="source of the trials")
-    title: str = _title_option()
     notebook: SimulationNotebook | None = option("table1", "notebook that renders the study; null for none")
     trials: int = option(20, "simulated trials at each point", ge=1, le=100000)
     seed: int = option(
@@ -166,21 +228,26 @@ class SimulationStudy(Options):
     )
     trials_per_chunk: int | None = option(None, "trials of one point that share a job, in place of job_minutes", ge=1)
     sweep: SweepSettings = option(description="what the notebook sweep shows", default_factory=SweepSettings)
-    figure: FigureSettings = _figure_option()
-    methods: Methods = _methods_option()
+
+    @property
+    def has_table(self) -> bool:
+        """Whether a table lists its points."""
+        return isinstance(self.points, Mapping) and "table" in self.points
+
+    @property
+    def chunk_key(self) -> Literal["trials_per_chunk", "points_per_chunk", "job_minutes"]:
+        """Key that decides on the size of chunks."""
+        if self.trials_per_chunk is not None:
+            return "trials_per_chunk"
+        return "job_minutes" if self.points_per_chunk is None else "points_per_chunk"
 
     @model_validator(mode="after")
     def _check_study(self) -> Self:
-        _check_methods(self.methods, self.figure)
         if self.figure.trial >= self.trials:
             raise ValueError(
                 f"figure: trial: there is no trial {self.figure.trial}; those of {self.trials} trials are 0 to "
                 f"{self.trials - 1}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_chunks(self) -> Self:
         if self.trials_per_chunk is not None and (self.points_per_chunk or 1) > 1:
             raise ValueError(
                 "a chunk is some points, or part of the trials of one point: set points_per_chunk: 1 to use "
@@ -189,11 +256,10 @@ class SimulationStudy(Options):
         return self
 
 
-class RecordingsStudy(Options):
+class RecordingsStudy(_StudySettings):
     """A study of recordings of a laboratory."""
 
     kind: Literal["recordings"] = option(description="source of the trials")
-    title: str = _title_option()
     notebook: Literal["recordings"] | None = option("recordings", "notebook that renders the study; null for none")
     folder: str = option(".", "folder of the files; ${NAME} stands for an environment variable")
     files: dict[RecordingName, Recording] = option(
@@ -210,8 +276,6 @@ class RecordingsStudy(Options):
         "none. Without a name, subject, condition and trial make it",
     )
     recordings_per_chunk: int = option(8, "recordings that share a job", ge=1)
-    figure: FigureSettings = _figure_option()
-    methods: Methods = _methods_option()
 
     @model_validator(mode="before")
     @classmethod
@@ -231,7 +295,6 @@ class RecordingsStudy(Options):
 
     @model_validator(mode="after")
     def _check_study(self) -> Self:
-        _check_methods(self.methods, self.figure)
         check_recording_names("files", self.files)
         return self
 
@@ -242,19 +305,6 @@ def check_recording_names(key: str, names: Collection[str]) -> None:
     for name in names:
         if f"{name}.html" in names:
             raise ValueError(f"{key}: {name}.html is the page of the recording {name}: choose another name")
-
-
-def _check_methods(methods: Mapping[str, MethodSettings], figure: FigureSettings) -> None:
-    """Refuse names and labels by which results could be taken for those of another method, and unknown ones."""
-    _check_cases("methods", methods)
-    for name, method in methods.items():
-        if name in METHODS and name != method.method:
-            raise ValueError(f"methods: {name} is the name of another method than {method.method}: choose another name")
-    labels = Counter(method.label or name for name, method in methods.items())
-    for label, count in labels.items():
-        if count > 1:
-            raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
-    _check_list("figure: methods", figure.methods or (), "method", methods)
 
 
 def _check_list(key: str, names: Sequence[str], kind: str, known: Collection[str]) -> None:
@@ -322,21 +372,22 @@ class Config(Options):
             if not isinstance(study, SimulationStudy) or study.notebook is None:
                 raise ValueError(f"article: the study {name!r} is not simulated, or has no notebook")
         if self.article_names:
-            self._check_economy()
+            self._check_economy(self.studies.get("table1") if "table1" in self.article else None)
         return self
 
-    def _check_economy(self) -> None:
+    @staticmethod
+    def _check_economy(study: StudySettings | None) -> None:
         """Refuse an article for which the economy of the methods cannot be measured."""
-        if "table1" not in self.article:
+        if not isinstance(study, SimulationStudy):
             raise ValueError(
                 "article: needs the study 'table1', on whose trials the economy of the methods is measured; name it, "
                 "or set article: [] to make none"
             )
-        if getattr(self.studies["table1"], "keep", None) != "everything":
+        if study.keep != "everything":
             raise ValueError(
                 "article: the study 'table1' must have keep: everything: the economy of the methods is measured on its "
                 "trials"
             )
         for name in ("pr-moesp", "eiv-moesp"):
-            if name in (methods := self.studies["table1"].methods) and methods[name].select:
+            if name in study.methods and study.methods[name].select:
                 raise ValueError(f"article: {name} of the study 'table1' must not have select: its economy is measured")

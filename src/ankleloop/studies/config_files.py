@@ -24,17 +24,18 @@ MAX_VALUES = 1_000_000  # of a file, those that aliases repeat included
 MAX_DEPTH = 100
 TEMPLATE_KEY = "__use_yte__"  # makes a YAML file a program of the template engine that Snakemake reads it by
 YAML_TAG = "tag:yaml.org,2002:"
-MERGE = f"{YAML_TAG}merge"  # of the key <<, which may stand several times
-KINDS = frozenset(f"{YAML_TAG}{kind}" for kind in ("str", "int", "float", "bool", "null", "seq", "map", "merge"))
+MERGE = f"{YAML_TAG}merge"  # of the key <<
+WRONG_MERGE = (
+    "<< takes over the keys of another mapping: write <<: *NAME, where &NAME stands at that mapping; put << in quotes "
+    "if it is text."
+)
+KINDS = ("str", "int", "float", "bool", "null", "seq", "map")
 KINDS_OF_KEYS = {
-    f"{YAML_TAG}{tag}": kind
-    for tag, kind in {
-        "int": "a number",
-        "float": "a number",
-        "bool": "true or false",
-        "null": "nothing",
-        "timestamp": "a date",
-    }.items()
+    "int": "a number",
+    "float": "a number",
+    "bool": "true or false",
+    "null": "nothing",
+    "timestamp": "a date",
 }
 # Numbers as everybody reads them; YAML 1.1 also has 012 (octal, 10), 1_2 (12), 1:30 (90) and 0x1F (31).
 DECIMAL = re.compile(r"[-+]?(0|[1-9][0-9]*)|[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]?\.(inf|nan)", re.I)
@@ -46,18 +47,9 @@ def check_config_file(path: str | os.PathLike[str]) -> None:
     if _is_json(path, text):
         return
     root = _compose(path, text)
-    if type(root).__name__ != "MappingNode":
+    if root is None or root.id != "mapping":
         raise ConfigError(f"{path}: must have keys at the top level, such as 'studies:'.")
-    for node in _nodes(root):
-        if node.tag not in KINDS:
-            _refuse_tag(path, node)
-        if isinstance(node.value, str):
-            _check_number(path, node)
-            continue
-        _check_merges(path, node)
-        if node.id == "mapping":
-            _check_keys(path, node)
-    _count_values(path, root, {})
+    _check_node(path, root, {})
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -110,20 +102,17 @@ def _pairs(node: Any) -> Iterator[tuple[yaml.Node, yaml.Node]]:
 
 def _is_json(path: str | os.PathLike[str], text: str) -> bool:
     """Check a file of JSON; False if it is none."""
-    keys_of: list[list[str]] = []
 
     def collect(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        keys_of.append([key for key, _ in pairs])
+        for key, count in Counter(key for key, _ in pairs).items():
+            if count > 1:
+                raise ConfigError(f"{path}: the key {key!r} stands twice in one mapping.")
         return dict(pairs)
 
     try:
         content = json.loads(text, object_pairs_hook=collect)
-    except (ValueError, RecursionError):
+    except (json.JSONDecodeError, RecursionError):
         return False
-    for keys in keys_of:
-        for key, count in Counter(keys).items():
-            if count > 1:
-                raise ConfigError(f"{path}: the key {key!r} stands twice in one mapping.")
     if not isinstance(content, dict):
         raise ConfigError(f"{path}: must have keys at the top level.")
     return True
@@ -149,53 +138,52 @@ def _compose(path: str | os.PathLike[str], text: str) -> Any:
         raise ConfigError(f"{path}: this is not YAML: {' '.join(str(error).split())}.") from None
 
 
-def _nodes(root: yaml.Node) -> Iterator[Any]:
-    """All nodes, each once: an alias is the node of its anchor."""
-    pending, seen = [root], set()
-    while pending:
-        node = pending.pop()
-        if id(node) in seen:
-            continue
-        seen.add(id(node))
-        yield node
-        if node.id == "sequence":
-            pending += reversed(node.value)
-        elif node.id == "mapping":
-            pending += [part for pair in reversed(node.value) for part in reversed(pair)]
-
-
-def _refuse_tag(path: str | os.PathLike[str], node: Any) -> None:
+def _check_node(path: str | os.PathLike[str], node: Any, counts: dict[int, int]) -> int:
+    """Check a node and all below it, each once; the number of values, those that aliases repeat included."""
     place = f"{path}, line {node.start_mark.line + 1}"
-    if node.tag == f"{YAML_TAG}timestamp":
+    kind = node.tag.removeprefix(YAML_TAG)
+    if kind == "timestamp":
         raise ConfigError(f"{place}: YAML reads {node.value} as a date: put it in quotes.")
-    raise ConfigError(f"{place}: the tag {node.tag.removeprefix(YAML_TAG)!r} has no meaning here: leave it out.")
+    if kind == "merge":
+        raise ConfigError(f"{place}: {WRONG_MERGE}")
+    if kind not in KINDS:
+        raise ConfigError(f"{place}: the tag {kind!r} has no meaning here: leave it out.")
+    if isinstance(node.value, str):
+        if kind in ("int", "float") and not DECIMAL.fullmatch(node.value):
+            import yaml
 
-
-def _check_number(path: str | os.PathLike[str], node: Any) -> None:
-    """Refuse a number that YAML reads otherwise than most people."""
-    if node.tag in (f"{YAML_TAG}int", f"{YAML_TAG}float") and not DECIMAL.fullmatch(node.value):
-        import yaml
-
-        number = yaml.safe_load(node.value)
-        raise ConfigError(
-            f"{path}, line {node.start_mark.line + 1}: YAML reads {node.value} as {number}: write {number}, or put "
-            f"'{node.value}' in quotes if it is text."
-        )
+            number = yaml.safe_load(node.value)
+            raise ConfigError(
+                f"{place}: YAML reads {node.value} as {number}: write {number}, or put '{node.value}' in quotes if it "
+                "is text."
+            )
+        return 1
+    if id(node) not in counts:
+        counts[id(node)] = -1  # being counted
+        if node.id == "mapping":
+            _check_keys(path, node)
+        parts = [value for _, value in node.value] if node.id == "mapping" else node.value
+        counts[id(node)] = 1 + sum(_check_node(path, part, counts) for part in parts)
+    if counts[id(node)] < 0:
+        raise ConfigError(f"{place}: an alias stands within the anchor that it repeats.")
+    if counts[id(node)] > MAX_VALUES:
+        raise ConfigError(f"{place}: more than {MAX_VALUES:,} values, counting those that aliases repeat.")
+    return counts[id(node)]
 
 
 def _check_keys(path: str | os.PathLike[str], mapping: Any) -> None:
-    """Refuse keys that stand twice, and keys that are no text."""
-    import yaml
-
+    """Refuse keys that stand twice, keys that are no text, and << without another mapping."""
     lines: dict[str, int] = {}
-    for key, _ in mapping.value:
+    for key, value in mapping.value:
         line = key.start_mark.line + 1
-        if key.tag == MERGE:
-            continue
-        if not isinstance(key, yaml.ScalarNode):
+        if not isinstance(key.value, str):
             raise ConfigError(f"{path}, line {line}: a key must be text, not a list or a mapping.")
-        if key.tag != f"{YAML_TAG}str":
-            kind = KINDS_OF_KEYS.get(key.tag, "something else")
+        if key.tag == MERGE:
+            others = value.value if value.id == "sequence" else [value]
+            if any(other.id != "mapping" for other in others):
+                raise ConfigError(f"{path}, line {value.start_mark.line + 1}: {WRONG_MERGE}")
+        elif key.tag != f"{YAML_TAG}str":
+            kind = KINDS_OF_KEYS.get(key.tag.removeprefix(YAML_TAG), "something else")
             raise ConfigError(f"{path}, line {line}: YAML reads the key {key.value} as {kind}: put it in quotes.")
         if key.value == TEMPLATE_KEY:
             raise ConfigError(
@@ -205,37 +193,6 @@ def _check_keys(path: str | os.PathLike[str], mapping: Any) -> None:
         if key.value in lines:
             raise ConfigError(f"{path}: the key {key.value!r} in line {line} stands in line {lines[key.value]}, too.")
         lines[key.value] = line
-
-
-def _check_merges(path: str | os.PathLike[str], node: Any) -> None:
-    """Refuse << that is no key, or whose value is no mapping and no list of mappings."""
-    values = node.value if node.id == "sequence" else [value for _, value in node.value]
-    wrong = [value for value in values if value.tag == MERGE]
-    for key, value in node.value if node.id == "mapping" else ():
-        if key.tag == MERGE:
-            wrong += [part for part in (value.value if value.id == "sequence" else [value]) if part.id != "mapping"]
-    if wrong:
-        raise ConfigError(
-            f"{path}, line {wrong[0].start_mark.line + 1}: << takes over the keys of another mapping: write <<: *NAME, "
-            "where &NAME stands at that mapping; put << in quotes if it is text."
-        )
-
-
-def _count_values(path: str | os.PathLike[str], node: Any, counts: dict[int, int]) -> int:
-    """Values under a node, with those that aliases repeat; refuse too many, and an alias within its own anchor."""
-    if isinstance(node.value, str):
-        return 1
-    if id(node) not in counts:
-        counts[id(node)] = -1  # being counted
-        parts = node.value if node.id == "sequence" else [value for _, value in node.value]
-        counts[id(node)] = 1 + sum(_count_values(path, part, counts) for part in parts)
-    count = counts[id(node)]
-    line = node.start_mark.line + 1
-    if count < 0:
-        raise ConfigError(f"{path}, line {line}: an alias stands within the anchor that it repeats.")
-    if count > MAX_VALUES:
-        raise ConfigError(f"{path}, line {line}: more than {MAX_VALUES:,} values, counting those that aliases repeat.")
-    return count
 
 
 if __name__ == "__main__":

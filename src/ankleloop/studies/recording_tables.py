@@ -10,12 +10,13 @@ from typing import Any, get_args
 
 from ankleloop.options import option, show_value
 from ankleloop.studies.checking import ConfigError, check
-from ankleloop.studies.config import MAX_NAME, RECORDING_NAME, Recording, check_recording_names
-from ankleloop.studies.table_rows import NUMBER, read_rows
+from ankleloop.studies.config import MAX_NAME, RECORDING_NAME, check_recording_names
+from ankleloop.studies.recording_settings import Recording
+from ankleloop.studies.tables import cast_number, read_rows
 
 
 class _Row(Recording):
-    """A row of the table: a recording, or one of the trials that are merged into one."""
+    """A row of a table of recordings: a recording, or one of the trials that are merged into one."""
 
     name: str | None = option(None, "name of the recording; without one, subject, condition and trial make it")
     batch: str | None = option(None, "name that rows share whose trials are merged")
@@ -30,55 +31,34 @@ class _Row(Recording):
 def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -> dict[str, list[Recording]]:
     """Read a table of recordings."""
     path = Path(path)
-    if not os.path.exists(path):
-        raise ConfigError(f"there is no table {os.path.abspath(path)}.")
     recordings: dict[str, list[Recording]] = {}
-    batches: set[str] = set()
-    for line, cells in read_rows(path):
-        place = f"{path}, line {line}"
-        row = check(_Row, {**defaults, **{key: _cast(key, text) for key, text in cells.items()}}, place)
-        _add(recordings, batches, row, place)
-    if not recordings:
-        raise ConfigError(f"the table {path} has no rows.")
-    _check_names(path, recordings)
-    return recordings
-
-
-def _add(recordings: dict[str, list[Recording]], batches: set[str], row: _Row, place: str) -> None:
-    name = row.recording_name
-    if not re.fullmatch(RECORDING_NAME.strip("^$"), name) or len(name) > MAX_NAME:
-        raise ConfigError(
-            f"{place}: the name {show_value(name)} must consist of at most {MAX_NAME} letters A-Z a-z, digits and "
-            "_ - ., and begin with a letter or digit: write another one into the column name."
-        )
-    if name in recordings and not (row.batch and name in batches):
-        raise ConfigError(f"{place}: the name {name!r} is taken; give each row, and each batch, a name of its own.")
-    if row.batch:
-        batches.add(name)
-    recording = Recording(**row.model_dump(exclude={"name", "batch"}))
-    parts = recordings.setdefault(name, [])
-    if any((part.file, part.start, part.stop) == (recording.file, recording.start, recording.stop) for part in parts):
-        raise ConfigError(f"{place}: the same part of {recording.file} is in the batch {name!r} already.")
-    parts.append(recording)
-
-
-def _check_names(path: Path, recordings: Mapping[str, object]) -> None:
+    batches: set[str | None] = set()
+    for place, cells in read_rows(path):
+        values = {key: _cast_recording(key, text) for key, text in cells.items() if text}
+        row = check(_Row, {**defaults, **values}, place)
+        name = row.recording_name
+        if not re.fullmatch(RECORDING_NAME.strip("^$"), name) or len(name) > MAX_NAME:
+            raise ConfigError(
+                f"{place}: the name {show_value(name)} must consist of at most {MAX_NAME} letters A-Z a-z, digits and "
+                "_ - ., and begin with a letter or digit: write another one into the column name."
+            )
+        if name in recordings and not (row.batch and name in batches):
+            raise ConfigError(f"{place}: the name {name!r} is taken; give each row, and each batch, a name of its own.")
+        batches.add(row.batch)
+        parts = recordings.setdefault(name, [])
+        if (row.file, row.start, row.stop) in [(part.file, part.start, part.stop) for part in parts]:
+            raise ConfigError(f"{place}: the same part of {row.file} is in the batch {name!r} already.")
+        parts.append(Recording(**row.model_dump(exclude={"name", "batch"})))
     try:
         check_recording_names("names", recordings)
     except ValueError as error:
         raise ConfigError(f"{path}: {error}.") from None
+    return recordings
 
 
-def _cast(key: str, text: str) -> Any:
+def _cast_recording(key: str, text: str) -> Any:
     """A cell as the type of its column; what is no number stays text, which the model refuses."""
     field = _Row.model_fields.get(key)
-    if field is None or str in {type(kind) if isinstance(kind, str) else kind for kind in _kinds(field.annotation)}:
-        return text
-    if not re.fullmatch(NUMBER, text):
-        return text
-    return int(text) if re.fullmatch(r"[+-]?[0-9]+", text) else float(text)
-
-
-def _kinds(annotation: Any) -> tuple[Any, ...]:
-    """Types, or literal values, that a field accepts."""
-    return get_args(annotation) or (annotation,)
+    kinds = (get_args(field.annotation) or (field.annotation,)) if field else (str,)
+    takes_text = any(kind is str or isinstance(kind, str) for kind in kinds)
+    return text if takes_text else cast_number(text)

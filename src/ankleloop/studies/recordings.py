@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import shutil
-from collections.abc import Iterator, Mapping
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +21,7 @@ from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.studies.failures import locate_errors
-from ankleloop.studies.worker import Worker, WorkerKilledError
+from ankleloop.trials.csv_output import write_csv
 from ankleloop.trials.files import atomic_file
 
 log = logging.getLogger(__name__)
@@ -39,18 +43,18 @@ def analyse_recordings(
     others go on.
     """
     job = _Job(Path(folder), methods, window, index)
-    with Worker(job.analyse) as worker:
-        for name, mapping in points.items():
-            with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
-                try:
-                    results = worker.call(name, mapping)
-                except WorkerKilledError as error:
-                    reason = (
-                        f"the process of its analysis came to no end ({error}): most often memory was short; free "
-                        "memory, or take a shorter part of the recording (start, stop)."
-                    )
-                    results = job.refuse(name, mapping, DataError(reason))
-            yield (name, *results)
+    worker = Worker(job.analyse)
+    for name, mapping in points.items():
+        with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
+            try:
+                results = worker.call(name, mapping)
+            except WorkerKilledError as error:
+                reason = (
+                    f"the process of its analysis came to no end ({error}): most often memory was short; free "
+                    "memory, or take a shorter part of the recording (start, stop)."
+                )
+                results = job.refuse(name, mapping, DataError(reason))
+        yield (name, *results)
 
 
 class _Job:
@@ -93,5 +97,61 @@ class _Job:
         """Write the numbers that the figures of a recording draw."""
         for kind, figure in figures.items():
             if figure.data is not None:
-                with atomic_file(self._folder / name / f"figure-{kind}.csv", overwrite=True) as path:
-                    figure.data.to_csv(path, index=False, lineterminator="\n")
+                write_csv(figure.data, self._folder / name / f"figure-{kind}.csv", overwrite=True)
+
+
+class WorkerKilledError(Exception):
+    """The process of a worker has ended before its call did; the message says how."""
+
+
+class Worker:
+    """Runs a function in one child process call after call, and in a new one where the system killed it.
+
+    Other systems than Linux cannot fork a process safely: there the function runs in the calling process.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+        self._child: tuple[Any, Connection] | None = None
+
+    def call(self, *args: Any) -> Any:
+        """Call the function; its results and errors are pickled."""
+        if sys.platform != "linux":
+            return self._function(*args)
+        process, pipe = self._child = self._child or self._start()
+        try:
+            pipe.send(args)
+            succeeded, value = pipe.recv()
+        except (EOFError, ConnectionError):
+            self._child = None
+            process.join()
+            code = process.exitcode
+            end = f"it was killed by {signal.Signals(-code).name}" if code < 0 else f"it ended with code {code}"
+            raise WorkerKilledError(end) from None
+        if succeeded:
+            return value
+        raise value
+
+    def _start(self) -> tuple[Any, Connection]:
+        context = multiprocessing.get_context("fork")
+        pipe, other = context.Pipe()
+        process = context.Process(target=_serve, args=(self._function, other, pipe), daemon=True)
+        process.start()
+        other.close()
+        return process, pipe
+
+
+def _serve(function: Callable[..., Any], pipe: Connection, other: Connection) -> None:
+    """Answer calls until the other end of the pipe is closed."""
+    other.close()
+    while True:
+        try:
+            args = pipe.recv()
+        except EOFError:
+            return
+        try:
+            answer = True, function(*args)
+        except Exception as error:
+            log.exception("failed")
+            answer = False, RuntimeError(f"{type(error).__name__}: {error}") if error.args != (str(error),) else error
+        pipe.send(answer)

@@ -1,21 +1,93 @@
-"""Studies of simulations: the points of each, its trials in chunks; all studies of a configuration."""
+"""Studies of a configuration: simulated trials, or recordings of a laboratory, in the chunks that jobs take.
+
+A chunk has a power of two of trials of one condition, or of conditions, so that its size changes seldom: another point
+at the end changes the last chunk alone, and chunks of identification are parts of trial files.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import hashlib
+import json
+import math
+import os
+import re
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from ankleloop.studies.checking import ConfigError, check
-from ankleloop.studies.config import MAX_JOBS, Config, SimulationStudy
-from ankleloop.studies.point_chunks import ChunkSize, PointTrials, divide_points, divide_trials, fit_size
-from ankleloop.studies.point_parameters import Parameter
-from ankleloop.studies.points import Point, Points, list_points
-from ankleloop.studies.recorded_study import RecordedStudy
-from ankleloop.studies.resources import START_SECONDS, identification_seconds, simulation_seconds
-from ankleloop.studies.study_base import Study
+from ankleloop.studies.checking import ConfigError, check, expand_path
+from ankleloop.studies.config import NOTEBOOKS, Config, RecordingsStudy, SimulationStudy
+from ankleloop.studies.method_settings import MethodSettings
+from ankleloop.studies.points import Point, list_points
+from ankleloop.studies.recording_settings import Recording
+from ankleloop.studies.recording_tables import read_recordings
+from ankleloop.studies.resources import (
+    RECORDING_SECONDS,
+    START_SECONDS,
+    identification_seconds,
+    simulation_seconds,
+)
 
+MAX_JOBS = 100_000  # of a rule, for one study
 MAX_SAMPLES = 2**25  # of all trials of a trial file, which then has at most 2 GB
+LEAST_POINTS = 16  # that share what a trial needs for its identification at any point
+
+
+class PointTrials(NamedTuple):
+    """Trials of one condition: those numbered from `first` to `stop`, without `stop`.
+
+    `points` are the first and the last (without the last) of its points at which they are identified; None for all.
+    """
+
+    condition: str
+    first: int
+    stop: int
+    points: tuple[int, int] | None = None
+
+
+class ChunkSize(NamedTuple):
+    """Most trials of one condition, and most conditions, in a chunk; several conditions have all of their trials."""
+
+    trials: int
+    conditions: int = 1
+
+
+Parts = list[tuple[Hashable, PointTrials]]  # each with what those of a chunk share
+
+
+class Study:
+    """A study under its name."""
+
+    settings: SimulationStudy | RecordingsStudy
+    varied: Sequence[str] = ()  # names of the columns that differ between the points
+
+    def __init__(self, name: str, settings: Any) -> None:
+        self.name, self.settings = name, settings
+        self.methods: Mapping[str, MethodSettings] = settings.methods  # by the name that tables use
+
+    @property
+    def points(self) -> dict[str, dict[str, Any]]:
+        """Settings of each point, or mapping of each recording, by name."""
+        raise NotImplementedError
+
+    @property
+    def title(self) -> str:
+        """Heading of its report; its name where the configuration has none."""
+        words = re.sub("[_-]+", " ", self.name).strip()
+        return self.settings.title or words[:1].upper() + words[1:]
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Legend of each method."""
+        return {name: method.label or name for name, method in self.methods.items()}
+
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Names of its figures; none without a notebook, no singular values where no method has them."""
+        names = NOTEBOOKS[self.settings.notebook] if self.settings.notebook else ()
+        has_singular_values = any(method.method.endswith("moesp") for method in self.methods.values())
+        return tuple(name for name in names if name != "order" or has_singular_values)
 
 
 class SimulatedStudy(Study):
@@ -23,24 +95,21 @@ class SimulatedStudy(Study):
 
     settings: SimulationStudy
 
-    @cached_property
-    def _points(self) -> Points:
-        return list_points(self.name, self.settings.points, self.settings.simulation, self.settings.methods)
-
-    @property
-    def has_table(self) -> bool:
-        """Whether a table lists its points."""
-        return isinstance(self.settings.points, Mapping) and "table" in self.settings.points
-
-    @property
-    def point_list(self) -> list[Point]:
-        """Points with their values."""
-        return self._points.points
-
-    @property
-    def conditions(self) -> dict[str, dict[str, Any]]:
-        """All settings of each condition, by its name: what trials are simulated with."""
-        return self._points.conditions
+    def __init__(self, name: str, settings: SimulationStudy) -> None:
+        self.name, self.settings, self.methods = name, settings, settings.methods
+        points = list_points(name, settings.points, settings.simulation, settings.methods)
+        self.point_list, self.conditions, self.parameters = points
+        self.varied = list(self.parameters)
+        target = 60.0 * settings.job_minutes
+        self._job_seconds = max(target - START_SECONDS, target / 2)  # of a job without its start
+        self._points_of: dict[str, list[Point]] = {}
+        for point in self.point_list:
+            self._points_of.setdefault(point.condition, []).append(point)
+        self._costs: dict[Hashable, float] = {}
+        self.identified_methods = {
+            method: {"method": entry.method, "options": entry.identify_options}
+            for method, entry in settings.methods.items()
+        }
 
     @cached_property
     def points(self) -> dict[str, dict[str, Any]]:
@@ -48,27 +117,9 @@ class SimulatedStudy(Study):
         return {point.name: {**self.conditions[point.condition], **point.values} for point in self.point_list}
 
     @property
-    def parameters(self) -> dict[str, Parameter]:
-        """Settings and options that differ between the points, by the names of their columns."""
-        return self._points.parameters
-
-    @property
-    def varied(self) -> list[str]:
-        """Names of the columns of the settings and options that differ between the points."""
-        return list(self.parameters)
-
-    @cached_property
-    def points_of_conditions(self) -> dict[str, list[Point]]:
-        """Points of each condition, by its name."""
-        points: dict[str, list[Point]] = {}
-        for point in self.point_list:
-            points.setdefault(point.condition, []).append(point)
-        return points
-
-    def points_of(self, part: PointTrials) -> list[Point]:
-        """Points at which trials of a chunk are identified."""
-        points = self.points_of_conditions[part.condition]
-        return points if part.points is None else points[slice(*part.points)]
+    def rows(self) -> int:
+        """Rows of the table of its trials: one for each point, method and trial."""
+        return len(self.point_list) * len(self.methods) * self.settings.trials
 
     @cached_property
     def trial_chunks(self) -> list[list[PointTrials]]:
@@ -78,207 +129,293 @@ class SimulatedStudy(Study):
         """
         if self.settings.keep != "everything":
             return []
-        trials = self.settings.trials
-
-        def fit(condition: str) -> ChunkSize:
-            samples = self._samples(condition)
-            return fit_size(simulation_seconds(samples), self._job_seconds, trials, MAX_SAMPLES // samples)
-
-        return [chunk for _, chunk in self._divide(self._all_trials(equal=True), fit)]
-
-    @cached_property
-    def _chunks(self) -> list[tuple[Any, list[PointTrials]]]:
-        """Chunks, each with the number of its trial file and the points of its conditions."""
-        trials, stored = self.settings.trials, self.settings.keep == "everything"
-        slices = {condition: self._divide_points(condition) for condition in self.conditions}
-
-        def fit(condition: str) -> ChunkSize:
-            cost = self._identification_seconds(condition, slices[condition][0])
-            if not stored:
-                cost += simulation_seconds(self._samples(condition))
-            return fit_size(cost, self._job_seconds, trials)
-
-        if stored:
-            ranks = {condition: rank for rank, condition in enumerate(self.conditions)}
-            parts = [(number, part) for number, chunk in enumerate(self.trial_chunks) for part in chunk]
-            parts.sort(key=lambda row: (ranks[row[1].condition], row[1].first))
-        else:
-            parts = self._all_trials(equal=self.settings.keep == "estimates")
-        sliced = [
-            ((label, points), part._replace(points=points))
-            for label, part in parts
-            for points in slices[part.condition]
-        ]
-        return self._divide(sliced, fit)
+        return [chunk for _, chunk in self._divide(self._list_trials(), self._fit_file)]
 
     @cached_property
     def chunks(self) -> list[list[PointTrials]]:
         """Trials of each chunk, which one job identifies: those of some conditions, or part of those of one condition.
 
         Of a condition with many points, a chunk may also have part of these. The trials belong to one trial file. Only
-        without trial files and estimates their length and rate may differ. Another point at the end changes the last
-        chunk alone.
+        without trial files and estimates their length and rate may differ.
         """
-        return [chunk for _, chunk in self._chunks]
+        parts: Parts = self._list_trials()
+        if self.settings.keep == "everything":
+            ranks = {condition: rank for rank, condition in enumerate(self.conditions)}
+            parts = [(number, part) for number, chunk in enumerate(self.trial_chunks) for part in chunk]
+            parts.sort(key=lambda row: (ranks[row[1].condition], row[1].first))
+        slices = {condition: self._divide_points(condition) for condition in self.conditions}
+        sliced: Parts = [
+            ((label, points), part._replace(points=points))
+            for label, part in parts
+            for points in slices[part.condition]
+        ]
+        chunks = self._divide(sliced, lambda condition: self._fit(self._cost(condition, slices[condition][0])))
+        self._trial_files = [label[0] for label, _ in chunks]
+        return [chunk for _, chunk in chunks]
 
     def trial_chunk_of(self, chunk: int) -> int:
         """Number of the trial file that holds the trials of a chunk."""
-        return int(self._chunks[chunk][0][0])
+        self.chunks  # noqa: B018  # which also finds the files
+        return int(self._trial_files[chunk])
 
-    def simulated_points(self, chunk: int, *, stored: bool = False) -> dict[str, dict[str, Any]]:
-        """Conditions of a chunk, or of a trial file, with their settings and the trials that are simulated."""
-        parts = (self.trial_chunks if stored else self.chunks)[chunk]
-        return {
+    def _identified_conditions(self, parts: Iterable[PointTrials]) -> dict[str, dict[str, Any]]:
+        """Conditions with the trials that are identified, and their points, with `values` and `options` by method."""
+        conditions = {}
+        for part in parts:
+            points = {point.name: {"values": point.values, "options": point.options} for point in self._points_at(part)}
+            conditions[part.condition] = {"first": part.first, "stop": part.stop, "points": points}
+        return conditions
+
+    def simulation(self, parts: Iterable[PointTrials]) -> dict[str, Any]:
+        """Arguments of `simulate_trials` for a chunk or a trial file: conditions with the trials that are simulated."""
+        conditions = {
             part.condition: {"settings": self.conditions[part.condition], "first": part.first, "stop": part.stop}
             for part in parts
         }
+        return {"seed": self.settings.seed, "conditions": conditions, "failures": self.settings.failures}
 
-    def identified_trials(self, chunk: int) -> dict[str, list[int]]:
-        """First and last number (without the last) of the trials of each condition of a chunk."""
-        return {part.condition: [part.first, part.stop] for part in self.chunks[chunk]}
+    def identification(self, chunk: int) -> dict[str, Any]:
+        """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
+        return {**self._identification(self.chunks[chunk]), "settings": self.hashes[chunk]}
 
-    def identified_points(self, chunk: int) -> dict[str, dict[str, dict[str, Any]]]:
-        """Points of each condition of a chunk, with their `values` and their `options` by method."""
+    def _identification(self, parts: Iterable[PointTrials]) -> dict[str, Any]:
         return {
-            part.condition: {
-                point.name: {"values": point.values, "options": point.options} for point in self.points_of(part)
-            }
-            for part in self.chunks[chunk]
+            "conditions": self._identified_conditions(parts),
+            "methods": self.identified_methods,
+            "kinds": {name: parameter.kind for name, parameter in self.parameters.items()},
+            **self.settings.model_dump(include={"against", "precision", "failures"}),
         }
 
     @cached_property
-    def identified_methods(self) -> dict[str, dict[str, Any]]:
-        """Methods with all their options, which those of a point override, for `identify_chunk`."""
-        return {
-            name: {"method": method.method, "options": method.identify_options} for name, method in self.methods.items()
-        }
-
-    def simulation_arguments(self, number: int) -> dict[str, Any]:
-        """What the job of a trial file passes to `simulate_chunk`, besides the file and the name of the study."""
-        points = self.simulated_points(number, stored=True)
-        return {"seed": self.settings.seed, "points": points, **self._options("precision", "failures")}
-
-    def identification_arguments(self, chunk: int) -> dict[str, Any]:
-        """What the job of a chunk passes to `identify_chunk`, besides the files and the name of the study."""
-        return {
-            "points": self.identified_points(chunk),
-            "methods": self.identified_methods,
-            "trials": self.identified_trials(chunk),
-            **self._options("against", "precision", "failures"),
-        }
-
-    def sweep_arguments(self, chunk: int) -> dict[str, Any]:
-        """What the job of a chunk passes to `sweep_chunk`, besides the files and the name of the study."""
-        return {
-            "seed": self.settings.seed,
-            "conditions": self.simulated_points(chunk),
-            "points": self.identified_points(chunk),
-            "methods": self.identified_methods,
-            **self._options("against", "precision", "failures"),
-        }
-
-    def _options(self, *names: str) -> dict[str, Any]:
-        return {name: getattr(self.settings, name) for name in names}
-
-    def simulated_time(self, chunk: int, *, stored: bool = False) -> float:
-        """Length of all trials of a chunk, or of a trial file, together [s]."""
-        parts = (self.trial_chunks if stored else self.chunks)[chunk]
-        return float(sum(self.conditions[part.condition]["duration"] * (part.stop - part.first) for part in parts))
+    def hashes(self) -> list[str]:
+        """Hash of the settings that make the table of each chunk."""
+        return [hash_settings(self.name, self.simulation(chunk), self._identification(chunk)) for chunk in self.chunks]
 
     @property
-    def _job_seconds(self) -> float:
-        """Time of a job without its start [s]."""
-        target = 60.0 * self.settings.job_minutes
-        return max(target - START_SECONDS, target / 2)
+    def hash(self) -> str:
+        """Hash of the settings that make the table of the study."""
+        return hash_settings(*self.hashes)
+
+    def simulation_seconds(self, parts: Iterable[PointTrials]) -> float:
+        """Time of a job that simulates a chunk [s]."""
+        return START_SECONDS + sum((p.stop - p.first) * simulation_seconds(self._samples(p.condition)) for p in parts)
+
+    def identification_seconds(self, parts: Iterable[PointTrials]) -> float:
+        """Time of a job that identifies a chunk, and simulates it where no trials are kept [s]."""
+        return START_SECONDS + sum((p.stop - p.first) * self._cost(p.condition, p.points) for p in parts)
+
+    def _points_at(self, part: PointTrials) -> list[Point]:
+        points = self._points_of[part.condition]
+        return points if part.points is None else points[slice(*part.points)]
+
+    def _list_trials(self) -> Parts:
+        """All trials of each condition, with what those of a file share: length, rate and variables."""
+        trials = self.settings.trials
+        parts: Parts = []
+        for condition, settings in self.conditions.items():
+            follows_cycle = any(settings[name] for name in ("movement", "locked_torque", "perturbation_locked"))
+            label = (settings["duration"], settings["recording_rate"], settings["variation"], follows_cycle)
+            parts.append((None if self.settings.keep == "scores" else label, PointTrials(condition, 0, trials)))
+        return parts
 
     def _samples(self, condition: str) -> int:
-        """Samples of a trial."""
         settings = self.conditions[condition]
         return round(settings["duration"] * settings["recording_rate"])
 
-    def _all_trials(self, *, equal: bool) -> list[tuple[Any, PointTrials]]:
-        """Trials of each condition, with what those of a chunk have to share where a file holds them."""
-        trials = self.settings.trials
-        return [
-            (_file_label(settings) if equal else None, PointTrials(condition, 0, trials))
-            for condition, settings in self.conditions.items()
-        ]
-
-    @cached_property
-    def _costs(self) -> dict[Any, float]:
-        """Time in which a trial is identified [s], by its length, its rate and the number of options of each method."""
-        return {}
-
-    def _divide_points(self, condition: str) -> list[tuple[int, int] | None]:
-        """Parts of the points of a condition that are identified by different jobs; None for all of them."""
-        if self._fixed_size[1] is not None:
-            return [None]
-        cost = self._identification_seconds(condition, (0, 1))
-        return divide_points(len(self.points_of_conditions[condition]), cost * self.settings.trials, self._job_seconds)
-
-    def _identification_seconds(self, condition: str, part: tuple[int, int] | None) -> float:
-        """Time in which a trial of a condition is identified by every method, at some or all of its points [s].
+    def _cost(self, condition: str, points: tuple[int, int] | None) -> float:
+        """Time in which a trial is identified, and simulated where none is kept, at some or all points [s].
 
         Options that vary count by their number and not by their values: an edited value must not move other trials to
         other chunks.
         """
-        settings = self.conditions[condition]
-        points = self.points_of(PointTrials(condition, 0, 0, part))
-        counts = tuple(
-            len({tuple(point.options.get(name, {}).items()) for point in points}) if len(points) > 1 else 1
+        alike = self._points_at(PointTrials(condition, 0, 0, points))
+        counts = [
+            len({tuple(point.options.get(name, {}).items()) for point in alike}) if len(alike) > 1 else 1
             for name in self.methods
-        )
-        key = (settings["duration"], settings["recording_rate"], counts)
+        ]
+        samples, rate = self._samples(condition), self.conditions[condition]["recording_rate"]
+        key = (samples, rate, *counts)
         if key not in self._costs:
             methods = {
                 f"{name} {number}": method
                 for (name, method), count in zip(self.identified_methods.items(), counts, strict=True)
                 for number in range(count)
             }
-            self._costs[key] = identification_seconds(self._samples(condition), methods, settings["recording_rate"])
+            cost = identification_seconds(samples, methods, rate)
+            self._costs[key] = cost + simulation_seconds(samples) * (self.settings.keep != "everything")
         return self._costs[key]
 
-    @property
-    def _fixed_size(self) -> tuple[str, ChunkSize | None]:
-        """Key of the configuration that decides on the size of chunks, and that size if it is set there."""
-        trials, points = self.settings.trials_per_chunk, self.settings.points_per_chunk
-        if trials is not None:
-            return "trials_per_chunk", ChunkSize(trials)
-        if points is not None:
-            return "points_per_chunk", ChunkSize(self.settings.trials, points)
-        return "job_minutes", None
+    def _fit(self, cost: float, most: int = MAX_SAMPLES) -> ChunkSize:
+        """Size of a chunk whose trials take about as long as a job should."""
+        count, trials = (
+            min(_power_of_two(self._job_seconds / cost), 1 << max(most, 1).bit_length() - 1),
+            self.settings.trials,
+        )
+        return ChunkSize(count) if count < trials else ChunkSize(trials, 1 << (count // trials).bit_length() - 1)
 
-    def _divide(
-        self, parts: list[tuple[Any, PointTrials]], fit: Callable[[str], ChunkSize]
-    ) -> list[tuple[Any, list[PointTrials]]]:
-        """Chunks of the size that the configuration sets, or of one that fits."""
-        key, fixed = self._fixed_size
-        sizes = {part.condition: fixed or fit(part.condition) for _, part in parts}
+    def _fit_file(self, condition: str) -> ChunkSize:
+        samples = self._samples(condition)
+        return self._fit(simulation_seconds(samples), MAX_SAMPLES // samples)
+
+    def _divide_points(self, condition: str) -> list[tuple[int, int] | None]:
+        """Parts of the points of a condition that are identified by different jobs; None for all of them."""
+        count = len(self._points_of[condition])
+        size = max(
+            _power_of_two(self._job_seconds / (self._cost(condition, (0, 1)) * self.settings.trials)), LEAST_POINTS
+        )
+        if count <= size or self.settings.chunk_key != "job_minutes":
+            return [None]
+        return [(first, min(first + size, count)) for first in range(0, count, size)]
+
+    def _divide(self, parts: Parts, fit: Callable[[str], ChunkSize]) -> list[tuple[Any, list[PointTrials]]]:
+        """Chunks of the size that the configuration sets, or of one that fits; in one pass."""
+        key, settings = self.settings.chunk_key, self.settings
+        fixed = {
+            "trials_per_chunk": ChunkSize(settings.trials_per_chunk or 1),
+            "points_per_chunk": ChunkSize(settings.trials, settings.points_per_chunk or 1),
+        }
+        sizes = {part.condition: fixed.get(key) or fit(part.condition) for _, part in parts}
         jobs = sum(-(-(part.stop - part.first) // sizes[part.condition].trials) for _, part in parts)
         most = max(size.conditions for size in sizes.values())
         if jobs > MAX_JOBS * most:
-            raise ConfigError(
-                f"config → studies → {self.name}: {jobs // most:,} chunks are more than {MAX_JOBS:,}: increase {key}.",
-                ("studies", self.name, key),
-            )
-        return divide_trials(parts, sizes.__getitem__)
+            message = f"{jobs // most:,} chunks are more than {MAX_JOBS:,}: increase {key}."
+            raise ConfigError(f"config → studies → {self.name}: {message}", ("studies", self.name, key))
+        chunks: list[tuple[Any, list[PointTrials]]] = []
+        current: dict[Hashable, list[PointTrials]] = {}
+        for label, part in parts:
+            size = sizes[part.condition]
+            if size.trials < part.stop - part.first:
+                for first in range(part.first, part.stop, size.trials):
+                    stop = min(first + size.trials, part.stop)
+                    chunks.append((label, [part._replace(first=first, stop=stop)]))
+                continue
+            if len(current.get((label, size), ())) in (0, size.conditions):
+                current[label, size] = []
+                chunks.append((label, current[label, size]))
+            current[label, size].append(part)
+        return chunks
 
 
-def _file_label(settings: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Length, rate and variables of trials, which are equal in a trial file."""
-    follows_cycle = any(settings[name] for name in ("movement", "locked_torque", "perturbation_locked"))
-    return settings["duration"], settings["recording_rate"], settings["variation"], follows_cycle
+def _power_of_two(ratio: float) -> int:
+    """Power of two that is nearest to a ratio, at least 1."""
+    return 2 ** max(0, round(math.log2(max(ratio, 1.0))))
+
+
+def hash_settings(*values: Any) -> str:
+    """Hash of settings, by which a result knows what made it."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+class RecordedStudy(Study):
+    """A study of recordings of a laboratory."""
+
+    settings: RecordingsStudy
+
+    @cached_property
+    def hashes(self) -> list[str]:
+        """Hash of the settings that make the table of each chunk."""
+        shared = (self.analysed_methods, self.settings.figure.model_dump())
+        return [hash_settings(self.mappings(chunk), *shared) for chunk in range(len(self.chunks))]
+
+    @cached_property
+    def recordings(self) -> dict[str, list[Recording]]:
+        """Files of each recording by its name: one, or those of the trials that are merged."""
+        recordings = {name: [recording] for name, recording in self.settings.files.items()}
+        if self.settings.table:
+            path = expand_path(self.settings.table, f"study {self.name}: the table of its recordings")
+            listed = read_recordings(path, self.settings.shared)
+            for name in recordings:
+                if name in listed:
+                    raise ConfigError(
+                        f"study {self.name}: the recording {name!r} is under files ({recordings[name][0].file}) and in "
+                        f"the table {self.settings.table} ({listed[name][0].file}): give one of them another name.",
+                        ("studies", self.name, "files", name),
+                    )
+            recordings |= listed
+        if not recordings:
+            message = f"study {self.name}: name its recordings under files, or a table that lists them."
+            raise ConfigError(message, ("studies", self.name))
+        return recordings
+
+    @cached_property
+    def points(self) -> dict[str, dict[str, Any]]:
+        """Mapping of each recording, by its name."""
+        return {name: parts[0].model_dump() for name, parts in self.recordings.items()}
+
+    @cached_property
+    def chunks(self) -> list[list[str]]:
+        """Names of the recordings of each chunk."""
+        names, count = list(self.recordings), self.settings.recordings_per_chunk
+        return [names[first : first + count] for first in range(0, len(names), count)]
+
+    @cached_property
+    def folder(self) -> Path:
+        """Folder of the files."""
+        return expand_path(self.settings.folder, f"study {self.name}: the folder of its recordings")
+
+    def check_files(self) -> None:
+        """Refuse a folder that does not exist or has none of the files, and paths that Snakemake cannot use."""
+        keys = ("studies", self.name, "folder")
+        folder = Path(os.path.abspath(self.folder))
+        place = f"study {self.name}: the folder of its recordings, {folder},"
+        if not os.path.isdir(folder):
+            what = "is a file" if os.path.exists(folder) else "does not exist"
+            raise ConfigError(f"{place} {what}: check the key folder, or the variable that it names.", keys)
+        paths = [path for name in self.recordings for path in self.paths(name)]
+        for path in paths:
+            if "{" in path or "}" in path:
+                raise ConfigError(
+                    f"study {self.name}: the path {path} has braces, which Snakemake takes for a wildcard: rename it.",
+                    ("studies", self.name),
+                )
+        if not any(map(os.path.exists, paths)):
+            raise ConfigError(f"{place} has none of its {len(paths)} files; the first would be {paths[0]}.", keys)
+
+    def paths(self, name: str) -> list[str]:
+        """Paths of all files of a recording."""
+        return [str(self.folder / part.file) for part in self.recordings[name]]
+
+    def existing_paths(self, chunk: int) -> list[str]:
+        """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
+        return [path for name in self.chunks[chunk] for path in self.paths(name) if os.path.exists(path)]
+
+    @property
+    def analysed_methods(self) -> dict[str, dict[str, Any]]:
+        """Methods with their labels, options and selections, for `ankleloop.recordings.analysis.analyse`."""
+        return {
+            name: {**method.model_dump(exclude={"options"}), "options": method.fixed_options}
+            for name, method in self.methods.items()
+        }
+
+    def mappings(self, chunk: int) -> dict[str, dict[str, Any]]:
+        """Mapping of each recording of a chunk, with paths and mappings of all its files as `paths` and `parts`."""
+        return {
+            name: {
+                **self.points[name],
+                "paths": self.paths(name),
+                "parts": [part.model_dump() for part in self.recordings[name]],
+            }
+            for name in self.chunks[chunk]
+        }
+
+    def seconds(self, chunk: int) -> float:
+        """Time of the job of a chunk [s]."""
+        return START_SECONDS + RECORDING_SECONDS * len(self.chunks[chunk])
 
 
 def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
-    """Check a configuration, fill in its defaults, and build its studies."""
+    """Check a configuration, fill in its defaults, and build the studies that are run.
+
+    Those that are not run are checked as well, but for files and tables, which they may lack.
+    """
     checked = check(Config, config, "config")
-    studies: dict[str, Study] = {
-        name: SimulatedStudy(name, settings) if isinstance(settings, SimulationStudy) else RecordedStudy(name, settings)
-        for name, settings in checked.studies.items()
-    }
-    for name, study in studies.items():
-        # The settings of every point are checked here, and every row of a table, which only its own run needs.
-        if name in checked.run_names or (isinstance(study, SimulatedStudy) and not study.has_table):
-            study.chunks  # noqa: B018
+    studies: dict[str, Study] = {}
+    for name, settings in checked.studies.items():
+        runs = name in checked.run_names
+        if isinstance(settings, RecordingsStudy):
+            studies[name] = RecordedStudy(name, settings)
+        elif runs or not settings.has_table:
+            studies[name] = SimulatedStudy(name, settings)
+        if runs or (name in studies and isinstance(settings, SimulationStudy)):
+            studies[name].chunks  # type: ignore[attr-defined]  # noqa: B018  # it is divided, or refused
     return checked, studies

@@ -22,9 +22,9 @@ from ankleloop.command_line.terminal import show_progress
 from ankleloop.recordings.usual_methods import usual_methods
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.config_files import check_config_file
+from ankleloop.studies.recordings import Worker
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import read_studies
-from ankleloop.studies.worker import Worker
 from ankleloop.trials.recording_files import write_recording
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
@@ -145,7 +145,8 @@ def test_identify_refuses(run, trial, tmp_path):
 def test_progress_of_another_process(capfd):
     """The analysis runs in a fork: its log shows which method is being fitted."""
     log = logging.getLogger("ankleloop.recordings.analysis")
-    with show_progress(), Worker(log.info) as worker:
+    worker = Worker(log.info)
+    with show_progress():
         worker.call("method %d of %d: %s", 1, 2, "riv")
         logging.getLogger("ankleloop.joint").info("nothing for the user")
     assert re.fullmatch(r"method 1 of 2: riv \(\d+ s\)\n", capfd.readouterr().err)

@@ -108,7 +108,7 @@ def test_templates_refuse_missing_values():
 
 
 def test_links_are_of_the_first_column_only():
-    page = Reader(render_table(pd.DataFrame({"recording": ["A1"], "reason": ["A1"]}), {"A1": "A1.html"}))
+    page = Reader(render_table(pd.DataFrame({"recording": ["A1"], "reason": ["A1"]}), ["A1.html"]))
     assert page.elements.count("a") == 1
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.sweep_settings import SweepSettings
+from ankleloop.studies.config import SweepSettings
 
 LABELS = {"riv": "Refined instrumental variables", "moesp": "PR-MOESP"}
 SETTINGS = SimulationSettings.defaults()

@@ -6,7 +6,6 @@ from ankleloop.paper.results import (
     format_columns,
     format_pairs,
     join_scores,
-    read_results,
     summarise_columns,
     true_spectral_radius,
     true_values,
@@ -25,15 +24,6 @@ def parameters():
         for trial in (0, 1)
     ]
     return pd.DataFrame(rows)
-
-
-def test_chunks_are_read_in_their_order(tmp_path, parameters):
-    paths = [tmp_path / "0.csv", tmp_path / "1.csv"]
-    for path, rows in zip(paths, (parameters[4:], parameters[:4]), strict=True):
-        rows.to_csv(path, index=False)
-    table = read_results(paths)
-    assert table.index.tolist() == list(range(8))
-    pd.testing.assert_frame_equal(table, pd.concat([parameters[4:], parameters[:4]], ignore_index=True))
 
 
 def test_each_estimate_has_the_scores_of_its_own(parameters):
@@ -92,21 +82,3 @@ def test_numbers_become_text():
 def test_spectral_radius_of_the_true_reflex(settings, radius):
     values = SimulationSettings(omega_n=40.0, **settings).model_dump()
     assert true_spectral_radius(values) == pytest.approx(radius, rel=1e-6)
-
-
-def test_text_of_recordings_is_read_as_it_was_written(tmp_path):
-    """A subject 007 is not 7, and NA is not missing."""
-    row = {"recording": "007-NA", "subject": "007", "condition": "NA", "trial": "1.0", "K": 80.0}
-    for number, subject in enumerate(("007", "1e3")):
-        pd.DataFrame([row | {"subject": subject}]).to_csv(tmp_path / f"{number}.csv", index=False)
-    table = read_results([tmp_path / "0.csv", tmp_path / "1.csv"])
-    assert table[["recording", "subject", "condition", "trial"]].values.tolist() == [
-        ["007-NA", "007", "NA", "1.0"],
-        ["007-NA", "1e3", "NA", "1.0"],
-    ]
-    assert table["K"].tolist() == [80.0, 80.0]
-
-
-def test_trials_of_simulations_are_numbers(tmp_path):
-    pd.DataFrame({"point": ["only"], "trial": [3]}).to_csv(tmp_path / "0.csv", index=False)
-    assert read_results([tmp_path / "0.csv"])["trial"].tolist() == [3]

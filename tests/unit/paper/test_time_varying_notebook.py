@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from study_jobs import run_jobs
 
 from ankleloop.plotting import style
-from ankleloop.studies.results import report_parameters
+from ankleloop.studies.notebooks import report_parameters
 from ankleloop.studies.study import read_studies
-from ankleloop.studies.sweep_job import sweep_chunk
 
 ROOT = Path(__file__).parents[3]
 # Points in the place of those of the configuration; fewer and shorter ones.
@@ -40,12 +40,8 @@ def run_notebook(tmp_path, monkeypatch):
         settings |= {"trials": 2, "keep": "estimates", "points": SMALL[name]}
         settings["simulation"] |= {"duration": 16.8}
         study = read_studies({"studies": {name: settings}})[1][name]
-        files = {kind: [] for kind in ("estimates", "scores", "parameters")}
-        for chunk in range(len(study.chunks)):
-            paths = {kind: tmp_path / f"{kind}-{chunk}{'.nc' if kind == 'estimates' else '.csv'}" for kind in files}
-            sweep_chunk(paths, name, **study.sweep_arguments(chunk))
-            for kind, path in paths.items():
-                files[kind].append(str(path))
+        results = run_jobs(study, tmp_path)
+        files = {"estimates": results.estimates, "tables": [str(results.table)]}
         stems = {"table_stem": str(tmp_path / name), "figure_stem": str(tmp_path / f"figure-{name}")}
         parameters = report_parameters(study, files, published=str(ROOT / "data" / "published"), **stems)
         return run_cells(parameters), pd.read_csv(tmp_path / f"{name}.csv"), tmp_path

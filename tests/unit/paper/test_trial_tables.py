@@ -1,88 +1,51 @@
-"""The table of all trials of a study: the numbers of its chunks, their types, and refusal of what is not whole."""
-
-import csv
-import re
+"""The table of all trials of a study: types and units of its columns, and refusal of what is not whole."""
 
 import pandas as pd
 import pytest
 from pyarrow import parquet
+from study_jobs import run_jobs
 
 from ankleloop import DataError
 from ankleloop.methods.registry import METHODS
-from ankleloop.paper.trial_columns import column_kind
-from ankleloop.paper.trial_tables import read_trial_table, trial_table_columns, write_trial_table
-from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.sweep_job import sweep_chunk
+from ankleloop.paper import trial_tables
+from ankleloop.paper.trial_tables import join_tables, read_hash, read_results, read_trial_table, trial_table_columns
+from ankleloop.studies.study import read_studies
 
-VARIED = ["reflex_gain", "basis", "snr_db", "closed_loop", "block_rows"]
-METHODS_OF_STUDY = {name: {"method": name, "options": {}} for name in METHODS}
+UNSTABLE = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0}
+POINTS = [
+    {"reflex_gain": 13.0, "voluntary": 0.3, "block_rows": 12},
+    {"reflex_gain": 0.0, "snr_db": None, "closed_loop": False, "riv.basis": "spline"},
+    {"reflex_gain": 30.0, **UNSTABLE},
+]
+VARIED = ["reflex_gain", "voluntary", "block_rows", "snr_db", "closed_loop", "riv.basis", *UNSTABLE]
 
 
-def make_chunk(folder, number, gain, trials=2, **settings):
-    settings = SimulationSettings(duration=15.0, reflex_gain=gain, **settings).model_dump()
-    name = f"gain={gain}"
-    values = {"reflex_gain": gain, "basis": "rectifier" if gain else "spline", "snr_db": settings["snr_db"]}
-    values |= {"closed_loop": settings["closed_loop"], "block_rows": 12}
-    files = {kind: folder / f"{kind}-{number}.csv" for kind in ("scores", "parameters")}
-    sweep_chunk(
-        files,
-        "small",
-        1,
-        {name: {"settings": settings, "first": 0, "stop": trials}},
-        {name: {name: {"values": values, "options": {}}}},
-        METHODS_OF_STUDY,
-    )
+def read_study(**changes):
+    study = {"kind": "simulation", "notebook": None, "seed": 1, "trials": 2, "points_per_chunk": 1, "keep": "scores"}
+    study |= {"simulation": {"duration": 15.0}, "points": POINTS}
+    study |= {"methods": {name: {"method": name} for name in METHODS}, **changes}
+    return read_studies({"studies": {"small": study}})[1]["small"]
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Chunks of three points by every method: without a reflex, without noise, and with a loop that is unstable."""
-    folder = tmp_path_factory.mktemp("chunks")
-    make_chunk(folder, 0, 13.0, voluntary=0.3)
-    make_chunk(folder, 1, 0.0, snr_db=None, closed_loop=False)
-    make_chunk(folder, 2, 30.0, load_inertia=0.1, load_viscosity=5.0, load_stiffness=100.0)
-    return folder
-
-
-def files_of(folder, kind):
-    return sorted(folder.glob(f"{kind}-*.csv"))
-
-
-def write(folder, path, varied=VARIED, **expected):
-    write_trial_table(path, files_of(folder, "parameters"), files_of(folder, "scores"), varied, **expected)
+def results(tmp_path_factory):
+    """Chunks of three points by every method: with noise, without a reflex and noise, and with an unstable loop."""
+    return run_jobs(read_study(), tmp_path_factory.mktemp("chunks"))
 
 
 @pytest.fixture(scope="module")
-def table(folder, tmp_path_factory):
-    path = tmp_path_factory.mktemp("tables") / "small-trials.parquet"
-    write(folder, path, text=path.with_suffix(".csv"), points=3, methods=list(METHODS), trials=2)
-    return path
+def table(results):
+    return results.table
 
 
-def test_numbers_are_those_of_the_chunks(folder, table):
-    """Digit by digit, against the text of the files of the chunks."""
+def test_rows_are_those_of_the_chunks(results, table):
     rows = read_trial_table(table)
+    chunks = pd.concat([pd.read_parquet(path) for path in results.scores], ignore_index=True)
     assert len(rows) == 3 * len(METHODS) * 2
-    index = {key: row for row, key in enumerate(zip(rows["point"], rows["method"], rows["trial"], strict=True))}
-    compared = 0
-    for kind in ("parameters", "scores"):
-        for path in files_of(folder, kind):
-            for cells in csv.DictReader(path.open(newline="")):
-                row = rows.iloc[index[cells["point"], cells["method"], int(cells["trial"])]]
-                if kind == "scores":
-                    name = f"vaf_{cells['torque']}_{cells['against']}"
-                    cells = {name: cells["vaf"], f"{name}_low": cells["low"], f"{name}_high": cells["high"]}
-                for name, text in cells.items():
-                    if not text:
-                        assert pd.isna(row[name]), name
-                    elif column_kind(name) == "number" and name not in ("basis", "closed_loop"):
-                        assert float(row[name]) == float(text), name
-                    elif column_kind(name) == "count":
-                        assert int(row[name]) == int(text), name
-                    else:
-                        assert str(row[name]) == text, name
-                    compared += 1
-    assert compared > 1000
+    pd.testing.assert_frame_equal(
+        rows[list(chunks)].astype({"point": str, "method": str})[["point", "method", "trial", "K", "vaf_net_true"]],
+        chunks[["point", "method", "trial", "K", "vaf_net_true"]],
+    )
 
 
 def test_types_units_and_order_of_columns(table):
@@ -90,21 +53,27 @@ def test_types_units_and_order_of_columns(table):
     assert schema.names == trial_table_columns(table)
     assert schema.names[: len(VARIED) + 5] == ["study", "point", *VARIED, "method", "trial", "vaf_net_true"]
     assert schema.names[-2:] == ["failure", "warnings"]
-    assert schema.names.index("K") + 1 == schema.names.index("K_low")
+    place = schema.names.index("K")
+    assert schema.names[place : place + 3] == ["K", "K_low", "K_high"]
     types = {field.name: str(field.type) for field in schema}
     assert {types[name] for name in ("trial", "order", "passes", "block_rows")} == {"int64"}
     assert {types[name] for name in ("K", "G_high", "reflex_gain", "snr_db", "vaf_net_true_low")} == {"double"}
     assert {types[name] for name in ("closed_loop", "stable", "converged")} == {"bool"}
-    assert all(types[name].startswith("dictionary") for name in ("point", "basis", "failure", "warnings", "intervals"))
+    assert {types[name] for name in ("point", "riv.basis", "failure", "warnings", "intervals")} == {"string"}
     units = {field.name: field.metadata[b"unit"].decode() for field in schema}
     assert (units["K_low"], units["reflex_gain"], units["vaf_net_true"]) == ("N·m/rad", "N·m·s/rad", "%")
     assert all(field.metadata[b"description"] for field in schema)
 
 
 def test_failures_have_rows_without_numbers(table):
-    rows = read_trial_table(table).query("point == 'gain=30.0'")
-    assert rows["failure"].str.contains("the closed loop is unstable").all()
-    assert rows[["K", "vaf_net_true"]].isna().all(axis=None)
+    rows = read_trial_table(table)
+    assert isinstance(rows["point"].dtype, pd.CategoricalDtype)
+    failed = rows[rows["reflex_gain"] == 30.0]
+    assert failed["failure"].str.contains("the closed loop is unstable").all()
+    assert failed[["K", "vaf_net_true"]].isna().all(axis=None)
+    scores = read_results(table)[1]
+    assert 30.0 not in set(scores["reflex_gain"])
+    assert set(scores.query("reflex_gain == 0")["torque"]) == {"net", "intrinsic"}
 
 
 def test_text_file_has_the_same_cells(table):
@@ -115,59 +84,53 @@ def test_text_file_has_the_same_cells(table):
         assert all(a == b or (pd.isna(a) and pd.isna(b)) for a, b in zip(values, text[name], strict=True)), name
 
 
-def test_groups_of_rows_change_nothing(folder, table, tmp_path, monkeypatch):
-    monkeypatch.setattr("ankleloop.paper.trial_tables.GROUP_ROWS", 5)
-    write(folder, tmp_path / "t.parquet")
+def test_text_that_a_spreadsheet_would_compute_gets_a_quote(tmp_path):
+    point = [{"riv.reference": "position"}]
+    study = read_study(points=point, methods={"riv": {"method": "riv", "label": "=1+1"}}, simulation={"duration": 12.0})
+    study.name = "=small"
+    run_jobs(study, tmp_path)
+    assert (tmp_path / "=small-trials.csv").read_text(encoding="utf-8").splitlines()[1].startswith("'=small,")
+    assert set(read_trial_table(tmp_path / "=small-trials.parquet")["study"]) == {"=small"}
+
+
+def join(results, path, **changes):
+    study = read_study()
+    arguments = {"varied": study.varied, "rows": study.rows, "settings": study.hash}
+    join_tables(path, results.scores, **arguments | changes)
+
+
+def test_groups_of_rows_change_nothing(results, table, tmp_path, monkeypatch):
+    monkeypatch.setattr(trial_tables, "GROUP_ROWS", 5)
+    join(results, tmp_path / "t.parquet")
     assert parquet.ParquetFile(tmp_path / "t.parquet").num_row_groups == -(-3 * len(METHODS) * 2 // 5)
     pd.testing.assert_frame_equal(read_trial_table(tmp_path / "t.parquet"), read_trial_table(table), check_exact=True)
 
 
-def copy_chunks(folder, target):
-    for path in folder.glob("*.csv"):
-        (target / path.name).write_bytes(path.read_bytes())
-
-
-CHANGES = {
-    "no end": (lambda text: text[:-30], "the table is damaged|not a readable table"),
-    "a row less": (lambda text: text[: text[:-1].rindex("\n") + 1], "has 1 of 2 trials|a score is missing"),
-    "a cell too many": (lambda text: text[:-1] + ",7\n", "not a readable table"),
-    "text for a number": (lambda text: re.sub(r"(?m)^(.*),\d+\.\d+", r"\1,x", text), "not a readable table"),
-    "empty": (lambda text: "", "not a readable table"),
-    "a row twice": (lambda text: text + text[text[:-1].rindex("\n") + 1 :], "trials|twice"),
-}
-
-
-@pytest.mark.parametrize("kind", ["parameters", "scores"])
-@pytest.mark.parametrize("change", CHANGES)
-def test_a_damaged_chunk_is_refused_and_leaves_no_table(folder, tmp_path, kind, change):
-    copy_chunks(folder, tmp_path)
-    path = tmp_path / f"{kind}-0.csv"
-    edit, message = CHANGES[change]
-    path.write_text(edit(path.read_text()))
+def test_a_table_of_other_settings_is_refused(results, tmp_path):
     (tmp_path / "old.parquet").write_text("old")
-    with pytest.raises(DataError, match=message):
-        write(tmp_path, tmp_path / "old.parquet", points=3, methods=list(METHODS), trials=2)
+    other = read_study(seed=2)
+    assert not set(other.hashes) & set(results.scores.values())
+    assert [read_hash(path) for path in results.scores] == list(results.scores.values())
+    results.scores, scores = dict(zip(results.scores, other.hashes, strict=True)), results.scores
+    with pytest.raises(DataError, match=r"scores-0\.parquet: the table was made with other settings: delete it"):
+        join(results, tmp_path / "old.parquet")
+    results.scores = scores
     assert (tmp_path / "old.parquet").read_text() == "old"
-    assert not list(tmp_path.glob(".*"))
+    assert read_hash(results.table) == read_study().hash
 
 
-def test_a_missing_chunk_and_missing_points_are_refused(folder, tmp_path):
-    copy_chunks(folder, tmp_path)
-    for kind in ("parameters", "scores"):
-        (tmp_path / f"{kind}-2.csv").unlink()
-    with pytest.raises(DataError, match="there are 2 of 3 points"):
-        write(tmp_path, tmp_path / "t.parquet", points=3)
+def test_missing_rows_and_missing_files_are_refused(results, tmp_path):
+    with pytest.raises(DataError, match=r"have 54 of 55 rows"):
+        join(results, tmp_path / "t.parquet", rows=55)
     with pytest.raises(DataError, match="there is no such file"):
-        write_trial_table(tmp_path / "t.parquet", [tmp_path / "parameters-9.csv"], [tmp_path / "scores-9.csv"])
+        join_tables(tmp_path / "t.parquet", {tmp_path / "scores-9.parquet": ""}, [], 1, "")
+    assert not list(tmp_path.iterdir())
 
 
-def test_a_study_without_any_estimate_is_refused_with_a_reason(folder, tmp_path):
-    for kind in ("parameters", "scores"):
-        (tmp_path / f"{kind}-0.csv").write_bytes((folder / f"{kind}-2.csv").read_bytes())
-    with pytest.raises(
-        DataError, match=r"no trial .* by any method: the trial could not be simulated: the closed loop"
-    ):
-        write(tmp_path, tmp_path / "t.parquet")
+def test_a_study_without_any_estimate_is_refused_with_a_reason(tmp_path):
+    match = r"no trial .* by any method: the trial could not be simulated: the closed loop"
+    with pytest.raises(DataError, match=match):
+        run_jobs(read_study(points=POINTS[2:]), tmp_path)
 
 
 @pytest.mark.parametrize("place", [0.0, 0.5, 0.98])

@@ -49,7 +49,11 @@ def test_defaults_are_filled_in(config):
             {"kind": "simulation"},
             "studies → table 1: must consist of letters A-Z a-z, digits and _ -, and",
         ),
-        (["studies", "x"], {"kind": "simulation"}, "studies → x: the key 'seed' is missing"),
+        (
+            ["studies", "x"],
+            {"kind": "simulation", "methods": {"a": {"method": "riv"}}},
+            "studies → x: the key 'seed' is missing",
+        ),
         (["studies", "x"], {"seed": 1}, "studies → x: the key 'kind' is missing"),
         (["studies", "table1", "trails"], 3, r"config → studies → table1: unknown key 'trails' .*known here: .*trials"),
         (["studies", "table1", "trials"], 0, r"config → studies → table1 → trials \[1\]: must be .* 1 .*, got 0\."),

@@ -8,7 +8,7 @@ from ankleloop.studies import fingerprint as module
 from ankleloop.studies.fingerprint import fingerprint
 
 ROOT = Path(__file__).parents[3]
-SCRIPTS = ("simulate", "identify", "economy", "verify", "recordings", "render")
+SCRIPTS = ("identify", "recordings", "render", "simulate", "table", "verify")
 
 
 @pytest.fixture

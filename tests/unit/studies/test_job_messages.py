@@ -16,7 +16,7 @@ JOB = Path(__file__).parents[3] / "workflow" / "scripts" / "job.py"
 class NotebookError(Exception):
     """An error like that of a notebook: a long report, and the error of its cell."""
 
-    ename, evalue = "DataError", "results/scores/s/0.csv: the table is damaged"
+    ename, evalue = "DataError", "results/scores/s/0.parquet: the table is damaged"
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ ERRORS = [
         "out of memory (Unable to allocate 8. MiB): run the same command again with fewer jobs at a time (--cores 1), "
         "or on a machine with more memory. What other jobs have finished is kept.",
     ),
-    (NotebookError("a page\nof traces"), "results/scores/s/0.csv: the table is damaged"),
+    (NotebookError("a page\nof traces"), "results/scores/s/0.parquet: the table is damaged"),
 ]
 
 

@@ -1,10 +1,9 @@
-"""Memory and time that jobs ask for, against what their chunks hold."""
+"""Time that jobs ask for, against what their chunks hold."""
 
 import pytest
 
 from ankleloop import METHODS
 from ankleloop.studies import resources
-from ankleloop.studies.job_resources import JobResources, describe_chunk, describe_tables
 from ankleloop.studies.study import read_studies
 
 
@@ -23,11 +22,20 @@ def make_study(**changes):
     return studies["study"]
 
 
-@pytest.mark.parametrize("rule", ["simulate", "identify", "sweep"])
-def test_time_beyond_the_start_is_proportional_to_the_trials(rule):
-    keep = "scores" if rule == "sweep" else "everything"
-    few, many = (describe_chunk(make_study(trials=trials, keep=keep), rule, 0).seconds for trials in (40, 400))
-    assert many - resources.START_SECONDS == pytest.approx(10 * (few - resources.START_SECONDS))
+def simulation_time(**changes):
+    study = make_study(**changes)
+    return study.simulation_seconds(study.trial_chunks[0])
+
+
+def identification_time(**changes):
+    study = make_study(**changes)
+    return study.identification_seconds(study.chunks[0])
+
+
+@pytest.mark.parametrize("time", [simulation_time, identification_time])
+def test_time_beyond_the_start_is_proportional_to_the_trials(time):
+    few, many = (time(trials=trials) - resources.START_SECONDS for trials in (40, 400))
+    assert many == pytest.approx(10 * few)
 
 
 def test_a_method_that_was_not_measured_counts_as_the_slowest():
@@ -38,14 +46,8 @@ def test_a_method_that_was_not_measured_counts_as_the_slowest():
 
 
 def test_a_sweep_takes_the_time_of_both_jobs_with_one_start():
-    everything, scores = make_study(), make_study(keep="scores")
-    parts = [describe_chunk(everything, rule, 0).seconds for rule in ("simulate", "identify")]
-    assert describe_chunk(scores, "sweep", 0).seconds == pytest.approx(sum(parts) - resources.START_SECONDS)
-
-
-def test_without_files_memory_does_not_grow_with_the_trials():
-    few, many = (describe_chunk(make_study(trials=trials, keep="scores"), "sweep", 0) for trials in (25, 25_000))
-    assert few.memory == many.memory
+    both = simulation_time() + identification_time() - resources.START_SECONDS
+    assert identification_time(keep="scores") == pytest.approx(both)
 
 
 @pytest.mark.parametrize(
@@ -56,25 +58,13 @@ def test_without_files_memory_does_not_grow_with_the_trials():
         {"methods": {name: {"method": name} for name in METHODS}},
         {"points": {"reflex_gain": [13.0, 2.0]}, "points_per_chunk": 2},
         {"points": {"reflex_gain": [13.0], "pr-moesp.block_rows": [15, 20]}},
-        {"points": {"reflex_gain": [13.0], "pr-moesp.block_rows": [30]}},
     ],
 )
 def test_more_in_a_chunk_takes_more_time(changes):
-    assert (
-        describe_chunk(make_study(**changes), "identify", 0).seconds
-        > describe_chunk(make_study(), "identify", 0).seconds
-    )
-
-
-def test_tables_take_memory_and_time_with_their_rows():
-    small, large = (describe_tables([make_study(trials=trials)]) for trials in (10, 100_000))
-    assert large.memory > small.memory
-    assert large.seconds > small.seconds
+    assert identification_time(**changes) > identification_time()
 
 
 def test_each_attempt_asks_for_twice_as_much():
-    job = JobResources(memory=400.0, seconds=120.0)
-    assert job.mem_mb(1) > 400
-    assert job.runtime(1) > 2
-    assert [job.mem_mb(attempt) for attempt in (2, 3)] == [2 * job.mem_mb(1), 4 * job.mem_mb(1)]
-    assert [job.runtime(attempt) for attempt in (2, 3)] == [2 * job.runtime(1), 4 * job.runtime(1)]
+    first, *others = (resources.requested_minutes(120.0, attempt) for attempt in (1, 2, 3))
+    assert first > 2
+    assert others == [2 * first, 4 * first]

@@ -3,7 +3,7 @@
 import pytest
 
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.results import count_rows, report_parameters, shows_sweep
+from ankleloop.studies.notebooks import report_parameters, shows_sweep
 from ankleloop.studies.run_config import read_run
 
 METHODS = {
@@ -43,12 +43,24 @@ def test_traces_need_estimates():
 
 @pytest.mark.parametrize("notebook", ["figure4", None])
 def test_notebooks_of_means_need_no_more_than_scores(notebook):
-    assert count_rows(read(notebook=notebook, keep="scores")) == 2 * 2 * 2
+    assert read(notebook=notebook, keep="scores").rows == 2 * 2 * 2
 
 
-def test_a_trial_is_drawn_for_points_that_differ_in_settings():
-    with pytest.raises(ConfigError, match="table1 needs points that differ in settings of the simulation alone, got"):
-        read(notebook="table1", points={"reflex_gain": [8.0, 12.0], "block_rows": [12, 15]})
+@pytest.mark.parametrize(
+    ("notebook", "points"),
+    [
+        ("table1", {"reflex_gain": [8.0, 12.0], "block_rows": [12, 15]}),
+        ("figure4", {"block_rows": [12, 15]}),
+        ("passes", {"max_passes": [2, 4]}),
+        ("comparison", {"reflex_gain": [8.0, 12.0], "block_rows": [12, 15]}),
+        ("sensitivity", {"reflex_gain": [8.0, 12.0], "block_rows": [12, 15]}),
+    ],
+)
+def test_notebooks_that_know_settings_alone_refuse_options_before_the_first_job(notebook, points):
+    match = f"studies → s → notebook: {notebook} needs points that differ in settings of the simulation alone, got"
+    with pytest.raises(ConfigError, match=match):
+        read(notebook=notebook, points=points)
+    read(notebook="sweep", points=points)
 
 
 def test_notebooks_with_a_line_for_each_point_are_refused_for_many():
@@ -59,12 +71,12 @@ def test_notebooks_with_a_line_for_each_point_are_refused_for_many():
 
 def test_the_notebook_of_a_sweep_has_settings_and_pictures_and_no_points():
     study = read(notebook="sweep", keep="scores", points={"reflex_gain": [8.0, 12.0], "pr-moesp.block_rows": [12, 15]})
-    parameters = report_parameters(
-        study, {}, published="data", table_stem="t", figure_stem="f", table_file="t.parquet"
-    )["study"]
+    files = {"tables": ["t.parquet"]}
+    parameters = report_parameters(study, files, published="data", table_stem="t", figure_stem="f")["study"]
     assert shows_sweep(study)
     assert parameters["points"] == {}
     assert parameters["varied"] == ["reflex_gain", "pr-moesp.block_rows"]
     assert parameters["settings"]["duration"] == 40.0
     assert parameters["sweep"] == study.settings.sweep.model_dump()
-    assert parameters["scores"] == parameters["trials"] == []
+    assert parameters["table_file"] == "t.parquet"
+    assert parameters["trials"] == parameters["estimates"] == []

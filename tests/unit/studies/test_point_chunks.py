@@ -74,14 +74,13 @@ def test_another_method_or_option_simulates_nothing_again():
     ):
         files = range(len(study.trial_chunks))
         assert len(other.trial_chunks) == len(study.trial_chunks)
-        assert all(other.simulated_points(k, stored=True) == study.simulated_points(k, stored=True) for k in files)
+        assert all(other.simulation(other.trial_chunks[k]) == study.simulation(study.trial_chunks[k]) for k in files)
     assert len(other.chunks) > len(study.chunks)
 
 
 def jobs(study):
     """What the jobs of each chunk depend on."""
-    chunks = range(len(study.chunks))
-    return [(study.simulated_points(chunk), study.identified_points(chunk)) for chunk in chunks]
+    return [(study.simulation(parts)["conditions"], study.hashes[chunk]) for chunk, parts in enumerate(study.chunks)]
 
 
 @pytest.mark.parametrize("keep", ["everything", "scores"])
@@ -124,9 +123,9 @@ def test_many_points_of_one_condition_are_several_jobs(tmp_path, keep):
     identified = [
         (point, number)
         for chunk in range(len(study.chunks))
-        for condition, (first, stop) in study.identified_trials(chunk).items()
-        for point in study.identified_points(chunk)[condition]
-        for number in range(first, stop)
+        for part in study.identification(chunk)["conditions"].values()
+        for point in part["points"]
+        for number in range(part["first"], part["stop"])
     ]
     assert sorted(identified) == sorted((point.name, number) for point in study.point_list for number in range(20))
     before = jobs(study)
@@ -137,9 +136,11 @@ def test_many_points_of_one_condition_are_several_jobs(tmp_path, keep):
 
 def test_points_of_a_condition_are_identified_on_its_trials():
     study = sweep(points={"reflex_gain": [8.0, 9.0], "block_rows": [12, 18]}, job_minutes=10)
-    assert study.simulated_points(0).keys() == {"reflex_gain=8.0", "reflex_gain=9.0"}
-    assert study.identified_trials(0) == {"reflex_gain=8.0": [0, 100], "reflex_gain=9.0": [0, 100]}
-    points = study.identified_points(0)["reflex_gain=9.0"]
+    conditions = study.identification(0)["conditions"]
+    assert conditions.keys() == study.simulation(study.chunks[0])["conditions"].keys()
+    assert conditions.keys() == {"reflex_gain=8.0", "reflex_gain=9.0"}
+    assert all((part["first"], part["stop"]) == (0, 100) for part in conditions.values())
+    points = conditions["reflex_gain=9.0"]["points"]
     assert points["block_rows=18,reflex_gain=9.0"] == {
         "values": {"reflex_gain": 9.0, "block_rows": 18},
         "options": {"pr-moesp": {"block_rows": 18}},
@@ -176,7 +177,6 @@ def test_the_work_for_jobs_grows_with_the_points(monkeypatch):
         monkeypatch.setattr(study_module, name, count)
     study = sweep(points={"reflex_gain": {"start": 0, "stop": 20, "count": 2000}}, job_minutes=0.1)
     for chunk in range(len(study.chunks)):
-        study.simulated_points(chunk), study.identified_points(chunk), study.identified_trials(chunk)
-        study.simulated_points(study.trial_chunk_of(chunk), stored=True)
+        study.identification(chunk), study.simulation(study.trial_chunks[study.trial_chunk_of(chunk)])
     assert len(study.chunks) > 500
     assert counts == {"list_points": 1, "identification_seconds": 1}

@@ -11,8 +11,8 @@ from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.method_settings import MethodSettings
 from ankleloop.studies.points import list_points
+from ankleloop.studies.run_config import check_uses
 from ankleloop.studies.study import read_studies
-from ankleloop.studies.study_checks import check_uses
 
 
 def methods(**named):
@@ -37,7 +37,6 @@ def test_options_vary_beside_settings_and_share_trials():
         f"block_rows={rows},reflex_gain={gain}" for gain in (8.0, 12.0) for rows in (12, 18)
     ]
     assert [point.condition for point in points] == ["reflex_gain=8.0"] * 2 + ["reflex_gain=12.0"] * 2
-    assert points[1].settings == {"reflex_gain": 8.0}
     assert points[1].options == {"pr": {"block_rows": 18}}
     assert points[1].values == {"reflex_gain": 8.0, "block_rows": 18}
 
@@ -54,7 +53,7 @@ def test_a_bare_option_is_that_of_every_method_that_has_it():
     assert read({"rank_tolerance": [1e-5]}, three).points[0].options.keys() == {"a", "b", "c"}
     assert read({"order": [3]}, three).points[0].options == {"a": {"order": 3}, "b": {"order": 3}}
     assert read({"b.order": [3]}, three).points[0].options == {"b": {"order": 3}}
-    assert read({"delay": [0.03]}, three).points[0].settings == {"delay": 0.03}
+    assert read({"delay": [0.03]}, three).points[0].options == {}
     assert read({"a.delay": [0.03]}, three).points[0].options == {"a": {"delay": 0.03}}
 
 

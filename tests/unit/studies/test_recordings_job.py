@@ -13,7 +13,6 @@ import pandas as pd
 import pytest
 
 from ankleloop import save_trial, simulate
-from ankleloop.paper.results import read_results
 from ankleloop.recordings import files
 from ankleloop.studies import recordings as job_of_recordings
 from ankleloop.studies.study import read_studies
@@ -52,8 +51,9 @@ def run_job(folder, tmp_path, monkeypatch):
                 points=study.mappings(0),
                 methods=study.analysed_methods,
                 figure=study.settings.figure.model_dump(),
+                settings=study.hashes[0],
             ),
-            output=SimpleNamespace(folder=str(tmp_path / "pages"), table=str(tmp_path / "table.csv")),
+            output=SimpleNamespace(folder=str(tmp_path / "pages"), table=str(tmp_path / "table.parquet")),
             log=str(tmp_path / "job.log"),
             rule="recordings",
             wildcards={"study": "laboratory", "chunk": "0"},
@@ -64,7 +64,7 @@ def run_job(folder, tmp_path, monkeypatch):
             runpy.run_path(str(SCRIPTS / "recordings.py"), init_globals={"snakemake": job})
         finally:
             logging.root.handlers[:], logging.root.level = handlers, level
-        return read_results([job.output.table]), Path(job.output.folder)
+        return pd.read_parquet(job.output.table), Path(job.output.folder)
 
     return run
 

@@ -1,6 +1,7 @@
-"""The page that lists all results holds what is there, and nothing else; every text is escaped."""
+"""The page that lists all results holds what its run has made, and nothing else; every text is escaped."""
 
 import json
+import os
 
 import pandas as pd
 import pytest
@@ -8,50 +9,53 @@ import pytest
 from ankleloop.pages.index import render_index
 from ankleloop.paper.ledger import VERDICTS
 from ankleloop.studies.provenance import Provenance
-from ankleloop.studies.results_index import collect_results
+from ankleloop.studies.results_index import collect_results, measure_span, read_run_times, read_tables
 
 HOSTILE = "<b>&co"
 PROVENANCE = Provenance("1.2.3", "0123abcd" * 5, True, "3.11.2", "Linux on x86_64", {"numpy": "2.1", "scipy": "1.15"})
 STUDIES = {
-    "table1": {"title": f"Table 1 {HOSTILE}", "kind": "simulation", "points": 2, "methods": 5, "trials": 20, "seed": 7},
-    "laboratory": {
-        "title": "Laboratory",
-        "kind": "recordings",
+    "table1": {
+        "title": f"Table 1 {HOSTILE}",
+        "kind": "simulation",
         "points": 2,
-        "methods": 1,
-        "trials": None,
-        "seed": None,
+        "methods": 5,
+        "trials": 20,
+        "seed": 7,
     },
 }
 
 
 @pytest.fixture
 def folder(tmp_path):
-    """Results of a run: a study with a figure, a recording and a refused one, a table, a ledger of two claims."""
+    """Results of a run: a study with a figure, recordings of two studies, a ledger of two claims; and stale files."""
     results = tmp_path / "results"
-    for name in ("reports/laboratory", "figures", "rendered/table1", "tables", "parameters/laboratory"):
+    for name in ("reports/laboratory", "reports/clinic", "figures", "rendered/table1", "tables", "scores"):
         (results / name).mkdir(parents=True)
-    for name in ("article.html", "reports/table1.html", "reports/laboratory/A1.html", "figures/table1-order.png"):
+    pages = ["reports/table1.html", "reports/laboratory/A1.html", "reports/clinic/A1.html", "reports/gone.html"]
+    for name in ("article.html", *pages, "figures/table1-order.png"):
         (results / name).write_text("x", encoding="utf-8")
     captions = {"table1-order": f"Order {HOSTILE}", "table1-gone": "not there"}
     (results / "rendered/table1/captions.json").write_text(json.dumps(captions), encoding="utf-8")
     (results / "configuration.json").write_text('{"run": ["table1"]}', encoding="utf-8")
+    groups = {"condition": "rest", "trial": None}
     rows = [
-        {"recording": "A1", "subject": "S1", "verdict": "usable", "label": HOSTILE, "recommended": True},
-        {"recording": "A1", "subject": "S1", "verdict": "usable", "label": "other", "recommended": False},
-        {"recording": "A2", "subject": "S2", "verdict": "refused", "label": None, "recommended": None},
+        {"recording": "A1", "subject": "S1", **groups, "verdict": "usable", "label": HOSTILE, "recommended": True},
+        {"recording": "A1", "subject": "S1", **groups, "verdict": "usable", "label": "other", "recommended": False},
+        {"recording": "A2", "subject": "S2", **groups, "verdict": "refused", "label": None, "recommended": None},
     ]
-    pd.DataFrame(rows).to_csv(results / "parameters/laboratory/0.csv", index=False)
-    table = pd.DataFrame({"method": [HOSTILE, "b"], "mean": [92.123456789, None], "empty": [None, None], "n": [3, 4]})
-    table.to_csv(results / "tables/table1.csv", index=False)
-    table.to_csv(results / "tables/table1-trials.csv", index=False)
+    for name in ("laboratory", "clinic"):
+        pd.DataFrame(rows).to_parquet(results / f"scores/{name}.parquet")
     claims = pd.DataFrame({"id": ["a", "b"], "verdict": ["reproduced", "cannot be judged"]})
     claims.to_csv(results / "verification.csv", index=False)
     return results
 
 
-def collect(folder, *, has_article=True):
-    return collect_results(folder, folder.parent / "logs", STUDIES, PROVENANCE, has_article=has_article)
+def collect(folder, *, has_article=True, jobs=()):
+    recorded = {"title": "Recordings", "kind": "recordings", "points": 2, "methods": 1, "trials": None, "seed": None}
+    tables = {name: folder / f"scores/{name}.parquet" for name in ("laboratory", "clinic")}
+    studies = STUDIES | {name: recorded | {"recordings": [path]} for name, path in tables.items() if path.exists()}
+    times = read_run_times(folder.parent / "logs", jobs)
+    return collect_results(folder, studies, times, PROVENANCE, has_article=has_article)
 
 
 def test_what_is_there_is_listed(folder):
@@ -64,13 +68,21 @@ def test_what_is_there_is_listed(folder):
         "configuration.json",
     ]
     assert results.verdicts == dict.fromkeys(VERDICTS, 0) | {"reproduced": 1, "cannot be judged": 1}
-    assert results.study_links == {STUDIES["table1"]["title"]: "reports/table1.html"}
     assert [figure.name for figure in results.figures[STUDIES["table1"]["title"]]] == ["table1-order"]
-    assert results.recording_links == {"A1": "reports/laboratory/A1.html"}
-    recordings = results.recordings.set_index("recording")
-    assert recordings.loc["A1", "recommended method"] == HOSTILE
-    assert recordings["verdict"].tolist() == ["usable", "refused"]
+    recordings = results.recordings.set_index(["study", "recording"])
+    assert recordings.loc[("laboratory", "A1"), "recommended method"] == HOSTILE
+    assert recordings["verdict"].tolist() == ["usable", "refused"] * 2
     assert results.run_times == {}
+
+
+def test_studies_and_recordings_of_one_name_have_links_of_their_own(folder):
+    results = collect(folder)
+    assert results.studies["title"].tolist()[1:] == ["Recordings"] * 2
+    assert results.study_links == ["reports/table1.html", "", ""]
+    assert results.recording_links == ["reports/laboratory/A1.html", "", "reports/clinic/A1.html", ""]
+    page = render_index(results)
+    assert page.count('href="reports/laboratory/A1.html"') == page.count('href="reports/clinic/A1.html"') == 1
+    assert "gone" not in page
 
 
 def test_the_article_of_an_earlier_run_is_left_out(folder):
@@ -81,7 +93,7 @@ def test_the_article_of_an_earlier_run_is_left_out(folder):
 
 
 def test_a_folder_without_results_has_a_page_too(tmp_path):
-    results = collect(tmp_path)
+    results = collect(tmp_path, has_article=False)
     assert list(results.links.values()) == ["tables.html"]
     assert results.figures == {}
     page = render_index(results)
@@ -102,3 +114,59 @@ def test_provenance_is_on_the_page(folder):
         "&#34;run&#34;",
     ):
         assert text in page, text
+
+
+def test_tables_have_no_empty_columns(tmp_path):
+    table = pd.DataFrame({"method": [HOSTILE, "b"], "mean": [92.123456789, None], "empty": [None, None], "n": [3, 4]})
+    table.to_csv(tmp_path / "table1.csv", index=False)
+    shown = read_tables([tmp_path / "table1.csv"])["table1"]
+    assert shown.to_dict("list") == {"method": [HOSTILE, "b"], "mean": ["92.123", "–"], "n": ["3", "4"]}
+
+
+# --- times of jobs, from benchmark files as Snakemake writes them
+
+HEADER = "s\th:m:s\tmax_rss\tmax_vms\tmax_uss\tmax_pss\tio_in\tio_out\tmean_load\tcpu_time\n"
+JOBS = ["article", "identify/table1/0", "identify/table1/1", "identify/table1/2", "report/table1"]
+
+
+def write_times(folder, name, seconds, processor, memory, end):
+    path = folder / "logs" / f"{name}.tsv"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    row = [seconds, "0:00:02", memory, "1", "1", "1", "1", "1", "1", processor]
+    path.write_text(HEADER + "\t".join(map(str, row)) + "\n", encoding="utf-8")
+    os.utime(path, (end, end))
+
+
+@pytest.fixture
+def times(tmp_path):
+    write_times(tmp_path, "identify/table1/0", 10.0, 9.0, 300.0, 1000.0)
+    write_times(tmp_path, "identify/table1/1", 20.0, 18.0, 400.0, 1005.0)
+    write_times(tmp_path, "identify/table1/7", 500.0, 18.0, 400.0, 5.0)  # a chunk of an earlier run
+    write_times(tmp_path, "report/table1", 5.0, 4.0, 200.0, 2000.0)
+    write_times(tmp_path, "article", 3.0, "-", "-", 2003.0)  # too short for Snakemake to measure its memory
+    return read_run_times(tmp_path / "logs", JOBS)
+
+
+def test_jobs_of_the_run_have_their_rule_and_study(times):
+    assert times[["rule", "study"]].values.tolist() == [
+        ["article", ""],
+        ["identify", "table1"],
+        ["identify", "table1"],
+        ["report", "table1"],
+    ]
+    assert times["seconds"].tolist() == [3.0, 10.0, 20.0, 5.0]
+
+
+def test_sums_over_rules_and_studies(times, folder):
+    results = collect(folder, jobs=JOBS)
+    rules = results.run_times["By rule"]
+    assert rules["rule"].tolist() == ["identify", "report", "article"]
+    assert rules.iloc[0].tolist() == ["identify", 2, "30.0", "20.0", "27.0", "400"]
+    assert results.run_times["By study"].set_index("study").loc["table1", "sum [s]"] == "35.0"
+    assert results.studies.set_index("study").loc["table1", "time of its jobs [min]"] == "0.58"
+
+
+def test_time_without_a_job_does_not_count(times):
+    first, last, duration = measure_span(times)
+    assert (first.timestamp(), last.timestamp()) == (985.0, 2003.0)
+    assert duration == pytest.approx(20.0 + 5.0 + 3.0)

@@ -7,8 +7,6 @@ import yaml
 
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.config import NOTEBOOKS, SimulationStudy
-from ankleloop.studies.results import article_studies, figure_names, run_studies
-from ankleloop.studies.seeds import trial_entropy
 from ankleloop.studies.study import SimulatedStudy, read_studies
 
 
@@ -94,29 +92,21 @@ def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
     points = [*points, {"duration": 20.0, "recording_rate": 500.0, "zeta": 0.5}]
     study = table1(points=points, points_per_chunk=10)
     assert [len(chunk) for chunk in study.chunks] == [1, 1, 1, 2]
-    assert study.simulated_time(3) == study.simulated_time(3, stored=True) == 2 * 20 * 20.0
     assert [len(chunk) for chunk in table1(points=points, points_per_chunk=10, keep="estimates").chunks] == [1, 1, 1, 2]
     assert [len(chunk) for chunk in table1(points=points, points_per_chunk=10, keep="scores").chunks] == [5]
 
 
-def test_seeds_differ_by_study_point_and_trial():
-    keys = [(study, point, k) for study in ("a", "b") for point in ("only", "zeta=1.0") for k in range(20)]
-    assert len({tuple(trial_entropy(2008, *key)) for key in keys}) == len(keys)
-
-
 def test_the_article_is_made_where_all_its_studies_are(config, change):
-    assert [study.name for study in article_studies(*read_studies(config))] == config["article"]
-    part = read_studies(change("run", value=["table1"]))
-    assert [study.name for study in run_studies(*part)] == ["table1"]
-    assert article_studies(*part) == []
-    everything = read_studies(change("run", value=None))
-    assert [study.name for study in run_studies(*everything)] == list(config["studies"])
+    assert read_studies(config)[0].article_names == config["article"]
+    part = read_studies(change("run", value=["table1"]))[0]
+    assert (part.run_names, part.article_names) == (["table1"], [])
+    assert read_studies(change("run", value=None))[0].run_names == list(config["studies"])
 
 
 def test_figures_of_a_study(table1):
-    assert figure_names(table1()) == NOTEBOOKS["table1"] == ("figure3", "order")
-    assert figure_names(table1(notebook=None)) == ()
-    assert figure_names(table1(methods={"riv": {"method": "riv"}}, figure={})) == ("figure3",)
+    assert table1().figures == NOTEBOOKS["table1"] == ("figure3", "order")
+    assert table1(notebook=None).figures == ()
+    assert table1(methods={"riv": {"method": "riv"}}, figure={}).figures == ("figure3",)
 
 
 # --- recordings

@@ -8,8 +8,7 @@ import pytest
 from rocrate.rocrate import ROCrate
 
 import ankleloop
-from ankleloop.studies.provenance import load_provenance, read_provenance, save_provenance
-from ankleloop.studies.run_crate import PROFILE, hash_file, write_crate
+from ankleloop.studies.provenance import PROFILE, hash_file, read_provenance, write_crate
 
 ROOT = Path(__file__).parents[3]
 
@@ -83,9 +82,3 @@ def test_commit_of_a_working_copy(tmp_path):
     (tmp_path / "a").write_text("2")
     assert read_provenance(tmp_path).changed
     assert "with changes" in str(read_provenance(tmp_path))
-
-
-def test_provenance_is_read_again_as_it_was_written(tmp_path):
-    provenance = read_provenance(ROOT)
-    save_provenance(provenance, tmp_path / "provenance.json")
-    assert load_provenance(tmp_path / "provenance.json") == provenance

@@ -1,0 +1,116 @@
+# From the configuration to the table of all trials of a study.
+
+
+# Simulated trials. A trial file holds those of some conditions of a study, or part of the trials of one: starting a job
+# costs as much as some fifty trials do.
+rule simulate:
+    output:
+        trials="results/trials/{study}/{chunk}.nc",
+    log:
+        "logs/simulate/{study}/{chunk}.log",
+    benchmark:
+        "logs/simulate/{study}/{chunk}.tsv"
+    wildcard_constraints:
+        study=names_keeping("everything"),
+    # Before any identification, and long jobs first, so that no core waits for one at the end.
+    priority: lambda wildcards: 1e9 + simulation_seconds(wildcards)
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory,
+        runtime=minutes(simulation_seconds),
+    params:
+        arguments=lambda wildcards: study_of(wildcards).simulation(
+            study_of(wildcards).trial_chunks[int(wildcards.chunk)]
+        ),
+        precision=lambda wildcards: study_of(wildcards).settings.precision,
+        library=library("workflow/scripts/simulate.py"),
+    script:
+        "../scripts/simulate.py"
+
+
+# Identification of all trials of a chunk by every method of their study, and its scores. What methods need alike of a
+# trial is computed once. Where no trials are kept, the job simulates them as well, and none touches the disk.
+rule identify:
+    input:
+        trials=trial_file_of,
+    output:
+        estimates="results/estimates/{study}/{chunk}.parquet",
+        scores="results/scores/{study}/{chunk}.parquet",
+    log:
+        "logs/identify/{study}/{chunk}.log",
+    benchmark:
+        "logs/identify/{study}/{chunk}.tsv"
+    wildcard_constraints:
+        study=names_keeping("everything", "estimates"),
+    # Long jobs first, so that no core waits for one at the end.
+    priority: identification_seconds
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory,
+        runtime=minutes(identification_seconds),
+    params:
+        arguments=lambda wildcards: study_of(wildcards).identification(
+            int(wildcards.chunk)
+        ),
+        simulation=lambda wildcards: (
+            {}
+            if study_of(wildcards).settings.keep == "everything"
+            else study_of(wildcards).simulation(
+                study_of(wildcards).chunks[int(wildcards.chunk)]
+            )
+        ),
+        library=library("workflow/scripts/identify.py"),
+    script:
+        "../scripts/identify.py"
+
+
+use rule identify as sweep with:
+    output:
+        scores="results/scores/{study}/{chunk}.parquet",
+    log:
+        "logs/sweep/{study}/{chunk}.log",
+    benchmark:
+        "logs/sweep/{study}/{chunk}.tsv"
+    wildcard_constraints:
+        study=names_keeping("scores"),
+
+
+# All trials of a study in one table: a row for each point, method and trial, with scores and parameters. Small ones are
+# written as CSV, too.
+rule table:
+    input:
+        chunks=lambda wildcards: chunk_files("scores", study_of(wildcards)),
+    output:
+        table="results/tables/{study}-trials.parquet",
+    log:
+        "logs/table/{study}.log",
+    benchmark:
+        "logs/table/{study}.tsv"
+    wildcard_constraints:
+        study=alternatives(set(SIMULATED) - SMALL),
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory,
+        runtime=half_hour,
+    params:
+        hashes=lambda wildcards: study_of(wildcards).hashes,
+        varied=lambda wildcards: study_of(wildcards).varied,
+        rows=lambda wildcards: study_of(wildcards).rows,
+        settings=lambda wildcards: study_of(wildcards).hash,
+        library=library("workflow/scripts/table.py"),
+    script:
+        "../scripts/table.py"
+
+
+use rule table as small_table with:
+    output:
+        table="results/tables/{study}-trials.parquet",
+        text="results/tables/{study}-trials.csv",
+    wildcard_constraints:
+        study=alternatives(SMALL),

@@ -1,0 +1,10 @@
+"""Put the scores and parameters of all trials of a study into one table."""
+
+from ankleloop.paper.trial_tables import join_tables
+
+from job import running
+
+with running(snakemake):
+    params, output = snakemake.params, snakemake.output
+    chunks = dict(zip(snakemake.input.chunks, params.hashes, strict=True))
+    join_tables(output.table, chunks, params.varied, params.rows, params.settings, output.get("text"))
