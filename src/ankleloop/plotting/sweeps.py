@@ -208,7 +208,8 @@ def _draw_map(
         if means.shape[1] <= room:
             marked = np.zeros_like(marked)  # their numbers have an asterisk
     if marked.any():
-        cell.plot(x[marked], y[marked], **{**FAULT_RING, "ms": min(6.0, 200.0 / len(axes[0].values))})
+        ring = 9.0 if room is None else min(6.0, 200.0 / len(axes[0].values))  # around a point, or in a cell
+        cell.plot(x[marked], y[marked], **{**FAULT_RING, "ms": ring})
     if empty.any():
         cell.plot(x[empty], y[empty], **NO_VALUE)
     return image
