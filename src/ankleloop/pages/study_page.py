@@ -19,8 +19,8 @@ from ankleloop.pages.tables import render_table
 from ankleloop.paper.captions import describe_settings, typical_point
 from ankleloop.paper.results import join_scores
 from ankleloop.paper.tables import write_table
-from ankleloop.paper.trial_tables import read_results
 from ankleloop.paper.trial_counts import count_trials, describe_faults, describe_warnings, list_outcomes
+from ankleloop.paper.trial_tables import read_results
 from ankleloop.plotting.method_styles import MethodStyle, label_styles
 from ankleloop.plotting.style import save_figure
 

@@ -67,9 +67,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def render_table(
-    table: pd.DataFrame, links: Sequence[str] = (), *, colours: Mapping[str, str] | None = None
-) -> str:
+def render_table(table: pd.DataFrame, links: Sequence[str] = (), *, colours: Mapping[str, str] | None = None) -> str:
     """Table as HTML; cells with a colour have it as background."""
     return render_template("table.html.j2", table=describe_table(table, links, colours=colours))
 

@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from ankleloop.errors import NUMERICAL_ERRORS, DataError
+from ankleloop.errors import NUMERICAL_ERRORS, ResourceError
 from ankleloop.pages.recordings import EmbeddedFigure, embed_recording_figures, render_recording_page
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
@@ -39,21 +39,14 @@ def analyse_recordings(
 ) -> Iterator[tuple[str, pd.DataFrame, list[str]]]:
     """Analyse recordings one after the other, and write their pages and estimates.
 
-    A recording that cannot be used, that fails numerically, or whose process is killed, has a page that says so; all
-    others go on.
+    A recording that cannot be used, or that fails numerically, has a page that says so; all others go on. A process
+    that is killed says nothing of its recording: that is an error, and the same command tries again.
     """
     job = _Job(Path(folder), methods, window, index)
     worker = Worker(job.analyse)
     for name, mapping in points.items():
         with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
-            try:
-                results = worker.call(name, mapping)
-            except WorkerKilledError as error:
-                reason = (
-                    f"the process of its analysis came to no end ({error}): most often memory was short; free "
-                    "memory, or take a shorter part of the recording (start, stop)."
-                )
-                results = job.refuse(name, mapping, DataError(reason))
+            results = worker.call(name, mapping)
         yield (name, *results)
 
 
@@ -100,10 +93,6 @@ class _Job:
                 write_csv(figure.data, self._folder / name / f"figure-{kind}.csv", overwrite=True)
 
 
-class WorkerKilledError(Exception):
-    """The process of a worker has ended before its call did; the message says how."""
-
-
 class Worker:
     """Runs a function in one child process call after call, and in a new one where the system killed it.
 
@@ -127,7 +116,10 @@ class Worker:
             process.join()
             code = process.exitcode
             end = f"it was killed by {signal.Signals(-code).name}" if code < 0 else f"it ended with code {code}"
-            raise WorkerKilledError(end) from None
+            raise ResourceError(
+                f"the process of the analysis came to no end ({end}): most often memory was short; free memory, or "
+                "take a shorter part of the recording (start, stop)."
+            ) from None
         if succeeded:
             return value
         raise value

@@ -12,15 +12,14 @@ def page(tmp_path):
     """Two gains, two methods, two trials; one identification failed and one came with a warning."""
     keys = [(gain, method, trial) for gain in (5.0, 13.0) for method in ("riv", "pr") for trial in range(2)]
     rows = [
-        {"point": f"g={gain:g}", "reflex_gain": gain, "method": method, "trial": trial} for gain, method, trial in keys
+        {"study": "s", "point": f"g={gain:g}", "reflex_gain": gain, "method": method, "trial": trial}
+        for gain, method, trial in keys
     ]
-    parameters = pd.DataFrame(rows).assign(K=150.0, failure=None, warnings=None)
-    parameters.loc[0, ["K", "failure"]] = [None, "no pole"]
-    parameters.loc[3, "warnings"] = "unstable"
-    scores = pd.DataFrame(rows).drop(columns="reflex_gain").assign(torque="net", against="measured", vaf=90.0)
-    files = {"scores": tmp_path / "scores.csv", "parameters": tmp_path / "parameters.csv"}
-    for table, path in ((scores.iloc[1:], files["scores"]), (parameters, files["parameters"])):
-        table.to_csv(path, index=False)
+    table = pd.DataFrame(rows).assign(vaf_net_measured=90.0, vaf_net_measured_low=89.0, vaf_net_measured_high=91.0)
+    table = table.assign(K=150.0, failure=None, warnings=None)
+    table.loc[0, ["K", "vaf_net_measured", "failure"]] = [None, None, "no pole"]
+    table.loc[3, "warnings"] = "unstable"
+    table.to_parquet(tmp_path / "s-trials.parquet")
     return StudyPage(
         study="s",
         kind="simulation",
@@ -33,7 +32,7 @@ def page(tmp_path):
         published="data/published",
         table_stem=str(tmp_path / "s"),
         figure_stem=str(tmp_path / "s"),
-        **{name: [str(path)] for name, path in files.items()},
+        table_file=str(tmp_path / "s-trials.parquet"),
     )
 
 

@@ -20,7 +20,7 @@ from ankleloop.studies import identification
 from ankleloop.studies.identification import identify_trials, read_trials
 from ankleloop.studies.simulation import simulate_trials, trial_entropy
 from ankleloop.studies.study import read_studies
-from ankleloop.trials.checksums import LENGTH
+from ankleloop.trials.files import LENGTH
 from ankleloop.trials.trial_files import load_trial_of
 
 SETTINGS = SimulationSettings(duration=8.0, voluntary=0.1).model_dump()
