@@ -16,6 +16,7 @@ JOBS = {
 rule index:
     input:
         results=targets(),
+        conclusions=repository_file("data/conclusions.yaml"),
         rendered=[
             f"results/rendered/{study.name}"
             for study in RUN

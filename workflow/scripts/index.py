@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from ankleloop.pages.index import render_index, render_ledger, render_tables
+from ankleloop.paper.conclusions import read_conclusions
 from ankleloop.studies.provenance import read_provenance, write_crate
 from ankleloop.studies.results_index import collect_results, read_run_times, read_tables
 from ankleloop.trials.files import atomic_file
@@ -34,8 +35,11 @@ with running(snakemake):
     names = [*studies, "economy"] if output.ledger else studies
     paths = [folder / "tables" / f"{name}.csv" for name in names]
     write_text(output.tables, render_tables(read_tables(path for path in paths if path.exists())))
+    opening = []
     for path in output.ledger:  # none without the ledger
-        write_text(path, render_ledger(pd.read_csv(folder / "verification.csv")))
+        ledger = pd.read_csv(folder / "verification.csv")
+        write_text(path, render_ledger(ledger))
+        opening = [ledger, read_conclusions(snakemake.input.conclusions)]
     times = read_run_times(logs, snakemake.params.jobs)
     results = collect_results(folder, studies, times, provenance, has_article=bool(output.ledger))
-    write_text(output.index, render_index(results))
+    write_text(output.index, render_index(results, *opening))

@@ -7,8 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup, escape
+
 from ankleloop.pages.rendering import render_page, render_template
 from ankleloop.pages.tables import describe_table
+from ankleloop.paper.conclusions import Conclusions, summarise, tabulate_table1
 from ankleloop.paper.judgement import (
     AT_TOLERANCE,
     BY_CONSTRUCTION,
@@ -18,7 +21,7 @@ from ankleloop.paper.judgement import (
     OPEN,
     REPRODUCED,
 )
-from ankleloop.paper.ledger import VERDICTS, tabulate_ledger
+from ankleloop.paper.ledger import VERDICTS, count_held, tabulate_ledger
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,17 +80,35 @@ class Results:
     details: Mapping[str, str] = field(default_factory=dict)  # long texts by their headings, such as the configuration
 
 
-def render_index(results: Results) -> str:
-    """Page that lists all results."""
+def render_index(results: Results, ledger: pd.DataFrame | None = None, conclusions: Conclusions | None = None) -> str:
+    """Page that lists all results; it opens with what was found, where there is a ledger."""
     body = render_template(
         "index.html.j2",
         results=results,
+        opening=None if ledger is None else _open(ledger, conclusions or {}),
         verdicts=_explain(results.verdicts),
         studies=describe_table(results.studies, results.study_links),
         recordings=describe_table(results.recordings, results.recording_links),
         run_times={heading: describe_table(table) for heading, table in results.run_times.items()},
     )
     return render_page("Results", body, pictures_of_files=True)
+
+
+def _open(ledger: pd.DataFrame, conclusions: Conclusions) -> dict[str, Any]:
+    """The sentences that say what was found, what holds, and Table 1 as the paper prints it."""
+    cells, verdicts = tabulate_table1(ledger)
+    colours = {text: VERDICT_COLOURS[verdict] for text, verdict in verdicts.items()}
+    return {
+        "sentences": [_emphasise(text) for text in summarise(ledger, conclusions)],
+        "held": count_held(ledger),
+        "table": describe_table(cells, colours=colours),
+    }
+
+
+def _emphasise(text: str) -> Markup:
+    """Markdown of a sentence as HTML: bold words and code."""
+    marked = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", str(escape(text)))
+    return Markup(re.sub(r"`(.+?)`", r"<code>\1</code>", marked))  # noqa: S704 # what is not ours has been escaped
 
 
 def _explain(counts: Mapping[str, int]) -> dict[str, tuple[int, str, str]]:

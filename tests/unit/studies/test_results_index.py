@@ -92,6 +92,21 @@ def test_the_article_of_an_earlier_run_is_left_out(folder):
     assert "Ledger" not in render_index(results)
 
 
+def test_the_page_opens_with_what_was_found(folder):
+    rows = [
+        {"id": "cause", "verdict": "not reproduced", "ours": 99.9, "statement": "the cause"},
+        {"id": "table1/pr-moesp/net", "verdict": "reproduced", "ours": 92.1, "statement": "net torque by PR-MOESP"},
+    ]
+    ledger = pd.DataFrame(rows).assign(paper=92.0, uncertainty=0.1, reason="It fell.", source="paper")
+    conclusions = {
+        "cause": {"verdict": "not reproduced", "sentence": f"**Not the loop.** `riv` {HOSTILE} {{ours:.1f}} %"}
+    }
+    page = render_index(collect(folder), ledger, conclusions)
+    assert "<b>Not the loop.</b> <code>riv</code> &lt;b&gt;&amp;co 99.9 %" in page
+    assert "1 of the 2 numbers and claims of the paper that can be decided hold" in page
+    assert page.index("92 → 92.1 ± 0.1") < page.index("article.html")
+
+
 def test_a_folder_without_results_has_a_page_too(tmp_path):
     results = collect(tmp_path, has_article=False)
     assert list(results.links.values()) == ["tables.html"]
