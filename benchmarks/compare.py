@@ -125,9 +125,10 @@ def main():
         worst = sorted(compare_tables(old, new).items(), key=lambda item: -item[1][0])
         texts = [f"{column} ×{excess:.2g} in {count} of {len(old)}" for column, (excess, count) in worst[:WORST]]
         print(f"{path.stem}: {'; '.join(texts) or 'equal'}")
-    columns = ["id", "verdict"]
-    ledgers = [pd.read_csv(tree / "results" / "verification.csv")[columns] for tree in (arguments.other, ROOT)]
-    print("verdicts equal" if ledgers[0].equals(ledgers[1]) else ledgers[0].compare(ledgers[1]))
+    ledgers = [pd.read_csv(tree / "results" / "verification.csv").set_index("id") for tree in (arguments.other, ROOT)]
+    verdicts = pd.concat([ledger["verdict"] for ledger in ledgers], axis=1, keys=["before", "after"])
+    changed = verdicts[verdicts["before"] != verdicts["after"]]
+    print("verdicts equal" if changed.empty else changed.to_string())
     if "ANKLELOOP_RECORDINGS" in os.environ:
         compare_estimates(read_estimates(arguments.other), read_estimates(ROOT))
 

@@ -122,7 +122,7 @@ def render_ledger(ledger: pd.DataFrame) -> str:
     table = tabulate_ledger(ledger)[LEDGER_COLUMNS]
     body = render_template(
         "ledger.html.j2",
-        count=len(ledger),
+        held=count_held(ledger),
         verdicts=_explain({verdict: int(counts.get(verdict, 0)) for verdict in VERDICTS}),
         table=describe_table(table, colours=VERDICT_COLOURS, identifier="claims"),
     )
