@@ -38,7 +38,7 @@ VERDICT_COLOURS = {
 }
 # Of the ledger, in their order: a narrow screen shows the first ones.
 LEDGER_COLUMNS = ["verdict", "section", "statement", "paper", "ours", "unit", "reason", "difference", "tolerance", "id"]
-MOST_ROWS, MOST_COLUMNS = 1000, 14  # of a table in its page; wider ones are divided
+MOST_ROWS, MOST_COLUMNS = 1000, 12  # of a table in its page; wider ones are divided
 KEYS = 3  # columns that each part of a divided table has
 SENTENCE = re.compile(r".{40,}?[.!?](?=\s|$)", re.DOTALL)  # of a caption, with what stands before it in short
 
