@@ -135,7 +135,8 @@ class StudyPage:
     ) -> None:
         """Show a table with its caption; `table` is written as CSV, and the cells as Markdown beside it."""
         if table is not None:
-            write_table(table, self.table_stem, cells, f"{caption} {note} {MEANS}", overwrite=True)
+            text = f"{caption} {note} {self.conditions()} {MEANS}"
+            write_table(table, self.table_stem, cells, text, overwrite=True)
         display(HTML(render_table(cells)), Markdown(caption), self.fold(f"{note} {MEANS}".strip()))
 
     def fold(self, note: str = "", *, rings: bool = False) -> HTML:
