@@ -4,8 +4,7 @@ from functools import partial
 
 from ankleloop import DataError, identify
 from ankleloop.methods.selection import select_options
-from ankleloop.recordings.export import export_estimate
-from ankleloop.recordings.files import load_recording
+from ankleloop.recordings.files import export_estimate, load_recording
 from bad_inputs.bad_input import BadInput
 from bad_inputs.inputs import (
     fitted_estimate,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,8 @@ from scipy import signal as sps
 from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.time_varying_course import Course, Splines, make_course
+from ankleloop.joint.prepared import prepare
+from ankleloop.joint.time_varying_course import Splines, make_course
 from ankleloop.methods.riv.covariance import LOGARITHMIC
 from ankleloop.methods.riv.equations import Parameters
 from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
@@ -30,7 +29,6 @@ from ankleloop.simulation.simulate import simulate
 MEAN_SLOPE = 0.5  # of a rectifier, for a velocity of zero mean
 PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one
 COURSES = {"cycle": ("phase", None), "time": (None, None), "schedule": (None, "schedule")}
-UNDISTURBED = {"snr_db": None, "voluntary": 0.0}
 
 
 def cramer_rao(
@@ -93,13 +91,23 @@ def cramer_rao(
     >>> sorted(bound)
     ['B', 'G', 'I', 'K', 'omega_n', 'zeta']
     """
-    names, information = fisher_information(
-        seed=seed,
-        identification_rate=identification_rate,
-        fed_back=fed_back,
-        known_delay=known_delay,
-        **settings,
-    )
+    rate = check_number("cramer_rao", "identification_rate", identification_rate, "Hz", ge=1, le=10000)
+    check_flag("cramer_rao", "fed_back", fed_back)
+    check_flag("cramer_rao", "known_delay", known_delay)
+    values = SimulationSettings.parse("cramer_rao", **settings)
+    for name in ("stiffness_drift", "reflex_threshold"):
+        value = getattr(values, name)
+        if value != 0:
+            raise ValueError(
+                f"the bound is derived for constant parameters and a rectifier at zero velocity: {name} must be 0, got "
+                f"{value:g}."
+            )
+    if values.variation is not None or values.movement > 0 or values.locked_torque > 0:
+        raise ValueError(
+            "the bound is derived for constant parameters and random disturbances: variation must be null, movement "
+            "and locked_torque must be 0."
+        )
+    names, information = fisher_information(seed, values, rate, fed_back=fed_back, known_delay=known_delay)
     deviations = np.sqrt(np.diag(invert_information(information, names)))
     return dict(zip(names, deviations.tolist(), strict=True))
 
@@ -130,49 +138,35 @@ def invert_information(information: np.ndarray, names: Sequence[str] | None = No
 
 
 def fisher_information(
-    *,
     seed: int | np.random.SeedSequence,
-    identification_rate: float = 100.0,
+    settings: SimulationSettings,
+    rate: float = 100.0,
+    *,
     fed_back: bool = True,
     known_delay: bool = True,
-    **settings: Any,
 ) -> tuple[list[str], np.ndarray]:
-    """Information of one trial, whose inverse gives the variances of `cramer_rao`.
+    """Names of the parameters, and the information of one trial, whose inverse gives the variances of `cramer_rao`.
 
     Shapes: returns information (parameters, parameters).
     """
-    identification_rate = check_number("cramer_rao", "identification_rate", identification_rate, "Hz", ge=1, le=10000)
-    check_flag("cramer_rao", "fed_back", fed_back)
-    check_flag("cramer_rao", "known_delay", known_delay)
-    all_settings = SimulationSettings.parse("cramer_rao", **settings)
-    for name in ("stiffness_drift", "reflex_threshold"):
-        value = getattr(all_settings, name)
-        if value != 0:
-            raise ValueError(
-                f"the bound is derived for constant parameters and a rectifier at zero velocity: {name} must be 0, got "
-                f"{value:g}."
-            )
-    if all_settings.variation is not None or all_settings.movement > 0 or all_settings.locked_torque > 0:
-        raise ValueError(
-            "the bound is derived for constant parameters and random disturbances: variation must be null, movement "
-            "and locked_torque must be 0."
-        )
-    clean = simulate(seed=seed, **{**dict(all_settings), **UNDISTURBED})
-    regressors = prepare(clean).regressors(
-        delay=all_settings.delay, basis="rectifier", identification_rate=identification_rate
-    )
+    clean = _simulate_clean(seed, settings)
+    regressors = prepare(clean).regressors(delay=settings.delay, basis="rectifier", identification_rate=rate)
     band = pass_band(regressors.torque.size, regressors.rate)
-    names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, all_settings, known_delay)
-    if all_settings.snr_db is None and all_settings.voluntary == 0:
+    names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, settings, known_delay)
+    if settings.snr_db is None and settings.voluntary == 0:
         return names, np.diag(np.where(np.abs(derivatives).any(axis=1), np.inf, 0.0))
-    level = float(np.std(clean["torque"].values))
-    noise = disturbance_spectrum(band.frequency, level, all_settings) * band.density
+    noise = disturbance_spectrum(band.frequency, float(np.std(clean["torque"].values)), settings) * band.density
     # The taper reduces leakage; the sum counts every frequency as the record without a taper would.
     information = 2.0 * np.real(derivatives.conj() / noise @ derivatives.T)
-    if fed_back and all_settings.closed_loop:
-        slopes = _spectral_slopes(band.s, all_settings, known_delay)
+    if fed_back and settings.closed_loop:
+        slopes = _spectral_slopes(band.s, settings, known_delay)
         information += slopes @ slopes.T
     return names, information
+
+
+def _simulate_clean(seed: int | np.random.SeedSequence, settings: SimulationSettings, **changes: float) -> xr.Dataset:
+    """The trial of a bound without its random disturbances."""
+    return simulate(seed=seed, **{**dict(settings), "snr_db": None, "voluntary": 0.0, **changes})
 
 
 def _derivatives(
@@ -209,45 +203,38 @@ def disturbance_spectrum(frequency: np.ndarray, level: float, settings: Simulati
 
     Shapes: frequency (F,); returns (F,).
     """
-    shape, power = _voluntary_shape(frequency, settings)
-    voluntary = (settings.voluntary * level) ** 2 * shape / power
+    voluntary = (settings.voluntary * level) ** 2 * _voluntary_shape(frequency, settings)
     if settings.snr_db is None:
         return voluntary
-    shape, power = _noise_shape(frequency, settings)
-    return voluntary + level**2 * (10 ** (-settings.snr_db / 10) * shape / power)
+    return voluntary + level**2 * 10 ** (-settings.snr_db / 10) * _noise_shape(frequency, settings)
 
 
-def _voluntary_shape(frequency: np.ndarray, settings: SimulationSettings) -> tuple[np.ndarray, float]:
-    """Power spectrum of the voluntary torque except for a factor, and its integral over all frequencies."""
+def _voluntary_shape(frequency: np.ndarray, settings: SimulationSettings) -> np.ndarray:
+    """Power spectrum of the voluntary torque over its integral."""
     rate = settings.recording_rate
     sos = sps.bessel(2, settings.voluntary_cutoff, fs=rate, norm="mag", output="sos")
-    grid = np.linspace(0.0, rate / 2, 20_001)
-    shape = np.abs(sps.freqz_sos(sos, np.concatenate([grid, frequency]), fs=rate)[1]) ** 2
-    return shape[grid.size :], np.trapezoid(shape[: grid.size], grid)
+    return _normalise(lambda f: np.abs(sps.freqz_sos(sos, f, fs=rate)[1]) ** 2, frequency, rate / 2, 20_001)
 
 
-def _noise_shape(frequency: np.ndarray, settings: SimulationSettings) -> tuple[np.ndarray, float]:
-    """Power spectrum of the recorded measurement noise except for a factor, and its integral over all frequencies."""
+def _noise_shape(frequency: np.ndarray, settings: SimulationSettings) -> np.ndarray:
+    """Power spectrum of the recorded measurement noise over its integral."""
+    rate = settings.noise_rate
     if settings.antialias_cutoff is None:
-        return np.sinc(frequency / settings.noise_rate) ** 2, 0.5 * settings.noise_rate
+        return np.sinc(frequency / rate) ** 2 / (0.5 * rate)
     b, a = sps.bessel(ANTIALIAS_ORDER, 2 * np.pi * settings.antialias_cutoff, analog=True, norm="mag")
 
     def spectrum(f: np.ndarray) -> np.ndarray:
-        return np.sinc(f / settings.noise_rate) ** 2 * np.abs(sps.freqs(b, a, 2 * np.pi * f)[1]) ** 2
+        return np.sinc(f / rate) ** 2 * np.abs(sps.freqs(b, a, 2 * np.pi * f)[1]) ** 2
 
-    grid = np.linspace(0.0, 20 * settings.noise_rate, 40_001)
-    return spectrum(frequency), np.trapezoid(spectrum(grid), grid)
+    return _normalise(spectrum, frequency, 20 * rate, 40_001)
 
 
-@dataclass(frozen=True, eq=False)
-class TrajectoryInformation:
-    """Fisher information of a record about splines of K, B and G, the inertia, the dynamics and the delay."""
-
-    matrix: np.ndarray  # shape (unknowns, unknowns): the information, in inverse squares of the units of the unknowns
-    bases: Bases  # splines of K and B, whose coefficients come first; then the inertia; then the splines of G
-    names: tuple[str, ...]  # the unknowns behind those: logarithms of the dynamics of the reflex, and the delay [s]
-    course: Course  # what K, B and G vary with
-    dynamics: ReflexDynamics  # the true dynamics
+def _normalise(
+    spectrum: Callable[[np.ndarray], np.ndarray], frequency: np.ndarray, highest: float, points: int
+) -> np.ndarray:
+    """Values of a spectrum over its integral up to a highest frequency."""
+    grid = np.linspace(0.0, highest, points)
+    return spectrum(frequency) / np.trapezoid(spectrum(grid), grid)
 
 
 def trajectory_bound(
@@ -304,95 +291,83 @@ def trajectory_bound(
     >>> bound["K"].dims, bool(bound["K_mean"] < bound["K"].min())
     (('phase',), True)
     """
-    information = trajectory_information(
-        seed=seed, knots=knots, identification_rate=identification_rate, known_delay=known_delay, **settings
-    )
-    covariance, bases, course = invert_information(information.matrix), information.bases, information.course
+    rate = check_number("trajectory_bound", "identification_rate", identification_rate, "Hz", ge=1, le=10000)
+    check_flag("trajectory_bound", "known_delay", known_delay)
+    counts = RivTvOptions.parse("trajectory_bound", knots=knots).knots
+    values = SimulationSettings.parse("trajectory_bound", **settings)
+    if values.variation is None:
+        raise ValueError(
+            "trajectory_bound: variation must be 'cycle', 'time' or 'schedule', got None: the bound of a constant "
+            "joint is that of cramer_rao."
+        )
+    if values.reflex_threshold != 0:
+        raise ValueError(
+            "the bound is derived for a rectifier at zero velocity: reflex_threshold must be 0, got "
+            f"{values.reflex_threshold:g}."
+        )
+    if values.snr_db is None and values.voluntary == 0:
+        raise ValueError("without a disturbance the bound is 0: set snr_db or voluntary.")
+    equations, parameters = linearise(seed, values, counts, rate, known_delay=known_delay)
+    bases, course = equations.bases, equations.inputs.course
+    covariance = invert_information(trajectory_information(seed, values, equations, parameters))
     places = np.linspace(0.0, 1.0, PLACES)
     low, high = course.limits
     bound = xr.Dataset(coords={course.dimension: low + (high - low) * places})
     for name, splines, block in zip("KBG", bases.all, bases.blocks, strict=False):
         weights = splines(places)
-        variance = np.einsum("ij,jk,ik->i", weights, covariance[block, block], weights)
-        bound[name] = course.dimension, np.sqrt(variance)
+        bound[name] = course.dimension, np.sqrt(np.einsum("ij,jk,ik->i", weights, covariance[block, block], weights))
         mean = weights[:-1].mean(axis=0)
         bound[f"{name}_mean"] = np.sqrt(mean @ covariance[block, block] @ mean)
     deviations = np.sqrt(np.diag(covariance))
     bound["I"] = deviations[bases.blocks[3].start]
-    for name, deviation in zip(information.names, deviations[bases.size :], strict=True):
-        bound[name] = deviation * (information.dynamics.values[name] if name in LOGARITHMIC else 1.0)
-    for variable, values in bound.data_vars.items():
+    for name, deviation in zip(parameters.unknowns, deviations[bases.size :], strict=True):
+        bound[name] = deviation * (parameters.dynamics.values[name] if name in LOGARITHMIC else 1.0)
+    for variable, curve in bound.data_vars.items():
         quantity = QUANTITIES[str(variable).removesuffix("_mean")]
-        values.attrs = {"units": quantity.unit, "long_name": f"smallest standard deviation of the {quantity.name}"}
+        curve.attrs = {"units": quantity.unit, "long_name": f"smallest standard deviation of the {quantity.name}"}
     return bound
 
 
-def trajectory_information(
-    *,
+def linearise(
     seed: int | np.random.SeedSequence,
+    settings: SimulationSettings,
     knots: Sequence[int],
-    identification_rate: float = 100.0,
+    rate: float = 100.0,
+    *,
     known_delay: bool = True,
-    **settings: Any,
-) -> TrajectoryInformation:
-    """Information of one trial, whose inverse gives the variances of `trajectory_bound`."""
-    rate = check_number("trajectory_bound", "identification_rate", identification_rate, "Hz", ge=1, le=10000)
-    check_flag("trajectory_bound", "known_delay", known_delay)
-    counts = RivTvOptions.parse("trajectory_bound", knots=knots).knots
-    values = SimulationSettings.parse("trajectory_bound", **settings)
-    _check_settings(values)
-    clean = prepare(simulate(seed=seed, **{**dict(values), **UNDISTURBED}))
-    grid = clean.grid(rate, values.delay)
-    assert values.variation is not None
-    course = make_course(clean, grid, *COURSES[values.variation])
-    k, b, g = (Splines(count, course.periodic) for count in counts)
+) -> tuple[TimeVaryingEquations, Parameters]:
+    """Equations of a trial without disturbances, and the parameters that are closest to the true ones."""
+    clean = prepare(_simulate_clean(seed, settings))
+    grid = clean.grid(rate, settings.delay)
+    course = make_course(clean, grid, *COURSES[str(settings.variation)])
+    k, b, g = (Splines(count, course.periodic) for count in knots)
     bases = Bases((k, b, g, CONSTANT))
-    equations = TimeVaryingEquations(TimeVaryingInputs(clean, grid, course, "position"), bases, values.delay)
-    dynamics, delays = ReflexDynamics(values.omega_n, values.zeta, values.pole), () if known_delay else ("delay",)
-    parameters = Parameters(_true_coefficients(clean, equations), dynamics, delays=delays)
-    # White noise has the variance of a density up to half of the rate.
-    variance = 0.5 * equations.inputs.rate * _density(equations, _level(seed, values, clean), values)
-    weight = np.where(equations.inside, 1.0 / np.sqrt(variance), 0.0)
-    whiten = equations.whitener(weight, np.ones(equations.rows.stop - equations.rows.start))
-    information = equations.system(parameters, whiten).information
-    return TrajectoryInformation(information, bases, parameters.unknowns, course, dynamics)
-
-
-def _check_settings(settings: SimulationSettings) -> None:
-    if settings.variation is None:
-        raise ValueError(
-            "trajectory_bound: variation must be 'cycle', 'time' or 'schedule', got None: the bound of a constant "
-            "joint is that of cramer_rao."
-        )
-    if settings.reflex_threshold != 0:
-        raise ValueError(
-            "the bound is derived for a rectifier at zero velocity: reflex_threshold must be 0, got "
-            f"{settings.reflex_threshold:g}."
-        )
-    if settings.snr_db is None and settings.voluntary == 0:
-        raise ValueError("without a disturbance the bound is 0: set snr_db or voluntary.")
-
-
-def _true_coefficients(trial: PreparedTrial, equations: TimeVaryingEquations) -> np.ndarray:
-    """Splines that are closest to the true K, B and G, and no inertia, of which nothing else depends."""
-    course, bases, grid = equations.inputs.course, equations.bases, equations.inputs.grid
-    linear = np.zeros(bases.size)
+    equations = TimeVaryingEquations(TimeVaryingInputs(clean, grid, course, "position"), bases, settings.delay)
+    linear = np.zeros(bases.size)  # without an inertia, of which nothing else depends
     for name, splines, block in zip(TRAJECTORY_TRUTHS.values(), bases.all, bases.blocks, strict=False):
-        truth = trial.channel(name, grid)[course.rows]
+        truth = clean.channel(name, grid)[course.rows]
         linear[block] = np.linalg.lstsq(splines(course.place[course.rows]), truth, rcond=1e-12)[0]
-    return linear
+    dynamics = ReflexDynamics(settings.omega_n, settings.zeta, settings.pole)
+    return equations, Parameters(linear, dynamics, delays=() if known_delay else ("delay",))
 
 
-def _level(seed: int | np.random.SeedSequence, settings: SimulationSettings, clean: PreparedTrial) -> float:
-    """Standard deviation of the torque that the perturbation alone causes, the unit of the disturbances [N·m]."""
-    if settings.movement > 0 or settings.locked_torque > 0:
-        still = {**dict(settings), **UNDISTURBED, "movement": 0.0, "locked_torque": 0.0}
-        return float(np.std(simulate(seed=seed, **still)["torque"].values))
-    return float(np.std(clean.samples("torque")))
+def trajectory_information(
+    seed: int | np.random.SeedSequence,
+    settings: SimulationSettings,
+    equations: TimeVaryingEquations,
+    parameters: Parameters,
+) -> np.ndarray:
+    """Information of one trial, whose inverse gives the variances of `trajectory_bound`.
 
-
-def _density(equations: TimeVaryingEquations, level: float, settings: SimulationSettings) -> np.ndarray:
-    """Density of the disturbances at the frequencies of the equations [(N·m)²/Hz]; 1 beyond those that count."""
-    density = np.ones(equations.frequency.size)
-    density[equations.inside] = disturbance_spectrum(equations.frequency[equations.inside], level, settings)
-    return density
+    Shapes: returns (unknowns, unknowns): coefficients of K and B, the inertia, coefficients of G, logarithms of the
+    dynamics, and the delay [s].
+    """
+    # The torque that the perturbation alone causes is the unit of the disturbances.
+    still = _simulate_clean(seed, settings, movement=0.0, locked_torque=0.0)
+    inside, density = equations.inside, np.ones(equations.frequency.size)
+    level = float(np.std(still["torque"].values))
+    density[inside] = disturbance_spectrum(equations.frequency[inside], level, settings)
+    # White noise has the variance of a density up to half of the rate.
+    weight = np.where(inside, 1.0 / np.sqrt(0.5 * equations.inputs.rate * density), 0.0)
+    whiten = equations.whitener(weight, np.ones(equations.rows.stop - equations.rows.start))
+    return equations.system(parameters, whiten).information

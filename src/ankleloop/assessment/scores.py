@@ -97,7 +97,12 @@ def score_rows(
     lags = round(CORRELATED * rate)
     rows: list[tuple[Any, ...]] = []
     prepared = prepare(trial)
-    _check_times(prepared, time)
+    recorded, tolerance = prepared.time, 0.5 / prepared.rate
+    if time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance:  # of another trial, or of more of it
+        raise DataError(
+            f"the estimate covers {time[0]:g} to {time[-1]:g} s, the trial {recorded[0]:g} to {recorded[-1]:g} s: "
+            "score it on the trial that was identified, or predict the torques of this one (estimate.predict)."
+        )
     for torque, kind, signal in _targets(prepared, time, rate, against is None):
         pair = signal[inside], estimate.torque.variables[torque].values[inside]
         rows.append((torque, kind, *(vaf_with_interval(*pair, lags) if intervals else [vaf(*pair)])))
@@ -114,17 +119,6 @@ def _scored_samples(estimate: Estimate, trim: float) -> tuple[slice, np.ndarray,
     if inside.stop - inside.start < 2:
         raise DataError(f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s.")
     return inside, time, estimate.torque.attrs["identification_rate"]
-
-
-def _check_times(trial: PreparedTrial, time: np.ndarray) -> None:
-    """Refuse an estimate of times that the trial does not have: it is that of another trial, or of more of it."""
-    recorded = trial.time
-    tolerance = 0.5 / trial.rate
-    if time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance:
-        raise DataError(
-            f"the estimate covers {time[0]:g} to {time[-1]:g} s, the trial {recorded[0]:g} to {recorded[-1]:g} s: "
-            "score it on the trial that was identified, or predict the torques of this one (estimate.predict)."
-        )
 
 
 def _targets(
@@ -160,9 +154,7 @@ def in_band_snr(trial: xr.Dataset | PreparedTrial, estimate: Estimate, *, trim: 
 def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict[str, Any]:
     """Parameters and diagnostics of an estimate as a row of a table."""
     prepared = prepare(trial)
-    row: dict[str, Any] = {**estimate.stiffness, **estimate.reflex}
-    for name, (low, high) in estimate.intervals.items():
-        row |= {f"{name}_low": low, f"{name}_high": high}
+    row: dict[str, Any] = _list_parameters(estimate)
     if estimate.intervals and estimate.diagnostics.get("intervals"):
         row["intervals"] = estimate.diagnostics["intervals"]
     if "torque_noise" in prepared.trial and np.ptp(prepared.samples("torque_noise")) > 0:
@@ -179,6 +171,14 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
     row |= score_trajectories(prepared, estimate)
     row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
     return row
+
+
+def _list_parameters(estimate: Estimate) -> dict[str, float]:
+    """Parameters of an estimate, and the ends of their intervals."""
+    values = {**estimate.stiffness, **estimate.reflex}
+    for name, (low, high) in estimate.intervals.items():
+        values |= {f"{name}_low": low, f"{name}_high": high}
+    return values
 
 
 def _pole_error(poles: np.ndarray, estimate: Estimate, settings: Mapping[str, Any]) -> dict[str, float]:
@@ -240,27 +240,17 @@ def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) ->
     truths = true_trajectories(prepared, estimate.trajectories)
     if truths is None:
         return {}
-    trajectories = estimate.trajectories if estimate.trajectories is not None else _constants(estimate, truths)
+    places = next(iter(truths.sizes.values()))
+    values = estimate.trajectories if estimate.trajectories is not None else _list_parameters(estimate)
     row: dict[str, float] = {}
-    for name in TRAJECTORY_TRUTHS:
-        if name in trajectories:
-            curves = {
-                end: trajectories[name + end].values for end in ("", "_low", "_high") if name + end in trajectories
-            }
-            row |= {f"{name}_{score}": value for score, value in _score(truths[name].values, curves).items()}
-            rise = _mean_rise(truths[name], trajectories[name].values, prepared.trial.attrs)
+    for name, truth in truths.items():
+        names = {end: f"{name}{end}" for end in ("", "_low", "_high") if f"{name}{end}" in values}
+        curves = {end: np.broadcast_to(values[column], places) for end, column in names.items()}
+        if "" in curves:
+            row |= {f"{name}_{score}": value for score, value in _score(truth.values, curves).items()}
+            rise = _mean_rise(truth, curves[""], prepared.trial.attrs)
             row |= {f"{name}_rise": rise} if np.isfinite(rise) else {}
     return row
-
-
-def _constants(estimate: Estimate, truths: xr.Dataset) -> xr.Dataset:
-    """Trajectories of an estimate whose parameters are constant."""
-    (dimension,) = truths.sizes
-    values = {**estimate.stiffness, **estimate.reflex}
-    for name, ends in estimate.intervals.items():
-        values |= dict(zip((f"{name}_low", f"{name}_high"), ends, strict=True))
-    names = [name + end for name in TRAJECTORY_TRUTHS for end in ("", "_low", "_high") if name + end in values]
-    return xr.Dataset({name: (dimension, np.full(truths.sizes[dimension], values[name])) for name in names})
 
 
 def _score(truth: np.ndarray, curves: Mapping[str, np.ndarray]) -> dict[str, float]:
@@ -311,8 +301,6 @@ def _rise(coordinate: np.ndarray, share: np.ndarray, jump: int) -> float:
     above = np.flatnonzero(share[middle + 1 :] >= LEVELS[1]) + middle + 1
     if below.size == 0 or above.size == 0:
         return np.nan
-    ends = []
-    for first, level in ((int(below[-1]), LEVELS[0]), (int(above[0]) - 1, LEVELS[1])):
-        part = (level - share[first]) / (share[first + 1] - share[first])
-        ends.append(coordinate[first] + part * (coordinate[first + 1] - coordinate[first]))
-    return float(ends[1] - ends[0])
+    steps = slice(below[-1], below[-1] + 2), slice(above[0] - 1, above[0] + 1)
+    start, stop = (np.interp(level, share[step], coordinate[step]) for level, step in zip(LEVELS, steps, strict=True))
+    return float(stop - start)

@@ -57,7 +57,7 @@ def check_file(path: Path, reading: Reading) -> tuple[xr.Dataset | None, Check]:
     from ankleloop.recordings.analysis import largest_options
     from ankleloop.recordings.checks import check_trial
     from ankleloop.recordings.files import load_recording, refuse_recording
-    from ankleloop.recordings.usual_methods import usual_methods
+    from ankleloop.recordings.validity import usual_methods
     from ankleloop.recordings.variation import check_course
 
     methods = usual_methods(reference=reading.recording.reference is not None)

@@ -97,7 +97,7 @@ def identify_recording(
 
 def _make_study(path: Path, reading: Reading, name: str, methods: tuple[str, ...]) -> RecordedStudy:
     """The study of one recording, which the workflow would make of it."""
-    from ankleloop.recordings.usual_methods import usual_methods
+    from ankleloop.recordings.validity import usual_methods
     from ankleloop.studies.checking import check
     from ankleloop.studies.config import RecordingsStudy
     from ankleloop.studies.study import RecordedStudy

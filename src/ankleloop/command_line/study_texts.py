@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 import yaml
 
 from ankleloop.command_line.reading import Reading, name_recording
-from ankleloop.recordings.usual_methods import usual_methods
+from ankleloop.recordings.validity import usual_methods
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.recording_settings import Recording
 

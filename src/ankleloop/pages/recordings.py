@@ -107,7 +107,7 @@ def render_recording_page(
         recommendation=recommendation,
         figures=figures,
         methods=describe_table(_compare_methods(valid, list(marked.values()))) if marked else None,
-        variations=[(marked[variation.label], variation) for variation in describe_variations(analysis)],
+        variations=[(marked[label], text) for label, text in describe_variations(analysis).items()],
         remarks=_list_remarks(analysis.table),
         residuals={marked[label]: test for label, test in analysis.residuals.items()},
     )

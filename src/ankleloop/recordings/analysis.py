@@ -97,33 +97,40 @@ def analyse(
     [['riv', True], ['PI-MOESP', False]]
     """
     trials = [trial] if isinstance(trial, (xr.Dataset, PreparedTrial)) else list(trial)
-    for specification in methods.values():
-        _check_options(specification)
+    for specification in methods.values():  # wrong options are refused before anything is fitted
+        method, options = find_method(specification["method"]), specification.get("options", {})
+        select, criterion = specification.get("select"), specification.get("criterion")
+        check_selection(f"method {method.name!r}", method.options, options, select, criterion)
     check = check_trial(trials, reference=reference, **largest_options(methods))
     if check.verdict == "refused":
-        return Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": " ".join(check.reasons)}]))
+        return refused_analysis(check)
     prepared = [prepare(part) for part in trials]
     analysis, rows = Analysis(check, {}, {}, pd.DataFrame()), []
     for number, (label, specification) in enumerate(methods.items(), start=1):
         log.info("method %d of %d: %s", number, len(methods), label)
         row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": specification["method"]}
-        reason = _reason_against(check, specification, len(trials) > 1)
-        if reason is None:
-            try:
-                estimates, unseen, scores = _fit(prepared, specification)
-                test = _test_residual(prepared, estimates, check.instrumental, reference)
-                details = _describe_estimates(prepared, specification, check, estimates, test)
-                row |= {"valid": True, **scores, **details}
-                analysis.records[label], analysis.residuals[label] = estimates, test
-                if unseen:
-                    analysis.unseen[label] = unseen
-            except DataError as error:
-                reason = str(error)
-            except NUMERICAL_ERRORS as error:
+        row["valid"] = True
+        try:
+            _refuse_invalid(check, specification, len(trials) > 1)
+            estimates, unseen, scores = _fit(prepared, specification)
+            test = _test_residual(prepared, estimates, check.instrumental, reference)
+            row |= scores | _describe_estimates(prepared, specification, check, estimates, test)
+            analysis.records[label], analysis.residuals[label] = estimates, test
+            if unseen:
+                analysis.unseen[label] = unseen
+        except NUMERICAL_ERRORS as error:
+            reason = str(error)
+            if not isinstance(error, DataError):
                 log.warning("%s failed", label, exc_info=True)
                 reason = f"it failed numerically ({type(error).__name__}: {error})"
-        rows.append(row if reason is None else row | {"valid": False, "trusted": False, "warnings": reason})
+            row |= {"valid": False, "trusted": False, "warnings": reason}
+        rows.append(row)
     return replace(analysis, table=pd.DataFrame(rows))
+
+
+def refused_analysis(check: Check) -> Analysis:
+    """Analysis of a recording that its check refuses."""
+    return Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": " ".join(check.reasons)}]))
 
 
 def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -187,33 +194,25 @@ def _describe_assumptions(
     return [text[0].upper() + text[1:] for text in texts]
 
 
-def _check_options(specification: Mapping[str, Any]) -> None:
-    """Refuse options that the method does not have, before anything is fitted."""
-    method, options = find_method(specification["method"]), specification.get("options", {})
-    owner = f"method {method.name!r}"
-    check_selection(owner, method.options, options, specification.get("select"), specification.get("criterion"))
-
-
-def _reason_against(check: Check, specification: Mapping[str, Any], merged: bool) -> str | None:
-    """Why a method is not valid for this recording; None if it is valid."""
+def _refuse_invalid(check: Check, specification: Mapping[str, Any], merged: bool) -> None:
+    """Refuse a method that is not valid for this recording."""
     method, options = specification["method"], specification.get("options", {})
     if merged and not find_method(method).merges:
-        return "it identifies one trial at a time, and does not merge them"
-    return reason_against(method, options, loop=check.loop, reference=check.reference, path_bias=check.path_bias)
+        raise DataError("it identifies one trial at a time, and does not merge them")
+    reason = reason_against(method, options, loop=check.loop, reference=check.reference, path_bias=check.path_bias)
+    if reason:
+        raise DataError(reason)
 
 
 def _fit(
     trials: list[PreparedTrial], specification: Mapping[str, Any]
 ) -> tuple[list[Estimate], list[UnseenTorque], dict[str, Any]]:
     """Estimates of the whole, what the fit to one half leaves of the other, and the scores of both."""
-    method, options, select = (
-        specification["method"],
-        specification.get("options", {}),
-        specification.get("select") or None,
-    )
+    method, options = specification["method"], specification.get("options", {})
+    select = specification.get("select") or None
     first, second = _split_halves(trials)
-    unseen: list[UnseenTorque] = []
     scores: dict[str, Any] = {"vaf_unseen": np.nan, "selected": ""}
+    unseen: list[UnseenTorque] = []
     chosen: dict[str, Any] = {}
     try:
         half = _identify_all(first, method, select=select, criterion=specification.get("criterion"), **options)

@@ -13,11 +13,13 @@ import xarray as xr
 
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.recordings.analysis import Analysis, analyse
+from ankleloop.joint.estimate_files import save_estimate
+from ankleloop.joint.regressors import TORQUES
+from ankleloop.recordings.analysis import Analysis, analyse, refused_analysis
 from ankleloop.recordings.checks import Check, Finding
-from ankleloop.recordings.export import export_estimate
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.recordings.variation import add_course
+from ankleloop.trials.files import atomic_file, source_files
 from ankleloop.trials.readers import read_trial
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.trial import remove_drift, segment
@@ -62,34 +64,78 @@ def refuse_recording(error: Exception) -> Analysis:
     reason = str(error)
     if not isinstance(error, DataError):
         reason = f"the analysis failed numerically ({type(error).__name__}: {error})."
-    check = Check([Finding("file", "refused", reason)], "undecided", {})
-    return Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": reason}]))
+    return refused_analysis(Check([Finding("file", "refused", reason)], "undecided", {}))
 
 
 def tabulate_analysis(
     name: str, mapping: Mapping[str, Any], analysis: Analysis, keys: Mapping[str, str]
 ) -> pd.DataFrame:
     """Rows of an analysis for a table of many recordings."""
-    recommendation = recommend(analysis)
-    labels = analysis.table.get("label", pd.Series(index=analysis.table.index, dtype=object))
-    groups = {"recording": name, **{group: mapping[group] for group in GROUPS}}
-    table = analysis.table.assign(
-        **groups,
+    recommendation, table = recommend(analysis), analysis.table
+    labels = table.get("label", pd.Series(index=table.index, dtype=object))
+    table = table.assign(
         key=labels.map(keys),
         recommended=labels.eq(recommendation.label) & labels.notna(),
         recommendation=recommendation.text,
     )
-    return table[[*groups, *[column for column in table if column not in groups]]]
+    groups = pd.DataFrame({"recording": name, **{group: mapping[group] for group in GROUPS}}, index=table.index)
+    return pd.concat([groups, table], axis=1)
 
 
 def export_estimates(
     estimates: Mapping[str, Sequence[Estimate]], folder: str | os.PathLike[str], *, overwrite: bool = False
 ) -> None:
-    """Write estimates as NetCDF, MATLAB and CSV files."""
-    folder = Path(folder)
+    """Write estimates as NetCDF, MATLAB and CSV files; those of merged trials are numbered."""
     for key, trials in estimates.items():
-        folder.mkdir(parents=True, exist_ok=True)
-        stems = [key] if len(trials) == 1 else [f"{key}-{number}" for number in range(1, len(trials) + 1)]
-        for stem, estimate in zip(stems, trials, strict=True):
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        for number, estimate in enumerate(trials, 1):
+            stem = f"{key}-{number}" if len(trials) > 1 else key
             for suffix in SUFFIXES:
-                export_estimate(estimate, folder / f"{stem}{suffix}", overwrite=overwrite)
+                export_estimate(estimate, Path(folder, f"{stem}{suffix}"), overwrite=overwrite)
+
+
+def export_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write one estimate to a file for another program.
+
+    `.nc` and `.mat` are the files of `ankleloop.save_estimate`, with torques, model, parameters, intervals and
+    diagnostics; `.csv` is a table of the torques over time.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The estimate.
+    path : path-like
+        A file ending in .nc, .mat or .csv, in a folder that exists; it appears when it is complete.
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
+
+    Raises
+    ------
+    DataError
+        For another suffix, if the file exists or the estimate is read from it, or if it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import scipy.io
+    >>> from ankleloop.methods.registry import identify
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> estimate = identify(simulate(seed=1, duration=20.0), "riv")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     export_estimate(estimate, f"{folder}/estimate.mat")
+    ...     exported = scipy.io.loadmat(f"{folder}/estimate.mat", simplify_cells=True)["estimate"]
+    >>> exported["stiffness"]["K"] == estimate.stiffness["K"], exported["model"]["A"].shape
+    (True, (2, 2))
+    """
+    path = Path(path)
+    if path.suffix not in SUFFIXES:
+        raise DataError(
+            f"{path.name}: estimates are exported as {', '.join(SUFFIXES)}; got {path.suffix or 'no suffix'}."
+        )
+    if path.suffix != ".csv":
+        save_estimate(estimate, path, overwrite=overwrite)
+        return
+    columns = {"time_s": estimate.torque["time"].values}
+    columns |= {f"torque_{name}_nm": estimate.torque[name].values for name in TORQUES}
+    with atomic_file(path, overwrite=overwrite, inputs=source_files(estimate.torque)) as partial:
+        pd.DataFrame(columns).to_csv(partial, index=False)

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
@@ -18,6 +19,9 @@ from ankleloop.recordings.variation import LEVEL
 NO_CONCLUSION = "Nothing can be concluded from this recording"
 WIDEST = 5.0  # points of VAF: a difference that may be as large is not called equal
 PREFERENCE = list(VALIDITY)
+# Of `Analysis.table`; those that no method of a recording has are missing there.
+COLUMNS = ("label", "method", "vaf_unseen", "unseen_warnings", "caution", "variation_p", "incomplete")
+NOTHING = ("", np.nan)  # cells without a text
 
 
 @dataclass(frozen=True)
@@ -25,9 +29,7 @@ class Recommendation:
     """The method to take for a recording."""
 
     label: str | None  # label of the method; None if no method can be recommended
-    reason: str  # why this one; without a method, why there is none
-    condition: str  # condition under which the recommendation holds; empty if there is none
-    text: str  # all of it in sentences, with the stiffness
+    text: str  # the method, why this one, its stiffness and what speaks against too much trust, in sentences
 
 
 def recommend(analysis: Analysis) -> Recommendation:
@@ -53,62 +55,55 @@ def recommend(analysis: Analysis) -> Recommendation:
     >>> from ankleloop.recordings.analysis import analyse
     >>> from ankleloop.simulation.simulate import simulate
     >>> recommendation = recommend(analyse(simulate(seed=1), {"RIV": {"method": "riv"}}))
-    >>> recommendation.label, recommendation.reason
-    ('RIV', 'the loop is closed, and torque that is fed back does not bias it')
+    >>> print(recommendation.text.split(".")[0])
+    take RIV: the loop is closed, and torque that is fed back does not bias it
     """
-    valid, trusted = select_valid_methods(analysis.table), select_trusted_methods(analysis.table)
-    if valid.empty:
-        refused = analysis.check.verdict == "refused"
-        return _no_recommendation("it was refused" if refused else "no method is valid for it")
-    if trusted.empty:
-        return _no_recommendation(f"every method that was fitted has a warning ({', '.join(valid['label'])})")
-    if analysis.check.instrumental:
-        row, reason = _choose_by_reference(analysis, trusted)
+    check, table = analysis.check, analysis.table.reindex(columns=analysis.table.columns.union(COLUMNS, sort=False))
+    valid, trusted = select_valid_methods(table), select_trusted_methods(table)
+    comparable = trusted if check.instrumental else _select_comparable(trusted)
+    if comparable.empty:
+        reason = "no method without a warning could be scored on the half that was not fitted"
+        if valid.empty:
+            reason = "it was refused" if check.verdict == "refused" else "no method is valid for it"
+        elif trusted.empty:
+            reason = f"every method that was fitted has a warning ({', '.join(valid['label'])})"
+        return Recommendation(None, f"{NO_CONCLUSION}: {reason}.")
+    if check.instrumental:
+        row, reason = _choose_by_reference(check.loop, trusted, valid)
     else:
-        comparable = _select_comparable(trusted)
-        if comparable.empty:
-            return _no_recommendation("no method without a warning could be scored on the half that was not fitted")
         row, reason = _choose_by_vaf(analysis, comparable)
-    condition = "If the loop was open" if analysis.check.loop == "undecided" and not analysis.check.reference else ""
-    sentences = [
-        f"{condition}: take {row['label']}: {reason}" if condition else f"take {row['label']}: {reason}",
-        _describe_stiffness(row),
-        *_reservations(analysis, row),
-    ]
-    return Recommendation(row["label"], reason, condition, " ".join(f"{sentence}." for sentence in sentences))
+    condition = "If the loop was open: " if check.loop == "undecided" and not check.reference else ""
+    texts = [f"{condition}take {row['label']}: {reason}", _describe_stiffness(row), *_reservations(row, valid)]
+    left_out = valid[~valid["label"].isin(trusted["label"])]
+    unscored = trusted[~trusted["label"].isin(comparable["label"])]
+    if len(left_out):
+        texts.append(f"Left out because of a warning: {', '.join(left_out['label'])}")
+    if len(unscored):
+        labels = ", ".join(unscored["label"])
+        texts.append(f"Not compared, for want of a score of the unseen half without a warning: {labels}")
+    return Recommendation(row["label"], " ".join(f"{text}." for text in texts))
 
 
-def _no_recommendation(reason: str) -> Recommendation:
-    return Recommendation(None, reason, "", f"{NO_CONCLUSION}: {reason}.")
-
-
-def _choose_by_reference(analysis: Analysis, trusted: pd.DataFrame) -> tuple[pd.Series, str]:
+def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) -> tuple[pd.Series, str]:
     """The preferred method among those that rest on the reference, and the reason."""
-    loop = "the loop is closed" if analysis.check.loop == "closed" else "feedback is not excluded"
+    loop = "the loop is closed" if loop == "closed" else "feedback is not excluded"
     changing = _select_changing(trusted)
     if len(changing):
-        row = changing.iloc[0]
-        return row, f"{loop}, torque that is fed back does not bias it, and its test says that K, B or G change"
+        reason = f"{loop}, torque that is fed back does not bias it, and its test says that K, B or G change"
+        return changing.iloc[0], reason
     row = _prefer(trusted)
     if row["method"] == "riv":
         return row, f"{loop}, and torque that is fed back does not bias it"
-    riv = (
-        "riv has a warning" if "riv" in set(select_valid_methods(analysis.table)["method"]) else "there is no valid riv"
-    )
+    riv = "riv has a warning" if valid["method"].eq("riv").any() else "there is no valid riv"
     return row, f"{loop}, {riv}, and of the others this is the first in the order of preference"
 
 
 def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> tuple[pd.Series, str]:
     """The method that explains most of the unseen half, or the preferred one of those that cannot be told from it."""
-    labels = list(comparable["label"])
-    differences = {pair: _compare(analysis, *pair) for pair in itertools.permutations(labels, 2)}
-    unbeaten = [
-        label
-        for label in labels
-        if not any((value := differences[other, label]) and value.low > 0 for other in labels if other != label)
-    ]
-    row = _prefer(comparable[comparable["label"].isin(unbeaten)])
-    others = {label: differences[label, row["label"]] for label in labels if label != row["label"]}
+    differences = {pair: _compare(analysis, *pair) for pair in itertools.permutations(comparable["label"], 2)}
+    beaten = {worse for (_, worse), value in differences.items() if value is not None and value.low > 0}
+    row = _prefer(comparable[~comparable["label"].isin(beaten)])
+    others = {first: value for (first, second), value in differences.items() if second == row["label"]}
     score = f"{row['vaf_unseen']:.1f} % of the half that was not fitted"
     if not others:
         return row, f"it is the only one that could be scored without a warning ({score})"
@@ -121,23 +116,17 @@ def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> tuple[pd.Ser
 
 def _describe_ties(row: pd.Series, score: str, ties: Mapping[str, VafDifference | None]) -> str:
     """Why a method is taken although others explain the unseen half as well, or may do so."""
-    equal, unclear = [], []
-    for label, value in ties.items():
-        if value is None or max(-value.low, value.high) > WIDEST:
-            unclear.append(label)
-        else:
-            equal.append(f"{label} ({value.low:+.2g} … {value.high:+.2g} points)")
+    rule = "it comes first from few parameters to many (riv, the MOESP family, the parallel cascade)"
     if row["method"] == "riv":
         rule = "it is the one whose parameters have intervals"
-    else:
-        rule = "it comes first from few parameters to many (riv, the MOESP family, the parallel cascade)"
-    parts = [f"of the methods that the data do not tell apart {rule}. It explains {score}"]
+    text = f"of the methods that the data do not tell apart {rule}. It explains {score}"
+    equal = {label: value for label, value in ties.items() if value and max(-value.low, value.high) <= WIDEST}
     if equal:
-        text = "as good there, as far as the half can tell (95 % interval of their difference from it): "
-        parts.append(text + ", ".join(equal))
-    if unclear:
-        parts.append(f"against {', '.join(unclear)} this cannot be judged: the half is too short, or too irregular")
-    return "; ".join(parts)
+        ends = ", ".join(f"{label} ({value.low:+.2g} … {value.high:+.2g} points)" for label, value in equal.items())
+        text += f"; as good there, as far as the half can tell (95 % interval of their difference from it): {ends}"
+    if unclear := ", ".join(label for label in ties if label not in equal):
+        text += f"; against {unclear} this cannot be judged: the half is too short, or too irregular"
+    return text
 
 
 def _compare(analysis: Analysis, first: str, second: str) -> VafDifference | None:
@@ -150,7 +139,7 @@ def _compare(analysis: Analysis, first: str, second: str) -> VafDifference | Non
 
 def _prefer(rows: pd.DataFrame) -> pd.Series:
     """The method with the fewest parameters, without a caution if there is one; of equal ones the first."""
-    cautious = _texts(rows, "caution") != ""
+    cautious = ~rows["caution"].isin(NOTHING)
     return rows.loc[min(rows.index, key=lambda k: (cautious[k], PREFERENCE.index(rows.loc[k, "method"])))]
 
 
@@ -164,44 +153,29 @@ def _describe_stiffness(row: pd.Series) -> str:
     return f"{text} ({kind}95 % interval {row['K_low']:.4g} … {row['K_high']:.4g})"
 
 
-def _reservations(analysis: Analysis, row: pd.Series) -> list[str]:
-    """What speaks against too much trust: caution, change of the joint, an incomplete model, methods left out."""
+def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
+    """What speaks against too much trust in a method: change of the joint, caution, an incomplete model."""
     texts = []
-    changing = _select_changing(select_valid_methods(analysis.table))
-    if len(changing) and row["label"] not in set(changing["label"]):
-        texts.append(f"Its parameters are constant, and the test of {changing.iloc[0]['label']} says that they change")
-    elif len(changing):
+    changing = list(_select_changing(valid)["label"])
+    if row["label"] in changing:
         texts.append("This is the mean over the recording; the trajectories show the change")
-    if isinstance(row.get("caution"), str) and row["caution"]:
+    elif changing:
+        texts.append(f"Its parameters are constant, and the test of {changing[0]} says that they change")
+    if isinstance(row["caution"], str) and row["caution"]:
         texts.append(f"Caution: {row['caution'].rstrip('.')}")
-    if row.get("residual_related") is True or row.get("residual_related") == 1:
+    if row.get("residual_related") in (True, 1):
         texts.append("Its residual still depends on the movement, so its model is not complete")
-    valid, trusted = select_valid_methods(analysis.table), select_trusted_methods(analysis.table)
-    suspect = [label for label in valid["label"] if label not in set(trusted["label"])]
-    if suspect:
-        texts.append(f"Left out because of a warning: {', '.join(suspect)}")
-    comparable = trusted if analysis.check.instrumental else _select_comparable(trusted)
-    unscored = [label for label in trusted["label"] if label not in set(comparable["label"])]
-    if unscored:
-        texts.append(f"Not compared, for want of a score of the unseen half without a warning: {', '.join(unscored)}")
     return texts
 
 
 def _select_changing(rows: pd.DataFrame) -> pd.DataFrame:
     """Methods whose parameters may change, and whose test says that they do; of an incomplete model it says nothing."""
-    if "variation_p" not in rows:
-        return rows.iloc[:0]
     return rows[(rows["variation_p"] < LEVEL) & rows["incomplete"].ne(True)]
 
 
 def _select_comparable(trusted: pd.DataFrame) -> pd.DataFrame:
     """Methods whose fit to the first half has no warning either, and a score of the second."""
-    return trusted[trusted["vaf_unseen"].notna() & (_texts(trusted, "unseen_warnings") == "")]
-
-
-def _texts(table: pd.DataFrame, column: str) -> pd.Series:
-    """A column of texts; empty where there is none."""
-    return table[column].fillna("") if column in table else pd.Series("", index=table.index)
+    return trusted[trusted["vaf_unseen"].notna() & trusted["unseen_warnings"].isin(NOTHING)]
 
 
 def select_valid_methods(table: pd.DataFrame) -> pd.DataFrame:

@@ -13,6 +13,10 @@ LINEAR = {"reflex_gain": 1e-6, "duration": 30.0, "seed": 4}
 TRUTH = {"stiffness": 150.0, "viscosity": 0.8, "inertia": 0.015}
 
 
+def information_of(seed, *, fed_back=True, **settings):
+    return fisher_information(seed, SimulationSettings(**settings), fed_back=fed_back)
+
+
 def torque_spectrum(**parameters):
     trial = simulate(**LINEAR, snr_db=None, voluntary=0.0, **parameters)
     time = np.arange(1.0, 29.0, 0.01)
@@ -34,15 +38,15 @@ def test_information_against_differences_of_records(number):
     level = np.std(simulate(**LINEAR, snr_db=None, voluntary=0.0)["torque"].values)
     noise = disturbance_spectrum(band.frequency, level, settings) * band.density * np.abs(sensitivity) ** 2
     expected = 2.0 * np.sum(np.abs(slope) ** 2 / noise)
-    _, information = fisher_information(**LINEAR, fed_back=False)
+    _, information = information_of(**LINEAR, fed_back=False)
     # The differences see 28 of the 30 seconds.
     assert information[number, number] == pytest.approx(expected * 29.6 / 28.0, rel=0.04)
 
 
 def test_information_of_a_known_spectrum():
     """Against differences of the logarithm of a spectrum, computed from the transfer functions."""
-    names, known = fisher_information(**LINEAR)
-    _, unknown = fisher_information(**LINEAR, fed_back=False)
+    names, known = information_of(**LINEAR)
+    _, unknown = information_of(**LINEAR, fed_back=False)
     frequency = np.arange(0.05, 38.0, 0.01)
     s = 2j * np.pi * frequency
     load = 1.1 * s**2 + 7.1 * s + 250.0
@@ -120,7 +124,7 @@ def test_without_a_reflex_its_dynamics_have_no_bound():
 
 def test_the_bound_without_a_reflex_is_that_of_known_dynamics():
     """Independent of their derivatives: the inverse of the block of K, B, I and G."""
-    names, information = fisher_information(seed=1, duration=20.0, reflex_gain=0.0)
+    names, information = information_of(seed=1, duration=20.0, reflex_gain=0.0)
     block = np.sqrt(np.diag(np.linalg.inv(information[:4, :4])))
     bound = cramer_rao(seed=1, duration=20.0, reflex_gain=0.0)
     assert [bound[name] for name in names[:4]] == pytest.approx(block, rel=1e-9)

@@ -7,6 +7,7 @@ from ankleloop import DataError, simulate
 from ankleloop.assessment.cramer_rao import (
     disturbance_spectrum,
     fisher_information,
+    linearise,
     trajectory_bound,
     trajectory_information,
 )
@@ -35,6 +36,12 @@ CHANGES = {  # of a setting, and what it changes: mean and place of the largest 
 }
 
 
+def information_of(seed, knots, *, known_delay=True, **settings):
+    settings = SimulationSettings.parse("test", **settings)
+    equations, parameters = linearise(seed, settings, knots, known_delay=known_delay)
+    return trajectory_information(seed, settings, equations, parameters), equations.bases
+
+
 def torque_of_cycles(**settings):
     """Torque less what repeats, at 100 Hz, in whole cycles that begin at the second."""
     trial = prepare(simulate(seed=4, snr_db=None, voluntary=0.0, **{**OPEN, **settings}))
@@ -57,31 +64,31 @@ def test_information_against_differences_of_records(name):
     noise = disturbance_spectrum(frequency[inside], float(np.std(clean)), SimulationSettings.parse("test", **OPEN))
     energy = np.abs(np.fft.rfft(slope)[inside]) ** 2 / slope.size
     expected = 2.0 * np.sum(energy / (50.0 * noise))
-    information = trajectory_information(seed=4, knots=(16, 16, 16), known_delay=False, **OPEN)
-    direction = np.zeros(len(information.matrix))
+    information, bases = information_of(4, (16, 16, 16), known_delay=False, **OPEN)
+    direction = np.zeros(len(information))
     if number < 3:
         places = np.linspace(0.0, 1.0, 400, endpoint=False)
-        splines, block = information.bases.all[number], information.bases.blocks[number]
+        splines, block = bases.all[number], bases.blocks[number]
         change = mean * np.cos(2 * np.pi * (places - peak))
         direction[block] = np.linalg.lstsq(splines(places), change, rcond=None)[0]
     else:
-        direction[information.bases.size + number - 3] = 1.0 if name == "delay" else 1.0 / truth
-    assert direction @ information.matrix @ direction == pytest.approx(expected, rel=0.03)
+        direction[bases.size + number - 3] = 1.0 if name == "delay" else 1.0 / truth
+    assert direction @ information @ direction == pytest.approx(expected, rel=0.03)
 
 
 @pytest.mark.parametrize(("variation", "shares"), [("time", (0.99, 0.99)), ("cycle", (0.98, 0.93))])
 def test_means_have_the_information_of_a_constant_joint(variation, shares):
     """But for what repeats: with switches 200 ms apart the reflex acts at the same phases of all cycles of 1.4 s."""
-    settings = {"seed": 3, "load": LIGHT, "voluntary": 0.3, "duration": 210.0}
-    names, constant = fisher_information(fed_back=False, **settings)
-    information = trajectory_information(knots=(12, 8, 12), variation=variation, **settings)
-    stiffness, viscosity, gain, inertia = information.bases.blocks
-    sums = np.zeros((len(information.matrix), len(names)))
+    settings = {"load": LIGHT, "voluntary": 0.3, "duration": 210.0}
+    names, constant = fisher_information(3, SimulationSettings.parse("test", **settings), fed_back=False)
+    information, bases = information_of(3, (12, 8, 12), variation=variation, **settings)
+    stiffness, viscosity, gain, inertia = bases.blocks
+    sums = np.zeros((len(information), len(names)))
     for column, rows in enumerate((stiffness, viscosity, inertia, gain)):
         sums[rows, column] = 1.0
     sums[gain.stop, 4], sums[gain.stop + 1, 5] = 1.0 / 40.0, 1.0
     assert names == ["K", "B", "I", "G", "omega_n", "zeta"]
-    share = np.diag(sums.T @ information.matrix @ sums) / np.diag(constant)
+    share = np.diag(sums.T @ information @ sums) / np.diag(constant)
     np.testing.assert_allclose(share[:3], shares[0], atol=0.015)
     np.testing.assert_allclose(share[3:], shares[1], atol=0.03)
 

@@ -19,7 +19,7 @@ from ankleloop import load_estimate, new_trial, save_trial, simulate
 from ankleloop.command_line.identify import METHODS
 from ankleloop.command_line.main import MISTAKE
 from ankleloop.command_line.terminal import show_progress
-from ankleloop.recordings.usual_methods import usual_methods
+from ankleloop.recordings.validity import usual_methods
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.config_files import check_config_file
 from ankleloop.studies.recordings import Worker

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from ankleloop import DataError, identify, load_estimate, simulate
-from ankleloop.recordings.export import export_estimate
+from ankleloop.recordings.files import export_estimate
 
 
 @pytest.fixture(scope="module")

@@ -41,16 +41,14 @@ def make_analysis(loop, rows, *, unseen=None, reference=True):
 def test_closed_loop_takes_riv():
     assert recommend(make_analysis("closed", ROWS)) == Recommendation(
         label="RIV",
-        reason=FED_BACK,
-        condition="",
         text=f"take RIV: {FED_BACK}. K = 151.2 N·m/rad (robust 95 % interval 149.5 … 153).",
     )
 
 
 def test_a_loop_that_may_be_closed_takes_riv_without_a_condition():
     recommendation = recommend(make_analysis("undecided", ROWS))
-    assert (recommendation.label, recommendation.condition) == ("RIV", "")
-    assert recommendation.reason.startswith("feedback is not excluded")
+    assert recommendation.label == "RIV"
+    assert recommendation.text.startswith("take RIV: feedback is not excluded")
 
 
 @pytest.mark.parametrize("riv", [INVALID, warned(RIV)])
@@ -58,7 +56,7 @@ def test_closed_loop_without_a_riv_to_be_trusted_takes_another_valid_method_with
     row = {**PR, "caution": "its poles are biased."}
     recommendation = recommend(make_analysis("closed", [riv, row]))
     assert recommendation.label == "PR"
-    assert ("riv has a warning" if riv["valid"] else "there is no valid riv") in recommendation.reason
+    assert ("riv has a warning" if riv["valid"] else "there is no valid riv") in recommendation.text
     assert "does not bias it" not in recommendation.text
     assert "Caution: its poles are biased." in recommendation.text
     assert ("Left out because of a warning: RIV." in recommendation.text) == riv["valid"]
@@ -73,20 +71,18 @@ def test_open_loop_takes_what_explains_most_if_the_difference_is_certain(loop, r
     unseen = {"PR": residual(5.0, 1), "RIV": residual(10.0, 2)}
     recommendation = recommend(make_analysis(loop, ROWS, unseen=unseen, reference=reference))
     assert recommendation.label == "PR"
-    assert recommendation.reason.startswith("it explains most (91.3 % of the half that was not fitted), by ")
-    assert float(recommendation.reason.split(" by ")[1].split()[0]) == pytest.approx(4.7, abs=0.3)
-    assert recommendation.condition == ("" if loop == "open" else "If the loop was open")
-    assert recommendation.text.startswith(start)
+    assert recommendation.text.startswith(f"{start}it explains most (91.3 % of the half that was not fitted), by ")
+    assert float(recommendation.text.split(" by ")[1].split()[0]) == pytest.approx(4.7, abs=0.3)
 
 
 def test_a_wide_difference_is_not_called_equal():
     short = {"PR": residual(40.0, 1, 1200), "RIV": residual(42.0, 2, 1200)}
     recommendation = recommend(make_analysis("open", ROWS, unseen=short))
     assert recommendation.label == "RIV"
-    assert "against PR this cannot be judged" in recommendation.reason
+    assert "against PR this cannot be judged" in recommendation.text
     assert "as good" not in recommendation.text
     too_short = {"PR": residual(10.0, 1, 500), "RIV": residual(90.0, 2, 500)}
-    assert "cannot be judged" in recommend(make_analysis("open", ROWS, unseen=too_short)).reason
+    assert "cannot be judged" in recommend(make_analysis("open", ROWS, unseen=too_short)).text
 
 
 @pytest.mark.parametrize("loop", ["closed", "open", "undecided"])
@@ -99,16 +95,13 @@ def test_a_wide_difference_is_not_called_equal():
 )
 def test_no_recommendation_without_a_method_to_be_trusted(loop, rows, reason):
     recommendation = recommend(make_analysis(loop, rows))
-    assert recommendation.label is None
-    assert recommendation.condition == ""
-    assert recommendation.text.startswith("Nothing can be concluded from this recording: ")
-    assert recommendation.reason == reason
+    assert recommendation == Recommendation(None, f"Nothing can be concluded from this recording: {reason}.")
 
 
 def test_a_refused_recording_has_no_recommendation():
     check = Check([Finding("length", "refused", "too short.")], "undecided", {})
     table = pd.DataFrame([{"verdict": "refused", "reasons": "too short."}])
-    assert recommend(Analysis(check, {}, {}, table)).reason == "it was refused"
+    assert recommend(Analysis(check, {}, {}, table)).text.endswith(": it was refused.")
 
 
 def test_a_warning_keeps_the_best_score_from_being_recommended():
@@ -133,7 +126,7 @@ def test_no_recommendation_without_a_score_of_the_unseen_half():
     row = {**PR, "vaf_unseen": np.nan}
     recommendation = recommend(make_analysis("open", [row]))
     assert recommendation.label is None
-    assert "not fitted" in recommendation.reason
+    assert "not fitted" in recommendation.text
     assert recommend(make_analysis("closed", [row])).label == "PR"
 
 

@@ -28,7 +28,7 @@ from ankleloop import (
 )
 from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.paper.tables import write_table
-from ankleloop.recordings.export import export_estimate
+from ankleloop.recordings.files import export_estimate
 from ankleloop.trials import files
 from ankleloop.trials.files import (
     Sink,
