@@ -61,11 +61,28 @@ def merge_findings(findings: Sequence[Finding]) -> Finding:
 
 
 def check_clipping(trial: PreparedTrial, name: str) -> Finding:
-    """A channel that stays at its largest or smallest value has reached the end of its range."""
+    """A channel that stays at its largest or smallest value has reached the end of its range.
+
+    It does if many samples are there, at least some of them in a row, compared to the next values.
+    """
     x = trial.samples(name)
     low, high = float(x.min()), float(x.max())
-    ends = [_clipped_samples(x, edge) for edge in (low, high)]
-    clipped, first = max(ends, key=lambda end: end[0])
+    clipped = first = 0
+    for edge in (low, high):
+        at_edge = np.flatnonzero(x == edge)
+        if at_edge.size < max(CLIPPED_RUN, clipped + 1):
+            continue
+        starts, lengths = _runs(at_edge)
+        longest = int(np.argmax(lengths))
+        if lengths[longest] < CLIPPED_RUN:
+            continue
+        # As many samples again, the nearest to the end, have more than five other values if it is clipped.
+        count = min(2 * at_edge.size, x.size)
+        nearest = np.partition(np.abs(x - edge), count - 1)[:count]
+        counts = np.unique(nearest[nearest > 0], return_counts=True)[1][:5]
+        nearby = max(float(counts.mean()), 1.0) if counts.size else 1.0
+        if at_edge.size > CLIPPED_EXCESS * nearby:
+            clipped, first = at_edge.size, int(starts[longest])
     if not clipped:
         return Finding(
             f"clipping of the {name}", "ok", f"none; it reaches from {low:.4g} to {high:.4g} {CHANNEL_UNITS[name]}."
@@ -76,27 +93,6 @@ def check_clipping(trial: PreparedTrial, name: str) -> Finding:
         f"{_place(trial, first)}: what lies beyond is lost, and K, B, I and G are off. Record again: widen the range."
     )
     return Finding(f"clipping of the {name}", "warning" if share < MINOR else "refused", text)
-
-
-def _clipped_samples(x: np.ndarray, edge: float) -> tuple[int, int]:
-    """Number of samples at an end of the range, if they are too many in a row and compared to the next values.
-
-    The second number is the first sample of the longest run.
-    """
-    at_edge = np.flatnonzero(x == edge)
-    if at_edge.size < CLIPPED_RUN:
-        return 0, 0
-    starts, lengths = _runs(at_edge)
-    longest = int(np.argmax(lengths))
-    if lengths[longest] < CLIPPED_RUN:
-        return 0, 0
-    # As many samples again, the nearest to the end, have more than five other values if it is clipped.
-    distances = np.abs(x - edge)
-    count = min(2 * at_edge.size, x.size)
-    nearest = np.partition(distances, count - 1)[:count]
-    counts = np.unique(nearest[nearest > 0], return_counts=True)[1][:5]
-    nearby = max(float(counts.mean()), 1.0) if counts.size else 1.0
-    return (at_edge.size, int(starts[longest])) if at_edge.size > CLIPPED_EXCESS * nearby else (0, 0)
 
 
 def _runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -114,7 +110,10 @@ def check_rest(trial: PreparedTrial, name: str) -> Finding:
     long = lengths >= REST * trial.rate - 1
     rests = [(int(start), int(start + length) + 1) for start, length in zip(starts[long], lengths[long], strict=True)]
     witness = "position" if name == "torque" else "reference" if "reference" in trial.trial else "torque"
-    dead = [rest for rest in rests if _moves(trial.samples(witness), rest, _movement(name, witness))]
+    other = trial.samples(witness)
+    # A position that stands still while the torque moves may be a perturbation that pauses.
+    share = MOVEMENT["position"] if (name, witness) == ("position", "torque") else MOVEMENT[witness]
+    dead = [rest for rest in rests if np.ptp(other[slice(*rest)]) > share * np.ptp(other)]
     common = [rest for rest in rests if rest[1] - rest[0] >= LONG_REST * trial.rate]
     if sum(stop - start for start, stop in common) > REST_SHARE * x.size:
         dead = sorted({*dead, *common})
@@ -129,19 +128,6 @@ def check_rest(trial: PreparedTrial, name: str) -> Finding:
         "and K, B, I and G mix that with the joint. Cut the record there (segment)."
     )
     return Finding(f"rest of the {name}", "refused", text)
-
-
-def _movement(name: str, witness: str) -> float:
-    """Share of its range by which another channel has to move, so that this one should have moved as well.
-
-    A position that stands still while the torque moves may be a perturbation that pauses.
-    """
-    return MOVEMENT["position"] if (name, witness) == ("position", "torque") else MOVEMENT[witness]
-
-
-def _moves(x: np.ndarray, rest: tuple[int, int], share: float) -> bool:
-    part = x[slice(*rest)]
-    return bool(np.ptp(part) > share * np.ptp(x))
 
 
 def check_gaps(trial: PreparedTrial, name: str) -> Finding:

@@ -145,7 +145,7 @@ def feedback_test(records: Sequence[Regressors]) -> FeedbackTest:
         )
     p_value, coherence, work = _test_coherence(projection, length, rate)
     difference, margin = _bound_bias(projection, length)
-    scale = 100.0 / abs(stiffness_beside_reflex(records) - difference)
+    scale = 100.0 / abs(fit_stiffness(records) - difference)
     bias, margin = difference * scale, margin * scale
     position, residual = (np.concatenate(parts)[:, 0] for parts in (projection.signals, projection.residuals))
     closed = p_value < LEVEL and work > 0
@@ -211,23 +211,18 @@ def _bound_bias(projection: ReferenceProjection, length: int) -> tuple[float, fl
     return float(terms.sum() / projection.shrinkage), float(margin / projection.shrinkage)
 
 
-def stiffness_beside_reflex(records: Sequence[Regressors]) -> float:
-    """K by least squares, with the reflex as a finite response to the rectified velocity."""
-    return _fit_stiffness(records, with_reflex=True)
-
-
 def path_bias(records: Sequence[Regressors]) -> float:
     """How far K of a model without a reflex is off, because intrinsic inputs and reflex torque are correlated.
 
     This is the bias of one-pass methods, which fit the intrinsic path first and the reflex to what it leaves. A PRBS
     correlates the two paths, short pulses do not.
     """
-    stiffness = stiffness_beside_reflex(records)
-    return 100.0 * (_fit_stiffness(records, with_reflex=False) - stiffness) / abs(stiffness)
+    stiffness = fit_stiffness(records)
+    return 100.0 * (fit_stiffness(records, with_reflex=False) - stiffness) / abs(stiffness)
 
 
-def _fit_stiffness(records: Sequence[Regressors], *, with_reflex: bool) -> float:
-    """K by least squares, on the samples that have all lags of the reflex."""
+def fit_stiffness(records: Sequence[Regressors], *, with_reflex: bool = True) -> float:
+    """K by least squares, on samples with all lags of the reflex, a finite response to the rectified velocity."""
     lags = round(REFLEX_LAGS * records[0].rate)
     inputs, torque = [], []
     for record in records:

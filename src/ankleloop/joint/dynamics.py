@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from ankleloop.signals.statespace import companion, discretise_foh, lowpass_denominator
+from ankleloop.signals.statespace import companion, lowpass_denominator, step_matrices
 
 STARTS = [(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]
 POLES = (15.0, 40.0, 120.0)  # rad/s
@@ -27,8 +27,8 @@ class ReflexDynamics:
     @property
     def values(self) -> dict[str, float]:
         """Parameters by name."""
-        values = {"omega_n": self.omega_n, "zeta": self.zeta, "pole": self.pole}
-        return {name: value for name, value in values.items() if value is not None}
+        values = {"omega_n": self.omega_n, "zeta": self.zeta}
+        return values if self.pole is None else {**values, "pole": self.pole}
 
     @staticmethod
     @cache
@@ -53,9 +53,10 @@ class ReflexDynamics:
         return response, [response * part for part in relative]
 
     def matrices(self, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Discrete matrices A, B, C, D for an input that is linear between samples."""
-        denominator = lowpass_denominator(self.omega_n, self.zeta, self.pole)
-        return discretise_foh(*companion(denominator), 1.0 / rate)
+        """Discrete matrices A, B, C, D for an input that is linear between samples: a first-order hold."""
+        A, B, C = companion(lowpass_denominator(self.omega_n, self.zeta, self.pole))
+        F, before, now = step_matrices(A, B, 1.0 / rate)
+        return F, F @ now + before, C, C @ now
 
 
 def respond(grid: Sequence[ReflexDynamics], s: np.ndarray) -> np.ndarray:

@@ -294,8 +294,7 @@ def _mark(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in "biufc":
             raise TypeError(f"an array of type {value.dtype} cannot be kept in diagnostics")
-        numbers = value.ravel().astype(complex).view(float) if value.dtype.kind == "c" else value.ravel()
-        return {ARRAY: numbers.tolist(), "dtype": str(value.dtype), "shape": list(value.shape)}
+        return {ARRAY: value.ravel().tolist(), "dtype": str(value.dtype), "shape": list(value.shape)}
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, complex):
@@ -306,10 +305,6 @@ def _mark(value: Any) -> Any:
 def _restore(values: dict[str, Any]) -> Any:
     if COMPLEX in values:
         return complex(*values[COMPLEX])
-    if ARRAY not in values:
-        return values
-    dtype = np.dtype(values["dtype"])
-    if dtype.kind not in "biufc":
-        raise TypeError(f"an array of type {dtype}")
-    array = np.array(values[ARRAY], dtype=float if dtype.kind == "c" else dtype)
-    return (array.view(complex).astype(dtype) if dtype.kind == "c" else array).reshape(values["shape"])
+    if ARRAY in values:
+        return np.array(values[ARRAY], dtype=values["dtype"]).reshape(values["shape"])
+    return values

@@ -12,7 +12,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.hammerstein import BASES, Basis
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import INTRINSIC_NAMES, MOTION, InputStep, Regressors
-from ankleloop.signals.decimation import filter_kernels
+from ankleloop.signals.decimation import decimation_factor, decimation_margin, decimation_taps, velocity_taps
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.trials.group_files import Fields
 
@@ -111,13 +111,22 @@ class ModelInputs:
         )
 
     def kernels(self) -> dict[str, xr.Variable]:
-        """Kernels of `filter_kernels` that make the inputs of a record; none where a step is left out."""
+        """Kernels of `decimate` and `differentiate` as plain sums of kernel · x(n - lag) over recorded samples n.
+
+        None where a step is left out.
+        """
         if self.omitted_step is not None:
             return {}
-        kernels = filter_kernels(self.recording_rate, self.identification_rate, self.delay)
+        factor, kernels = decimation_factor(self.recording_rate, self.identification_rate), []
+        margin = decimation_margin(factor)
+        for derivative in range(3):
+            taps, half = decimation_taps(factor, derivative)
+            kernels.append(np.pad(taps, margin - half) * self.identification_rate**derivative)
+        taps, half, whole = velocity_taps(self.recording_rate, self.delay)
+        decimation_lags, velocity_lags = np.arange(-margin, margin + 1), np.arange(-half, half + 1) + whole
         return {
-            "decimation_kernel": as_variable(kernels["decimation_kernel"], "derivative", "decimation_lag"),
-            "decimation_lag": as_variable(kernels["decimation_lag"], "decimation_lag", unit="recorded samples"),
-            "velocity_kernel": as_variable(kernels["velocity_kernel"], "velocity_lag", unit="1/s"),
-            "velocity_lag": as_variable(kernels["velocity_lag"], "velocity_lag", unit="recorded samples"),
+            "decimation_kernel": as_variable(np.array(kernels), "derivative", "decimation_lag"),
+            "decimation_lag": as_variable(decimation_lags, "decimation_lag", unit="recorded samples"),
+            "velocity_kernel": as_variable(taps, "velocity_lag", unit="1/s"),
+            "velocity_lag": as_variable(velocity_lags, "velocity_lag", unit="recorded samples"),
         }

@@ -321,10 +321,7 @@ def simulate_torques(
     masks, states = (~regressors.reflex, regressors.reflex), (None, initial_state)
     for u, mask, state in zip(regressors.centred, masks, states, strict=True):
         B, D = model.B[:, mask], model.D[:, mask]
-        if state is None and not B.any():
-            torque = u @ D[0]
-        else:
-            torque = simulate_response(model.A, B, model.C, D, u, state)[:, 0]
+        torque = simulate_response(model.A, B, model.C, D, u, state)[:, 0]
         if not np.isfinite(torque).all():
             raise DataError(
                 "the estimated torques are not finite: the model does not suit the record; lower its order."

@@ -100,7 +100,8 @@ class PreparedTrial:
     @once
     def motion(self, grid: Grid) -> list[np.ndarray]:
         """Position, velocity and acceleration, decimated: three arrays of shape (N,)."""
-        return _derive(self.samples("position"), grid, self.rate, False)
+        position = self.samples("position")
+        return [decimate(position, *grid, rate=self.rate, derivative=order) for order in range(3)]
 
     @once
     def regressors(
@@ -152,9 +153,8 @@ class PreparedTrial:
         if name == "position":  # an open-loop record: the reference explains all of it
             return regressors.inputs
         position = predict_decimated(regressors.inputs[:, 0], self.samples(name), grid, self.rate)
-        velocity = differentiate(position, self.rate, regressors.delay)
-        motion = _derive(position, grid, self.rate, regressors.omitted_step == "kernel-derivatives")
-        return _stack_inputs(motion, velocity, regressors.basis, grid, regressors.omitted_step)
+        predicted = PreparedTrial(self.trial.assign(position=("time", position)), validated=True)
+        return _make_inputs(predicted, regressors.delay, regressors.basis, 1, grid, regressors.omitted_step)[1]
 
 
 @once
@@ -164,9 +164,10 @@ def _make_inputs(
     """Basis and inputs, which regressors with any reference share."""
     velocity = trial.velocity(delay)
     fitted = basis if isinstance(basis, Basis) else fit_basis(velocity, basis, degree)
-    differences = omitted_step == "kernel-derivatives"
-    motion = _derive(trial.samples("position"), grid, trial.rate, True) if differences else trial.motion(grid)
-    return fitted, _stack_inputs(motion, velocity, fitted, grid, omitted_step)
+    motion = _take_differences(trial, grid) if omitted_step == "kernel-derivatives" else trial.motion(grid)
+    late = omitted_step == "early-nonlinearity"
+    terms = fitted(decimate(velocity, *grid)) if late else decimate(fitted(velocity), *grid)
+    return fitted, np.column_stack([*motion, *terms])
 
 
 def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
@@ -185,20 +186,12 @@ def fit_shared_basis(trials: Sequence[PreparedTrial], delay: float, kind: str, d
     return fit_basis(np.concatenate([trial.velocity(delay) for trial in trials]), kind, degree)
 
 
-def _derive(position: np.ndarray, grid: Grid, rate: float, by_differences: bool) -> list[np.ndarray]:
-    """Position, velocity and acceleration, decimated."""
-    if not by_differences:
-        return [decimate(position, *grid, rate=rate, derivative=order) for order in range(3)]
-    # Central differences, and those of these. The kernel of the position is shorter than those of its derivatives: it
-    # reaches two samples further.
-    extended = decimate(position, grid.factor, grid.first - 2 * grid.factor, grid.samples + 4)
-    interval = grid.factor / rate
+def _take_differences(trial: PreparedTrial, grid: Grid) -> list[np.ndarray]:
+    """Decimated position, its central differences, and those of these.
+
+    The kernel of the position is shorter than those of its derivatives: it reaches two samples further.
+    """
+    extended = decimate(trial.samples("position"), grid.factor, grid.first - 2 * grid.factor, grid.samples + 4)
+    interval = grid.factor / trial.rate
     velocity = (extended[2:] - extended[:-2]) / (2 * interval)
     return [extended[2:-2], velocity[1:-1], (velocity[2:] - velocity[:-2]) / (2 * interval)]
-
-
-def _stack_inputs(
-    motion: Sequence[np.ndarray], velocity: np.ndarray, basis: Basis, grid: Grid, omitted_step: InputStep | None
-) -> np.ndarray:
-    late = omitted_step == "early-nonlinearity"
-    return np.column_stack([*motion, *(basis(decimate(velocity, *grid)) if late else decimate(basis(velocity), *grid))])

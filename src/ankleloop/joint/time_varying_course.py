@@ -297,12 +297,9 @@ class Splines:
     def penalty(self) -> np.ndarray:
         """Sum of the squares of second differences of the coefficients as a matrix; none for indicators."""
         if self.degree == 0:
-            return np.zeros((self.size, self.size))
-        if self.periodic:
-            unit = np.eye(self.size)
-            differences = np.roll(unit, 1, axis=0) - 2 * unit + np.roll(unit, -1, axis=0)
-        else:
-            differences = np.diff(np.eye(self.size), 2, axis=0)
+            return np.zeros((self.size,) * 2)
+        unit = np.eye(self.size)
+        differences = np.diff(np.vstack([unit, unit[:2]]) if self.periodic else unit, 2, axis=0)
         return differences.T @ differences
 
     @property

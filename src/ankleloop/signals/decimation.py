@@ -159,7 +159,7 @@ def convolve(x: np.ndarray, taps: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _velocity_taps(rate: float, delay: float) -> tuple[np.ndarray, int, int]:
+def velocity_taps(rate: float, delay: float) -> tuple[np.ndarray, int, int]:
     """Taps of the wide differentiator, delayed by a fraction of a sample, their half length, and the whole samples."""
     stopband = min(VELOCITY_STOPBAND, 0.5 * rate)
     passband = min(VELOCITY_PASSBAND, 0.6 * stopband)
@@ -169,7 +169,7 @@ def _velocity_taps(rate: float, delay: float) -> tuple[np.ndarray, int, int]:
 
 def differentiation_margin(rate: float, delay: float = 0.0) -> tuple[int, int]:
     """Recorded samples that `differentiate` needs before and after each sample of its result."""
-    _, half, whole = _velocity_taps(rate, delay)
+    _, half, whole = velocity_taps(rate, delay)
     return half + whole, half - whole
 
 
@@ -181,7 +181,7 @@ def differentiate(x: ArrayLike, rate: float, delay: float = 0.0) -> np.ndarray:
     Shapes: x (N,); returns (N,).
     """
     x = np.asarray(x, dtype=float)
-    taps, half, whole = _velocity_taps(rate, delay)
+    taps, half, whole = velocity_taps(rate, delay)
     if x.size < taps.size + abs(whole):
         raise DataError(
             f"a record of {x.size} samples is too short to differentiate: it takes at least {taps.size + abs(whole)}."
@@ -190,22 +190,3 @@ def differentiate(x: ArrayLike, rate: float, delay: float = 0.0) -> np.ndarray:
     # velocity[k] belongs to sample k + half; a delay of `whole` samples moves it to k + half + whole.
     index = np.clip(np.arange(x.size) - half - whole, 0, velocity.size - 1)
     return velocity[index]
-
-
-def filter_kernels(rate: float, identification_rate: float, delay: float) -> dict[str, np.ndarray]:
-    """Kernels of `decimate` and `differentiate` as plain sums, for programs that do without them.
-
-    Each signal at a recorded sample n is the sum of kernel · x(n - lag) over the lags.
-    """
-    factor = decimation_factor(rate, identification_rate)
-    margin, kernels = decimation_margin(factor), []
-    for derivative in range(3):
-        taps, half = decimation_taps(factor, derivative)
-        kernels.append(np.pad(taps, margin - half) * identification_rate**derivative)
-    taps, half, whole = _velocity_taps(rate, delay)
-    return {
-        "decimation_kernel": np.array(kernels),
-        "decimation_lag": np.arange(-margin, margin + 1),
-        "velocity_kernel": taps,
-        "velocity_lag": np.arange(-half, half + 1) + whole,
-    }

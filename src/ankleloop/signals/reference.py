@@ -215,8 +215,8 @@ def explained_share(y: np.ndarray, x: np.ndarray, rate: float) -> float:
     residual = total = 0.0
     for training, test in (halves, halves[::-1]):
         taps = fit_finite_response(y[training], x[training], rate)
-        target, inner = _centre(y[test]), slice(taps.size, -taps.size)
-        response = convolve(_centre(x[test]), taps)[round(LEADS * rate) :][: target.size]
+        target, source, inner = y[test] - y[test].mean(), x[test] - x[test].mean(), slice(taps.size, -taps.size)
+        response = convolve(source, taps)[round(LEADS * rate) :][: target.size]
         residual += np.sum((target - response)[inner] ** 2)
         total += np.sum(target[inner] ** 2)
     return float(1.0 - residual / total)

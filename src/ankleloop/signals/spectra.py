@@ -43,12 +43,12 @@ class Band:
         """Laplace variable on the imaginary axis [rad/s], shape (frequencies,)."""
         return 2j * np.pi * self.frequency
 
-    @property
+    @cached_property
     def correlation(self) -> float:
         """Factor by which the taper raises variances: it correlates neighbouring frequencies."""
         return self.samples * np.sum(self.taper**4) / np.sum(self.taper**2) ** 2
 
-    @property
+    @cached_property
     def density(self) -> float:
         """Divisor of squared magnitudes that gives a one-sided power spectral density."""
         return 0.5 * self.rate * np.sum(self.taper**2)
@@ -110,8 +110,11 @@ def smooth(power: np.ndarray, width: float) -> np.ndarray:
     return np.convolve(np.pad(power, window.size // 2, mode="reflect"), window, mode="valid")
 
 
+@lru_cache(maxsize=16)
 def _window(width: float, size: int) -> np.ndarray:
     """Hann window of unit sum, no longer than the periodogram allows."""
     half = int(min(max(4, round(width)), size - 1))
     window = np.hanning(2 * half + 3)[1:-1]
-    return window / window.sum()
+    window /= window.sum()
+    window.setflags(write=False)
+    return window

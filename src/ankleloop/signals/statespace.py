@@ -43,29 +43,14 @@ def step_matrices(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray
     M = np.zeros((n + 2 * m, n + 2 * m))
     M[:n, :n], M[:n, n : n + m] = A * step, B * step
     M[n : n + m, n + m :] = np.eye(m)
-    E = _exponential(M)
+    if np.abs(M).max() < LARGEST:
+        E = linalg.expm(M)
+    else:  # the states of a fast filter differ by many powers of ten, and are scaled alike for the exponential
+        with np.errstate(invalid="ignore"):  # SciPy converts scales to the numbers of a permutation, which is not used
+            balanced, (scale, _) = linalg.matrix_balance(M, permute=False, separate=True)
+        E = linalg.expm(balanced) * scale[:, None] / scale
     F, constant, slope = E[:n, :n], E[:n, n : n + m], E[:n, n + m :]
     return F, constant - slope, slope
-
-
-def _exponential(M: np.ndarray) -> np.ndarray:
-    """Matrix exponential; the states of a fast filter differ by many powers of ten, and are scaled alike for it."""
-    if np.abs(M).max() < LARGEST:
-        return linalg.expm(M)
-    with np.errstate(invalid="ignore"):  # SciPy converts scales to the numbers of a permutation, which is not used here
-        balanced, (scale, _) = linalg.matrix_balance(M, permute=False, separate=True)
-    return linalg.expm(balanced) * scale[:, None] / scale
-
-
-def discretise_foh(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, step: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Discretise a system without feedthrough by a first-order hold: inputs are linear between samples.
-
-    Shapes: A, B, C (n, n); returns A, B, C, D (n, n).
-    """
-    F, before, now = step_matrices(A, B, step)
-    return F, F @ now + before, C, C @ now
 
 
 @kernel()

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from ankleloop.errors import DataError
-from ankleloop.options import as_real, check_number
+from ankleloop.options import as_real
 
 TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %
 
@@ -17,7 +17,6 @@ def confidence_margin(sd: ArrayLike, n: ArrayLike, level: float = 0.95) -> np.nd
 
     .. math:: t_{(1 + level) / 2, \, n - 1} \; sd / \sqrt{n}
     """
-    level = check_number("confidence_margin", "level", level, gt=0, lt=1)
     sd, n = np.asarray(sd, dtype=float), np.asarray(n)
     freedom = np.where(n > 1, n - 1, 1)
     return np.where(n > 1, special.stdtrit(freedom, 0.5 + level / 2) * sd / np.sqrt(n), np.nan)

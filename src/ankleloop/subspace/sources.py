@@ -13,12 +13,7 @@ from ankleloop.options import Options, option, show_value
 from ankleloop.signals.reference import predict_from_reference
 from ankleloop.subspace.hankel import generate_columns, hankel_gram
 from ankleloop.subspace.input_matrices import update_factor
-from ankleloop.subspace.records import (
-    list_records,
-    refuse_not_finite,
-    refuse_spread,
-    scale_records,
-)
+from ankleloop.subspace.records import list_records, refuse_not_finite, refuse_spread, scale_records
 
 Chunk = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # inputs, outputs and reference
 SIGNALS = ("input", "output", "reference")

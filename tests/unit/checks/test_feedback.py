@@ -6,7 +6,7 @@ from scipy import signal as sps
 from scipy import stats
 
 from ankleloop import DataError, segment, simulate
-from ankleloop.checks.loop import LARGEST_BIAS, feedback_test, path_bias, stiffness_beside_reflex
+from ankleloop.checks.loop import LARGEST_BIAS, feedback_test, fit_stiffness, path_bias
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.reference import project_on_reference, unseen_share
 
@@ -76,9 +76,7 @@ def test_bias_is_that_of_least_squares(stiffer, voluntary):
     for seed in range(6):
         options = {"seed": seed, "voluntary": voluntary, "load": stiffer * ASSUMED}
         closed, opened = (simulate(**options, closed_loop=closed_loop) for closed_loop in (True, False))
-        differences.append(
-            stiffness_beside_reflex([regressors(closed)]) - stiffness_beside_reflex([regressors(opened)])
-        )
+        differences.append(fit_stiffness([regressors(closed)]) - fit_stiffness([regressors(opened)]))
         tests.append(run_feedback_test(closed))
     expected = np.mean(differences) / 1.5
     assert np.mean([test.bias for test in tests]) == pytest.approx(expected, rel=0.2)
@@ -170,9 +168,9 @@ def test_paths_are_correlated_by_a_prbs_and_not_by_pulses():
     options = {"seed": 1, "closed_loop": False, "snr_db": None, "voluntary": 0.0}
     prbs = [regressors(simulate(**options))]
     pulses = [regressors(simulate(**options, perturbation="pulses", switching_interval=0.2))]
-    assert stiffness_beside_reflex(prbs) == pytest.approx(150.0, rel=2e-3)
+    assert fit_stiffness(prbs) == pytest.approx(150.0, rel=2e-3)
     motion = prbs[0].inputs[40:, :3] - prbs[0].inputs[40:, :3].mean(axis=0)
     without = np.linalg.lstsq(motion, prbs[0].torque[40:] - prbs[0].torque[40:].mean(), rcond=None)[0][0]
-    assert path_bias(prbs) == pytest.approx(100 * (without / stiffness_beside_reflex(prbs) - 1), rel=1e-6)
+    assert path_bias(prbs) == pytest.approx(100 * (without / fit_stiffness(prbs) - 1), rel=1e-6)
     assert path_bias(prbs) > 25
     assert abs(path_bias(pulses)) < 5

@@ -49,18 +49,6 @@ def test_decimated_derivatives_are_the_derivatives_of_the_decimated_signal(rate)
         assert np.max(np.abs(output - expected)) < 1e-4 * np.max(np.abs(expected))
 
 
-@pytest.mark.parametrize("derivative", [0, 1, 2])
-@pytest.mark.parametrize("power", [1, 2, 3, 4])
-def test_polynomials(power, derivative):
-    polynomial = np.polynomial.Polynomial.basis(power)
-    time = TIME - 2.0
-    output = decimate(polynomial(time), FACTOR, FIRST, COUNT, rate=RATE, derivative=derivative)
-    expected = polynomial.deriv(derivative)(DECIMATED_TIME - 2.0)
-    np.testing.assert_allclose(
-        output, expected, rtol=0, atol=1e-4 * 10 ** (derivative / 2) * max(1.0, np.max(np.abs(expected)))
-    )
-
-
 def test_constants_and_ramps():
     np.testing.assert_allclose(decimate(np.full(5000, 3.0), FACTOR, FIRST, COUNT), 3.0, rtol=1e-12)
     np.testing.assert_allclose(decimate(2 * TIME, FACTOR, FIRST, COUNT), 2 * DECIMATED_TIME, atol=1e-10)
@@ -72,25 +60,6 @@ def test_zero_phase():
     impulse[500] = 1.0
     kernel = lowpass(impulse, FACTOR)
     np.testing.assert_allclose(kernel, kernel[::-1], atol=1e-15)
-
-
-@pytest.mark.parametrize(("derivative", "sign"), [(0, 1), (1, -1), (2, 1)])
-def test_a_reversed_signal_has_reversed_derivatives(derivative, sign):
-    x = np.random.default_rng(1).standard_normal(2001)
-    forward, backward = (decimate(z, FACTOR, 500, 101, derivative=derivative) for z in (x, x[::-1]))
-    np.testing.assert_allclose(backward, sign * forward[::-1], atol=1e-12)
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.floats(-3, 3), st.floats(-3, 3), st.integers(0, 2**31))
-def test_decimation_is_linear(a, b, seed):
-    x, y = np.random.default_rng(seed).standard_normal((2, 2000))
-
-    def velocity(z):
-        return decimate(z, FACTOR, 500, 50, rate=RATE, derivative=1)
-
-    scale = 1 + np.max(np.abs(velocity(x))) + np.max(np.abs(velocity(y)))
-    np.testing.assert_allclose(velocity(a * x + b * y), a * velocity(x) + b * velocity(y), atol=1e-9 * scale)
 
 
 def test_several_channels_in_one_pass():

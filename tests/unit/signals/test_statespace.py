@@ -5,7 +5,8 @@ import pytest
 from scipy import signal as sps
 from scipy.integrate import solve_ivp
 
-from ankleloop.signals.statespace import companion, discretise_foh, lowpass_denominator, step_matrices
+from ankleloop.joint.dynamics import ReflexDynamics
+from ankleloop.signals.statespace import companion, lowpass_denominator, step_matrices
 
 
 @pytest.mark.parametrize("pole", [None, 30.0])
@@ -42,13 +43,10 @@ def test_first_order_hold_against_scipy(pole):
     system = companion(lowpass_denominator(40.0, 0.8, pole))
     u = np.random.default_rng(3).standard_normal(500)
     _, expected, _ = sps.dlsim(sps.cont2discrete((*system, np.zeros((1, 1))), 0.01, method="foh"), u)
-    _, output, _ = sps.dlsim((*discretise_foh(*system, 0.01), 0.01), u)
+    A, B, C, D = ReflexDynamics(40.0, 0.8, pole).matrices(100.0)
+    _, output, _ = sps.dlsim((A, B, C, D, 0.01), u)
     np.testing.assert_allclose(output, expected, atol=1e-9)
-
-
-def test_first_order_hold_keeps_the_gain_at_rest():
-    A, B, C, D = discretise_foh(np.array([[-2.0]]), np.array([[2.0]]), np.eye(1), 0.1)
-    assert (C @ np.linalg.solve(np.eye(1) - A, B) + D).item() == pytest.approx(1.0)  # gain at rest
+    assert (C @ np.linalg.solve(np.eye(len(A)) - A, B) + D).item() == pytest.approx(1.0)  # gain at rest
 
 
 @pytest.mark.parametrize("cutoff", [100.0, 1e3, 5e3, 1.2e4, 1e5])

@@ -93,17 +93,6 @@ def test_exact_recovery(order, inputs, outputs, mask, seed):
     assert np.isfinite(estimate.condition)
 
 
-def test_rows_of_static_inputs_are_zero_in_noise():
-    rng = np.random.default_rng(4)
-    A, B, C, D = random_model(rng, 2, 3, 1)
-    u = rng.standard_normal((400, 3))
-    y = simulate(A, B, C, D, u, np.zeros(2)) + 0.3 * rng.standard_normal((400, 1))
-    estimate = estimate_input_matrices(A, C, u, y, dynamic=[False, True, False])
-    np.testing.assert_array_equal(estimate.B[:, [0, 2]], 0.0)
-    assert np.all(estimate.B[:, 1] != 0)
-    assert np.all(estimate.D != 0)
-
-
 def test_least_squares_leaves_the_smallest_residual():
     """No other B, D, x0 and offset leave a smaller residual."""
     rng = np.random.default_rng(5)
