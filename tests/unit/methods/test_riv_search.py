@@ -9,7 +9,7 @@ from scipy import signal
 
 from ankleloop import identify, new_trial, read_trial, simulate
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.riv.equations import Equations
+from ankleloop.methods.riv.equations import Equations, Point
 from ankleloop.methods.riv.search import GAIN, REFINED, solve
 
 
@@ -56,12 +56,11 @@ def recording():
 def test_the_left_side_is_the_slope_of_the_misfit_in_open_loop(weighting):
     """By differences; weights from the noise are smoothed in one and not in the other, so they agree but for that."""
     equations, start = set_up(simulate(seed=1, closed_loop=False), weighting=weighting, reference="position")
-    point = equations.evaluate(start)
+    point = Point(equations, start)
     steps = 1e-3 * np.diag(1.0 / np.sqrt(np.diag(point.information)))
     slope = np.array(
         [
-            equations.evaluate(point.parameters.add(step)).misfit
-            - equations.evaluate(point.parameters.add(-step)).misfit
+            Point(equations, point.parameters.add(step)).misfit - Point(equations, point.parameters.add(-step)).misfit
             for step in steps
         ]
     ) / (2 * np.diag(steps))
@@ -77,12 +76,12 @@ def test_the_full_slope_by_differences(weighting, reference):
     trial = simulate(seed=2, duration=20.0)
     options = {"order": 3, "basis": "spline", "degree": 6, "estimate_delay": True}
     equations, start = set_up(trial, weighting=weighting, reference=reference, **options)
-    point = equations.evaluate(start)
+    point = Point(equations, start)
     steps = 1e-4 * np.diag(1.0 / np.sqrt(np.diag(point.information)))
     level = 1.0 if weighting == "noise" else point.level.mean()
     columns = []
     for step in steps:
-        ahead, behind = (equations.evaluate(point.parameters.add(sign * step)) for sign in (1.0, -1.0))
+        ahead, behind = (Point(equations, point.parameters.add(sign * step)) for sign in (1.0, -1.0))
         # The level of flat weights is immaterial: it is held, as the slope does.
         factors = [1.0 if weighting == "noise" else p.level.mean() / level for p in (ahead, behind)]
         columns.append((ahead.side * factors[0] - behind.side * factors[1]) / (2 * step.sum()))

@@ -112,9 +112,9 @@ def format_shifts(shifts: Mapping[str, float]) -> str:
     return ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in shifts.items())
 
 
-def is_stretch_delay(delay: float) -> bool:
-    """Whether a delay [s] can be that of a stretch reflex; somewhat longer ones are warned about."""
-    return QUANTITIES["delay"].plausible[0] < delay < LONGEST_DELAY
+def shows_delay(solution: Search) -> bool:
+    """Whether an estimated delay can be that of a stretch reflex; somewhat longer ones are warned about."""
+    return solution.converged and QUANTITIES["delay"].plausible[0] < solution.point.values["delay"] < LONGEST_DELAY
 
 
 def find_alternatives(solution: Search) -> list[Alternative]:
@@ -187,9 +187,9 @@ def _free_unknown(name: Literal["delay", "pole"], solution: Search) -> Alternati
     p = solution.point.parameters
     start = replace(p, delays=("delay",)) if name == "delay" else replace(p, dynamics=replace(p.dynamics, pole=POLE))
     freed = solve(solution.equations, start, solution.max_iterations, solution.tolerance)
-    values, error = freed.point.values, last_error(freed)
-    if not freed.converged or name in freed.held or (name == "delay" and not is_stretch_delay(values["delay"])):
+    if not freed.converged or name in freed.held or (name == "delay" and not shows_delay(freed)):
         return None
+    values, error = freed.point.values, last_error(freed)
     shifts = compute_shifts(solution.point.values, values)
     if name == "delay":
         return Alternative("delay", values["delay"], freed.point.parameters.shift / error, shifts)

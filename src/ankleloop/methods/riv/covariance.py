@@ -10,7 +10,6 @@ import numpy as np
 from scipy import special
 from scipy.fft import dct
 
-from ankleloop.joint.hammerstein import StaticNonlinearity
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.riv.equations import NOISE_RESOLUTION, Point, solve_scaled
 from ankleloop.signals.vaf import TWO_SIDED
@@ -134,49 +133,38 @@ def time_scores(point: Point) -> np.ndarray:
     return 0.5 * band.samples * scores
 
 
-def estimate_errors(point: Point, covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
-    """Standard errors of the physical parameters that are estimated."""
-    p, names = point.parameters, np.array(point.names)[free]
-    deviations = dict(zip(names.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    reflex = slice(MOTION, p.linear.size)
-    rectifier = _rectifier_errors(point.path.nonlinearity, covariance[reflex, reflex])
-    stiffness, others = (
-        {name: deviations[name] for name in names if name in deviations} for names in ("KBI", p.unknowns)
-    )
-    return scale_errors({**stiffness, **rectifier, **others}, point.values)
-
-
-def scale_errors(deviations: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
-    """Standard errors of parameters, some of which have those of their logarithms."""
-    return {
-        name: s * (values[name] if name in LOGARITHMIC else 1.0) for name, s in deviations.items() if name in values
-    }
+def estimate_deviations(point: Point, covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
+    """Standard deviations of the physical parameters, or of their logarithms; those of the reflex by differences."""
+    names, p = np.array(point.names)[free].tolist(), point.parameters
+    deviations = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    nonlinearity, reflex = point.path.nonlinearity, slice(MOTION, p.linear.size)
+    values, slopes = np.array(nonlinearity.fit_rectifier()[:2]), []
+    for step in np.diag(0.1 * np.sqrt(np.diag(covariance)[reflex])):
+        shifted = replace(nonlinearity, coefficients=nonlinearity.coefficients + step).fit_rectifier()[:2]
+        slopes.append((np.array(shifted) - values) / step.sum())
+    slope = np.array(slopes)
+    gain, threshold = np.sqrt(np.diag(slope.T @ covariance[reflex, reflex] @ slope)).tolist()
+    stiffness, others = ({name: deviations[name] for name in part if name in names} for part in ("KBI", p.unknowns))
+    return {**stiffness, "G": gain, "threshold": threshold, **others}
 
 
 def estimate_intervals(
-    values: Mapping[str, float], errors: Mapping[str, float], quantile: float
-) -> dict[str, tuple[float, float]]:
-    """Intervals of the parameters that have standard errors."""
-    intervals = {}
-    for name, error in errors.items():
-        value, margin = values[name], quantile * error
-        if name in LOGARITHMIC:
+    values: Mapping[str, float], deviations: Mapping[str, float], quantile: float
+) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """Standard errors and intervals of parameters, some of which have the deviations of their logarithms."""
+    errors, intervals = {}, {}
+    for name, deviation in deviations.items():
+        if name not in values:
+            continue
+        value, logarithmic = values[name], name in LOGARITHMIC
+        errors[name] = deviation * (value if logarithmic else 1.0)
+        margin = quantile * errors[name]
+        if logarithmic:
             ratio = float(np.exp(min(margin / value, WIDEST)))
             intervals[name] = value / ratio, value * ratio
         else:
             intervals[name] = value - margin, value + margin
-    return intervals
-
-
-def _rectifier_errors(nonlinearity: StaticNonlinearity, covariance: np.ndarray) -> dict[str, float]:
-    """Standard errors of gain and threshold, by differences with respect to the coefficients."""
-    values, slopes = np.array(nonlinearity.fit_rectifier()[:2]), []
-    for step in np.diag(0.1 * np.sqrt(np.diag(covariance))):
-        shifted = replace(nonlinearity, coefficients=nonlinearity.coefficients + step).fit_rectifier()[:2]
-        slopes.append((np.array(shifted) - values) / step.sum())
-    slope = np.array(slopes)
-    errors = np.sqrt(np.diag(slope.T @ covariance @ slope))
-    return dict(zip(("G", "threshold"), errors.tolist(), strict=True))
+    return errors, intervals
 
 
 def smallest_correlation(instruments: np.ndarray, regressors: np.ndarray, weight: np.ndarray | float = 1.0) -> float:

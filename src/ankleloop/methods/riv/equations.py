@@ -57,67 +57,41 @@ class Parameters:
         return response, rows
 
 
-@dataclass(frozen=True, eq=False)
 class Point:
     """The equations at some parameters; weights and instruments are those of these parameters."""
 
-    equations: Equations  # the equations
-    parameters: Parameters  # the parameters
-    # Shape (unknowns, frequencies): derivatives of the torque with respect to the parameters, by the predicted inputs.
-    instruments: np.ndarray
-    regressors: np.ndarray  # the same by the measured inputs
-    residual: np.ndarray  # shape (frequencies,): measured torque less that of the model
-    noise: np.ndarray  # shape (frequencies,): smoothed periodogram of the residual
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of every unknown."""
-        terms = (f"c{k}" for k in range(1, self.parameters.linear.size - MOTION + 1))
-        return ("K", "B", "I", *terms, *self.parameters.unknowns)
-
-    @property
-    def path(self) -> ReflexPath:
-        """Nonlinearity and dynamics of the reflex."""
-        coefficients = self.parameters.linear[MOTION:]
-        nonlinearity = StaticNonlinearity(self.equations.regressors.basis, coefficients)
-        return ReflexPath(nonlinearity, self.parameters.dynamics)
+    def __init__(self, equations: Equations, parameters: Parameters) -> None:
+        e, p, linear = equations, parameters, parameters.linear
+        self.equations, self.parameters = e, p
+        terms = (f"c{k}" for k in range(1, linear.size - MOTION + 1))
+        self.names = ("K", "B", "I", *terms, *p.unknowns)  # of all unknowns
+        self.path = ReflexPath(StaticNonlinearity(e.regressors.basis, linear[MOTION:]), p.dynamics)
+        # Whether a pole of the second-order part is so fast that it cannot be told from a delay.
+        omega_n, zeta = p.dynamics.omega_n, p.dynamics.zeta
+        self.pole_out_of_band = bool(omega_n * (zeta + np.sqrt(max(zeta**2 - 1.0, 0.0))) > e.pole_limit)
+        # Derivatives of the torque with respect to the unknowns, by the measured inputs and by the predicted ones, both
+        # of shape (unknowns, frequencies).
+        self.regressors = e.differentiate(e.measured, p)
+        self.instruments = self.regressors if e.open_loop else e.differentiate(e.predicted, p)
+        # Shape (frequencies,): measured torque less that of the model, its smoothed periodogram, and the noise that the
+        # weights are the inverse of.
+        self.residual = e.torque - linear @ self.regressors[: linear.size]
+        self.noise = e.smooth_power(self.residual)
+        self.level = self.noise if e.weighting == "noise" else np.full(self.noise.size, self.noise.mean())
+        self.weighted = self.instruments.conj() / self.level
+        # Left side of the equations, zero at their solution; minus its slope for fixed weights and instruments; and
+        # products of the instruments.
+        self.side = np.real(self.weighted @ self.residual)
+        self.normal = np.real(self.weighted @ self.regressors.T)
+        self.information = np.real(self.weighted @ self.instruments.T)
+        # Covariance of the left side where noise of this spectrum is all that is left; each frequency counts twice.
+        self.scatter = 0.5 * e.band.correlation * np.real((self.weighted * self.noise) @ self.weighted.conj().T)
 
     @property
     def values(self) -> dict[str, float]:
         """K, B, I, delay and the parameters of the reflex, by name."""
         stiffness = dict(zip("KBI", self.parameters.linear[:MOTION].tolist(), strict=True))
         return {**stiffness, "delay": self.equations.delay + self.parameters.shift, **self.path.parameters}
-
-    @cached_property
-    def level(self) -> np.ndarray:
-        """Noise that the weights are the inverse of, shape (frequencies,)."""
-        return self.noise if self.equations.weighting == "noise" else np.full(self.noise.size, self.noise.mean())
-
-    @cached_property
-    def weighted(self) -> np.ndarray:
-        """Weighted conjugate instruments, shape (unknowns, frequencies)."""
-        return self.instruments.conj() / self.level
-
-    @cached_property
-    def side(self) -> np.ndarray:
-        """Left side of the equations, zero at their solution, shape (unknowns,)."""
-        return np.real(self.weighted @ self.residual)
-
-    @cached_property
-    def normal(self) -> np.ndarray:
-        """Minus the slope of the left side for fixed weights and instruments, shape (unknowns, unknowns)."""
-        return np.real(self.weighted @ self.regressors.T)
-
-    @cached_property
-    def information(self) -> np.ndarray:
-        """Products of the instruments, shape (unknowns, unknowns)."""
-        return np.real(self.weighted @ self.instruments.T)
-
-    @cached_property
-    def scatter(self) -> np.ndarray:
-        """Covariance of the left side where noise of this spectrum is all that is left; each frequency counts twice."""
-        products = np.real((self.weighted * self.noise) @ self.weighted.conj().T)
-        return 0.5 * self.equations.band.correlation * products
 
     def merit(self, free: np.ndarray) -> float:
         """Size of the left side of some unknowns over its standard deviation, squared: a χ² at the true parameters."""
@@ -176,24 +150,12 @@ class Equations:
         power = self.band.smooth(np.abs(spectrum) ** 2, NOISE_RESOLUTION)
         return np.maximum(power, 1e-12 * power.max())
 
-    def evaluate(self, parameters: Parameters) -> Point:
-        """Left side of the equations and all that belongs to it."""
-        regressors = self.differentiate(self.measured, parameters)
-        instruments = regressors if self.open_loop else self.differentiate(self.predicted, parameters)
-        residual = self.torque - parameters.linear @ regressors[: parameters.linear.size]
-        return Point(self, parameters, instruments, regressors, residual, self.smooth_power(residual))
-
     def differentiate(self, spectra: np.ndarray, parameters: Parameters) -> np.ndarray:
         """Derivatives of the torque with respect to the parameters, by some inputs, shape (unknowns, frequencies)."""
         response, derivatives = parameters.responses(self.band.s)
         drive = spectra[MOTION:]
         nonlinear = derivatives * (parameters.linear[MOTION:] @ drive)
         return np.vstack([spectra[:MOTION], response * drive, nonlinear])
-
-    def pole_out_of_band(self, parameters: Parameters) -> bool:
-        """Whether a pole of the second-order part is so fast that it cannot be told from a delay."""
-        omega_n, zeta = parameters.dynamics.omega_n, parameters.dynamics.zeta
-        return bool(omega_n * (zeta + np.sqrt(max(zeta**2 - 1.0, 0.0))) > self.pole_limit)
 
     def hold_at_limits(self, parameters: Parameters) -> tuple[Parameters, set[str]]:
         """Parameters without a third pole or a delay beyond their limits, and the names of those that were."""

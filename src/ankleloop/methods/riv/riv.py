@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,10 +12,10 @@ from ankleloop.joint.models import PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
-from ankleloop.methods.riv.alternatives import add_alternatives, find_alternatives, is_stretch_delay, last_error
+from ankleloop.methods.riv.alternatives import add_alternatives, find_alternatives, last_error, shows_delay
 from ankleloop.methods.riv.covariance import (
     choose_covariance,
-    estimate_errors,
+    estimate_deviations,
     estimate_intervals,
     smallest_correlation,
 )
@@ -127,9 +127,11 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     True
     """
     solution, assumptions = _solve(trial, options, estimate_delay=options.delay is None), []
-    if options.delay is None and not _shows_delay(solution):
-        assumptions = [f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."]
-        solution = _solve(trial, options, estimate_delay=False)
+    if options.delay is None:
+        plausible = shows_delay(solution) and solution.point.values["G"] >= 0.0
+        if not (plausible and last_error(solution) < CERTAIN_DELAY):
+            assumptions = [f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."]
+            solution = _solve(trial, options, estimate_delay=False)
     estimate = _estimate(trial, solution, options, assumptions)
     return add_alternatives(estimate, find_alternatives(solution)) if solution.converged else estimate
 
@@ -147,22 +149,17 @@ def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -
     return solve(equations, start, options.max_iterations, options.tolerance)
 
 
-def _shows_delay(solution: Search) -> bool:
-    """Whether an estimated delay is one of a stretch reflex, and certain."""
-    values = solution.point.values
-    likely = solution.converged and is_stretch_delay(values["delay"]) and values["G"] >= 0.0
-    return likely and last_error(solution) < CERTAIN_DELAY
-
-
 def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]) -> Estimate:
     """Torques, physical parameters, and their intervals where the search has converged."""
     point, equations, regressors = solution.point, solution.equations, solution.equations.regressors
     parameters, values = point.parameters, point.values
-    errors, intervals, description = {}, {}, {"intervals": None}
+    errors: dict[str, float] = {}
+    intervals: dict[str, tuple[float, float]] = {}
+    description: dict[str, Any] = {"intervals": None}
     if solution.converged:
         covariance, quantile, description = choose_covariance(point, solution.free, options.intervals)
-        errors = estimate_errors(point, covariance, solution.free)
-        intervals = estimate_intervals(values, errors, quantile)
+        deviations = estimate_deviations(point, covariance, solution.free)
+        errors, intervals = estimate_intervals(values, deviations, quantile)
     inputs = ModelInputs.of(regressors, values["delay"])
     model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
     strength, explained = 1.0, 1.0
@@ -201,7 +198,7 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
 def _warnings(solution: Search) -> list[str]:
     """What the search did not reach, and what the record does not show."""
     warnings, order = [], len(solution.point.parameters.dynamics.values)
-    left_band = solution.equations.pole_out_of_band(solution.path[-1].parameters)
+    left_band = solution.path[-1].pole_out_of_band
     if left_band or "pole" in solution.held:
         fewer = "take order=2" if order == 3 else "its gain or the record is too small for two"
         warnings.append(f"a pole of the reflex has left the band, so the record does not show {order}: {fewer}.")

@@ -41,16 +41,17 @@ def solve(equations: Equations, start: Parameters, max_iterations: int, toleranc
     2002.
     """
     search = Search(equations, max_iterations, tolerance)
-    search.accept(equations.evaluate(start))
+    search.accept(Point(equations, start))
     while len(search.path) <= min(max_iterations, REFINED) and not search.finished and search.refine():
         pass
     if not search.finished and len(search.path) <= max_iterations:
         search.first = len(search.path)
         search.accept(search.path[int(np.argmin(search.merits))])
     while len(search.path) <= max_iterations and not search.finished and search.advance():
-        if equations.pole_out_of_band(search.point.parameters):
+        if search.point.pole_out_of_band:
             break
-    search.choose_best()
+    if not search.finished:
+        search.choose_best()
     return search
 
 
@@ -70,13 +71,9 @@ class Search:
     held: set[str] = field(default_factory=set)  # names of the unknowns that are held at a limit
     damping: float = 0.0
     finished: bool = False  # whether the last step was within the tolerance
+    converged: bool = False  # whether it was, and no delay is held at its limit
     # Where the search did not converge, the unknowns a common change of which the record shows least.
     flat: tuple[str, ...] = ()
-
-    @property
-    def converged(self) -> bool:
-        """Whether the last step was within the tolerance, and no delay is held at its limit."""
-        return self.finished and "delay" not in self.held
 
     def accept(self, point: Point) -> None:
         """Add a point to the path."""
@@ -86,28 +83,23 @@ class Search:
         self.merits.append(point.merit(self.free))
 
     def choose_best(self) -> None:
-        """End the search: if it has not converged, at the point with the smallest merit."""
-        if self.finished:
-            return
+        """End a search that has not converged at the point with the smallest merit."""
         directions, curvatures = self._directions()
-        scale = np.sqrt(np.diag(self.point.information)[self.free])
-        parts = np.abs(directions[:, np.argmin(np.abs(curvatures))]) * scale
-        names = np.array(self.point.names)[self.free]
-        self.flat = tuple(names[parts > CONTRIBUTION * parts.max()].tolist())
+        parts = np.abs(directions[:, np.argmin(np.abs(curvatures))]) * np.sqrt(np.diag(self.point.information))
+        self.flat = tuple(np.array(self.point.names)[parts > CONTRIBUTION * parts.max()].tolist())
         self.point = min(self.path, key=lambda point: point.merit(self.free))
 
     def refine(self) -> bool:
         """Solve the equations for the present weights and instruments; false if this does not lower their left side."""
         point = self.point
         step = self._full_step(point.normal)
-        if self._within_tolerance(step):
-            # Where the misfit is not smallest the search goes on; in closed loop the equations are not its slope.
-            return (not self.equations.open_loop or self._directions()[1][0] > FLAT) and self._finish(step)
-        candidate = self.equations.evaluate(point.parameters.add(step / max(1.0, self._length(step))))
+        if self._end(step):
+            return self.finished
+        candidate = Point(self.equations, point.parameters.add(step / max(1.0, self._length(step))))
         side = np.real(point.weighted @ candidate.residual)
         lowered = side @ solve_scaled(point.scatter, side) < self.merits[-1]
         limits = self.equations.hold_at_limits(candidate.parameters)[1]
-        if not lowered or limits or self.equations.pole_out_of_band(candidate.parameters):
+        if not lowered or limits or candidate.pole_out_of_band:
             return False
         self.accept(candidate)
         return True
@@ -115,14 +107,14 @@ class Search:
     def advance(self) -> bool:
         """Take a step that no earlier point makes useless, damped as much as it needs; false if there is none."""
         directions, curvatures = self._directions()
-        side = directions.T @ self.point.side[self.free]
+        side = directions.T @ self.point.side
         while self.damping < MOST_DAMPING:
             if self.damping == 0.0 and curvatures[0] > FLAT:
                 step = self._full_step(self.point.slope)
-                if self._within_tolerance(step):
-                    return self._finish(step)
+                if self._end(step):
+                    return True
             else:
-                step = self._embed(directions @ (side / (np.maximum(np.abs(curvatures), DAMPING) + self.damping)))
+                step = directions @ (side / (np.maximum(np.abs(curvatures), DAMPING) + self.damping))
             if self._try(step):
                 self.damping = 0.1 * self.damping if self.damping > DAMPING else 0.0
                 return True
@@ -137,7 +129,7 @@ class Search:
         if self._length(step) > 1.0:
             return False
         parameters, held = self.equations.hold_at_limits(self.point.parameters.add(step))
-        candidate = self.equations.evaluate(parameters)
+        candidate = Point(self.equations, parameters)
         if not held <= self.held:
             self.held |= held
             self.first = len(self.path)
@@ -148,27 +140,28 @@ class Search:
         self.accept(candidate)
         return True
 
-    def _finish(self, step: np.ndarray) -> bool:
-        """Take the last step, which is within the tolerance, unless it is lost in rounding."""
-        candidate = self.equations.evaluate(self.point.parameters.add(step))
-        self.accept(candidate if candidate.merit(self.free) <= self.merits[-1] else self.point)
-        self.finished = True
-        return True
-
-    def _embed(self, free_step: np.ndarray) -> np.ndarray:
+    def _full_step(self, slope: np.ndarray) -> np.ndarray:
+        """Step of all unknowns that solves the equations if their slope is this one."""
         step = np.zeros(len(self.point.names))
-        step[self.free] = free_step
+        step[self.free] = solve_scaled(slope[np.ix_(self.free, self.free)], self.point.side[self.free])
         return step
 
-    def _full_step(self, slope: np.ndarray) -> np.ndarray:
-        return self._embed(solve_scaled(slope[np.ix_(self.free, self.free)], self.point.side[self.free]))
+    def _end(self, step: np.ndarray) -> bool:
+        """Whether a step solves the equations, and by less than the tolerance: the last one, if not at a saddle point.
 
-    def _within_tolerance(self, step: np.ndarray) -> bool:
-        """Whether a step solves the equations, and by less than the tolerance."""
+        It is taken unless it is lost in rounding.
+        """
         if self.merits[-1] > self.free.size * (SOLVED * self.tolerance) ** 2:  # singular equations can have short steps
             return False
         errors = np.sqrt(np.diag(asymptotic_covariance(self.point, self.free)))
-        return bool(np.all(np.abs(step[self.free]) <= self.tolerance * errors))
+        if not np.all(np.abs(step[self.free]) <= self.tolerance * errors):
+            return False
+        # Where the misfit is not smallest the search goes on; in closed loop the equations are not its slope.
+        if not self.equations.open_loop or self._directions()[1][0] > FLAT:
+            candidate = Point(self.equations, self.point.parameters.add(step))
+            self.accept(candidate if candidate.merit(self.free) <= self.merits[-1] else self.point)
+            self.finished, self.converged = True, "delay" not in self.held
+        return True
 
     def _length(self, step: np.ndarray) -> float:
         """Length of a step, in units of what one iteration may change of dynamics and delay."""
@@ -176,7 +169,10 @@ class Search:
         return float(np.max(np.abs(step[-largest.size :]) / largest))
 
     def _directions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Directions that are independent for slope and information, in units of the latter, and slopes along them."""
+        """Directions that are independent for slope and information, in units of the latter, and slopes along them.
+
+        Shapes: returns (unknowns, free), (free,).
+        """
         select = np.ix_(self.free, self.free)
         information = self.point.information[select]
         scale = 1.0 / np.sqrt(np.diag(information))
@@ -184,4 +180,6 @@ class Search:
         white = scale[:, None] * vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1]))
         slope = self.point.slope[select]
         curvatures, rotation = np.linalg.eigh(0.5 * white.T @ (slope + slope.T) @ white)
-        return white @ rotation, curvatures
+        directions = np.zeros((len(self.point.names), self.free.size))
+        directions[self.free] = white @ rotation
+        return directions, curvatures

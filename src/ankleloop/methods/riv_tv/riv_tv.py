@@ -17,7 +17,7 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import Splines, describe_schedule, make_course, trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
 from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
-from ankleloop.methods.riv.covariance import estimate_intervals, scale_errors, smallest_correlation
+from ankleloop.methods.riv.covariance import estimate_intervals, smallest_correlation
 from ankleloop.methods.riv.equations import DELAY_LIMITS
 from ankleloop.methods.riv_tv.bands import (
     deviations,
@@ -248,7 +248,7 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     errors = {name: float(deviations(covariance.matrix[block, block], weights)) for name, weights, block in parts}
     others = np.sqrt(np.diag(covariance.matrix)[bases.size :]).tolist()
     errors |= dict(zip(parameters.unknowns, others, strict=True))
-    intervals = estimate_intervals(values, scale_errors(errors, values), covariance.quantile)
+    _, intervals = estimate_intervals(values, errors, covariance.quantile)
     strength = 1.0
     if not equations.own_instruments:
         strength = smallest_correlation(system.instruments[: bases.size], system.regressors[: bases.size])
