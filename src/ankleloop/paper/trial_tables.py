@@ -29,7 +29,7 @@ from ankleloop.paper.trial_columns import (
 )
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import atomic_file, check_readable
-from ankleloop.trials.readable_files import name_errors
+from ankleloop.trials.reading_process import name_errors
 
 PathLike = str | os.PathLike[str]
 
