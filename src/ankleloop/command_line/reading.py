@@ -79,8 +79,8 @@ def _make_option(name: str, field: Any) -> Callable[[Command], Command]:
 
 def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Reading:
     """Map the variables of a file to channels; what the options leave out follows from names and units."""
+    from ankleloop.trials.channels import AmbiguousNameError, find_position_unit, find_variable
     from ankleloop.trials.reading_process import list_variables  # here: --help does without numpy
-    from ankleloop.trials.variable_names import AmbiguousNameError, find_position_unit, find_variable
 
     stated = {name: value for name, value in values.items() if value is not None}
     if no_reference and "reference" in stated:

@@ -25,7 +25,7 @@ from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.sampling import check_same_rate, compute_rate
 from ankleloop.trials.files import atomic_file, check_readable, parse_precision
 from ankleloop.trials.group_files import Fields, read_groups, write_groups
-from ankleloop.trials.readable_files import name_errors
+from ankleloop.trials.reading_process import name_errors
 
 PathLike = str | os.PathLike[str]
 

@@ -24,7 +24,7 @@ from ankleloop.quantities import QUANTITIES, Quantity
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.csv_output import write_csv
 from ankleloop.trials.files import atomic_file, check_readable
-from ankleloop.trials.readable_files import name_errors
+from ankleloop.trials.reading_process import name_errors
 
 PathLike = str | os.PathLike[str]
 

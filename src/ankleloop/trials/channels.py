@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ankleloop.errors import DataError
 
+# Unit and long name of each variable that the library writes.
+VARIABLES = {
+    "time": ("s", "time from the first sample"),
+    "position": ("rad", "joint position"),
+    "torque": ("N·m", "net torque, opposing stretch"),
+    "reference": ("rad", "position command to the servo"),
+    "torque_intrinsic": ("N·m", "true intrinsic torque"),
+    "torque_reflex": ("N·m", "true reflex torque"),
+    "torque_voluntary": ("N·m", "true voluntary torque"),
+    "torque_noise": ("N·m", "true torque measurement noise"),
+    "stiffness_true": ("N·m/rad", "true intrinsic stiffness"),
+    "viscosity_true": ("N·m·s/rad", "true intrinsic viscosity"),
+    "reflex_gain_true": ("N·m·s/rad", "true reflex gain"),
+    "phase": ("1", "phase of the cycle"),
+    "schedule": ("1", "scheduling variable"),
+}
+TRUE_TORQUES = tuple(name for name in VARIABLES if name.startswith("torque_"))
 MAX_SAMPLES = 20_000_000  # 160 MB in double precision
 TORQUE_UNITS = ("nm", "newtonmeter", "newtonmetre", "newtonmeters", "newtonmetres")
 TIME_UNITS = {
@@ -20,6 +38,18 @@ ANGLES = {
     **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
     **dict.fromkeys(("rad", "radian", "radians"), "rad"),
 }
+# Words of a name that say what a channel is. A command of the position is a reference, one of the torque is nothing
+# that a trial has.
+WORDS = {
+    "position": ("position", "pos", "angle", "theta"),
+    "torque": ("torque", "moment", "tq", "trq"),
+    "reference": ("reference", "ref", "command", "cmd", "setpoint", "target"),
+}
+# Words that make another quantity of it.
+OTHERS = frozenset(
+    ("velocity", "speed", "acceleration", "rate", "offset", "gain", "index", "unit", "units", "name", "label")
+)
+LISTED = 30  # names of variables that a message lists
 
 
 @dataclass(frozen=True)
@@ -95,3 +125,72 @@ def time_factor(name: str, stated: str, *, source: str) -> float | None:
             "that is wrong."
         )
     return TIME_UNITS[unit]
+
+
+class AmbiguousNameError(DataError):
+    """A channel that the names of the variables leave open.
+
+    Parameters
+    ----------
+    message : str
+        What the names leave open.
+    channel : str
+        The channel, "position", "torque" or "reference".
+    """
+
+    def __init__(self, message: str, channel: str) -> None:
+        super().__init__(message)
+        self.channel = channel
+
+
+def find_variable(channel: str, variables: Sequence[Channel], *, source: str, taken: Iterable[str] = ()) -> str | None:
+    """Find the variable of a channel by its name.
+
+    A name fits if one of its words, between underscores, spaces, brackets or capitals, is one of `WORDS`: `ankle_angle`
+    and `AnkleAngle` are positions, `angle_command` is a reference.
+    """
+    excluded = set(taken)
+    fitting = [v.name for v in variables if v.name not in excluded and _is_signal(v) and _channel_of(v.name) == channel]
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        text = f"{len(fitting)} variables may be the {channel}: {_list_names(fitting)}. Name one of them."
+        raise AmbiguousNameError(f"{source}: {text}", channel)
+    if channel == "reference":
+        return None
+    text = f"no variable is called {' or '.join(WORDS[channel])}, so that it would be the {channel}; the file has: "
+    names = [variable.name for variable in variables if _is_signal(variable)]
+    raise AmbiguousNameError(f"{source}: {text}{_list_names(names) or 'none'}. Name one of these.", channel)
+
+
+def find_position_unit(variable: Channel) -> str | None:
+    """Unit of a position as the file or the name of the variable states it."""
+    return ANGLES.get(variable.unit.lower() or find_unit_in_name(variable.name, tuple(ANGLES)))
+
+
+def _is_signal(variable: Channel) -> bool:
+    """Whether a variable may have samples: it is no single number, and its shape may be unknown."""
+    size = 1
+    for length in variable.shape:
+        size *= length
+    return variable.shape == () or size > 1
+
+
+def _channel_of(name: str) -> str | None:
+    """Channel that a full name says; None if it says none, or something else."""
+    last = re.split(r"[/.]", name.rstrip("/."))[-1]
+    if last in TRUE_TORQUES:
+        return None
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", last).lower()
+    words = set(re.findall(r"[^\W\d_]+", spaced))
+    channels = [channel for channel, synonyms in WORDS.items() if words & set(synonyms)]
+    if words & OTHERS or not channels:
+        return None
+    if channels == ["position", "reference"]:
+        return "reference"
+    return channels[0] if len(channels) == 1 else None
+
+
+def _list_names(names: Sequence[str]) -> str:
+    shown = [name if name.isprintable() else repr(name) for name in names[:LISTED]]
+    return ", ".join(shown) + (" and more" if len(names) > LISTED else "")

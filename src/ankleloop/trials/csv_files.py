@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
+from ankleloop.trials.channel_files import Contents, Variable
 from ankleloop.trials.channels import check_size
-from ankleloop.trials.contents import Contents, Variable
 
 BLOCK = 1 << 20  # characters that are read at a time
 LONGEST_LINE = 1 << 20  # characters

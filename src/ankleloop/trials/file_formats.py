@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ankleloop.trials.contents import Contents
+from ankleloop.trials.channel_files import Contents
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc")
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"

@@ -14,7 +14,7 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.trials.files import atomic_file, check_output, check_readable, source_files, write_netcdf
-from ankleloop.trials.readable_files import readable_file
+from ankleloop.trials.reading_process import readable_file
 
 SUFFIXES = (".nc", ".mat")
 

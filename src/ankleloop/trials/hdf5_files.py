@@ -10,8 +10,7 @@ import h5py
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channel_files import as_text
-from ankleloop.trials.contents import Contents, Variable, raise_type, take_samples
+from ankleloop.trials.channel_files import Contents, Variable, as_text, raise_type, take_samples
 
 MOST_LINKS = 20  # soft links on the way to a variable
 MOST_OBJECTS = 5_000  # that are visited to list the variables

@@ -12,10 +12,10 @@ from ankleloop.errors import DataError
 from ankleloop.options import check_path
 from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
 from ankleloop.trials.channel_files import RATE, RATE_NAMES, TIME, TIME_NAMES
-from ankleloop.trials.channels import Channel, check_unit, time_factor
+from ankleloop.trials.channels import TRUE_TORQUES, Channel, check_unit, time_factor
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
-from ankleloop.trials.trial import TRUE_TORQUES, check_shape, new_trial
+from ankleloop.trials.trial import check_shape, new_trial
 
 if TYPE_CHECKING:
     import os

@@ -7,6 +7,7 @@ happens. The other process is started for the first file, and serves those that 
 from __future__ import annotations
 
 import atexit
+import io
 import json
 import math
 import os
@@ -28,7 +29,7 @@ from ankleloop.errors import DataError, ResourceError
 from ankleloop.trials.channel_files import Request
 from ankleloop.trials.channels import Channel
 from ankleloop.trials.file_formats import SUFFIXES, find_suffix
-from ankleloop.trials.files import check_readable
+from ankleloop.trials.files import check_readable, has_right_checksum
 from ankleloop.trials.reading_options import ReadingOptions
 
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # of the processor for a file
@@ -39,28 +40,27 @@ LONGEST_MESSAGE = 1 << 20
 LIBRARY = Path(__file__).parents[2]
 PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_server import main; main()"
 
+PathLike = str | os.PathLike[str]
 Describe = Callable[[str], str]  # gives the message about a file that cannot be read, for a reason
 
 
-def read_channels(
-    path: str | os.PathLike[str], options: ReadingOptions, extras: Sequence[str] = ()
-) -> dict[str, Channel]:
+def read_channels(path: PathLike, options: ReadingOptions, extras: Sequence[str] = ()) -> dict[str, Channel]:
     """Read the channels of a trial from a file, with its times and its sampling rate."""
     return _request(path, options, extras=tuple(extras))
 
 
-def describe_channels(path: str | os.PathLike[str], options: ReadingOptions) -> dict[str, Channel]:
+def describe_channels(path: PathLike, options: ReadingOptions) -> dict[str, Channel]:
     """Describe the channels of a trial in a file of any size: names, units and shapes, and the sampling rate."""
     return _request(path, options, with_samples=False)
 
 
-def list_variables(path: str | os.PathLike[str]) -> list[Channel]:
+def list_variables(path: PathLike) -> list[Channel]:
     """List the variables of a file of any size: full names, units and shapes."""
     return list(_request(path, ReadingOptions(), task="listing").values())
 
 
 def read_samples(
-    path: str | os.PathLike[str], options: ReadingOptions, start: int, stop: int, roles: Sequence[str]
+    path: PathLike, options: ReadingOptions, start: int, stop: int, roles: Sequence[str]
 ) -> dict[str, Channel]:
     """Read a piece of a long record, for HDF5 and NetCDF in a time that does not depend on its length."""
     return _request(path, options, part=(int(start), int(stop)), roles=tuple(roles))
@@ -73,13 +73,51 @@ def copy_file(path: Path, describe: Describe) -> bytes:
     return copy.tobytes()
 
 
+@contextmanager
+def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path | io.BytesIO]:
+    """Provide what can be opened in this process in place of a file of this library.
+
+    It is the file itself if its checksum is right. The contents of a file without a checksum (of an older version, or
+    changed by another program) are written anew by another process, with limits of time and memory
+    (`trials.reading_process`), into memory.
+    """
+    check_readable(path)
+    path = Path(path)
+    with name_errors(path, kind, remedy):
+        is_right = has_right_checksum(path)
+        if is_right is False:
+            reason = "its checksum is wrong: bytes have changed since it was written"
+            raise DataError(describe_damage(path, kind, remedy, reason))
+        if is_right:
+            yield path
+            return
+        yield io.BytesIO(copy_file(path, lambda reason: describe_damage(path, kind, remedy, reason)))
+
+
+@contextmanager
+def name_errors(path: PathLike, kind: str, remedy: str) -> Iterator[None]:
+    """Say in plain words what is wrong with the contents of a file."""
+    try:
+        yield
+    except (DataError, ResourceError, MemoryError):  # a lack of memory says nothing about the file
+        raise
+    except Exception as cause:
+        reason = f"{type(cause).__name__}: {cause}".partition("\n")[0]
+        raise DataError(describe_damage(path, kind, remedy, reason)) from cause
+
+
+def describe_damage(path: PathLike, kind: str, remedy: str, reason: str) -> str:
+    """Message about a file that cannot be read."""
+    return f"{path}: not a readable {kind} ({reason}): it is damaged, or of another origin: {remedy}."
+
+
 def _limits(path: Path) -> tuple[float, float]:
     """Limits of time [s] and memory [bytes] for a file."""
     size = path.stat().st_size
     return SECONDS + SECONDS_PER_MEGABYTE * size / 1e6, BYTES + BYTES_PER_BYTE * size
 
 
-def _request(path: str | os.PathLike[str], options: ReadingOptions, **changes: Any) -> dict[str, Channel]:
+def _request(path: PathLike, options: ReadingOptions, **changes: Any) -> dict[str, Channel]:
     path = Path(path)
     check_readable(path)
     suffix = find_suffix(path)

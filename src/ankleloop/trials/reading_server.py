@@ -24,9 +24,8 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channel_files import Request, list_variables, read_channels
+from ankleloop.trials.channel_files import Contents, Request, list_variables, read_channels
 from ankleloop.trials.channels import Channel
-from ankleloop.trials.contents import Contents
 from ankleloop.trials.file_formats import choose_reader
 from ankleloop.trials.files import has_right_checksum
 

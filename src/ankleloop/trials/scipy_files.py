@@ -11,7 +11,7 @@ import numpy as np
 import scipy.io
 
 from ankleloop.errors import DataError
-from ankleloop.trials.contents import Contents, Variable, raise_type, take_samples
+from ankleloop.trials.channel_files import Contents, Variable, raise_type, take_samples
 
 
 class MatContents(Contents):

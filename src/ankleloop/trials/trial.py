@@ -16,8 +16,9 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_flag, check_number, check_path
 from ankleloop.signals.sampling import format_samples, parse_rate
+from ankleloop.trials.channels import VARIABLES
 from ankleloop.trials.files import check_output, source_files, write_netcdf
-from ankleloop.trials.readable_files import readable_file
+from ankleloop.trials.reading_process import readable_file
 from ankleloop.trials.validation import CHANNELS, REQUIRED, validate
 
 if TYPE_CHECKING:
@@ -25,25 +26,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-# Unit and long name of each variable that the library writes.
-VARIABLES = {
-    "time": ("s", "time from the first sample"),
-    "position": ("rad", "joint position"),
-    "torque": ("N·m", "net torque, opposing stretch"),
-    "reference": ("rad", "position command to the servo"),
-    "torque_intrinsic": ("N·m", "true intrinsic torque"),
-    "torque_reflex": ("N·m", "true reflex torque"),
-    "torque_voluntary": ("N·m", "true voluntary torque"),
-    "torque_noise": ("N·m", "true torque measurement noise"),
-    "stiffness_true": ("N·m/rad", "true intrinsic stiffness"),
-    "viscosity_true": ("N·m·s/rad", "true intrinsic viscosity"),
-    "reflex_gain_true": ("N·m·s/rad", "true reflex gain"),
-    "phase": ("1", "phase of the cycle"),
-    "schedule": ("1", "scheduling variable"),
-}
 MAX_DEGREE = 10  # of a drift
 PLAIN = (str, bool, int, float)  # attributes that need no conversion: a simulated trial has dozens
-TRUE_TORQUES = tuple(name for name in VARIABLES if name.startswith("torque_"))
 
 
 def new_trial(

@@ -14,7 +14,7 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.trials.files import atomic_netcdf, parse_precision
-from ankleloop.trials.readable_files import describe_damage, readable_file
+from ankleloop.trials.reading_process import describe_damage, readable_file
 from ankleloop.trials.validation import validate
 
 CHUNK = 25  # trials read at a time: each access to the file costs more than the numbers

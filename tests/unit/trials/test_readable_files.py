@@ -14,7 +14,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import torque_dataset
 from ankleloop.trials import reading_process
 from ankleloop.trials.files import LENGTH, append_checksum, has_right_checksum
-from ankleloop.trials.readable_files import name_errors, readable_file
+from ankleloop.trials.reading_process import name_errors, readable_file
 from ankleloop.trials.trial_files import load_trials, save_trials
 
 

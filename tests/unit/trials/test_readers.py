@@ -14,8 +14,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ankleloop.errors import DataError
+from ankleloop.trials.channels import TRUE_TORQUES
 from ankleloop.trials.readers import read_trial
-from ankleloop.trials.trial import TRUE_TORQUES, new_trial, save_trial
+from ankleloop.trials.trial import new_trial, save_trial
 
 RATE = 500.0
 T = np.arange(300) / RATE

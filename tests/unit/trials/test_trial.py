@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ankleloop.errors import DataError
-from ankleloop.trials.trial import TRUE_TORQUES, load_trial, new_trial, save_trial, segment
+from ankleloop.trials.channels import TRUE_TORQUES
+from ankleloop.trials.trial import load_trial, new_trial, save_trial, segment
 
 RATE = 1000.0
 T = np.arange(500) / RATE
