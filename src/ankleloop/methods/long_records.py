@@ -15,8 +15,7 @@ from ankleloop.checks.data import check_data
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import Basis, fit_basis
-from ankleloop.joint.model_inputs import ModelInputs
-from ankleloop.joint.models import StateSpaceModel
+from ankleloop.joint.models import ModelInputs, StateSpaceModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import TORQUES, Regressors, decimation_grid, recording_margins
 from ankleloop.methods.method import add_warnings, data_use

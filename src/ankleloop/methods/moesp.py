@@ -14,8 +14,7 @@ import xarray as xr
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import Basis, DriveSpectra, ReflexPath, separate_model
-from ankleloop.joint.model_inputs import ModelInputs
-from ankleloop.joint.models import StateSpaceModel, simulate_torques
+from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis
 from ankleloop.joint.regressors import MOTION, InputStep, Regressors, torque_dataset
 from ankleloop.methods.method import Method, degree_option, delay_option, rate_option

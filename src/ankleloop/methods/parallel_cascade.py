@@ -11,8 +11,7 @@ from pydantic import model_validator
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import DriveSpectra, separate_response
-from ankleloop.joint.model_inputs import ModelInputs
-from ankleloop.joint.models import ResponseModel
+from ankleloop.joint.models import ModelInputs, ResponseModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import Method, check_lags, delay_option, rate_option

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from ankleloop import METHODS, DataError, evaluate, identify, simulate, vaf
-from ankleloop.joint.model_inputs import ModelInputs
-from ankleloop.joint.models import StateSpaceModel, simulate_torques
+from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import prepare
 from ankleloop.subspace.matrices import Matrices
 

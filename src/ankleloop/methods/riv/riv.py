@@ -7,8 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.model_inputs import ModelInputs
-from ankleloop.joint.models import PhysicalModel
+from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
