@@ -12,11 +12,7 @@ import xarray as xr
 from ankleloop.checks.channels import VERDICTS, Finding, merge_findings
 from ankleloop.checks.data import check_signals, refuse_repeated_trials
 from ankleloop.checks.loop import check_loop, path_bias
-from ankleloop.checks.movement import (
-    check_excitation,
-    check_sign,
-    fit_stiffness_by_instruments,
-)
+from ankleloop.checks.movement import check_excitation, check_sign, fit_stiffness_by_instruments
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
 from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
@@ -134,9 +130,14 @@ def check_trial(trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | Prepar
     length = check_length(datasets, rate)
     if length.verdict == "refused":
         return Check([length], "undecided", {})
-    has_reference = reference != "position" and all(reference in dataset for dataset in datasets)
-    records, findings = _prepare_records(prepared, delay, rate, reference if has_reference else None)
-    if len(records) < len(prepared):
+    name = reference if reference != "position" and all(reference in dataset for dataset in datasets) else None
+    records: list[Regressors] = []
+    try:
+        for part in prepared:
+            records.append(part.regressors(delay=delay, basis="rectifier", identification_rate=rate, reference=name))
+    except DataError as error:
+        findings = [Finding("signals", "ok", "")] * len(prepared)
+        findings[len(records)] = Finding("signals", "refused", str(error))
         return Check([length, merge_findings(findings)], "undecided", {})
     signals = [check_signals(part, record.grid, delay) for part, record in zip(prepared, records, strict=True)]
     usable, strength = check_instrument(prepared, records, delay)
@@ -162,33 +163,16 @@ def check_trial(trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | Prepar
     )
 
 
-def _prepare_records(
-    trials: Sequence[PreparedTrial], delay: float, rate: float, reference: str | None
-) -> tuple[list[Regressors], list[Finding]]:
-    """Regressors of the trials, and a finding for each; no regressors of trials that are refused."""
-    records, findings = [], []
-    for trial in trials:
-        try:
-            records.append(
-                trial.regressors(delay=delay, basis="rectifier", identification_rate=rate, reference=reference)
-            )
-            findings.append(Finding("signals", "ok", ""))
-        except DataError as error:
-            findings.append(Finding("signals", "refused", str(error)))
-    return records, findings
-
-
 def _check_signs(records: Sequence[Regressors], *, by_reference: bool) -> list[Finding]:
     """Sign of the torque of each record; by what the reference explains of its movement unless the loop is open."""
     channels = [np.column_stack([record.inputs[:, :MOTION], record.torque]) for record in records]
-    signals = [channel - channel.mean(axis=0) for channel in channels]
-    explained = signals
+    signals = instruments = [channel - channel.mean(axis=0) for channel in channels]
     if by_reference:
         references = [record.reference for record in records if record.reference is not None]
         projection = project_on_reference(references, channels, records[0].rate)
-        parts = zip(projection.signals, projection.residuals, strict=True)
-        signals, explained = projection.signals, [signal - residual for signal, residual in parts]
+        signals = projection.signals
+        instruments = [signal - rest for signal, rest in zip(signals, projection.residuals, strict=True)]
     return [
-        check_sign(*fit_stiffness_by_instruments(signal[:, :MOTION], signal[:, MOTION], instruments[:, :MOTION]))
-        for signal, instruments in zip(signals, explained, strict=True)
+        check_sign(*fit_stiffness_by_instruments(signal[:, :MOTION], signal[:, MOTION], instrument[:, :MOTION]))
+        for signal, instrument in zip(signals, instruments, strict=True)
     ]
