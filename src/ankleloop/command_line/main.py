@@ -121,15 +121,14 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 def _report_mistake(error: Exception) -> int:
     """Show an error that is not about the data or the usage."""
     if isinstance(error, MemoryError):
-        show_error(f"out of memory ({error}): take a shorter part of the recording (start, stop), or free memory.")
-        return MISTAKE
-    if isinstance(error, ResourceError):
-        show_error(str(error))
-        return MISTAKE
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        text = f"out of memory ({error}): take a shorter part of the recording (start, stop), or free memory."
+    elif isinstance(error, ResourceError):
+        text = str(error)
+    elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         place = error.filename or "the folder of temporary files (TMPDIR) or of the results"
-        show_error(f"{place}: the disk is full ({error.strerror}): free space there, and run the command again.")
-        return MISTAKE
-    traceback.print_exception(error)
-    show_error("this is a mistake in ankleloop, not in your data: please report the lines above.")
+        text = f"{place}: the disk is full ({error.strerror}): free space there, and run the command again."
+    else:
+        traceback.print_exception(error)
+        text = "this is a mistake in ankleloop, not in your data: please report the lines above."
+    show_error(text)
     return MISTAKE

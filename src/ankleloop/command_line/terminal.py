@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, TextIO
+from typing import Any
 
 import click
 
@@ -38,14 +38,7 @@ def show_error(text: str) -> None:
     show_next(*name_options(text))
 
 
-def show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
+def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
     """Show a warning of the library, as `warnings.showwarning` does; those of other kinds concern programmers."""
     if issubclass(category, UserWarning):
         echo(f"{click.style('warning', fg='yellow')}: {message}", err=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -156,12 +157,9 @@ def list_variables(contents: Contents) -> Iterator[tuple[str, Channel]]:
     """List the variables of an open file."""
     for name in dict.fromkeys(islice(contents.names(), MOST_VARIABLES)):
         channel = Channel(name, "", ())
-        try:
-            variable = contents.find(name)
-        except DataError:  # it matters only where this variable is wanted, and is raised there
-            variable = None
-        if variable is not None:
-            channel = Channel(name, _find_unit(variable), tuple(map(int, variable.shape)))
+        with suppress(DataError):  # it matters only where this variable is wanted, and is raised there
+            if (variable := contents.find(name)) is not None:
+                channel = Channel(name, _find_unit(variable), tuple(map(int, variable.shape)))
         yield name, channel
 
 
@@ -206,21 +204,13 @@ def _read_numbers(contents: Contents, variable: Variable, part: slice) -> np.nda
 
 def _refuse_text(contents: Contents, name: str, values: np.ndarray) -> None:
     for sample, cell in enumerate(np.ravel(values)):
-        if not _is_number(cell):
+        try:
+            float("nan" if cell is None else cell)
+        except (TypeError, ValueError, OverflowError):
             raise DataError(
                 f"{contents.path.name}: {name} is not a number {contents.locate_sample(sample)} but {_show(cell)}: "
                 "correct the file, or choose another variable."
-            )
-
-
-def _is_number(cell: Any) -> bool:
-    if cell is None:
-        return True
-    try:
-        float(cell)
-    except (TypeError, ValueError, OverflowError):
-        return False
-    return True
+            ) from None
 
 
 def _show(cell: Any) -> str:
@@ -314,9 +304,7 @@ def _fits(marker: float, dtype: np.dtype[Any]) -> bool:
     if dtype.kind == "f":
         return True
     limits = np.iinfo(dtype)
-    if not (np.isfinite(marker) and marker == int(marker)):
-        return False
-    return int(limits.min) <= int(marker) <= int(limits.max)
+    return bool(limits.min <= marker <= limits.max and marker == int(marker))
 
 
 def _as_numbers(value: Any) -> list[Any]:

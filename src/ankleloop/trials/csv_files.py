@@ -57,7 +57,13 @@ class CsvContents(Contents):
 
     def load(self, names: Sequence[str]) -> None:
         """Read columns in one pass: numbers, or objects where some are text."""
-        columns = {name: self._reach_column(name) for name in names}
+        columns = {name: self._header.index(name) for name in names}
+        for name, column in columns.items():
+            if self._rows and self._shortest <= column:
+                raise DataError(
+                    f"{self.path.name}: line {self._shortest_line} has {_count(self._shortest)} and the header "
+                    f"{len(self._header)}: {name} is missing there; correct the line."
+                )
         if not self._rows:
             self._columns |= {name: np.empty(0) for name in names}
             return
@@ -89,15 +95,6 @@ class CsvContents(Contents):
         if name not in self._columns:
             self.load([name])
         return self._columns[name]
-
-    def _reach_column(self, name: str) -> int:
-        column = self._header.index(name)
-        if self._rows and self._shortest <= column:
-            raise DataError(
-                f"{self.path.name}: line {self._shortest_line} has {_count(self._shortest)} and the header "
-                f"{len(self._header)}: {name} is missing there; correct the line."
-            )
-        return column
 
     def _open(self) -> TextIO:
         open_text: Any = gzip.open if self.path.name.lower().endswith(".gz") else open

@@ -157,7 +157,8 @@ def atomic_file(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pat
     partial = _partial_path(path)
     try:
         yield partial
-        _synchronise(partial)
+        with open(partial, "rb+") as file:  # a power cut must not leave the name without the content
+            os.fsync(file.fileno())
         check_output(path, overwrite=overwrite, inputs=inputs)  # others may have written it meanwhile
         _publish(partial, path, overwrite)
     except OSError as cause:
@@ -168,23 +169,12 @@ def atomic_file(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pat
         partial.unlink(missing_ok=True)
 
 
-def _synchronise(partial: Path) -> None:
-    """Have the file on the disk before its name: a power cut must not leave the name without the content."""
-    descriptor = os.open(partial, os.O_RDWR)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
 def _publish(partial: Path, path: Path, overwrite: bool) -> None:
     if not overwrite and not os.path.lexists(path):
         try:
             os.link(partial, path)  # unlike a renaming it fails where another writer was first
             return
-        except FileExistsError:
-            check_output(path)
-        except OSError:  # a file system without hard links
+        except OSError:  # another writer was first, or a file system without hard links
             check_output(path)
     os.replace(partial, path)
 
@@ -264,19 +254,27 @@ def check_readable(path: PathLike) -> None:
     path = Path(path)
     try:
         kind = path.stat().st_mode
-        if not stat.S_ISREG(kind):
-            name = "a folder" if stat.S_ISDIR(kind) else "a device"
-            raise DataError(f"{path}: this is {name}, no file: check the path.")
-        path.open("rb").close()
+        if stat.S_ISREG(kind):
+            path.open("rb").close()
     except (FileNotFoundError, NotADirectoryError):
         if path.is_symlink():
             raise DataError(f"{path}: this is a link that leads to no file: check the path.") from None
         raise DataError(f"{path}: there is no such file: check the path.") from None
-    except DataError:
-        raise
     except (OSError, ValueError) as cause:  # a ValueError for a byte 0 in the path
         reason = getattr(cause, "strerror", None) or str(cause)
         raise DataError(f"{path}: the file cannot be opened ({reason}): check the path and the permission.") from cause
+    if not stat.S_ISREG(kind):
+        name = "a folder" if stat.S_ISDIR(kind) else "a device"
+        raise DataError(f"{path}: this is {name}, no file: check the path.")
+
+
+def stamp_file(path: PathLike) -> tuple[int, ...]:
+    """What changes with a file; nothing of one that is gone."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return ()
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 def append_checksum(path: PathLike) -> None:

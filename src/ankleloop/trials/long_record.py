@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
@@ -17,9 +16,10 @@ from ankleloop.signals.sampling import compute_rate, compute_rate_of_parts
 from ankleloop.trials.channel_files import TIME
 from ankleloop.trials.channels import Channel
 from ankleloop.trials.file_formats import find_suffix
+from ankleloop.trials.files import stamp_file
 from ankleloop.trials.readers import choose_rate, parse_options
 from ankleloop.trials.reading_options import ReadingOptions
-from ankleloop.trials.reading_process import describe_channels, read_samples
+from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial import check_sizes
 from ankleloop.trials.validation import check_samples
 
@@ -90,8 +90,8 @@ class LongRecord:
         self._set(path=path, options=parse_options(path.name, **values))
         if find_suffix(path) not in SUFFIXES:
             raise DataError(f"{path.name}: long records are read from {', '.join(SUFFIXES)}; convert it first.")
-        channels = describe_channels(path, self.options)
-        self._set(_stamp=_stamp_file(path), _block=lru_cache(2)(self._read_block))
+        channels = read_channels(path, self.options, with_samples=False)
+        self._set(_stamp=stamp_file(path), _block=lru_cache(2)(self._read_block))
         self._fetch([*channels], 0, 1)  # refuses samples that are no numbers
         rate = choose_rate(channels, self.options, partial(self._measure_rate, channels), source=path.name)
         sizes = {role: math.prod(channels[role].shape) for role in self._roles}
@@ -171,18 +171,9 @@ class LongRecord:
 
     def _fetch(self, roles: Sequence[str], start: int, stop: int) -> dict[str, np.ndarray]:
         """Samples as the file has them."""
-        pieces = read_samples(self.path, self.options, start, stop, list(roles))
-        if _stamp_file(self.path) != self._stamp:
+        pieces = read_channels(self.path, self.options, part=(int(start), int(stop)), roles=list(roles))
+        if stamp_file(self.path) != self._stamp:
             raise DataError(
                 f"{self.path.name}: the file has been changed since the record was made: make it again from a copy."
             )
         return {role: np.ravel(np.asarray(piece.values)) for role, piece in pieces.items()}
-
-
-def _stamp_file(path: Path) -> tuple[int, ...]:
-    """What changes with a file."""
-    try:
-        status = os.stat(path)
-    except OSError:  # it is gone
-        return ()
-    return status.st_ino, status.st_size, status.st_mtime_ns

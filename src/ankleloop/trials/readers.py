@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.options import check_path
+from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
 from ankleloop.trials.channel_files import RATE, RATE_NAMES, TIME, TIME_NAMES
 from ankleloop.trials.channels import TRUE_TORQUES, Channel, check_unit, time_factor
@@ -23,18 +23,8 @@ if TYPE_CHECKING:
 LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
 
 
-def read_trial(
-    path: str | os.PathLike[str],
-    *,
-    position: str = "position",
-    torque: str = "torque",
-    reference: str | None = None,
-    sampling_rate: float | None = None,
-    position_unit: str = "rad",
-    position_sign: int = 1,
-    torque_sign: int = 1,
-    variables: Mapping[str, str] | None = None,
-) -> xr.Dataset:
+@show_fields(ReadingOptions)
+def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
     r"""Read a trial from a file.
 
     The file format follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`. Nested
@@ -88,18 +78,9 @@ def read_trial(
     ([-0.0, 1.0, 2.0], 100.0, 'trial.csv')
     """
     path = check_path("read_trial", "path", path)
-    options = parse_options(
-        path.name,
-        position=position,
-        torque=torque,
-        reference=reference,
-        sampling_rate=sampling_rate,
-        position_unit=position_unit,
-        position_sign=position_sign,
-        torque_sign=torque_sign,
-        variables=variables,
-    )
-    channels = read_channels(path, options, TRUE_TORQUES)
+    ReadingOptions.check_names("read_trial", mapping)
+    options = parse_options(path.name, **mapping)
+    channels = read_channels(path, options, extras=TRUE_TORQUES)
     values = {role: np.ravel(np.asarray(channel.values)) for role, channel in channels.items()}
 
     def measure(factor: float, name: str) -> float:

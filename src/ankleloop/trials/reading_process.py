@@ -17,7 +17,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -44,26 +44,9 @@ PathLike = str | os.PathLike[str]
 Describe = Callable[[str], str]  # gives the message about a file that cannot be read, for a reason
 
 
-def read_channels(path: PathLike, options: ReadingOptions, extras: Sequence[str] = ()) -> dict[str, Channel]:
-    """Read the channels of a trial from a file, with its times and its sampling rate."""
-    return _request(path, options, extras=tuple(extras))
-
-
-def describe_channels(path: PathLike, options: ReadingOptions) -> dict[str, Channel]:
-    """Describe the channels of a trial in a file of any size: names, units and shapes, and the sampling rate."""
-    return _request(path, options, with_samples=False)
-
-
 def list_variables(path: PathLike) -> list[Channel]:
     """List the variables of a file of any size: full names, units and shapes."""
-    return list(_request(path, ReadingOptions(), task="listing").values())
-
-
-def read_samples(
-    path: PathLike, options: ReadingOptions, start: int, stop: int, roles: Sequence[str]
-) -> dict[str, Channel]:
-    """Read a piece of a long record, for HDF5 and NetCDF in a time that does not depend on its length."""
-    return _request(path, options, part=(int(start), int(stop)), roles=tuple(roles))
+    return list(read_channels(path, ReadingOptions(), task="listing").values())
 
 
 def copy_file(path: Path, describe: Describe) -> bytes:
@@ -117,7 +100,8 @@ def _limits(path: Path) -> tuple[float, float]:
     return SECONDS + SECONDS_PER_MEGABYTE * size / 1e6, BYTES + BYTES_PER_BYTE * size
 
 
-def _request(path: PathLike, options: ReadingOptions, **changes: Any) -> dict[str, Channel]:
+def read_channels(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Channel]:
+    """Read the channels of a trial from a file, with its times and its sampling rate, or what `Request` has of them."""
     path = Path(path)
     check_readable(path)
     suffix = find_suffix(path)
@@ -130,7 +114,7 @@ def _request(path: PathLike, options: ReadingOptions, **changes: Any) -> dict[st
     if path.stat().st_size == 0:
         raise DataError(describe("it is empty, 0 bytes"))
     variables = {**options.channels, **options.further}
-    request = Request(str(path.absolute()), *_limits(path), variables=variables, rate=options.sampling_rate, **changes)
+    request = Request(str(path.absolute()), *_limits(path), variables=variables, rate=options.sampling_rate, **wanted)
     return _server().ask(request, describe)
 
 
@@ -177,7 +161,8 @@ class _Server:
             env={**os.environ, **threads}, start_new_session=True, pipesize=1 << 20,
         )  # fmt: skip
         with _deadline(self._process, START_SECONDS):
-            line = _pipe(self._process.stdout).readline(LONGEST_MESSAGE)
+            assert self._process.stdout is not None
+            line = self._process.stdout.readline(LONGEST_MESSAGE)
         if json.loads(line or b"{}").get("kind") != "ready":
             self.stop()
             raise RuntimeError(
@@ -188,14 +173,14 @@ class _Server:
     def _exchange(self, request: Request) -> tuple[dict[str, Channel], dict[str, Any]]:
         """The channels, and how the answer ended."""
         process = self._process
-        assert process is not None
+        assert process is not None and process.stdin is not None and process.stdout is not None  # noqa: PT018
         channels: dict[str, Channel] = {}
         start = time.monotonic()
         with _deadline(process, START_SECONDS + PATIENCE * request.seconds) as is_late:
             try:
-                _pipe(process.stdin).write(json.dumps(asdict(request)).encode() + b"\n")
-                _pipe(process.stdin).flush()
-                return channels, _receive(_pipe(process.stdout), channels, request)
+                process.stdin.write(json.dumps(asdict(request)).encode() + b"\n")
+                process.stdin.flush()
+                return channels, _receive(process.stdout, channels, request)
             except (OSError, EOFError, ValueError, KeyError, TypeError):  # no whole answer
                 code = None
                 with suppress(subprocess.TimeoutExpired):
@@ -227,7 +212,8 @@ def _receive(pipe: IO[bytes], channels: dict[str, Channel], request: Request) ->
 
 def _raise_error(end: dict[str, Any], request: Request, describe: Describe) -> None:
     """Raise the error that the last message stands for."""
-    kind, name, ended = end["kind"], Path(request.path).name, end.get("signal", "")
+    kind, hint, name = end["kind"], "", Path(request.path).name
+    ended, seconds = end.get("signal", ""), f"{end.get('seconds', 0.0):.0f} s"
     if kind == "end":
         return
     if kind == "refused":
@@ -236,22 +222,20 @@ def _raise_error(end: dict[str, Any], request: Request, describe: Describe) -> N
         raise ResourceError(f"{name}: this program is allowed too little memory to read the file (ulimit -v).")
     if kind == "late":
         raise ResourceError(
-            f"{name}: the file was not read within {end['seconds']:.0f} s: the computer is busy, or the disk slow; try "
-            "again later."
+            f"{name}: the file was not read within {seconds}: the computer is busy, or the disk slow; try again later."
         )
     if ended in ("SIGKILL", "SIGTERM"):
         raise ResourceError(
             f"{name}: the process that reads the file was killed ({ended}), most often because memory was short: free "
             "memory, and try again."
         )
-    hint = ""
     if kind == "failed":
         reason = end["text"]
     elif kind == "memory":
         reason = f"it needs more than {request.memory / 1e9:.1f} GB of memory"
         hint = "; a long record is read from HDF5 or NetCDF with ankleloop.LongRecord" * (request.task != "copy")
     elif ended == "SIGPROF":
-        reason = f"stopped after {end['seconds']:.0f} s, {request.seconds:.0f} s is the limit for its size"
+        reason = f"stopped after {seconds}, {request.seconds:.0f} s is the limit for its size"
     else:
         reason = f"it crashed the process that reads it{ended and f', {ended}'}"
     raise DataError(f"{describe(reason).rstrip('.')}{hint}.")
@@ -261,9 +245,7 @@ def _name_signal(code: int | None) -> str:
     """Name of the signal that a process ended by, or the empty string."""
     if code is None or code >= 0:
         return ""
-    with suppress(ValueError):
-        return signal.Signals(-code).name
-    return f"signal {-code}"
+    return {item.value: item.name for item in signal.Signals}.get(-code, f"signal {-code}")
 
 
 @contextmanager
@@ -276,11 +258,6 @@ def _deadline(process: subprocess.Popen[bytes], seconds: float) -> Iterator[thre
         yield timer.finished
     finally:
         timer.cancel()
-
-
-def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
-    assert pipe is not None
-    return pipe
 
 
 _current: _Server | None = None

@@ -27,7 +27,7 @@ from ankleloop.errors import DataError
 from ankleloop.trials.channel_files import Contents, Request, list_variables, read_channels
 from ankleloop.trials.channels import Channel
 from ankleloop.trials.file_formats import choose_reader
-from ankleloop.trials.files import has_right_checksum
+from ankleloop.trials.files import has_right_checksum, stamp_file
 
 Send = Callable[..., None]
 
@@ -54,7 +54,7 @@ def main() -> None:
 def _answer(request: Request, send: Send) -> dict[str, Any]:
     """Do what is requested with a file; the last message."""
     path, end = Path(request.path), {"kind": "end"}
-    reader, stamp = choose_reader(path), _stamp(path)  # a library is imported without limits
+    reader, stamp = choose_reader(path), stamp_file(path)  # a library is imported without limits
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         allowance = _limit(request.seconds, request.memory)
@@ -72,7 +72,7 @@ def _answer(request: Request, send: Send) -> dict[str, Any]:
             end = {"kind": "failed", "text": _describe(cause)}
         finally:
             _limit(0.0, None)
-    if _stamp(path) != stamp:
+    if stamp_file(path) != stamp:
         text = f"{path.name}: the file has changed while it was read: wait until it is whole, and read it again."
         end = {"kind": "refused", "text": text}
     # Warnings of libraries are not for the reader of a trial; those here begin with the name of the file.
@@ -97,12 +97,6 @@ def _read(path: Path, reader: type[Contents], request: Request) -> Iterator[tupl
 def _describe(cause: Exception) -> str:
     text = f"{type(cause).__name__}: {cause}".partition("\n")[0]
     return text if len(text) <= 300 else f"{text[:297]}..."
-
-
-def _stamp(path: Path) -> tuple[int, int]:
-    """What changes with a file."""
-    status = path.stat()
-    return status.st_size, status.st_mtime_ns
 
 
 def _limit(seconds: float, memory: float | None) -> float:

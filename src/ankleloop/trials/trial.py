@@ -84,7 +84,10 @@ def new_trial(
             arrays[name] = as_signal(value, name, source=source)
         else:
             attributes[name] = _as_attribute(value, name, source)
-    _check_arrays(arrays, source)
+    for name in REQUIRED:
+        if name not in arrays:
+            raise DataError(f"{source}: there is no {name}: pass it as a 1-D array.")
+    check_sizes({name: array.size for name, array in arrays.items()}, source=source)
     time = np.arange(arrays["position"].size) / rate
     trial = xr.Dataset(
         {name: ("time", array, _describe_variable(name)) for name, array in arrays.items()},
@@ -269,13 +272,6 @@ def _as_attribute(value: Any, name: str, source: str) -> int | float | str:
 def _describe_variable(name: str) -> dict[str, str]:
     unit, long_name = VARIABLES.get(name, ("N·m" if name.startswith("torque") else "", name.replace("_", " ")))
     return {"units": unit, "long_name": long_name}
-
-
-def _check_arrays(arrays: dict[str, np.ndarray], source: str) -> None:
-    for name in REQUIRED:
-        if name not in arrays:
-            raise DataError(f"{source}: there is no {name}: pass it as a 1-D array.")
-    check_sizes({name: array.size for name, array in arrays.items()}, source=source)
 
 
 def check_sizes(sizes: Mapping[str, int], *, source: str) -> None:

@@ -62,14 +62,10 @@ def test_columns_of_one_name(tmp_path, header):
     assert message == "a.csv: 2 columns are called 'position' (columns 1, 2): give each a name of its own."
 
 
-def test_a_number_that_is_cut_off_is_refused(tmp_path):
+def test_a_number_that_is_cut_off_is_refused_and_a_whole_one_of_fixed_digits_is_not(tmp_path):
     text = "position,torque\n" + "".join(f"{0.01 * k:.3f},{k + 0.125:.4f}\n" for k in range(50))
     message = refused(tmp_path, text[:-3])
     assert message.startswith("a.csv: the file ends within line 51, at the torque '49.12', which has fewer digits")
-
-
-def test_a_whole_number_of_fixed_digits_needs_no_end_of_line(tmp_path):
-    text = "position,torque\n" + "".join(f"{0.01 * k:.3f},{k + 0.125:.4f}\n" for k in range(50))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert columns(tmp_path, text[:-1])["torque"][-1] == 49.125

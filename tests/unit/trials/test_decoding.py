@@ -27,22 +27,21 @@ def test_samples_are_those_of_xarray(kind, attributes):
     np.testing.assert_allclose(decode(stored, attributes, source="a", name="x"), data.x.values, rtol=1e-7)
 
 
-def test_plain_samples_are_not_touched():
-    stored = np.arange(5, dtype=np.int16)
-    assert decode(stored, {"units": "rad"}, source="a", name="x") is stored
-
-
-def test_unsigned_samples():
-    stored = np.array([0, -56, -1], dtype=np.int8)
-    numbers = decode(
-        stored, {"_Unsigned": "true", "scale_factor": 2.0, "_FillValue": np.int8(-1)}, source="a", name="x"
-    )
-    np.testing.assert_array_equal(numbers, [0.0, 400.0, np.nan])
-
-
-def test_samples_that_were_never_written_are_missing():
-    numbers = decode(np.array([1.0, 9.969209968386869e36]), {}, source="a", name="x")
-    np.testing.assert_array_equal(numbers, [1.0, np.nan])
+@pytest.mark.parametrize(
+    ("stored", "attributes", "expected"),
+    [
+        (np.arange(3, dtype=np.int16), {"units": "rad"}, [0, 1, 2]),
+        (
+            np.int8([0, -56, -1]),
+            {"_Unsigned": "true", "scale_factor": 2.0, "_FillValue": np.int8(-1)},
+            [0, 400, np.nan],
+        ),
+        (np.array([1.0, 9.969209968386869e36]), {}, [1.0, np.nan]),
+    ],
+    ids=["plain", "unsigned", "never written"],
+)
+def test_samples_of_special_kinds(stored, attributes, expected):
+    np.testing.assert_array_equal(decode(stored, attributes, source="a", name="x"), expected)
 
 
 @pytest.mark.parametrize("value", [0.0, np.nan, np.inf, "two", np.array([1.0, 2.0])])

@@ -115,14 +115,10 @@ def test_an_existing_file_is_replaced_only_with_overwrite(trial, estimate, tmp_p
     write(trial, estimate, path, overwrite=True)
     assert path.read_bytes() != b"the only recording"
     assert not [item for item in os.listdir(tmp_path) if item.startswith(".")]
-
-
-@writers
-def test_an_empty_file_that_a_module_for_temporary_files_made_is_written(trial, estimate, tmp_path, writer):
-    name, write = WRITERS[writer]
-    (tmp_path / name).touch()
-    write(trial, estimate, tmp_path / name)
-    assert (tmp_path / name).stat().st_size > 0
+    for item in tmp_path.iterdir():
+        item.write_bytes(b"")  # as modules for temporary files make one: nothing is lost
+    write(trial, estimate, path)
+    assert path.stat().st_size > 0
 
 
 # --- The file that is read

@@ -28,17 +28,18 @@ def link(path, name, target):
 
 
 @pytest.mark.parametrize(
-    ("name", "target"), [("position", "/data/angle"), ("position", "data/angle"), ("data/position", "angle")]
+    ("name", "links"),
+    [
+        ("position", {"position": "/data/angle"}),
+        ("position", {"position": "data/angle"}),
+        ("data/position", {"data/position": "angle"}),
+        ("other/position", {"other": "/data", "data/position": "angle"}),
+    ],
 )
-def test_soft_links_are_followed(path, name, target):
-    link(path, name, h5py.SoftLink(target))
+def test_soft_links_are_followed(path, name, links):
+    for source, target in links.items():
+        link(path, source, h5py.SoftLink(target))
     np.testing.assert_array_equal(read_trial(path, position=name).position, P)
-
-
-def test_a_link_to_a_group_of_links(path):
-    link(path, "other", h5py.SoftLink("/data"))
-    link(path, "data/position", h5py.SoftLink("angle"))
-    np.testing.assert_array_equal(read_trial(path, position="other/position").position, P)
 
 
 def test_hard_links_that_form_a_loop(path):

@@ -19,7 +19,7 @@ import scipy.io
 from ankleloop.errors import DataError, ResourceError
 from ankleloop.trials import reading_process
 from ankleloop.trials.reading_options import ReadingOptions
-from ankleloop.trials.reading_process import describe_channels, read_channels, read_samples
+from ankleloop.trials.reading_process import read_channels
 
 RATE = 500.0
 P = 0.02 * np.sin(np.arange(300) / 10)
@@ -111,19 +111,22 @@ def test_a_halt_refuses_the_file_in_time(tmp_path, server, monkeypatch):
     assert_reads(good)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit the address space")
-def test_memory_is_limited(tmp_path, server, monkeypatch):
-    replace_reader(monkeypatch, server, "x = bytearray(1 << 32)")
-    with pytest.raises(DataError, match=r"^a.mat: .* \(it needs more than 1.1 GB of memory\): check"):
-        read_channels(write_mat(tmp_path / "a.mat"), OPTIONS)
-    assert_reads(write_mat(tmp_path / "b.mat"))
+BROKEN = json.dumps({"kind": "channel", "role": "position", "name": "p", "unit": "", "shape": [2], "type": "<f8"})
 
 
-def test_an_answer_that_breaks_off_is_no_answer(tmp_path, server, monkeypatch):
-    part = {"kind": "channel", "role": "position", "name": "p", "unit": "", "shape": [2], "type": "<f8"}
-    statement = f"os.write(3, {json.dumps(part)!r}.encode() + bytes([10, 1])); os._exit(0)"
+@pytest.mark.parametrize(
+    ("statement", "reason"),
+    [
+        ("x = bytearray(1 << 32)", r"it needs more than 1.1 GB of memory"),
+        (f"os.write(3, {BROKEN!r}.encode() + bytes([10, 1])); os._exit(0)", r"it crashed the process that reads it"),
+    ],
+    ids=["memory", "an answer that breaks off"],
+)
+def test_a_failure_refuses_the_file_and_no_other(tmp_path, server, monkeypatch, statement, reason):
+    if "bytearray" in statement and sys.platform != "linux":
+        pytest.skip("other systems do not limit the address space")
     replace_reader(monkeypatch, server, statement)
-    with pytest.raises(DataError, match=r"a.mat: cannot be read"):
+    with pytest.raises(DataError, match=rf"^a.mat: cannot be read as .mat \({reason}\): check"):
         read_channels(write_mat(tmp_path / "a.mat"), OPTIONS)
     assert_reads(write_mat(tmp_path / "b.mat"))
 
@@ -180,25 +183,3 @@ def test_only_wanted_variables_are_read(tmp_path, server):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     assert_reads(path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB; the data set has 3.2 GB
-
-
-def test_long_records_are_read_in_pieces(tmp_path):
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file["position"] = np.round(P * 1e6).astype(np.int32)
-        file["position"].attrs.update(scale_factor=1e-6, units="rad")
-        file["torque"], file["time"] = TQ[None], np.arange(300) / RATE
-        file.attrs["fs"] = RATE
-    channels = describe_channels(path, OPTIONS)
-    assert {role: channel.shape for role, channel in channels.items()} == {
-        "position": (300,),
-        "torque": (1, 300),
-        "time": (300,),
-        "sampling_rate": (1,),
-    }
-    assert channels["position"].values is None
-    assert channels["position"].unit == "rad"
-    pieces = read_samples(path, OPTIONS, 100, 120, ["position", "torque"])
-    assert set(pieces) == {"position", "torque"}
-    np.testing.assert_allclose(pieces["position"].values, P[100:120], atol=5e-7)
-    np.testing.assert_array_equal(pieces["torque"].values, TQ[100:120])
