@@ -52,29 +52,16 @@ class Bases:
         return matrix
 
 
-@dataclass(frozen=True, eq=False)
 class WhitenedSystem:
-    """Whitened instruments, regressors and torque at some parameters."""
+    """Whitened equations at some parameters."""
 
-    # Shape (unknowns, rows): derivatives of the torque with respect to the unknowns, by the predicted inputs.
-    instruments: np.ndarray
-    regressors: np.ndarray  # the same by the measured inputs
-    torque: np.ndarray  # shape (rows,): whitened torque
-
-    @cached_property
-    def normal(self) -> np.ndarray:
-        """Products of instruments and regressors."""
-        return self.instruments @ self.regressors.T
-
-    @cached_property
-    def information(self) -> np.ndarray:
-        """Products of the instruments."""
-        return self.normal if self.instruments is self.regressors else self.instruments @ self.instruments.T
-
-    @cached_property
-    def side(self) -> np.ndarray:
-        """Products of instruments and torque."""
-        return self.instruments @ self.torque
+    def __init__(self, instruments: np.ndarray, regressors: np.ndarray, torque: np.ndarray) -> None:
+        # Shape (unknowns, rows): derivatives of the torque with respect to the unknowns, by the predicted inputs and by
+        # the measured ones.
+        self.instruments, self.regressors = instruments, regressors
+        self.torque = torque  # shape (rows,)
+        self.normal, self.side = instruments @ regressors.T, instruments @ torque
+        self.information = self.normal if instruments is regressors else instruments @ instruments.T
 
     def residual(self, linear: np.ndarray) -> np.ndarray:
         """Whitened torque less that of linear parameters, shape (rows,)."""
