@@ -53,12 +53,6 @@ class PreparedTrial:
         self.time: np.ndarray = trial.variables["time"].values  # of every sample [s], shape (samples,)
         self.computed: dict[Hashable, Any] = {}  # values by what they were computed of; they must not be changed
 
-    def memoise(self, key: Hashable, compute: Callable[[], Value]) -> Value:
-        """Value of a key that names it and all options that it depends on, computed once."""
-        if key not in self.computed:
-            self.computed[key] = compute()
-        return self.computed[key]
-
     def clear(self) -> None:
         """Free all computed values.
 
