@@ -53,12 +53,6 @@ class PreparedTrial:
         self.time: np.ndarray = trial.variables["time"].values  # of every sample [s], shape (samples,)
         self.computed: dict[Hashable, Any] = {}  # values by what they were computed of; they must not be changed
 
-    def memoise(self, key: Hashable, compute: Callable[[], Value]) -> Value:
-        """Value of a key that names it and all options that it depends on, computed once."""
-        if key not in self.computed:
-            self.computed[key] = compute()
-        return self.computed[key]
-
     def clear(self) -> None:
         """Free all computed values.
 
@@ -66,6 +60,15 @@ class PreparedTrial:
         cycles, which may be after thousands of trials.
         """
         self.computed.clear()
+
+    def check_reference(self, name: str) -> None:
+        """Refuse a variable that the trial does not have to serve as reference."""
+        if name not in self.trial:
+            variables = ", ".join(map(str, self.trial.data_vars))
+            raise DataError(
+                f"the trial has no variable {name!r} to serve as reference; it has {variables}."
+                " Give the command of the servo as reference, or reference='position' for an open-loop record."
+            )
 
     def samples(self, name: str) -> np.ndarray:
         """Recorded samples of a variable, shape (samples,)."""
@@ -119,12 +122,8 @@ class PreparedTrial:
         Velocity for the nonlinearity is taken at the recording rate through a wide differentiator, delayed and
         expanded there; every term is decimated only then, because a rectifier after decimation is another rectifier.
         """
-        if reference is not None and reference not in self.trial:
-            variables = ", ".join(map(str, self.trial.data_vars))
-            raise DataError(
-                f"the trial has no variable {reference!r} to serve as reference; it has {variables}."
-                " Give the command of the servo as reference, or reference='position' for an open-loop record."
-            )
+        if reference is not None:
+            self.check_reference(reference)
         grid = self.grid(identification_rate, delay)
         terms = 1 if basis == "rectifier" else degree
         fitted, inputs = _make_inputs(self, delay, basis, terms, grid, omitted_step)

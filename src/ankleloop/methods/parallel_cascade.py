@@ -153,17 +153,12 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
             "intrinsic_lags and reflex_lags."
         )
 
-    def prepare_paths() -> tuple[list[_Path], np.ndarray, DriveSpectra]:
-        *lagged, target = _compress(regressors, lags, rows)
-        paths = [_Path.of(part, options.rank_tolerance) for part in lagged]
-        return paths, target[:, 0], DriveSpectra.of(regressors.inputs[rows, -1:], rate)
-
-    # Shared by estimates that differ in their passes only.
-    key = options.model_copy(update={"max_passes": None, "tolerance": 0.0, "rank": "full"})
-    paths, target, spectra = trial.memoise(("cascade", key), prepare_paths)
-    responses, history, converged = _alternate(paths, target, rows.size, options)
+    *lagged, target = _compress(regressors, lags, rows)
+    paths = [_Path.of(part, options.rank_tolerance) for part in lagged]
+    responses, history, converged = _alternate(paths, target[:, 0], rows.size, options)
     model = ResponseModel(ModelInputs.of(regressors), *responses)
     torque = model.simulate(regressors)
+    spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
     path = separate_response(responses[1], spectra, rate, regressors.basis)
     unconverged = not converged and options.max_passes is None
     return Estimate(

@@ -10,6 +10,7 @@ from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.models import sum_paths
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import INTRINSIC_NAMES, torque_dataset
 from ankleloop.methods.method import Method, check_lags, delay_option, rate_option
@@ -115,13 +116,12 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     intrinsic, stiffness = _track(motion, torque, forgetting, chunk, first)
     lagged = _lag_input(regressors.inputs[:, -1], round(options.reflex_lags * rate))
     reflex, responses = _track(lagged, torque - intrinsic, forgetting, chunk, first)
-    torques = {"intrinsic": intrinsic - intrinsic.mean(), "reflex": reflex - reflex.mean()}
     traces = dict(zip(("K", "B", "I", "G"), [*stiffness.T, responses.sum(axis=1)], strict=True))
     time = regressors.time[::chunk]
     means = {name: float(trace[time >= regressors.time[first]].mean()) for name, trace in traces.items()}
     return Estimate(
         method="real-time",
-        torque=torque_dataset(regressors.time, rate, net=torques["intrinsic"] + torques["reflex"], **torques),
+        torque=torque_dataset(regressors.time, rate, **sum_paths(intrinsic, reflex)),
         matrices=None,
         stiffness={name: means[name] for name in "KBI"},
         reflex={"delay": options.delay, "G": means["G"]},

@@ -132,17 +132,16 @@ def select_options(
     delay = NOMINAL_DELAY if delay is None else delay
     halves = _halve(record, reference if has_reference else None, delay, identification_rate)
     rows: list[dict[str, Any]] = []
-    losses: list[np.ndarray | None] = []
-    for values in itertools.product(*candidates.values()):
+    losses: dict[int, np.ndarray] = {}  # by the number of the candidate, of those that could be fitted
+    for number, values in enumerate(itertools.product(*candidates.values())):
         options = dict(zip(candidates, values, strict=True))
         try:
             scores, loss, warnings = _score(halves, fit, options, cycle_onsets)
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             rows.append({**options, "scores": {}, "warnings": [], "error": str(error)})
-            losses.append(None)
         else:
             rows.append({**options, "scores": scores, "warnings": warnings})
-            losses.append(loss[criterion])
+            losses[number] = loss[criterion]
     best = rows[_simplest(losses, rows)]
     return Selection(criterion, rows, {name: best[name] for name in candidates})
 
@@ -259,12 +258,11 @@ def _score(
     return scores, joined, list(dict.fromkeys(warnings))
 
 
-def _simplest(losses: Sequence[np.ndarray | None], rows: Sequence[Mapping[str, Any]]) -> int:
+def _simplest(losses: Mapping[int, np.ndarray], rows: Sequence[Mapping[str, Any]]) -> int:
     """Number of the first candidate that is not worse than the best by more than one standard error."""
-    fitted = {k: loss for k, loss in enumerate(losses) if loss is not None}
-    if not fitted:
+    if not losses:
         raise DataError(f"no candidate could be fitted; the first one failed with: {rows[0]['error']}")
-    fitted = {k: loss for k, loss in fitted.items() if not rows[k]["warnings"]} or fitted
+    fitted = {k: loss for k, loss in losses.items() if not rows[k]["warnings"]} or losses
     best = min(fitted.values(), key=np.sum)
     excesses = {k: loss - best for k, loss in fitted.items()}
     return next(k for k, excess in excesses.items() if excess.sum() <= np.std(excess, ddof=1) * np.sqrt(excess.size))

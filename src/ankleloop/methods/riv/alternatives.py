@@ -20,7 +20,7 @@ SIGNIFICANT = 4.5  # standard errors
 ONE_SIDED = ("high-pass", "friction", "compression")  # the opposite is no effect of an instrument
 SMALLEST_SHIFT, LARGEST_SHIFT = 0.01, 0.2  # of a parameter: less is not told, more is no matter of its interval
 ROUNDS = 3  # fits of an effect
-LONGEST_DELAY = 0.1  # s: a later response is no stretch reflex
+STRETCH_DELAY = (QUANTITIES["delay"].plausible[0], 0.1)  # s, of a stretch reflex; somewhat longer ones are warned about
 POLE = 100.0  # rad/s, where the search for a third one begins
 
 # What an effect is called with its size, the factor to the unit of this text, and what to do.
@@ -112,11 +112,6 @@ def format_shifts(shifts: Mapping[str, float]) -> str:
     return ", ".join(f"{name} by {100 * shift:+.2g} %" for name, shift in shifts.items())
 
 
-def shows_delay(solution: Search) -> bool:
-    """Whether an estimated delay can be that of a stretch reflex; somewhat longer ones are warned about."""
-    return solution.converged and QUANTITIES["delay"].plausible[0] < solution.point.values["delay"] < LONGEST_DELAY
-
-
 def find_alternatives(solution: Search) -> list[Alternative]:
     """Effects that the record shows and the model does not have.
 
@@ -187,9 +182,11 @@ def _free_unknown(name: Literal["delay", "pole"], solution: Search) -> Alternati
     p = solution.point.parameters
     start = replace(p, delays=("delay",)) if name == "delay" else replace(p, dynamics=replace(p.dynamics, pole=POLE))
     freed = solve(solution.equations, start, solution.max_iterations, solution.tolerance)
-    if not freed.converged or name in freed.held or (name == "delay" and not shows_delay(freed)):
+    values, (shortest, longest) = freed.point.values, STRETCH_DELAY
+    unlikely = name == "delay" and not shortest < values["delay"] < longest
+    if unlikely or not freed.converged or name in freed.held:
         return None
-    values, error = freed.point.values, last_error(freed)
+    error = last_error(freed)
     shifts = compute_shifts(solution.point.values, values)
     if name == "delay":
         return Alternative("delay", values["delay"], freed.point.parameters.shift / error, shifts)

@@ -11,7 +11,7 @@ from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
-from ankleloop.methods.riv.alternatives import add_alternatives, find_alternatives, last_error, shows_delay
+from ankleloop.methods.riv.alternatives import STRETCH_DELAY, add_alternatives, find_alternatives, last_error
 from ankleloop.methods.riv.covariance import (
     choose_covariance,
     estimate_deviations,
@@ -21,7 +21,6 @@ from ankleloop.methods.riv.covariance import (
 from ankleloop.methods.riv.equations import Equations
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import Options, option
-from ankleloop.signals.reference import explained_share
 
 CERTAIN_DELAY = 0.005  # s, standard error
 
@@ -95,11 +94,10 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     -------
     Estimate
         With 95 % intervals of K, B, I, G, ωn, ζ, of the third pole, of the threshold where the basis can have one, and
-        of the delay where it is estimated. `diagnostics`:
-        iterations, converged, criterion_start, criterion (size of the equations' left side at start and end, in units
-        of its standard deviation, squared), instrument_strength (smallest canonical correlation of instruments and
-        regressors), explained (share of the position that the reference explains), intervals (asymptotic, robust or
-        None), movement_p (probability of a residual that depends as much on the movement, if the model were complete),
+        of the delay where it is estimated. `diagnostics`: iterations, converged, criterion_start, criterion (size of
+        the equations' left side at start and end, in units of its standard deviation, squared), instrument_strength
+        (smallest canonical correlation of instruments and regressors), intervals (asymptotic, robust or None),
+        movement_p (probability of a residual that depends as much on the movement, if the model were complete),
         interval_segment (length of the segments that robust intervals count [s]), standard_errors, noise_frequency
         [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint that the record
         shows and the model does not have, with their scores (size over standard error) and the relative shifts of K,
@@ -127,7 +125,8 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     """
     solution, assumptions = _solve(trial, options, estimate_delay=options.delay is None), []
     if options.delay is None:
-        plausible = shows_delay(solution) and solution.point.values["G"] >= 0.0
+        values, (shortest, longest) = solution.point.values, STRETCH_DELAY
+        plausible = solution.converged and shortest < values["delay"] < longest and values["G"] >= 0.0
         if not (plausible and last_error(solution) < CERTAIN_DELAY):
             assumptions = [f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."]
             solution = _solve(trial, options, estimate_delay=False)
@@ -161,14 +160,12 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
         errors, intervals = estimate_intervals(values, deviations, quantile)
     inputs = ModelInputs.of(regressors, values["delay"])
     model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
-    strength, explained = 1.0, 1.0
+    strength = 1.0
     if not equations.open_loop:
-        assert regressors.reference is not None
         strength = smallest_correlation(point.instruments, point.regressors, 1.0 / np.sqrt(point.level))
-        explained = explained_share(regressors.inputs[:, 0], regressors.reference, regressors.rate)
     return Estimate(
         method="riv",
-        torque=model.predict(trial) if parameters.delays else model.simulate(trial, regressors),
+        torque=model.simulate(trial, inputs.regressors(trial) if parameters.delays else regressors),
         matrices=model.matrices,
         stiffness={name: values.pop(name) for name in "KBI"},
         reflex=values,
@@ -180,7 +177,6 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
             "criterion_start": solution.path[0].merit(solution.free),
             "criterion": point.merit(solution.free),
             "instrument_strength": strength,
-            "explained": explained,
             "reference": options.reference,
             **description,
             "standard_errors": errors,

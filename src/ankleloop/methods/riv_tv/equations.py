@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.fft import irfft, rfft
@@ -22,27 +20,16 @@ CONSTANT = Splines(1, periodic=False, degree=0)
 MEASURED, PREDICTED = 0, 1
 
 
-@dataclass(frozen=True)
 class Bases:
-    """Splines of K, B, G and I."""
+    """Splines of K, B, G and I; those of I are `CONSTANT` where it does not vary."""
 
-    all: tuple[Splines, Splines, Splines, Splines]  # those of I are `CONSTANT` where it does not vary
-
-    @property
-    def names(self) -> str:
-        """Those that vary: K, B, G, and I where it does."""
-        return "KBG" if self.all[3].size == 1 else "KBGI"
-
-    @cached_property
-    def blocks(self) -> tuple[slice, slice, slice, slice]:
-        """Places of the coefficients of K, B, G and I among the linear parameters; those of G come last."""
-        k, b, g, i = (splines.size for splines in self.all)
-        return slice(0, k), slice(k, k + b), slice(k + b + i, k + b + i + g), slice(k + b, k + b + i)
-
-    @property
-    def size(self) -> int:
-        """Number of linear parameters."""
-        return self.blocks[2].stop
+    def __init__(self, splines: tuple[Splines, Splines, Splines, Splines]) -> None:
+        self.all = splines
+        k, b, g, i = (part.size for part in splines)
+        self.names = "KBG" if i == 1 else "KBGI"  # of those that vary
+        self.size = k + b + i + g  # number of linear parameters
+        # Places of the coefficients of K, B, G and I among the linear parameters; those of G come last.
+        self.blocks = slice(0, k), slice(k, k + b), slice(k + b + i, self.size), slice(k + b, k + b + i)
 
     def penalty(self, weights: np.ndarray, unknowns: int) -> np.ndarray:
         """Weighted sum of the penalties, shape (unknowns, unknowns)."""
@@ -52,29 +39,16 @@ class Bases:
         return matrix
 
 
-@dataclass(frozen=True, eq=False)
 class WhitenedSystem:
-    """Whitened instruments, regressors and torque at some parameters."""
+    """Whitened equations at some parameters."""
 
-    # Shape (unknowns, rows): derivatives of the torque with respect to the unknowns, by the predicted inputs.
-    instruments: np.ndarray
-    regressors: np.ndarray  # the same by the measured inputs
-    torque: np.ndarray  # shape (rows,): whitened torque
-
-    @cached_property
-    def normal(self) -> np.ndarray:
-        """Products of instruments and regressors."""
-        return self.instruments @ self.regressors.T
-
-    @cached_property
-    def information(self) -> np.ndarray:
-        """Products of the instruments."""
-        return self.normal if self.instruments is self.regressors else self.instruments @ self.instruments.T
-
-    @cached_property
-    def side(self) -> np.ndarray:
-        """Products of instruments and torque."""
-        return self.instruments @ self.torque
+    def __init__(self, instruments: np.ndarray, regressors: np.ndarray, torque: np.ndarray) -> None:
+        # Shape (unknowns, rows): derivatives of the torque with respect to the unknowns, by the predicted inputs and by
+        # the measured ones.
+        self.instruments, self.regressors = instruments, regressors
+        self.torque = torque  # shape (rows,)
+        self.normal, self.side = instruments @ regressors.T, instruments @ torque
+        self.information = self.normal if instruments is regressors else instruments @ instruments.T
 
     def residual(self, linear: np.ndarray) -> np.ndarray:
         """Whitened torque less that of linear parameters, shape (rows,)."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy import linalg
@@ -40,35 +39,23 @@ class Motion:
     drive: Callable[[float], np.ndarray]  # rectified velocity, shape (N,), by its delay
 
 
-@dataclass(frozen=True, eq=False)
 class TimeVaryingInputs:
-    """Decimated signals of a trial, and the same of the position that the reference predicts."""
+    """Decimated signals of a trial, and the same of the position that the reference predicts.
 
-    trial: PreparedTrial  # the trial
-    grid: Grid  # its decimated samples
-    course: Course  # what its parameters vary with
-    reference_name: str  # variable that serves as reference; the position itself for least squares
+    The position itself serves as reference for least squares.
+    """
 
-    @property
-    def rate(self) -> float:
-        """Rate of the decimated samples [Hz]."""
-        return self.trial.rate / self.grid.factor
-
-    @cached_property
-    def size(self) -> int:
-        """Length of the padded records that are transformed."""
-        return int(next_fast_len(self.grid.samples + round(PADDING * self.rate), real=True))
-
-    @cached_property
-    def s(self) -> np.ndarray:
-        """Laplace variable on the imaginary axis [rad/s], shape (frequencies,)."""
-        return 2j * np.pi * np.fft.rfftfreq(self.size, 1.0 / self.rate)
-
-    @cached_property
-    def reference(self) -> np.ndarray:
-        """Reference less what repeats with the cycle or changes slowly, shape (N,)."""
-        reference = self.trial.channel(self.reference_name, self.grid)
-        return reference - self.slow_part(reference)
+    def __init__(self, trial: PreparedTrial, grid: Grid, course: Course, reference_name: str) -> None:
+        self.trial, self.grid, self.course, self.reference_name = trial, grid, course, reference_name
+        self.rate = trial.rate / grid.factor  # of the decimated samples [Hz]
+        # Length of the padded records that are transformed, and the Laplace variable at their frequencies [rad/s].
+        self.size = int(next_fast_len(grid.samples + round(PADDING * self.rate), real=True))
+        self.s = 2j * np.pi * np.fft.rfftfreq(self.size, 1.0 / self.rate)
+        # Splines of what repeats or changes slowly, and the matrix that fits them to the samples that count.
+        self._splines = Splines(MEAN_SPLINES, course.periodic)(course.place)
+        self._fit = linalg.pinv(self._splines[course.rows], rtol=1e-6)
+        reference = trial.channel(reference_name, grid)
+        self.reference = reference - self.slow_part(reference)  # less what repeats or changes slowly, shape (N,)
 
     def measure(self) -> Motion:
         """The motion that was measured."""
@@ -96,16 +83,9 @@ class TimeVaryingInputs:
         derivatives = irfft(np.stack([velocity, self.s * velocity]), self.size)[:, :samples]
         return Motion(np.vstack([perturbation, derivatives]), drive)
 
-    @cached_property
-    def _slow_projection(self) -> tuple[np.ndarray, np.ndarray]:
-        """Splines of what repeats or changes slowly, and the matrix that fits them to the samples that count."""
-        splines = Splines(MEAN_SPLINES, self.course.periodic)(self.course.place)
-        return splines, linalg.pinv(splines[self.course.rows], rtol=1e-6)
-
     def slow_part(self, x: np.ndarray) -> np.ndarray:
         """Part of signals that is a smooth function of the place, shape (..., N)."""
-        splines, fit = self._slow_projection
-        return (x[..., self.course.rows] @ fit.T) @ splines.T
+        return (x[..., self.course.rows] @ self._fit.T) @ self._splines.T
 
     def spectra(self, signals: np.ndarray) -> np.ndarray:
         """Transforms of signals less what repeats with the cycle, or changes slowly.

@@ -8,7 +8,6 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import field_validator, model_validator
 
-from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
@@ -198,12 +197,7 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
 
 
 def _set_up(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingEquations:
-    if options.reference not in trial.trial:
-        raise DataError(
-            f"the trial has no variable {options.reference!r} to serve as reference; it has "
-            f"{', '.join(map(str, trial.trial.data_vars))}. Give the command of the servo as reference, or "
-            "reference='position' for an open-loop record."
-        )
+    trial.check_reference(options.reference)
     delay = NOMINAL_DELAY if options.delay is None else options.delay
     grid = trial.grid(options.identification_rate, DELAY_LIMITS[1] if options.delay is None else delay)
     course = make_course(trial, grid, options.cycle_onsets, options.schedule)
