@@ -21,6 +21,7 @@ from ankleloop.methods.riv.covariance import (
 from ankleloop.methods.riv.equations import Equations
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import Options, option
+from ankleloop.signals.reference import explained_share
 
 CERTAIN_DELAY = 0.005  # s, standard error
 
@@ -96,7 +97,8 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
         With 95 % intervals of K, B, I, G, ωn, ζ, of the third pole, of the threshold where the basis can have one, and
         of the delay where it is estimated. `diagnostics`: iterations, converged, criterion_start, criterion (size of
         the equations' left side at start and end, in units of its standard deviation, squared), instrument_strength
-        (smallest canonical correlation of instruments and regressors), intervals (asymptotic, robust or None),
+        (smallest canonical correlation of instruments and regressors), explained (share of the position that the
+        reference explains), intervals (asymptotic, robust or None),
         movement_p (probability of a residual that depends as much on the movement, if the model were complete),
         interval_segment (length of the segments that robust intervals count [s]), standard_errors, noise_frequency
         [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint that the record
@@ -160,8 +162,9 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
         errors, intervals = estimate_intervals(values, deviations, quantile)
     inputs = ModelInputs.of(regressors, values["delay"])
     model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
-    strength = 1.0
+    strength = explained = 1.0
     if not equations.open_loop:
+        explained = explained_share(regressors.inputs[:, 0], regressors.reference, regressors.rate)
         strength = smallest_correlation(point.instruments, point.regressors, 1.0 / np.sqrt(point.level))
     return Estimate(
         method="riv",
@@ -177,6 +180,7 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
             "criterion_start": solution.path[0].merit(solution.free),
             "criterion": point.merit(solution.free),
             "instrument_strength": strength,
+            "explained": explained,
             "reference": options.reference,
             **description,
             "standard_errors": errors,
