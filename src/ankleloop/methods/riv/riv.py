@@ -163,7 +163,7 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
     inputs = ModelInputs.of(regressors, values["delay"])
     model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
     strength = explained = 1.0
-    if not equations.open_loop:
+    if not equations.open_loop and regressors.reference is not None:
         explained = explained_share(regressors.inputs[:, 0], regressors.reference, regressors.rate)
         strength = smallest_correlation(point.instruments, point.regressors, 1.0 / np.sqrt(point.level))
     return Estimate(
