@@ -43,7 +43,7 @@ rule index:
     threads: 1
     params:
         configuration=CONFIG.model_dump(mode="json", by_alias=True),
-        repository=str(ROOT),
+        repository=lambda wildcards: str(ROOT),
         # Jobs of the run by their logs; folders may also hold those of earlier runs.
         jobs=[
             *(["verify", "article"] if ARTICLE else []),
