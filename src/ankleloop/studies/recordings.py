@@ -145,5 +145,6 @@ def _serve(function: Callable[..., Any], pipe: Connection, other: Connection) ->
             answer = True, function(*args)
         except Exception as error:
             log.exception("failed")
-            answer = False, RuntimeError(f"{type(error).__name__}: {error}") if error.args != (str(error),) else error
+            portable = isinstance(error, OSError) or error.args == (str(error),)
+            answer = False, error if portable else RuntimeError(f"{type(error).__name__}: {error}")
         pipe.send(answer)

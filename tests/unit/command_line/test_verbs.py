@@ -25,6 +25,7 @@ from ankleloop.studies.config_files import check_config_file
 from ankleloop.studies.recordings import Worker
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import read_studies
+from ankleloop.trials.csv_output import write_csv
 from ankleloop.trials.recording_files import write_recording
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
@@ -76,9 +77,12 @@ def run_workflow(path, reading, folder, methods):
     folder.mkdir()
     job = SimpleNamespace(
         params=SimpleNamespace(
-            points=study.mappings(0), methods=study.analysed_methods, figure=study.settings.figure.model_dump()
+            points=study.mappings(0),
+            methods=study.analysed_methods,
+            figure=study.settings.figure.model_dump(),
+            settings="",
         ),
-        output=SimpleNamespace(folder=str(folder), table=str(folder / "S1-pre-parameters.csv")),
+        output=SimpleNamespace(folder=str(folder), table=str(folder / "table.parquet")),
         log=str(folder.with_suffix(".log")),
         rule="recordings",
         wildcards={},
@@ -88,6 +92,8 @@ def run_workflow(path, reading, folder, methods):
         runpy.run_path(str(SCRIPTS / "recordings.py"), init_globals={"snakemake": job})
     finally:
         logging.root.handlers[:], logging.root.level = handlers, level
+    write_csv(pd.read_parquet(folder / "table.parquet"), folder / "S1-pre-parameters.csv")
+    (folder / "table.parquet").unlink()
 
 
 def words_of(page):

@@ -71,7 +71,9 @@ def test_variants_keep_colour_family_and_symbol_and_differ_otherwise():
 
 def test_no_two_methods_of_a_study_look_alike(article_studies):
     for name, study in article_studies.items():
-        styles = list(label_styles(study.labels, study.algorithms).values())
+        styles = list(
+            label_styles(study.labels, {name: method.method for name, method in study.methods.items()}).values()
+        )
         if name != "obstacles":  # draws four of its methods
             assert len(set(styles)) == len(styles), name
 
