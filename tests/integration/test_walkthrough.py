@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import papermill
-import pytest
 import scipy.io
 
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "walkthrough.ipynb"
@@ -14,10 +13,9 @@ def printed_text(notebook):
     return "".join(output.get("text", "") for output in outputs if output.output_type == "stream")
 
 
-@pytest.mark.parametrize("container", [".csv.gz", ".nc"])
-def test_first_recording(tmp_path, container):
+def test_first_recording(tmp_path):
     folder = tmp_path / "walkthrough"
-    parameters = {"container": container, "folder": str(folder)}
+    parameters = {"folder": str(folder)}
     notebook = papermill.execute_notebook(
         str(NOTEBOOK), str(tmp_path / "executed.ipynb"), parameters, kernel_name="python3", progress_bar=False
     )
