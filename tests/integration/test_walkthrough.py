@@ -1,4 +1,4 @@
-"""The walk-through runs from a file of every container to a decision."""
+"""The walk-through runs from a file to a decision."""
 
 from pathlib import Path
 
