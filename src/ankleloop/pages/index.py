@@ -96,13 +96,17 @@ def render_index(results: Results, ledger: pd.DataFrame | None = None, conclusio
 
 def _open(ledger: pd.DataFrame, conclusions: Conclusions) -> dict[str, Any]:
     """The sentences that say what was found, what holds, and Table 1 as the paper prints it."""
-    cells, verdicts = tabulate_table1(ledger)
-    colours = {text: VERDICT_COLOURS[verdict] for text, verdict in verdicts.items()}
     return {
         "sentences": [_emphasise(text) for text in summarise(ledger, conclusions)],
         "held": count_held(ledger),
-        "table": describe_table(cells, colours=colours),
+        "table": describe_table1(ledger),
     }
+
+
+def describe_table1(ledger: pd.DataFrame) -> dict[str, Any]:
+    """Table 1 for the template `table.html.j2`, each cell in the colour of its verdict."""
+    cells, verdicts = tabulate_table1(ledger)
+    return describe_table(cells, colours={text: VERDICT_COLOURS[verdict] for text, verdict in verdicts.items()})
 
 
 def _emphasise(text: str) -> Markup:

@@ -35,7 +35,7 @@ MEANS = (
 
 @dataclass(frozen=True)
 class StudyPage:
-    """A study as its notebook takes it: `ankleloop.studies.results.report_parameters`."""
+    """A study as its notebook takes it: `ankleloop.studies.notebooks.report_parameters`."""
 
     study: str  # its name
     kind: str  # "simulation" or "recordings"
@@ -91,9 +91,9 @@ class StudyPage:
         """Settings of that point."""
         return self.points[self.typical]
 
-    def conditions(self, varied: Sequence[str] | None = None) -> str:
+    def conditions(self) -> str:
         """Number of trials at each point and the settings that they share."""
-        settings = describe_settings(self.typical_settings, self.varied if varied is None else varied)
+        settings = describe_settings(self.typical_settings, self.varied)
         return f"{count_trials(self.details)} trials at each point; {settings}."
 
     def stack(self, x: str, columns: Mapping[str, str]) -> pd.DataFrame:
