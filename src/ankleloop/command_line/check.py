@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ankleloop.command_line.reading import Reading, map_file, reading_options
-from ankleloop.command_line.terminal import echo, name_options, show_next, show_verdict
+from ankleloop.command_line.terminal import correct_command, echo, show_next, show_verdict
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,7 +45,7 @@ def check(file: Path, **values: Any) -> int:
     for finding in result.findings:
         show_verdict(finding.verdict, finding.name, finding.text)
     refused = result.verdict == "refused"
-    show_next(*dict.fromkeys(step for reason in result.reasons for step in name_options(reason)))
+    show_next(*correct_command(" ".join(result.reasons), click.get_current_context().obj))
     if not refused:
         show_next(shlex.join(["ankleloop", "identify", str(file), *list_options(reading)]))
     return int(refused)

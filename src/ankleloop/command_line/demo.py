@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import click
 
 from ankleloop.command_line.check import show_reading
-from ankleloop.command_line.identify import identify_recording, show_results
 from ankleloop.command_line.outputs import check_outputs
 from ankleloop.command_line.reading import map_file
 from ankleloop.command_line.terminal import echo, format_table, show_next, show_progress
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-CHANNELS = ("position", "torque", "reference")
-READ = (*CHANNELS, "position_unit")
 PARAMETERS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}  # with settings of a simulation
 EPILOG = """\b
 Examples:
@@ -49,49 +46,34 @@ def demo(output: Path, seed: int, duration: float, overwrite: bool, opens: bool)
     """Simulate a trial, write it in every file format, and identify it.
 
     The joint pushes against a compliant load, with the settings of the paper. The trial is written as CSV, MATLAB v5
-    and v7.3, HDF5 and NetCDF; each file is read again and compared, and the CSV file is identified as
-    `ankleloop identify` does.
+    and v7.3, HDF5 and NetCDF, and the CSV file is identified as `ankleloop identify` does.
     """
+    from ankleloop.command_line import analysis
     from ankleloop.simulation.simulate import simulate
+    from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
+    paths = {kind: output / f"demo-{kind}{suffix}" for kind, (suffix, _) in FILE_FORMATS.items()}
+    check_outputs(output, [path.name for path in paths.values()], analysis.REMEDY, overwrite=overwrite)
     echo(f"Simulating {duration:g} s of a closed loop, seed {seed}.")
     trial = simulate(seed=seed, duration=duration)
-    files = _write_files(trial, output, overwrite=overwrite)
-    path = files[0]
+    for kind, file in paths.items():
+        write_recording(trial, file, kind, overwrite=overwrite)
+        echo(f"  {file}")
+    path = next(iter(paths.values()))
     reading = map_file(path)
     echo()
     show_reading(path, reading)
+    study = analysis.make_study(path.stem, path, reading.recording)
     with show_progress():
-        table, page = identify_recording(path, reading, output / "results", overwrite=overwrite)
+        table, page = analysis.identify_recording(study, output / "results", overwrite=overwrite)
     echo()
-    status = show_results(table, page)
+    analysis.show_results(table, page)
     echo(f"\n{_compare(trial, table)}")
     if opens and not webbrowser.open(page.absolute().as_uri()):
         show_next(f"there is no browser that could be opened: open {page} yourself.")
     show_next(*(shlex.join(["ankleloop", verb, str(path)]) for verb in ("check", "identify")))
-    show_next(shlex.join(["ankleloop", "study", "my-study.yaml", *map(str, files)]))
-    return status
-
-
-def _write_files(trial: xr.Dataset, folder: Path, *, overwrite: bool) -> list[Path]:
-    """Write a trial in every format, read it again, and compare."""
-    import numpy as np
-
-    from ankleloop.trials.readers import read_trial
-    from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
-
-    paths = {kind: folder / f"demo-{kind}{suffix}" for kind, (suffix, _) in FILE_FORMATS.items()}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise click.UsageError(f"{folder}: cannot be made ({error.strerror}): name another one by --output.") from None
-    check_outputs(paths.values(), "--overwrite replaces it, --output names another folder.", overwrite=overwrite)
-    for kind, path in paths.items():
-        write_recording(trial, path, kind, overwrite=overwrite)
-        copy = read_trial(path, **map_file(path).recording.model_dump(include={*READ}))
-        errors = [float(np.abs(copy[name] - trial[name]).max() / trial[name].std()) for name in CHANNELS]
-        echo(f"  {path}  read again: the largest difference is {max(errors):.1g} of a standard deviation")
-    return list(paths.values())
+    show_next(shlex.join(["ankleloop", "study", "my-study.yaml", *map(str, paths.values())]))
+    return 0
 
 
 def _compare(trial: xr.Dataset, table: pd.DataFrame) -> str:

@@ -6,6 +6,7 @@ import errno
 import logging
 import os
 import signal
+import sys
 import threading
 import traceback
 import warnings
@@ -25,7 +26,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # The modules of the verbs are imported when they are used, because `ankleloop --help` needs none of them.
 VERBS = {
     "check": "Check what can be identified from a recording.",
-    "identify": "Identify a recording: page, table and estimates.",
+    "identify": "Identify recordings: pages, a table and the estimates.",
     "study": "Write a commented configuration of a study.",
     "demo": "Simulate a trial, write it in every file format, and identify it.",
 }
@@ -33,7 +34,7 @@ EPILOG = f"""\b
 Examples:
   ankleloop demo
   ankleloop check S1.mat --torque-sign -1
-  ankleloop identify S1.mat --torque-sign -1 --output results
+  ankleloop identify *.mat --torque-sign -1 --output results
   ankleloop study my-study.yaml *.mat
 
 \b
@@ -43,10 +44,6 @@ Exit status:
   {USAGE}    wrong usage: an option that is missing or wrong, a file that exists
   {MISTAKE}    a mistake in the program, or memory, disk or time that is short
   {INTERRUPTED}  interrupted
-
-\b
-Completion of the shell, for bash (also zsh and fish):
-  eval "$(_ANKLELOOP_COMPLETE=bash_source ankleloop)"
 """
 
 
@@ -90,12 +87,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.getLogger("ankleloop").addHandler(logging.NullHandler())
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminate)
+    words = list(sys.argv[1:] if arguments is None else arguments)
     with warnings.catch_warnings():
         warnings.showwarning = show_warning
         try:
-            status: Any = commands.main(
-                args=None if arguments is None else list(arguments), prog_name="ankleloop", standalone_mode=False
-            )
+            status: Any = commands.main(args=words, prog_name="ankleloop", standalone_mode=False, obj=words)
         except click.exceptions.Exit as end:
             return end.exit_code
         except click.ClickException as error:  # of the options
@@ -106,10 +102,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             show_error("interrupted.")
             return INTERRUPTED
         except DataError as error:
-            show_error(str(error))
+            show_error(str(error), words)
             return DATA
         except Exception as error:
-            return _report_mistake(error)
+            return _report_mistake(error, words)
     return status if isinstance(status, int) else DONE
 
 
@@ -118,7 +114,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:
     raise SystemExit(128 + number)
 
 
-def _report_mistake(error: Exception) -> int:
+def _report_mistake(error: Exception, words: Sequence[str]) -> int:
     """Show an error that is not about the data or the usage."""
     if isinstance(error, MemoryError):
         text = f"out of memory ({error}): take a shorter part of the recording (start, stop), or free memory."
@@ -130,5 +126,5 @@ def _report_mistake(error: Exception) -> int:
     else:
         traceback.print_exception(error)
         text = "this is a mistake in ankleloop, not in your data: please report the lines above."
-    show_error(text)
+    show_error(text, words)
     return MISTAKE

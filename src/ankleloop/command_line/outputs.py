@@ -8,16 +8,19 @@ from pathlib import Path
 import click
 
 
-def check_outputs(paths: Iterable[Path], remedy: str, *, overwrite: bool, inputs: Iterable[Path] = ()) -> None:
-    """Refuse files that cannot be written, or that exist and are not to be replaced."""
+def check_outputs(
+    folder: Path, names: Iterable[str], remedy: str, *, overwrite: bool, inputs: Iterable[Path] = ()
+) -> None:
+    """Make a folder; refuse files in it that cannot be written, or that exist and are not to be replaced."""
     from ankleloop.errors import DataError
     from ankleloop.trials.files import check_output, holds_content
 
     inputs = [*inputs]
-    for path in paths:
-        try:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in (folder / name for name in names if (folder / name).parent.is_dir()):
             check_output(path, overwrite=True, inputs=inputs)
-        except DataError as error:
-            raise click.UsageError(str(error)) from None
-        if not overwrite and holds_content(path):
-            raise click.UsageError(f"{path}: the file exists already. {remedy}")
+            if not overwrite and holds_content(path):
+                raise click.UsageError(f"{path}: the file exists already. {remedy}")
+    except (DataError, OSError) as error:
+        raise click.UsageError(f"{error} {remedy}") from None

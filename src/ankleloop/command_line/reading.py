@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import NoneType
@@ -27,14 +27,6 @@ OTHER_DEFAULTS = {
     "position_unit": "as the file states it, else rad",
     "sampling_rate": "that of the file",
     **dict.fromkeys(GUESSED, "by its name"),
-}
-# What the library says of YAML and tables, in words of the command line.
-TEXTS = {
-    "variables": "further variables of the trial, as a schedule or the phase of a cycle: name in the trial and "
-    "variable of the file, as ankle_angle=angle, with commas between several",
-    "cycle_onsets": "start of every cycle, for riv-tv: times with spaces between them, as '0.52 1.93 3.31'; or the "
-    "name in the trial of the variable that holds the phase of the cycle, from 0 to 1 (--variables reads it)",
-    "schedule": "name in the trial of the variable with which the parameters change, for riv-tv (--variables reads it)",
 }
 MOST_CHARACTERS = 60  # of the name of a recording that is made of the name of a file
 
@@ -62,7 +54,7 @@ def reading_options(command: Command) -> Command:
 def _make_option(name: str, field: Any) -> Callable[[Command], Command]:
     unit = Recording.unit(name)
     # What null is in YAML is to leave out an option.
-    text = TEXTS.get(name) or re.split(r"; (?:null|0) ", field.description)[0]
+    text = re.split(r"; (?:null|0) ", field.description)[0]
     text = text[0].upper() + text[1:] + (f" [{unit}]." if unit != "1" else ".")
     default = OTHER_DEFAULTS.get(name, field.get_default())
     if default not in (None, ""):
@@ -114,6 +106,19 @@ def _parse_recording(path: Path, values: Mapping[str, Any]) -> Recording:
         text = re.sub(r"^the options: ", "", str(error))
         name = text.split(" ")[0]
         raise click.UsageError(f"--{name.replace('_', '-')}{text[len(name) :]}" if name in values else text) from None
+
+
+def name_recordings(files: Iterable[Path]) -> dict[str, Path]:
+    """Files by the names of their recordings, which differ in more than capitals."""
+    named: dict[str, Path] = {}
+    for file in files:
+        name = name_recording(file)
+        if name.lower() in {other.lower() for other in named}:
+            name = name_recording(Path(f"{file.name.replace('.', '-')}.x"))
+        if name in named:
+            raise click.UsageError(f"{file}: another file has this name, too: rename it.")
+        named[name] = file
+    return named
 
 
 def name_recording(path: Path) -> str:

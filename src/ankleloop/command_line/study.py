@@ -12,7 +12,7 @@ import click
 
 from ankleloop.command_line.check import check_file, show_reading
 from ankleloop.command_line.outputs import check_outputs
-from ankleloop.command_line.reading import map_file, name_recording, reading_options
+from ankleloop.command_line.reading import map_file, name_recordings, reading_options
 from ankleloop.command_line.terminal import echo, show_next
 
 EPILOG = """\b
@@ -46,7 +46,9 @@ def study(new: Path, files: tuple[Path, ...], varied: tuple[str, ...], overwrite
         raise click.UsageError("name either the files of recordings, or settings by --sweep.")
     if new.suffix not in (".yaml", ".yml"):
         raise click.UsageError(f"{new}: the name of a configuration ends in .yaml.")
-    check_outputs([new], "Write to another name; --overwrite replaces it.", overwrite=overwrite, inputs=files)
+    check_outputs(
+        new.parent, [new.name], "Write to another name; --overwrite replaces it.", overwrite=overwrite, inputs=files
+    )
     text = _describe_recordings(new, files, values) if files else _describe_sweep(new, varied)
     _write(new, text, files, overwrite=overwrite)
     echo(f"\n{new} is written.")
@@ -63,15 +65,10 @@ def _describe_recordings(new: Path, files: Sequence[Path], values: dict[str, Any
 
     folder = Path(os.path.commonpath([file.absolute().parent for file in files]))
     recorded: dict[str, RecordedFile] = {}
-    for file in files:
+    for name, file in name_recordings(files).items():
         reading = map_file(file, **values)
         trial, check = check_file(file, reading)
         show_reading(file, reading, trial)
-        name = name_recording(file)
-        if name.lower() in {other.lower() for other in recorded}:
-            name = name_recording(Path(f"{file.name.replace('.', '-')}.x"))
-        if name in recorded:
-            raise click.UsageError(f"{file}: another file has this name, too: rename it, or write two configurations.")
         relative = file.absolute().relative_to(folder).as_posix()
         is_turned = values.get("torque_sign") is None and any(
             finding.name == "sign of the torque" and finding.verdict == "refused" for finding in check.findings

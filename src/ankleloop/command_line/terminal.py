@@ -5,9 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import re
-import sys
-import time
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,11 +14,14 @@ import click
 
 COLOURS = {"ok": "green", "warning": "yellow", "refused": "red"}
 PROGRESS = "ankleloop.recordings.analysis"  # the logger that says which method is being fitted
-# Words of the library in messages, that are options here.
+# Words of the library in messages that are options here, with the value that the message states.
 OPTION_WORDS = re.compile(
-    r"\b(sampling_rate|position_unit|position_sign|torque_sign)\b|\b(drift|overwrite)(?=[:=])"
-    r"|\b(variables)(?= of read_trial)|\((start), (stop)\)"
+    r"\b(?P<name>sampling_rate|position_unit|position_sign|torque_sign)\b(?! out| is stated)"
+    r"(?:(?:=|: )'?(?P<value>-?\w+))?|\b(?P<flag>drift|overwrite)(?:=|: )(?P<number>\w+)"
+    r"|\b(?P<variables>variables)(?= of read_trial)|\((?P<part>start, stop)\)"
 )
+# Values that only the user knows.
+UNKNOWN = {"sampling_rate": "HZ", "position_unit": "UNIT", "variables": "NAME=VARIABLE", "start": "S", "stop": "S"}
 
 
 def echo(text: str = "", *, err: bool = False, nl: bool = True) -> None:
@@ -32,10 +34,10 @@ def show_verdict(verdict: str, name: str, text: str) -> None:
     echo(f"{click.style(f'{verdict:>8}', fg=COLOURS[verdict])}  {name}: {text}")
 
 
-def show_error(text: str) -> None:
-    """Show why a command ends, and the options that its message is about."""
+def show_error(text: str, words: Sequence[str] = ()) -> None:
+    """Show why a command of some words ends, and the command that its message asks for."""
     echo(f"{click.style('error', fg='red', bold=True)}: {text}", err=True)
-    show_next(*name_options(text))
+    show_next(*correct_command(text, words))
 
 
 def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
@@ -50,51 +52,33 @@ def show_next(*steps: str) -> None:
         echo(f"{click.style('next', fg='cyan')}: {step}", err=True)
 
 
-def name_options(text: str) -> list[str]:
-    """Options of the command line that a message of the library is about."""
-    words = dict.fromkeys(word for groups in OPTION_WORDS.findall(text) for word in groups if word)
-    options = ", ".join("--" + word.replace("_", "-") for word in words)
-    return [f"on the command line this is {options}."] if options else []
+def correct_command(text: str, words: Sequence[str]) -> list[str]:
+    """The command of some words with the options that a message of the library is about; none if it is about none."""
+    options: dict[str, str] = {}
+    for match in OPTION_WORDS.finditer(text):
+        groups = match.groupdict()
+        for name in (groups["part"] or groups["name"] or groups["flag"] or groups["variables"]).split(", "):
+            options.setdefault(name, groups["value"] or groups["number"] or UNKNOWN.get(name, "-1"))
+    if words and words[-2:] == ["--torque-sign", "-1"] and options.get("torque_sign") == "-1":
+        options["torque_sign"] = "1"
+    command = ["ankleloop", *words]
+    for name, value in options.items():
+        command += [f"--{name.replace('_', '-')}", *([value] if name != "overwrite" else [])]
+    return [shlex.join(command)] if options else []
 
 
 @contextmanager
 def show_progress() -> Iterator[None]:
-    """Show which method is being fitted while the block runs, also in processes that it starts.
-
-    On a terminal this is one line, which is gone at the end.
-    """
-    logger, handler = logging.getLogger(PROGRESS), _Progress(logging.INFO)
-    state = logger.level, logger.propagate
+    """Show which method is being fitted while the block runs, also in processes that it starts."""
+    logger, handler = logging.getLogger(PROGRESS), logging.StreamHandler()
+    handler.addFilter(lambda record: record.levelno == logging.INFO)
+    level, logger.level, logger.propagate = logger.level, logging.INFO, False
     logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    logger.propagate = False
     try:
         yield
     finally:
         logger.removeHandler(handler)
-        logger.setLevel(state[0])
-        logger.propagate = state[1]
-        handler.show("")
-
-
-class _Progress(logging.Handler):
-    """Shows messages on the standard error, on a terminal each in place of the one before."""
-
-    def __init__(self, level: int) -> None:
-        super().__init__(level)
-        self._start = time.monotonic()
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Show a message about progress."""
-        if record.levelno == logging.INFO:
-            self.show(f"{record.getMessage()} ({time.monotonic() - self._start:.0f} s)")
-
-    def show(self, text: str) -> None:
-        """Show a text; an empty one takes away the line."""
-        if sys.stderr.isatty():
-            echo(f"\r\x1b[K{text}", nl=False, err=True)
-        elif text:
-            echo(text, err=True)
+        logger.level, logger.propagate = level, True
 
 
 def format_table(rows: list[list[Any]]) -> str:

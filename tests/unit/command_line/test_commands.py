@@ -10,7 +10,7 @@ import pytest
 
 import ankleloop
 from ankleloop.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE
-from ankleloop.command_line.terminal import name_options
+from ankleloop.command_line.terminal import correct_command
 from ankleloop.errors import ResourceError
 
 PROCESSOR_TIME = """
@@ -46,7 +46,7 @@ def test_both_entries_are_the_command(program):
             ["error: a.csv: torque is constant"],
         ),
         (KeyError("delay"), MISTAKE, ["Traceback", "KeyError: 'delay'", "mistake in ankleloop"]),
-        (MemoryError("2 GB"), MISTAKE, ["out of memory (2 GB)", "--start, --stop"]),
+        (MemoryError("2 GB"), MISTAKE, ["out of memory (2 GB)", "--start S --stop S"]),
         (ResourceError("x.nc: the file cannot be written"), MISTAKE, ["error: x.nc: the file cannot be written"]),
         (OSError(28, "No space left on device", "/tmp/x"), MISTAKE, ["/tmp/x: the disk is full", "free space there"]),
         (KeyboardInterrupt(), INTERRUPTED, ["interrupted"]),
@@ -102,19 +102,22 @@ def test_warnings_of_the_library_are_lines(run, monkeypatch):
 @pytest.mark.parametrize(
     ("message", "options"),
     [
-        ("pass sampling_rate in Hz.", "--sampling-rate"),
-        ("Set torque_sign: -1 (turn round the torque)", "--torque-sign"),
-        ("pass position_unit='deg', or correct the file.", "--position-unit"),
-        ("take a shorter part of the recording (start, stop).", "--start, --stop"),
+        ("pass sampling_rate in Hz.", "--sampling-rate HZ"),
+        ("Set torque_sign: -1 (turn round the torque)", "--torque-sign -1"),
+        ("pass position_unit='deg', or correct the file.", "--position-unit deg"),
+        ("take a shorter part of the recording (start, stop).", "--start S --stop S"),
         ("the loop is closed: input_matrices='instruments'", ""),
         ("there is no variable 'sampling_rate_2'.", ""),
-        ("a.nc: its sampling_rate.", "--sampling-rate"),
-        ("a drift of 7 %: drift: 1 takes out a straight line.", "--drift"),
+        ("sampling_rate is stated as 5 Hz, but fs is 6 Hz: leave sampling_rate out.", ""),
+        ("a drift of 7 %: drift: 1 takes out a straight line.", "--drift 1"),
+        ("the file exists: overwrite=True replaces it.", "--overwrite"),
         ("there is drift in it.", ""),
     ],
 )
-def test_messages_name_the_option(message, options):
-    assert name_options(message) == ([f"on the command line this is {options}."] if options else [])
+def test_messages_name_the_command(message, options):
+    assert correct_command(message, ["check", "a b.csv"]) == (
+        [f"ankleloop check 'a b.csv' {options}"] if options else []
+    )
 
 
 def test_colours_are_for_terminals(tmp_path):
