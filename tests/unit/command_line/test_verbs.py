@@ -160,17 +160,17 @@ def test_identify_several_files(run, trial, tmp_path):
     turned(trial, tmp_path / "S2.h5")
     (tmp_path / "S3.mat").write_bytes(b"MATLAB 5.0" + bytes(300))
     files = sorted(tmp_path.iterdir())
-    options = ("--method", "pr-moesp", "--option", "block_rows=15", "--output", tmp_path / "results")
+    options = ("--method", "pr-moesp", "--option", "order=3", "--output", tmp_path / "results")
     result = run("identify", *files, *options)
     assert result.status == 1
     table = pd.read_csv(tmp_path / "results" / "recordings.csv").set_index("recording")
     assert list(table["verdict"] == "refused") == [False, True, True]
     assert (tmp_path / "results" / "recordings-figure.png").stat().st_size > 1_000
     estimate = load_estimate(tmp_path / "results" / "S1" / "pr-moesp.nc")
-    assert estimate.diagnostics["block_rows"] == 15
+    assert estimate.diagnostics["order"] == 3
     assert table.loc["S1", "K"] == pytest.approx(estimate.stiffness["K"])
     assert "S3.mat: cannot be read as .mat" in table.loc["S3", "reasons"]
-    command = f"next: ankleloop identify {tmp_path / 'S2.h5'} --method pr-moesp --option block_rows=15 --output "
+    command = f"next: ankleloop identify {tmp_path / 'S2.h5'} --method pr-moesp --option order=3 --output "
     assert f"{command}{tmp_path / 'results'} --torque-sign -1\n" in result.err
     assert run("identify", *files, *options).status == 2  # nothing is replaced unasked
 
