@@ -54,7 +54,7 @@ $(PEERS): benchmarks/requirements.txt $(READY)
 	@touch $@
 
 # Results changed on purpose; look at the difference in git.
-expected: setup ## Write the results that the regression tests expect, and their list in codecheck.yml, anew.
+expected: setup ## Write the results that the regression tests expect, and their list in codecheck.yml.
 	python -m pytest -q tests/regression --update-expected
 	python tests/regression/codecheck.py
 	git --no-pager diff --stat -- tests/regression/expected codecheck.yml
@@ -82,7 +82,7 @@ package: setup ## Build the wheel and the source distribution, in dist.
 	python -c "from flit_core import buildapi; print(buildapi.build_sdist('dist'), buildapi.build_wheel('dist'))"
 
 # Newest versions that pyproject.toml allows, with hashes, for every platform.
-lock: $(READY) ## Resolve the environment anew, into environment.lock.
+lock: $(READY) ## Resolve the environment again, into environment.lock.
 	python -m pip install --quiet uv
 	uv pip compile pyproject.toml --all-extras --universal --generate-hashes --no-emit-index-url --no-header \
 	  --python-version 3.11 --upgrade --quiet --output-file environment.lock
