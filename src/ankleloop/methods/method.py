@@ -54,6 +54,11 @@ def degree_option() -> Any:
     return option(5, "number of basis functions (the rectifier has one)", ge=1, le=30)
 
 
+def rectifier_option() -> Any:
+    """Declare the basis of a method that has the rectifier alone."""
+    return option(None, "static nonlinearity; null for the method's own (rectifier), the only one that it has")
+
+
 def check_lags(name: str, length: float, rate: float, *, least: int = 1) -> None:
     """Refuse impulse responses without a lag, and those of so many that a pass over them would take minutes."""
     if not least <= round(length * rate) <= MOST_LAGS:

@@ -14,7 +14,7 @@ from ankleloop.joint.hammerstein import DriveSpectra, separate_response
 from ankleloop.joint.models import ModelInputs, ResponseModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import Method, check_lags, delay_option, rate_option
+from ankleloop.methods.method import Method, check_lags, delay_option, rate_option, rectifier_option
 from ankleloop.options import Options, option
 from ankleloop.subspace.hankel import hankel_gram
 
@@ -26,9 +26,7 @@ class ParallelCascadeOptions(Options):
     """Options of the parallel cascade."""
 
     delay: float = delay_option()
-    basis: Literal["rectifier"] | None = option(
-        None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
-    )
+    basis: Literal["rectifier"] | None = rectifier_option()
     identification_rate: float = rate_option()
     max_passes: int | None = option(
         None, "most passes; 1 is the method as published, null runs to convergence", ge=1, le=PASS_CEILING
