@@ -8,7 +8,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
+from ankleloop.methods.method import INPUTS, NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
 from ankleloop.methods.riv.alternatives import STRETCH_DELAY, add_alternatives, find_alternatives, last_error
 from ankleloop.methods.riv.covariance import choose_covariance, estimate_deviations, estimate_intervals
 from ankleloop.methods.riv.equations import Equations
@@ -127,13 +127,9 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
 
 
 def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
-    regressors = trial.regressors(
-        delay=NOMINAL_DELAY if options.delay is None else options.delay,
-        basis=options.basis or "rectifier",
-        degree=options.degree,
-        identification_rate=options.identification_rate,
-        reference=options.reference,
-    )
+    inputs = options.model_dump(include={*INPUTS, "reference"}) | {"basis": options.basis or "rectifier"}
+    inputs["delay"] = NOMINAL_DELAY if options.delay is None else options.delay
+    regressors = trial.regressors(**inputs)
     equations = Equations(trial, regressors, options.weighting)
     start = equations.find_start(options.order, estimate_delay=estimate_delay)
     return solve(equations, start, options.max_iterations, options.tolerance)
