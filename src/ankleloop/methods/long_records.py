@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,10 +15,9 @@ from ankleloop.checks.data import check_data
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import Basis, fit_basis
-from ankleloop.joint.models import ModelInputs, StateSpaceModel
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import TORQUES, Regressors, decimation_grid, recording_margins
-from ankleloop.methods.method import add_warnings, data_use
+from ankleloop.joint.regressors import TORQUES, Regressors, decimation_grid, recording_margins, torque_dataset
+from ankleloop.methods.method import INPUTS, add_warnings, data_use
 from ankleloop.methods.moesp import MEMBERS, MoespModelOptions, describe_model, separate_reflex, subspace_arguments
 from ankleloop.options import Options, check_path, option
 from ankleloop.signals.decimation import differentiate, differentiation_margin
@@ -126,30 +125,26 @@ def identify_file(
     vaf = _write_torques(chunks, basis, model, output, method, reading.overwrite)
     # An index of the time would take it, and several times its size, into memory.
     torque = xr.open_dataset(output, engine="h5netcdf", decode_times=False, create_default_indexes=False)
-    inputs = ModelInputs.of(beginning)
-    predictor = StateSpaceModel(inputs, inputs.label(model.matrices), model.initial_state)
-    estimate = describe_model(method, torque, predictor, model, separate_reflex(model, [beginning]), {"vaf": vaf})
+    path = separate_reflex(model, [beginning])
+    estimate = describe_model(method, model, beginning, model.initial_state, path, torque)
+    estimate.diagnostics["vaf"] = vaf
     add_warnings(estimate, data_warnings)
     return estimate
 
 
-@dataclass
 class _Chunks:
     """Regressors of a record, a chunk at a time: chunks overlap by the margins of the filters, their samples do not."""
 
-    record: LongRecord
-    reference: str | None
-    options: MoespModelOptions
-    chunk: int  # identified samples
-    progress: Progress
-    passes: int = 0  # complete ones of the subspace method
-    sums: np.ndarray = field(default_factory=lambda: np.zeros(1))  # of inputs and torque over the last of these passes
-
-    def __post_init__(self) -> None:
-        record, options = self.record, self.options
+    def __init__(
+        self, record: LongRecord, reference: str | None, options: MoespModelOptions, chunk: int, progress: Progress
+    ) -> None:
+        self.record, self.reference, self.options, self.progress = record, reference, options, progress
+        self.chunk = chunk  # identified samples
         self.grid = decimation_grid(record.samples, record.rate, options.identification_rate, options.delay)
-        self.edges = [*range(0, self.grid.samples, self.chunk), self.grid.samples]
+        self.edges = [*range(0, self.grid.samples, chunk), self.grid.samples]
         self._after = recording_margins(record.rate, self.grid.factor, options.delay)[1]
+        self.passes = 0  # complete ones of the subspace method
+        self.sums = np.zeros(1)  # of inputs and torque over the last of these passes
 
     def parts(self, name: str, edges: Sequence[int]) -> Iterator[tuple[int, int]]:
         """First sample of each part and that of the next one, with a report of the pass and its share."""
@@ -201,12 +196,8 @@ class _Chunks:
 
     def regressors(self, basis: Basis, start: int, stop: int) -> Regressors:
         """Regressors of the identified samples from `start` to `stop`."""
-        return self._read(start, stop).regressors(
-            delay=self.options.delay,
-            basis=basis,
-            identification_rate=self.options.identification_rate,
-            reference=self.reference,
-        )
+        inputs = self.options.model_dump(include=INPUTS)
+        return self._read(start, stop).regressors(**inputs, basis=basis, reference=self.reference)
 
     def signals(self, basis: Basis) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
         """Inputs, torque and reference of all chunks; the sums of inputs and torque are kept for their means."""
@@ -228,7 +219,7 @@ def _write_torques(
     model, state = estimate.matrices, estimate.initial_state.copy()
     energy, residual, total = 0.0, 0.0, 0.0
     with atomic_netcdf(output, overwrite=overwrite, inputs=[chunks.record.path]) as (file, sink):
-        variables = _create_variables(file, chunks, method)
+        _create_variables(file, chunks, method)
         for start, stop in chunks.parts("torques", chunks.edges):
             part = chunks.regressors(basis, start, stop)
             u, path = part.inputs - input_means, model.select_inputs(part.reflex)
@@ -237,7 +228,7 @@ def _write_torques(
             reflex = states @ path.C[0] + u[:, part.reflex] @ path.D[0]
             torques = {"time": part.time, "net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
             for name, values in torques.items():
-                variables[name][start:stop] = values
+                file.variables[name][start:stop] = values
             sink.check()
             measured = part.torque - torque_mean
             error = measured - torques["net"]
@@ -245,18 +236,15 @@ def _write_torques(
         mean = total / count
         for start, stop in pairwise(chunks.edges):
             for name in ("net", "reflex"):  # the intrinsic torque has no mean, because its inputs have none
-                variables[name][start:stop] = variables[name][start:stop] - mean
+                file.variables[name][start:stop] -= mean
     return float(100.0 * (1.0 - (residual / count - mean**2) / (energy / count)))
 
 
-def _create_variables(file: h5netcdf.File, chunks: _Chunks, method: str) -> dict[str, h5netcdf.Variable]:
+def _create_variables(file: h5netcdf.File, chunks: _Chunks, method: str) -> None:
     """Variables of the file of torques, which are filled chunk by chunk."""
-    count, rate = chunks.grid.samples, chunks.options.identification_rate
+    count, rate, empty = chunks.grid.samples, chunks.options.identification_rate, np.empty(0)
     file.dimensions = {"time": count}
     file.attrs.update({"method": method, "identification_rate": rate, "source": chunks.record.path.name})
-    descriptions = {"time": ("s", "time")} | {name: ("N·m", f"estimated {name} torque") for name in TORQUES}
-    variables = {}
-    for name, (unit, long_name) in descriptions.items():
-        variables[name] = file.create_variable(name, ("time",), float, chunks=(min(chunks.chunk, count),))
-        variables[name].attrs.update({"units": unit, "long_name": long_name})
-    return variables
+    for name, variable in torque_dataset(empty, rate, **dict.fromkeys(TORQUES, empty)).variables.items():
+        stored = file.create_variable(str(name), ("time",), float, chunks=(min(chunks.chunk, count),))
+        stored.attrs.update(variable.attrs)

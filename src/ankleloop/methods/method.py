@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, cast
+from typing import Any
 
 import xarray as xr
 
@@ -19,6 +19,7 @@ from ankleloop.quantities import QUANTITIES
 Trial = xr.Dataset | PreparedTrial
 MOST_LAGS = 1000  # of an impulse response; the time of a fit grows with the cube of their number
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated
+INPUTS = {"delay", "degree", "identification_rate"}  # options that regressors are made by
 
 
 def delay_option(default: float | None = NOMINAL_DELAY, *, estimated: bool = False) -> Any:
@@ -54,6 +55,11 @@ def degree_option() -> Any:
     return option(5, "number of basis functions (the rectifier has one)", ge=1, le=30)
 
 
+def rectifier_option() -> Any:
+    """Declare the basis of a method that has the rectifier alone."""
+    return option(None, "static nonlinearity; null for the method's own (rectifier), the only one that it has")
+
+
 def check_lags(name: str, length: float, rate: float, *, least: int = 1) -> None:
     """Refuse impulse responses without a lag, and those of so many that a pass over them would take minutes."""
     if not least <= round(length * rate) <= MOST_LAGS:
@@ -62,10 +68,6 @@ def check_lags(name: str, length: float, rate: float, *, least: int = 1) -> None
             f"{name} must be {limits} long at the identification_rate of {rate:g} Hz, got {length:g} s, which are "
             f"{round(length * rate)}."
         )
-
-
-def _given_reference(options: Any) -> str | None:
-    return getattr(options, "reference", None)
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ class Method:
     options: type[Options]
     identify: Callable[[Any, Any], Any]
     merges: bool = False
-    reference: Callable[[Any], str | None] = _given_reference
+    reference: Callable[[Any], str | None] = lambda options: getattr(options, "reference", None)
 
     def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Any:
         """Identify a trial, or a list of trials that are merged.
@@ -129,7 +131,8 @@ class Method:
         """
         chosen = self.options.parse(f"method {self.name!r}", **options)
         merged = isinstance(trial, (list, tuple))
-        trials = [prepare(part) for part in (cast(Sequence[Trial], trial) if merged else [cast(Trial, trial)])]
+        parts: Any = trial if merged else [trial]
+        trials = [prepare(part) for part in parts]
         if merged:
             if not self.merges:
                 raise DataError(f"{self.name} identifies one trial at a time.")
@@ -140,8 +143,7 @@ class Method:
         data_warnings = check_data(trials, data_use(chosen, reference))
         estimates = self.identify(trials, chosen) if self.merges else [self.identify(trials[0], chosen)]
         for estimate in estimates:
-            assumptions = [*estimate.diagnostics.get("assumptions", ()), *_list_assumptions(chosen, reference)]
-            estimate.diagnostics["assumptions"] = assumptions
+            estimate.diagnostics.setdefault("assumptions", []).extend(_list_assumptions(chosen, reference))
             add_warnings(estimate, data_warnings)
         return estimates if merged else estimates[0]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import xarray as xr
@@ -17,7 +17,7 @@ from ankleloop.joint.hammerstein import Basis, DriveSpectra, ReflexPath, separat
 from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis
 from ankleloop.joint.regressors import MOTION, InputStep, Regressors, torque_dataset
-from ankleloop.methods.method import Method, degree_option, delay_option, rate_option
+from ankleloop.methods.method import INPUTS, Method, degree_option, delay_option, rate_option
 from ankleloop.options import Options, option
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp
 
@@ -50,6 +50,10 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
     "scaling": {"scaling": False},
     "mean-removal": {"offsets": False},
 }
+POLYNOMIAL = (
+    "the reflex is a polynomial of the velocity. Of a rectified one, five terms make G 13 to 21 % too large, I up to 6 "
+    "% too small, and change K by less than 1 % (without noise)."
+)
 
 
 class MoespModelOptions(Options):
@@ -151,53 +155,38 @@ def identify_moesp(
     >>> bool(abs(estimate.stiffness["K"] - 150) < 1)
     True
     """
-    reference, step = _find_reference(options, member=member), options.omitted_step
+    reference, step = _find_reference(member, options), options.omitted_step
     basis: str | Basis = options.basis or "chebyshev"
     if len(trials) > 1:
         basis = fit_shared_basis(trials, options.delay, options.basis or "chebyshev", options.degree)
-    regressors = [
-        trial.regressors(
-            delay=options.delay,
-            basis=basis,
-            degree=options.degree,
-            identification_rate=options.identification_rate,
-            reference=reference,
-            omitted_step=cast(InputStep, step) if step in get_args(InputStep) else None,
-        )
-        for trial in trials
-    ]
-    predicted = None
-    if options.input_matrices == "instruments":
-        predicted = [trial.predict_inputs(part) for trial, part in zip(trials, regressors, strict=True)]
-    first = regressors[0]
-    arguments = subspace_arguments(options, first, member) | SUBSPACE_OPTIONS.get(step, {})
+    inputs = options.model_dump(include=INPUTS) | {"basis": basis, "reference": reference}
+    if step in get_args(InputStep):
+        inputs["omitted_step"] = step
+    regressors = [trial.regressors(**inputs) for trial in trials]
+    arguments = subspace_arguments(options, regressors[0], member) | SUBSPACE_OPTIONS.get(step, {})
     if options.free_b:
         arguments["dynamic"] = None
+    if options.input_matrices == "instruments":
+        pairs = zip(trials, regressors, strict=True)
+        arguments["predicted_inputs"] = [trial.predict_inputs(part) for trial, part in pairs]
     model = moesp(
         [part.inputs for part in regressors],
         [part.torque[:, None] for part in regressors],
         reference=None if reference is None else [np.asarray(part.reference)[:, None] for part in regressors],
         input_matrices=options.input_matrices,
-        predicted_inputs=predicted,
         **arguments,
     )
     diagnostics: dict[str, Any] = {} if reference is None else {"reference": reference}
     if step is not None:
         diagnostics["warnings"] = [*model.diagnostics["warnings"], describe_omission(step)]
-    if first.basis.kind == "chebyshev":
-        diagnostics["assumptions"] = [
-            "the reflex is a polynomial of the velocity. Of a rectified one, five terms make G 13 to 21 % too large, I "
-            "up to 6 % too small, and change K by less than 1 % (without noise)."
-        ]
-    path, matrices = separate_reflex(model, regressors), ModelInputs.of(first).label(model.matrices)
-    estimates = []
+    path, estimates = separate_reflex(model, regressors), []
     for part, state in zip(regressors, np.atleast_2d(model.initial_state), strict=True):
         if step == "mean-removal":  # less the state of rest under constant inputs
             A, B = model.matrices.A, model.matrices.B
             state = state - np.linalg.solve(np.eye(len(A)) - A, B @ part.inputs.mean(axis=0))
         torque = torque_dataset(part.time, part.rate, **simulate_torques(model.matrices, state, part))
-        predictor = StateSpaceModel(ModelInputs.of(part), matrices, state)
-        estimate = describe_model(member, torque, predictor, model, path, diagnostics)
+        estimate = describe_model(member, model, part, state, path, torque)
+        estimate.diagnostics.update(diagnostics)
         if options.free_b:
             estimate.stiffness.update(part.fit_stiffness(torque["intrinsic"].values))
         estimates.append(estimate)
@@ -230,26 +219,26 @@ def separate_reflex(model: SubspaceEstimate, regressors: Sequence[Regressors]) -
 
 
 def describe_model(
-    member: str,
-    torque: xr.Dataset,
-    predictor: StateSpaceModel,
-    model: SubspaceEstimate,
-    path: ReflexPath,
-    diagnostics: Mapping[str, Any],
+    member: str, model: SubspaceEstimate, part: Regressors, state: np.ndarray, path: ReflexPath, torque: xr.Dataset
 ) -> Estimate:
     """Estimate of a model, with K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
+    inputs = ModelInputs.of(part)
+    matrices = inputs.label(model.matrices)
+    diagnostics = {"singular_values": model.singular_values, **model.diagnostics, **path.diagnostics}
+    if inputs.basis.kind == "chebyshev":
+        diagnostics["assumptions"] = [POLYNOMIAL]
     return Estimate(
         method=member,
         torque=torque,
-        matrices=predictor.matrices,
-        stiffness=dict(zip("KBI", map(float, predictor.matrices.D[0, :MOTION]), strict=True)),
-        reflex={"delay": predictor.inputs.delay, **path.valid_parameters},
-        diagnostics={"singular_values": model.singular_values, **model.diagnostics, **diagnostics, **path.diagnostics},
-        predictor=predictor,
+        matrices=matrices,
+        stiffness=dict(zip("KBI", matrices.D[0, :MOTION].tolist(), strict=True)),
+        reflex={"delay": inputs.delay, **path.valid_parameters},
+        diagnostics=diagnostics,
+        predictor=StateSpaceModel(inputs, matrices, state),
     )
 
 
-def _find_reference(options: MoespOptions, *, member: str) -> str | None:
+def _find_reference(member: str, options: MoespOptions) -> str | None:
     """The reference; None for members that have no use for one, and take a trial that has none."""
     instruments = MEMBERS[member][0]
     return options.reference if instruments == "past-reference" or options.input_matrices == "instruments" else None
@@ -257,11 +246,7 @@ def _find_reference(options: MoespOptions, *, member: str) -> str | None:
 
 METHODS = tuple(
     Method(
-        name,
-        MoespOptions,
-        partial(identify_moesp, member=name),
-        merges=True,
-        reference=partial(_find_reference, member=name),
+        name, MoespOptions, partial(identify_moesp, member=name), merges=True, reference=partial(_find_reference, name)
     )
     for name in MEMBERS
 )

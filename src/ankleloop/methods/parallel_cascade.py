@@ -6,29 +6,26 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple, Self
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from pydantic import model_validator
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import DriveSpectra, separate_response
 from ankleloop.joint.models import ModelInputs, ResponseModel
-from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import Method, check_lags, delay_option, rate_option
+from ankleloop.methods.method import INPUTS, Method, check_lags, delay_option, rate_option, rectifier_option
 from ankleloop.options import Options, option
-from ankleloop.subspace.hankel import hankel_gram
 
 PASS_CEILING = 10_000  # beyond any loop that converges at all
-LARGEST_CONDITION = 1e5  # of lagged inputs whose inner products show all directions
 
 
 class ParallelCascadeOptions(Options):
     """Options of the parallel cascade."""
 
     delay: float = delay_option()
-    basis: Literal["rectifier"] | None = option(
-        None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
-    )
+    basis: Literal["rectifier"] | None = rectifier_option()
     identification_rate: float = rate_option()
     max_passes: int | None = option(
         None, "most passes; 1 is the method as published, null runs to convergence", ge=1, le=PASS_CEILING
@@ -80,27 +77,18 @@ class _Path(NamedTuple):
         return self.directions @ projections, self.responses @ projections
 
 
-def _compress(regressors: Regressors, lags: Sequence[np.ndarray], rows: np.ndarray) -> list[np.ndarray]:
+@once
+def _compress(trial: PreparedTrial, regressors: Regressors, leads: int, longest: int) -> list[np.ndarray]:
     """Lagged inputs of both paths, and the torque, in as few rows as they have columns: with the same inner products.
 
-    Lags of a signal are rows of a Hankel matrix, so their inner products are entries of one Gram matrix.
+    Shapes: returns (columns, lags) of either path, (columns, 1).
     """
-    signals = np.column_stack([regressors.inputs[:, [0, -1]], regressors.torque])
-    columns = [rows[0] - path_lags for path_lags in (*lags, np.zeros(1, dtype=int))]  # samples of the Hankel window
-    indices = np.concatenate([3 * column + channel for channel, column in enumerate(columns)])
-    edges = np.cumsum([path_lags.size for path_lags in lags])
-    gram = hankel_gram([signals], rows[0] + len(signals) - rows[-1])
-    try:
-        triangle = np.linalg.cholesky(gram[np.ix_(indices, indices)]).T
-        parts = np.split(triangle, edges, axis=1)
-        if max(np.linalg.cond(part) for part in parts[:2]) < LARGEST_CONDITION:
-            return parts
-    except np.linalg.LinAlgError:
-        pass
-    # Squares do not show which directions count: the lagged inputs themselves do.
-    lagged = [signals[rows[:, None] + column - rows[0], channel] for channel, column in enumerate(columns)]
-    explicit = np.hstack(lagged)
-    return np.split(np.linalg.qr(explicit - explicit.mean(axis=0), mode="r"), edges, axis=1)
+    first = max(leads, longest)
+    position = sliding_window_view(regressors.inputs[first - leads :, 0], 2 * leads + 1)[:, ::-1]
+    drive = sliding_window_view(regressors.inputs[first - longest :, -1], longest + 1)[: len(position), ::-1]
+    lagged = np.column_stack([position, drive, regressors.torque[first:][: len(position)]])
+    triangle = np.linalg.qr(lagged - lagged.mean(axis=0), mode="r")
+    return np.split(triangle, [position.shape[1], position.shape[1] + drive.shape[1]], axis=1)
 
 
 def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOptions) -> Estimate:
@@ -139,9 +127,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     >>> bool(estimate.diagnostics["converged"]), bool(abs(estimate.stiffness["K"] - 150) < 2)
     (True, True)
     """
-    regressors = trial.regressors(
-        delay=options.delay, basis="rectifier", identification_rate=options.identification_rate
-    )
+    regressors = trial.regressors(**options.model_dump(include=INPUTS), basis="rectifier")
     rate = regressors.rate
     leads, longest = round(options.intrinsic_lags * rate), round(options.reflex_lags * rate)
     lags = np.arange(-leads, leads + 1), np.arange(longest + 1)
@@ -153,7 +139,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
             "intrinsic_lags and reflex_lags."
         )
 
-    *lagged, target = _compress(regressors, lags, rows)
+    *lagged, target = _compress(trial, regressors, leads, longest)
     paths = [_Path.of(part, options.rank_tolerance) for part in lagged]
     responses, history, converged = _alternate(paths, target[:, 0], rows.size, options)
     model = ResponseModel(ModelInputs.of(regressors), *responses)

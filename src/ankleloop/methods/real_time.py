@@ -13,7 +13,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import sum_paths
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import INTRINSIC_NAMES, torque_dataset
-from ankleloop.methods.method import Method, check_lags, delay_option, rate_option
+from ankleloop.methods.method import INPUTS, Method, check_lags, delay_option, rate_option, rectifier_option
 from ankleloop.options import Options, option
 
 UPDATE_RATE = 10.0  # Hz at which parameters are solved for and traced
@@ -25,9 +25,7 @@ class RealTimeOptions(Options):
     """Options of the real-time algorithm."""
 
     delay: float = delay_option()
-    basis: Literal["rectifier"] | None = option(
-        None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
-    )
+    basis: Literal["rectifier"] | None = rectifier_option()
     identification_rate: float = rate_option()
     memory: float = option(10.0, "time constant of forgetting", unit="s", ge=0.1, le=1e6)
     settling: float | None = option(
@@ -97,9 +95,7 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     True
     """
     settling = options.memory if options.settling is None else options.settling
-    regressors = trial.regressors(
-        delay=options.delay, basis="rectifier", identification_rate=options.identification_rate
-    )
+    regressors = trial.regressors(**options.model_dump(include=INPUTS), basis="rectifier")
     rate, torque = regressors.rate, regressors.torque
     first = round(settling * rate)
     if torque.size < first + 2 * rate:

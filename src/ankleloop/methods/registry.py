@@ -17,7 +17,12 @@ from ankleloop.methods.selection import check_selection, select_options
 from ankleloop.options import suggest_name
 
 FAMILIES = (moesp, parallel_cascade, real_time, riv, riv_tv)
-DEFAULT = "riv"
+DEFAULT = "riv"  # where there is a reference; without one no method is valid whatever the loop
+NO_DEFAULT = (
+    "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as reference, "
+    "or, if nothing was compliant while it was recorded (open loop), name a method: 'riv' or 'pr-moesp' with "
+    "reference='position', 'pi-moesp', 'po-moesp', 'eiv-moesp', 'moesp', 'parallel-cascade' or 'real-time'."
+)
 # Options that a selection needs to score what was not fitted.
 SHARED = ("reference", "delay", "identification_rate", "cycle_onsets")
 
@@ -117,7 +122,9 @@ def identify(
     merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
     if method is None and merged:
         raise DataError(f"name the method for trials that are merged: one of {merging}.")
-    entry = find_method(_default_method(cast(Trial, trial)) if method is None else method)
+    if method is None and "reference" not in prepare(cast(Trial, trial)).trial:
+        raise DataError(NO_DEFAULT)
+    entry = find_method(DEFAULT if method is None else method)
     candidates: dict[str, list[Any]] = {}
     if not (select is None and criterion is None):  # a wrong candidate is a mistake, not a bad model
         candidates = check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
@@ -126,21 +133,8 @@ def identify(
         raise DataError(f"{entry.name} {verb} one trial at a time; trials are merged by {merging}.")
     if not candidates:
         return entry(trial, **options)
-    values = {**entry.options.defaults(), **options}
-    shared = {name: values[name] for name in SHARED if name in values}
+    shared = {name: value for name, value in {**entry.options.defaults(), **options}.items() if name in SHARED}
     selection = select_options(cast(Trial, trial), partial(entry, **options), candidates, criterion=criterion, **shared)
     estimate = entry(trial, **options, **selection.chosen)
     estimate.diagnostics["selection"] = vars(selection)
     return estimate
-
-
-def _default_method(trial: Trial) -> str:
-    """`riv` where there is a reference; without one no method is valid whatever the loop, so the user has to choose."""
-    if "reference" not in prepare(trial).trial:
-        raise DataError(
-            "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
-            "reference, or, if nothing was compliant while it was recorded (open loop), name a method: 'riv' or "
-            "'pr-moesp' with reference='position', 'pi-moesp', 'po-moesp', 'eiv-moesp', 'moesp', 'parallel-cascade' or "
-            "'real-time'."
-        )
-    return DEFAULT

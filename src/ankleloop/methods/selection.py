@@ -7,7 +7,8 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -50,12 +51,8 @@ class Selection:
     chosen: dict[str, Any]
 
 
-class _Half(NamedTuple):
-    """A half of a record to fit to, the other one to test on, and instruments at times of the latter."""
-
-    training: PreparedTrial
-    test: PreparedTrial
-    instruments: tuple[np.ndarray, np.ndarray] | None
+# A half of a record to fit to, the other one to test on, and times of the latter with instruments at them.
+Half = tuple[PreparedTrial, PreparedTrial, tuple[np.ndarray, np.ndarray] | None]
 
 
 def select_options(
@@ -129,19 +126,18 @@ def select_options(
             f"the instrumental criterion needs a reference, and the trial has no {reference!r} beside its position: "
             "use criterion='cross-validation'."
         )
-    delay = NOMINAL_DELAY if delay is None else delay
-    halves = _halve(record, reference if has_reference else None, delay, identification_rate)
+    inputs = {"delay": NOMINAL_DELAY if delay is None else delay, "identification_rate": identification_rate}
+    halves = _halve(record, reference if has_reference else None, inputs)
     rows: list[dict[str, Any]] = []
     losses: dict[int, np.ndarray] = {}  # by the number of the candidate, of those that could be fitted
     for number, values in enumerate(itertools.product(*candidates.values())):
         options = dict(zip(candidates, values, strict=True))
+        rows.append({**options, "scores": {}, "warnings": []})
         try:
-            scores, loss, warnings = _score(halves, fit, options, cycle_onsets)
-        except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
-            rows.append({**options, "scores": {}, "warnings": [], "error": str(error)})
-        else:
-            rows.append({**options, "scores": scores, "warnings": warnings})
+            loss, rows[-1]["scores"], rows[-1]["warnings"] = _score(halves, partial(fit, **options), cycle_onsets)
             losses[number] = loss[criterion]
+        except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
+            rows[-1]["error"] = str(error)
     best = rows[_simplest(losses, rows)]
     return Selection(criterion, rows, {name: best[name] for name in candidates})
 
@@ -178,7 +174,7 @@ def check_selection(
     return {name: list(values) for name, values in select.items()}
 
 
-def _halve(record: xr.Dataset, reference: str | None, delay: float, identification_rate: float) -> list[_Half]:
+def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, float]) -> list[Half]:
     time, rate = record["time"].values, float(record.attrs["sampling_rate"])
     edges = np.linspace(time[0], time[-1] + 1.0 / rate, 3)
     shortest = 2.0 * SETTLING + SEGMENT
@@ -188,24 +184,19 @@ def _halve(record: xr.Dataset, reference: str | None, delay: float, identificati
             f"needs folds of {shortest:g} s: use a longer record, or set the options."
         )
     first, second = (prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges))
-    halves = []
-    for training, test in ((second, first), (first, second)):
-        instruments = None if reference is None else _instruments(test, reference, delay, identification_rate)
-        halves.append(_Half(training, test, instruments))
-    return halves
+    pairs = ((second, first), (first, second))
+    return [(fitted, test, reference and _instruments(test, reference, inputs)) for fitted, test in pairs]
 
 
-def _instruments(trial: PreparedTrial, reference: str, delay: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
+def _instruments(test: PreparedTrial, reference: str, inputs: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
     """Times, and instruments at these times: leads and lags of the position that the reference explains."""
-    regressors = trial.regressors(
-        delay=delay, basis="spline", degree=TERMS, identification_rate=rate, reference=reference
-    )
-    inputs = trial.predict_inputs(regressors)
+    regressors = test.regressors(**inputs, basis="spline", degree=TERMS, reference=reference)
+    predicted, rate = test.predict_inputs(regressors), regressors.rate
     leads = round(LEADS * rate)
     # Shifts are circular; samples that wrap around lie at the ends, which are not scored.
-    columns = [np.roll(inputs[:, 0], shift) for shift in range(-leads, leads + 1)]
+    columns = [np.roll(predicted[:, 0], shift) for shift in range(-leads, leads + 1)]
     for lag in range(0, round(LAGS * rate) + 1, max(1, round(STEP * rate))):
-        columns += [np.roll(term, lag) for term in inputs[:, 3:].T]
+        columns += [np.roll(term, lag) for term in predicted[:, 3:].T]
     return regressors.time, np.column_stack(columns)
 
 
@@ -219,17 +210,14 @@ def _project(grid: np.ndarray, instruments: np.ndarray, time: np.ndarray, signal
 
 
 def _score(
-    halves: Sequence[_Half],
-    fit: Callable[..., Estimate],
-    options: Mapping[str, Any],
-    cycle_onsets: str | Sequence[float] | None,
-) -> tuple[dict[str, float], dict[str, np.ndarray], list[str]]:
-    """Scores [%] of a candidate and its losses in segments of time, by criterion; and warnings of its fits."""
+    halves: Sequence[Half], fit: Callable[[PreparedTrial], Estimate], cycle_onsets: str | Sequence[float] | None
+) -> tuple[dict[str, np.ndarray], dict[str, float], list[str]]:
+    """Losses of a candidate in segments of time, and scores [%], by criterion; and warnings of its fits."""
     losses: dict[str, list[np.ndarray]] = {}
     totals: Counter[str] = Counter()
     warnings: list[str] = []
     for training, test, instruments in halves:
-        estimate = fit(training, **options)
+        estimate = fit(training)
         if estimate.trajectories is not None and "time" in estimate.trajectories.sizes:
             raise DataError(
                 "its parameters are functions of time, and those of one half are not those of the other: give "
@@ -237,9 +225,9 @@ def _score(
             )
         warnings += estimate.fit_warnings  # those about the data concern all candidates alike
         torque = estimate.predict(test, cycle_onsets=cycle_onsets).torque
-        time, rate = torque["time"].values, torque.attrs["identification_rate"]
+        time = torque["time"].values
         scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
-        measured = test.channel_at("torque", time, rate)
+        measured = test.channel_at("torque", time, torque.attrs["identification_rate"])
         signals = np.stack([measured - torque["net"].values, measured])[:, scored]
         if not np.isfinite(signals).all():
             raise DataError("the prediction of unseen data is not finite.")
@@ -248,14 +236,14 @@ def _score(
         if instruments is not None:
             explainable["instrumental"] = _project(*instruments, time[scored], signals)
         # Counted from the start of the half, so that all candidates have the same segments.
-        start, stop = test.samples("time")[[0, -1]]
+        start, stop = test.time[[0, -1]]
         segments = ((time[scored] - start) / SEGMENT).astype(int)
         for name, (residual, target) in explainable.items():
             losses.setdefault(name, []).append(np.bincount(segments, residual**2, int((stop - start) / SEGMENT) + 1))
             totals[name] += target @ target
     joined = {name: np.concatenate(parts) for name, parts in losses.items()}
     scores = {name: float(100.0 * (1.0 - loss.sum() / totals[name])) for name, loss in joined.items()}
-    return scores, joined, list(dict.fromkeys(warnings))
+    return joined, scores, list(dict.fromkeys(warnings))
 
 
 def _simplest(losses: Mapping[int, np.ndarray], rows: Sequence[Mapping[str, Any]]) -> int:

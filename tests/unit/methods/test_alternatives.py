@@ -6,42 +6,29 @@ from scipy import signal
 
 from ankleloop import identify, new_trial, simulate
 
-
-def rebuild(trial, **changes):
-    rate = changes.pop("rate", trial.attrs["sampling_rate"])
-    channels = {name: trial[name].to_numpy() for name in ("position", "torque", "reference")} | changes
-    return new_trial(channels["position"], channels["torque"], rate, channels["reference"])
+CYCLES = {"cycle_onsets": np.arange(0.0, 48.0)}
 
 
-def late(trial):
-    torque = trial["torque"].to_numpy()
-    return rebuild(trial, torque=np.concatenate([np.full(5, torque[0]), torque[:-5]]))
+def rebuild(trial, change=lambda torque: torque, rate=1000.0, sign=1.0):
+    position, torque, reference = (sign * trial[name].to_numpy() for name in ("position", "torque", "reference"))
+    return new_trial(position, change(torque), rate, reference)
 
 
-def high_passed(trial):
-    torque = trial["torque"].to_numpy()
-    return rebuild(trial, torque=signal.lfilter(*signal.butter(1, 0.5, "high", fs=1000.0), torque - torque.mean()))
+def high_pass(torque):
+    return signal.lfilter(*signal.butter(1, 0.5, "high", fs=1000.0), torque - torque.mean())
 
 
-def rubbing(trial):
+def rub(trial):
     velocity = np.gradient(trial["position"].to_numpy(), 1e-3)
-    return rebuild(trial, torque=trial["torque"].to_numpy() + 2.0 * np.tanh(velocity / 0.02))
-
-
-def turned(trial):
-    return rebuild(trial, **{name: -trial[name].to_numpy() for name in ("position", "torque", "reference")})
-
-
-def saturated(trial):
-    return rebuild(trial, torque=10.0 * np.tanh(trial["torque"].to_numpy() / 10.0))
+    return rebuild(trial, lambda torque: torque + 2.0 * np.tanh(velocity / 0.02))
 
 
 FAULTS = {
-    "ms after the position": late,
-    "high-pass of 0.": high_passed,
-    "friction of": rubbing,
-    "in the other direction": turned,
-    "flat where it is large": saturated,
+    "ms after the position": lambda trial: rebuild(trial, lambda x: np.concatenate([np.full(5, x[0]), x[:-5]])),
+    "high-pass of 0.": lambda trial: rebuild(trial, high_pass),
+    "friction of": rub,
+    "in the other direction": lambda trial: rebuild(trial, sign=-1.0),
+    "flat where it is large": lambda trial: rebuild(trial, lambda torque: 10.0 * np.tanh(torque / 10.0)),
 }
 
 
@@ -50,15 +37,13 @@ def trial():
     return simulate(seed=21)
 
 
-@pytest.mark.parametrize("method", ["riv", "riv-tv"])
+@pytest.mark.parametrize(("method", "options"), [("riv", {"delay": 0.04}), ("riv-tv", CYCLES)])
 @pytest.mark.parametrize("effect", FAULTS)
-def test_what_an_instrument_does_to_a_record_is_a_warning(trial, effect, method):
-    options = {"riv": {"delay": 0.04}, "riv-tv": {"cycle_onsets": np.arange(0.0, 48.0)}}[method]
+def test_what_an_instrument_does_to_a_record_is_a_warning(trial, effect, method, options):
     estimate = identify(FAULTS[effect](trial), method, **options)
     text = " ".join(estimate.diagnostics["warnings"])
     assert "the model lacks something that depends on the movement" in text
-    effects = [row["effect"] for row in estimate.diagnostics["alternatives"]]
-    assert any(effect in name for name in effects)
+    assert any(effect in row["effect"] for row in estimate.diagnostics["alternatives"])
     if effect != "in the other direction":  # many effects imitate a reflex that is absent
         assert effect in text
 
@@ -79,9 +64,9 @@ def test_intervals_take_in_what_the_likely_cause_does(trial, effect, name, truth
 @pytest.mark.parametrize("rate", [1000.0, 500.0])
 def test_a_delay_far_from_the_assumed_one_is_a_warning(rate):
     """Also that of a record whose time is stretched: the reflex comes twice as late."""
-    trial = simulate(seed=3, delay=0.08 if rate == 1000.0 else 0.04)
-    for method, options in (("riv", {}), ("riv", {"delay": 0.04}), ("riv-tv", {"cycle_onsets": np.arange(0.0, 48.0)})):
-        text = " ".join(identify(rebuild(trial, rate=rate), method, **options).diagnostics["warnings"])
+    trial = rebuild(simulate(seed=3, delay=0.08 if rate == 1000.0 else 0.04), rate=rate)
+    for method, options in (("riv", {}), ("riv", {"delay": 0.04}), ("riv-tv", CYCLES)):
+        text = " ".join(identify(trial, method, **options).diagnostics["warnings"])
         assert "delay" in text, (method, options)
 
 
@@ -90,7 +75,7 @@ def test_a_delay_far_from_the_assumed_one_is_a_warning(rate):
 )
 def test_a_complete_model_lacks_nothing(settings):
     trial = simulate(seed=4, **settings)
-    for method, options in (("riv", {}), ("riv-tv", {"cycle_onsets": np.arange(0.0, 48.0)})):
+    for method, options in (("riv", {}), ("riv-tv", CYCLES)):
         estimate = identify(trial, method, **options)
         assert "alternatives" not in estimate.diagnostics
         assert estimate.diagnostics["warnings"] == []

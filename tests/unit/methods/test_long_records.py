@@ -75,35 +75,31 @@ def test_a_record_in_degrees_with_other_names_and_another_sign_of_the_torque(tri
     assert estimate.stiffness["K"] == pytest.approx(ankleloop.identify(trial, "pr-moesp").stiffness["K"], rel=1e-5)
 
 
-def test_methods_and_options_without_use_for_long_records_are_refused(saved, tmp_path):
-    torques = tmp_path / "torques.nc"
-    with pytest.raises(DataError, match=r"long records are identified by pr-moesp, .*, not by the method 'riv'"):
-        identify_file(LongRecord(saved), torques, "riv")
-    with pytest.raises(DataError, match="needs a reference"):
-        identify_file(LongRecord(saved, reference=None), torques)
-    with pytest.raises(TypeError, match="method 'pr-moesp' of long records has no option 'free_b'; it has order, "):
-        identify_file(LongRecord(saved), torques, free_b=True)
-    with pytest.raises(ValueError, match=r"block_rows must be .* 3 .*samples, got 2\.$"):
-        identify_file(LongRecord(saved), torques, block_rows=2)
-    for options, message in (
-        ({"chunk": 0}, r"chunk must be .* 1 .*samples?, got 0"),
-        ({"chunk": -5}, r"chunk must be .* 1 .*samples?, got -5"),
-        ({"chunk": 1e-9}, r"chunk must be a whole number.*, got 1e-09"),
-        ({"chunk": "500"}, r"chunk must be a whole number.*, got '500'"),
-        ({"chunk": None}, r"chunk must be a whole number.*, got None"),
-        ({"overwrite": "no"}, r"overwrite must be true or false, got 'no'"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            identify_file(LongRecord(saved), torques, **options)
-    for options, message in (
-        ({"progress": 3}, "progress must be a function of a name and a share, or None, got 3"),
-        ({"memory": 1e-9}, "method 'pr-moesp' of long records has no option 'memory'"),
-    ):
-        with pytest.raises(TypeError, match=message):
-            identify_file(LongRecord(saved), torques, **options)
-    with pytest.raises(TypeError, match=r"record must be an ankleloop.LongRecord, got .*Path: identify takes trials"):
-        identify_file(saved, torques)
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"method": "riv"}, DataError, r"long records are identified by pr-moesp, .*, not by the method 'riv'"),
+        ({"free_b": True}, TypeError, "'pr-moesp' of long records has no option 'free_b'; it has order, "),
+        ({"memory": 1e-9}, TypeError, "method 'pr-moesp' of long records has no option 'memory'"),
+        ({"block_rows": 2}, ValueError, r"block_rows must be .* 3 .*samples, got 2\.$"),
+        ({"chunk": 0}, ValueError, r"chunk must be .* 1 .*samples?, got 0"),
+        ({"chunk": 1e-9}, ValueError, r"chunk must be a whole number.*, got 1e-09"),
+        ({"chunk": None}, ValueError, r"chunk must be a whole number.*, got None"),
+        ({"overwrite": "no"}, ValueError, r"overwrite must be true or false, got 'no'"),
+        ({"progress": 3}, TypeError, "progress must be a function of a name and a share, or None, got 3"),
+    ],
+)
+def test_methods_and_options_without_use_for_long_records_are_refused(saved, tmp_path, options, error, message):
+    with pytest.raises(error, match=message):
+        identify_file(LongRecord(saved), tmp_path / "torques.nc", **options)
     assert not list(tmp_path.glob("*torques*"))
+
+
+def test_records_without_use_are_refused(saved, tmp_path):
+    with pytest.raises(DataError, match="needs a reference"):
+        identify_file(LongRecord(saved, reference=None), tmp_path / "torques.nc")
+    with pytest.raises(TypeError, match=r"record must be an ankleloop.LongRecord, got .*Path: identify takes trials"):
+        identify_file(saved, tmp_path / "torques.nc")
 
 
 @settings(max_examples=5, deadline=None, phases=[Phase.explicit, Phase.generate])

@@ -15,46 +15,29 @@ def evaluate_vaf(trial, estimate):
     return evaluate(trial, estimate).set_index(["torque", "against"])["vaf"]
 
 
-def build_regressors(trial, basis, degree=5):
-    return prepare(trial).regressors(delay=0.04, basis=basis, degree=degree, identification_rate=100.0)
+def assert_joint(estimate, gain=13.0):
+    """K = 150, B = 0.8, I = 0.015 and a double pole at 40 rad/s."""
+    values = estimate.stiffness | estimate.reflex
+    truth = {"K": 150.0, "I": 0.015, "B": 0.8, "G": gain, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
+    for name, accuracy in zip(truth, (0.005, 0.005, 0.015, 0.005, 0.01, 0.01, 0.0), strict=True):
+        assert values[name] == pytest.approx(truth[name], rel=accuracy), name
+    np.testing.assert_allclose(np.poly(estimate.model.poles()), TRUE_POLES, atol=0.01)
 
 
 # --- recovery of the truth
-
-
-def assert_joint(estimate, gain):
-    """K = 150, B = 0.8, I = 0.015 and a double pole at 40 rad/s."""
-    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.005)
-    assert estimate.stiffness["I"] == pytest.approx(0.015, rel=0.005)
-    assert estimate.stiffness["B"] == pytest.approx(0.8, rel=0.015)
-    np.testing.assert_allclose(np.poly(estimate.model.poles()), TRUE_POLES, atol=0.01)
-    assert estimate.reflex["G"] == pytest.approx(gain, rel=0.005)
-    assert estimate.reflex["omega_n"] == pytest.approx(40.0, rel=0.01)
-    assert estimate.reflex["zeta"] == pytest.approx(1.0, rel=0.01)
-    assert estimate.reflex["delay"] == 0.04
 
 
 @pytest.mark.parametrize(
     ("method", "options"),
     [(method, {}) for method in MEMBERS]
     + [("pr-moesp", {"projection": "correlation"}), ("pr-moesp", {"input_matrices": "instruments"})],
-    ids=[*MEMBERS, "pr-moesp-correlation", "pr-moesp-instruments"],
+    ids=str,
 )
 @pytest.mark.parametrize("gain", [2.0, 13.0])
 def test_a_rectifier_recovers_the_joint_without_noise(clean, gain, method, options):
     estimate = identify(clean[gain], method, basis="rectifier", **options)
     assert_joint(estimate, gain)
-    result = evaluate_vaf(clean[gain], estimate)
-    assert result.min() >= 99.99
-
-
-@pytest.mark.parametrize("gain", [2.0, 13.0])
-def test_splines_recover_the_torques_without_noise(clean, gain):
-    estimate = identify(clean[gain], basis="spline", degree=8)
-    result = evaluate_vaf(clean[gain], estimate)
-    assert result.min() >= 99.99
-    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.005)
-    np.testing.assert_allclose(np.poly(estimate.model.poles()), TRUE_POLES, atol=0.01)
+    assert evaluate_vaf(clean[gain], estimate).min() >= 99.99
 
 
 def test_a_polynomial_is_not_a_rectifier(clean):
@@ -76,14 +59,10 @@ def test_the_third_order_form_of_the_reflex():
     assert evaluate_vaf(trial, third).min() >= 99.99
     assert evaluate_vaf(trial, second)["reflex", "true"] < 99.95
     assert third.reflex["G"] == pytest.approx(13.0, rel=0.005)
-    assert third.stiffness["K"] == pytest.approx(150.0, rel=0.005)
 
 
-def test_the_order_is_two_without_noise(clean):
+def test_the_order_and_the_delay_are_found_without_noise(clean):
     assert identify(clean[13.0], "pr-moesp", basis="rectifier", order=None).diagnostics["order"] == 2
-
-
-def test_the_true_delay_explains_most(clean):
     first, true, last = (
         evaluate_vaf(clean[13.0], identify(clean[13.0], "pr-moesp", basis="rectifier", delay=delay))["net", "true"]
         for delay in (0.03, 0.04, 0.05)
@@ -102,20 +81,13 @@ def test_other_identification_rates(clean, rate):
 # --- models
 
 
-@pytest.mark.parametrize(
-    ("basis", "degree", "terms"),
-    [
-        ("chebyshev", 5, [f"chebyshev_{k}" for k in range(1, 6)]),
-        ("rectifier", 1, ["rectified_velocity"]),
-        ("spline", 6, [f"spline_{k}" for k in range(1, 7)]),
-    ],
-)
-@pytest.mark.parametrize("free_b", [False, True])
-@pytest.mark.parametrize("method", MEMBERS)
-def test_the_model_reproduces_the_torques(noisy, method, basis, degree, terms, free_b):
+@pytest.mark.parametrize(("basis", "degree"), [("chebyshev", 5), ("rectifier", 1), ("spline", 6)])
+@pytest.mark.parametrize(("method", "free_b"), [*((method, False) for method in MEMBERS), ("pr-moesp", True)])
+def test_the_model_reproduces_the_torques(noisy, method, basis, degree, free_b):
     estimate = identify(noisy, method, basis=basis, degree=degree, free_b=free_b)
-    regressors = build_regressors(noisy, basis, degree)
+    regressors = prepare(noisy).regressors(delay=0.04, basis=basis, degree=degree, identification_rate=100.0)
     model = estimate.model
+    terms = ["rectified_velocity"] if basis == "rectifier" else [f"{basis}_{k}" for k in range(1, degree + 1)]
     assert model.input_labels == ["position", "velocity", "acceleration", *terms] == list(regressors.names)
     u = (regressors.inputs - regressors.inputs.mean(axis=0)).T
     # From this sample on the effect of the initial state is below rounding.
@@ -124,17 +96,15 @@ def test_the_model_reproduces_the_torques(noisy, method, basis, degree, terms, f
     for torque, channels in (("net", slice(None)), ("intrinsic", slice(0, 3)), ("reflex", slice(3, None))):
         inputs = np.zeros_like(u)
         inputs[channels] = u[channels]
-        simulated = control.forced_response(model, inputs=inputs).outputs[0]
+        simulated = control.forced_response(model, inputs=inputs).outputs[0][start:]
         actual = estimate.torque[torque].values[start:]
         # Torques are deviations from their means.
-        np.testing.assert_allclose(
-            actual - actual.mean(), simulated[start:] - simulated[start:].mean(), atol=1e-7, err_msg=torque
-        )
+        np.testing.assert_allclose(actual - actual.mean(), simulated - simulated.mean(), atol=1e-7, err_msg=torque)
     np.testing.assert_allclose(estimate.torque["time"], regressors.time, rtol=1e-14)
     stiffness = [estimate.stiffness[name] for name in "KBI"]
     if free_b:  # the effect of P, Ṗ and P̈ through the state counts as well
-        u, intrinsic = u[:3].T, estimate.torque["intrinsic"].values
-        np.testing.assert_allclose(stiffness, np.linalg.lstsq(u, intrinsic, rcond=None)[0], rtol=1e-6)
+        expected = np.linalg.lstsq(u[:3].T, estimate.torque["intrinsic"].values, rcond=None)[0]
+        np.testing.assert_allclose(stiffness, expected, rtol=1e-6)
         assert np.all(model.B != 0)
     else:
         assert stiffness == model.D[0, :3].tolist()
@@ -147,8 +117,7 @@ def test_free_b_still_separates_the_torques(clean, basis):
     estimate = identify(clean[13.0], "pr-moesp", basis=basis, degree=8, free_b=True)
     result = evaluate_vaf(clean[13.0], estimate)
     assert result["net", "true"] >= 99.9
-    assert result["intrinsic", "true"] >= 99.0
-    assert result["reflex", "true"] >= 99.0
+    assert min(result["intrinsic", "true"], result["reflex", "true"]) >= 99.0
     assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.05)
 
 
@@ -168,28 +137,19 @@ def test_members_differ_in_their_instruments(noisy, method, instruments, project
     assert diagnostics.get("reference") == ("reference" if method == "pr-moesp" else None)
 
 
-@pytest.mark.parametrize("order", [2, 3])
-def test_the_correlation_form_has_enough_instruments_by_default(noisy, order):
-    diagnostics = identify(noisy, "pr-moesp", basis="rectifier", projection="correlation", order=order).diagnostics
-    assert diagnostics["instrument_rows"] >= 4 * 15 + order
-
-
-def test_the_linear_term_of_a_polynomial_repeats_the_velocity(clean):
-    """T₁ is the velocity 4 samples late: 11 of its 15 Hankel rows are rows of the velocity, up to filter errors."""
+def test_ranks_and_stability_are_diagnostics(clean, noisy):
+    for order in (2, 3):
+        diagnostics = identify(noisy, "pr-moesp", basis="rectifier", projection="correlation", order=order).diagnostics
+        assert diagnostics["instrument_rows"] >= 4 * 15 + order
+    # T₁ is the velocity 4 samples late: 11 of its 15 Hankel rows are rows of the velocity, up to filter errors.
     diagnostics = identify(clean[13.0], "pr-moesp", basis="chebyshev", degree=1, order=1).diagnostics
     assert diagnostics["rank"] <= 4 * 15 - 11
     assert diagnostics["condition"] < 1e5
-
-
-def test_an_unstable_high_order_is_stabilised_with_a_warning(noisy):
-    estimate = identify(noisy, "pi-moesp", basis="rectifier", order=6)
-    assert not estimate.diagnostics["stable"]
-    assert np.max(np.abs(estimate.model.poles())) < 1
-    (warning,) = estimate.diagnostics["warnings"]
-    assert "unstable A (spectral radius 1.0" in warning
-    assert "order 6" in warning
-    assert warning in repr(estimate)
-    assert evaluate_vaf(noisy, estimate)["net", "measured"] > 90
+    unstable = identify(noisy, "pi-moesp", basis="rectifier", order=6)
+    (warning,) = unstable.diagnostics["warnings"]
+    assert all(text in warning for text in ("unstable A (spectral radius 1.0", "order 6"))
+    assert warning in repr(unstable)
+    assert evaluate_vaf(noisy, unstable)["net", "measured"] > 90
 
 
 # --- the reference
@@ -210,7 +170,7 @@ def test_the_position_serves_as_reference_of_an_open_loop_record(options):
     trial = simulate(seed=1, duration=20.0, closed_loop=False, voluntary=0.0, snr_db=None).drop_vars("reference")
     estimate = identify(trial, "pr-moesp", basis="rectifier", reference="position", **options)
     assert estimate.diagnostics["reference"] == "position"
-    assert_joint(estimate, 13.0)
+    assert_joint(estimate)
     assert evaluate_vaf(trial, estimate).min() >= 99.99
 
 
@@ -222,23 +182,21 @@ def test_short_trials_are_merged():
     whole = simulate(seed=1, snr_db=None, voluntary=0.0)
     parts = [segment(whole, 5.0 * k, 5.0 * (k + 1)) for k in range(10)]
     estimates = identify(parts, "pr-moesp", basis="rectifier")
-    assert len(estimates) == 10
     assert all(e.stiffness == estimates[0].stiffness for e in estimates)
     assert estimates[0].stiffness["K"] == pytest.approx(150.0, rel=2e-3)
     assert estimates[0].reflex["G"] == pytest.approx(13.0, rel=5e-3)
     for part, estimate in zip(parts, estimates, strict=True):
         assert evaluate(part, estimate, trim=0.0).query("torque == 'net'")["vaf"].min() > 99.9
-    shuffled = [parts[k] for k in (3, 8, 1, 6, 0, 9, 4, 7, 2, 5)]
-    again = identify(shuffled, "pr-moesp", basis="rectifier")
+    again = identify([parts[k] for k in (3, 8, 1, 6, 0, 9, 4, 7, 2, 5)], "pr-moesp", basis="rectifier")
     assert again[0].stiffness["K"] == pytest.approx(estimates[0].stiffness["K"], rel=1e-6)
 
 
 def test_only_methods_that_merge_take_several_trials():
     parts = [simulate(seed=seed, duration=8.0) for seed in range(3)]
     merged = identify(parts, "pr-moesp", basis="chebyshev", input_matrices="instruments")
-    assert len({id(e.matrices) for e in merged}) == 1
+    assert len({e.matrices.D.tobytes() for e in merged}) == 1
     with pytest.raises(
-        DataError, match="parallel-cascade identifies one trial at a time; trials are merged by pr-moesp"
+        DataError, match="parallel-cascade identifies one trial at a time; trials are merged by pr-moes"
     ):
         identify(parts, "parallel-cascade")
     for name, method in METHODS.items():

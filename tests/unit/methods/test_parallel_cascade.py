@@ -96,22 +96,18 @@ def test_convergence_that_is_not_reached_is_a_warning(noisy, monkeypatch):
     assert diagnostics["warnings"][0] == "no convergence within 3 passes"
 
 
-@pytest.mark.parametrize("gain", [2.0, 13.0])
-def test_the_converged_parallel_cascade_has_no_bias_without_noise(clean, gain):
-    estimate = identify(clean[gain], "parallel-cascade", tolerance=1e-6)
-    gains = np.diff(estimate.diagnostics["history"])
-    assert np.all(gains[:-1] >= 1e-6)
-    assert 0 < gains[-1] < 1e-6
-    assert evaluate_vaf(clean[gain], estimate).min() >= 99.9
-    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.01)
-    assert estimate.stiffness["I"] == pytest.approx(0.015, rel=0.01)
-    assert estimate.reflex["G"] == pytest.approx(gain, rel=0.01)
-
-
-def test_the_first_pass_is_biased_in_closed_loop(clean):
+def test_the_first_pass_is_biased_in_closed_loop_and_the_last_one_not(clean):
     first = evaluate_vaf(clean[13.0], identify(clean[13.0], "parallel-cascade", max_passes=1))
     assert first["intrinsic", "true"] < 70
     assert first["reflex", "true"] < 75
+    estimate = identify(clean[13.0], "parallel-cascade", tolerance=1e-6)
+    gains = np.diff(estimate.diagnostics["history"])
+    assert np.all(gains[:-1] >= 1e-6)
+    assert 0 < gains[-1] < 1e-6
+    assert evaluate_vaf(clean[13.0], estimate).min() >= 99.9
+    values = estimate.stiffness | estimate.reflex
+    for name, truth in {"K": 150.0, "I": 0.015, "G": 13.0}.items():
+        assert values[name] == pytest.approx(truth, rel=0.01)
 
 
 def minimum_description_length(lags, target):
@@ -140,14 +136,3 @@ def test_rank_by_minimum_description_length(cascades):
 def test_responses_longer_than_the_record_are_refused(noisy):
     with pytest.raises(DataError, match=r"leaves \d+ samples for 510 unknowns: record longer, or shorten"):
         identify(noisy.isel(time=slice(0, 10_000)), "parallel-cascade", reflex_lags=5.0)
-
-
-def test_lagged_inputs_whose_products_show_too_little_are_taken_themselves(cascades, monkeypatch):
-    """Both ways from the lagged inputs to their directions give the same torques."""
-    trial, _ = cascades["noisy"]
-    expected = identify(trial, "parallel-cascade", max_passes=3)
-    monkeypatch.setattr(parallel_cascade, "LARGEST_CONDITION", 0.0)
-    estimate = identify(trial, "parallel-cascade", max_passes=3)
-    assert not estimate.torque.identical(expected.torque)  # by rounding
-    np.testing.assert_allclose(estimate.torque["intrinsic"], expected.torque["intrinsic"], atol=1e-8)
-    np.testing.assert_allclose(estimate.torque["reflex"], expected.torque["reflex"], atol=1e-8)

@@ -5,7 +5,7 @@ import pytest
 
 import ankleloop
 from ankleloop import identify, new_trial, simulate
-from ankleloop.methods.real_time import _lag_input, _track
+from ankleloop.methods.real_time import _track
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import draw_perturbation
 
@@ -26,14 +26,9 @@ def means():
     return values
 
 
-def test_a_decorrelating_perturbation_gives_the_truth(means):
-    assert means["pulses"]["K"] == pytest.approx(150.0, rel=0.03)
-    assert means["pulses"]["B"] == pytest.approx(0.8, rel=0.05)
-    assert means["pulses"]["I"] == pytest.approx(0.015, rel=0.05)
-    assert means["pulses"]["G"] == pytest.approx(5.0, rel=0.05)
-
-
-def test_a_prbs_biases_the_stiffness(means):
+def test_a_decorrelating_perturbation_gives_the_truth_and_a_prbs_a_bias(means):
+    for name, truth, accuracy in (("K", 150.0, 0.03), ("B", 0.8, 0.05), ("I", 0.015, 0.05), ("G", 5.0, 0.05)):
+        assert means["pulses"][name] == pytest.approx(truth, rel=accuracy)
     assert means["prbs"]["K"] > 1.05 * 150.0
 
 
@@ -90,8 +85,9 @@ def test_torque_covers_the_record_and_means_exclude_the_settling_time():
     assert (scores > 95).all()
 
 
-def test_lags_before_the_record_are_its_first_value():
-    np.testing.assert_array_equal(_lag_input(np.array([1.0, 2.0, 3.0]), 2), [[1, 1, 1], [2, 1, 1], [3, 2, 1]])
+def test_the_start_from_zero_is_never_averaged():
+    with pytest.raises(ValueError, match="settling must be between 1 and 1e6 s"):
+        identify(simulate(seed=1, duration=10.0), "real-time", settling=0.0)
 
 
 def test_pulses_are_symmetric_and_half_of_the_intervals_have_none():
@@ -102,8 +98,3 @@ def test_pulses_are_symmetric_and_half_of_the_intervals_have_none():
     assert np.mean(starts == 0) == pytest.approx(0.5, abs=0.05)
     assert abs(starts.mean()) < 0.002
     assert not x.reshape(-1, 200)[:, 20:].any()
-
-
-def test_the_start_from_zero_is_never_averaged():
-    with pytest.raises(ValueError, match="settling must be between 1 and 1e6 s"):
-        identify(simulate(seed=1, duration=10.0), "real-time", settling=0.0)

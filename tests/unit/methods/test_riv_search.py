@@ -57,15 +57,12 @@ def test_the_left_side_is_the_slope_of_the_misfit_in_open_loop(weighting):
     """By differences; weights from the noise are smoothed in one and not in the other, so they agree but for that."""
     equations, start = set_up(simulate(seed=1, closed_loop=False), weighting=weighting, reference="position")
     point = Point(equations, start)
-    steps = 1e-3 * np.diag(1.0 / np.sqrt(np.diag(point.information)))
-    slope = np.array(
-        [
-            Point(equations, point.parameters.add(step)).misfit - Point(equations, point.parameters.add(-step)).misfit
-            for step in steps
-        ]
-    ) / (2 * np.diag(steps))
-    expected = -4.0 / equations.band.correlation * point.side
     relative = np.sqrt(np.diag(point.information))
+    slope = []
+    for step in 1e-3 * np.diag(1.0 / relative):
+        ahead, behind = (Point(equations, start.add(sign * step)).misfit for sign in (1.0, -1.0))
+        slope.append((ahead - behind) / (2 * step.sum()))
+    expected = -4.0 / equations.band.correlation * point.side
     tolerance = 0.15 if weighting == "noise" else 1e-3
     assert np.linalg.norm((slope - expected) / relative) < tolerance * np.linalg.norm(expected / relative)
 
@@ -73,19 +70,16 @@ def test_the_left_side_is_the_slope_of_the_misfit_in_open_loop(weighting):
 @pytest.mark.parametrize("weighting", ["noise", "flat"])
 @pytest.mark.parametrize("reference", ["reference", "position"])
 def test_the_full_slope_by_differences(weighting, reference):
-    trial = simulate(seed=2, duration=20.0)
     options = {"order": 3, "basis": "spline", "degree": 6, "estimate_delay": True}
-    equations, start = set_up(trial, weighting=weighting, reference=reference, **options)
+    equations, start = set_up(simulate(seed=2, duration=20.0), weighting=weighting, reference=reference, **options)
     point = Point(equations, start)
-    steps = 1e-4 * np.diag(1.0 / np.sqrt(np.diag(point.information)))
-    level = 1.0 if weighting == "noise" else point.level.mean()
-    columns = []
-    for step in steps:
-        ahead, behind = (Point(equations, point.parameters.add(sign * step)) for sign in (1.0, -1.0))
+    scale, columns = np.sqrt(np.diag(point.information)), []
+    for step in 1e-4 * np.diag(1.0 / scale):
+        points = [Point(equations, start.add(sign * step)) for sign in (1.0, -1.0)]
         # The level of flat weights is immaterial: it is held, as the slope does.
-        factors = [1.0 if weighting == "noise" else p.level.mean() / level for p in (ahead, behind)]
-        columns.append((ahead.side * factors[0] - behind.side * factors[1]) / (2 * step.sum()))
-    scale = np.sqrt(np.diag(point.information))
+        levels = [1.0 if weighting == "noise" else p.level.mean() / point.level.mean() for p in points]
+        ahead, behind = (p.side * level for p, level in zip(points, levels, strict=True))
+        columns.append((ahead - behind) / (2 * step.sum()))
     difference = (np.array(columns).T + point.slope) / np.outer(scale, scale)
     assert np.max(np.abs(difference)) < 2e-3 * np.max(np.abs(point.slope / np.outer(scale, scale)))
 

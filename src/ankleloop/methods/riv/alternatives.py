@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.riv.covariance import LEVEL, asymptotic_covariance, movement_p
-from ankleloop.methods.riv.equations import Equations, Point, solve_scaled
+from ankleloop.methods.riv.equations import Equations, Parameters, Point, solve_scaled
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES
 
@@ -23,24 +22,23 @@ ROUNDS = 3  # fits of an effect
 STRETCH_DELAY = (QUANTITIES["delay"].plausible[0], 0.1)  # s, of a stretch reflex; somewhat longer ones are warned about
 POLE = 100.0  # rad/s, where the search for a third one begins
 
-# What an effect is called with its size, the factor to the unit of this text, and what to do.
+# What an effect is called with its size, and what to do.
 EFFECTS = {
-    "delay": ("a reflex delay of {:.3g} ms", 1e3, "give no delay, so that it is estimated"),
-    "order": ("a third pole of the reflex at {:.3g} rad/s", 1.0, "take order=3"),
-    "lag": ("a torque recorded {:.2g} ms {} the position", 1e3, "record both through equal filters"),
+    "delay": ("a reflex delay of {:.3g} ms", "give no delay, so that it is estimated"),
+    "order": ("a third pole of the reflex at {:.3g} rad/s", "take order=3"),
+    "lag": ("a torque recorded {:.2g} ms {} the position", "record both through equal filters"),
     "high-pass": (
         "a high-pass of {:.2g} Hz in the torque",
-        0.5 / np.pi,
         "record the torque without AC coupling or removal of drift",
     ),
-    "friction": ("a friction of {:.2g} N·m", 1.0, "measure the friction of the bearing, and subtract it"),
+    "friction": ("a friction of {:.2g} N·m", "measure the friction of the bearing, and subtract it"),
     "direction": (
         "a reflex gain of {:.3g} N·m·s/rad in the other direction",
-        1.0,
         "if position and torque are positive the other way, turn round position, torque and reference",
     ),
-    "compression": ("a torque that is flat where it is large", 1.0, "widen the range of the torque sensor"),
+    "compression": ("a torque that is flat where it is large", "widen the range of the torque sensor"),
 }
+FACTORS = {"delay": 1e3, "lag": 1e3, "high-pass": 0.5 / np.pi}  # to the unit of this text
 
 
 @dataclass(frozen=True)
@@ -55,9 +53,8 @@ class Alternative:
     @property
     def text(self) -> str:
         """The effect with its size."""
-        text, factor, _ = EFFECTS[self.effect]
-        size = abs(self.value) if self.effect == "lag" else self.value
-        return text.format(factor * size, "after" if self.value > 0.0 else "before")
+        size = FACTORS.get(self.effect, 1.0) * (abs(self.value) if self.effect == "lag" else self.value)
+        return EFFECTS[self.effect][0].format(size, "after" if self.value > 0.0 else "before")
 
     @property
     def significant(self) -> bool:
@@ -96,7 +93,7 @@ def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) ->
     if large is not None:
         warnings.append(
             f"the model lacks something that depends on the movement. {large.text[0].upper()}{large.text[1:]} explains "
-            f"much of it and moves {format_shifts(large.shifts)}: {EFFECTS[large.effect][2]}."
+            f"much of it and moves {format_shifts(large.shifts)}: {EFFECTS[large.effect][1]}."
         )
     diagnostics = {**estimate.diagnostics, "alternatives": rows, "warnings": warnings}
     return replace(estimate, intervals=intervals, diagnostics=diagnostics)
@@ -113,7 +110,7 @@ def format_shifts(shifts: Mapping[str, float]) -> str:
 
 
 def find_alternatives(solution: Search) -> list[Alternative]:
-    """Effects that the record shows and the model does not have.
+    """Effects that the record may show and the model does not have.
 
     The score of each effect costs one solution of linear equations; where it is significant, the equations are solved
     with the effect as a further unknown.
@@ -123,46 +120,43 @@ def find_alternatives(solution: Search) -> list[Alternative]:
         effects.append("direction")
     alternatives = [_free_effect(effect, solution) for effect in effects]
     if "delay" not in p.delays and movement_p(solution.point) < LEVEL:
-        alternatives.append(_free_unknown("delay", solution))
+        alternatives += _free_unknown("delay", solution, replace(p, delays=("delay",)))
         if p.dynamics.pole is None:  # a third pole and a free delay are nearly the same
-            alternatives.append(_free_unknown("pole", solution))
-    return [alternative for alternative in alternatives if alternative is not None]
+            alternatives += _free_unknown("order", solution, replace(p, dynamics=replace(p.dynamics, pole=POLE)))
+    return alternatives
 
 
-def _free_effect(effect: str, solution: Search) -> Alternative | None:
-    """The solution with an effect, by steps of its size; None if it is not significant."""
+def _free_effect(effect: str, solution: Search) -> Alternative:
+    """The solution with an effect, by steps of its size; without shifts if it is not significant."""
     origin, freed, value = solution.equations, solution, 0.0
     step, error = _step(solution, *_rows(effect, solution.point, origin))
     found = Alternative(effect, step, step / error, {})
     if not found.significant:
-        return None
+        return found
     for number in range(1 if effect == "compression" else ROUNDS):  # a cube is but the direction of a saturation
-        if number:
-            step, _ = _step(freed, *_rows(effect, freed.point, origin))
-        value += step
+        rows = _rows(effect, freed.point, origin)
+        value += _step(freed, *rows)[0] if number else step
         equations = copy(origin)
-        if effect == "lag":
-            equations.torque = origin.torque * np.exp(origin.band.s * value)
-        else:
-            equations.torque = origin.torque - value * _rows(effect, freed.point, origin)[0]
+        shifted = origin.torque * np.exp(origin.band.s * value) if effect == "lag" else origin.torque - value * rows[0]
+        equations.torque = shifted
         freed = solve(equations, freed.point.parameters, solution.max_iterations, solution.tolerance)
     return replace(found, value=value, shifts=compute_shifts(solution.point.values, freed.point.values))
 
 
 def _rows(effect: str, point: Point, origin: Equations) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives of the torque with respect to the size of an effect, by the measured and by the predicted inputs."""
-    e, s = point.equations, origin.band.s
+    e, band, s = point.equations, origin.band, origin.band.s
     predicted = point.parameters.linear @ point.instruments[: point.parameters.linear.size]
     if effect == "lag":
         return -s * e.torque, -s * predicted
     if effect == "high-pass":
         return -origin.torque / s, -predicted / s
     if effect == "compression":
-        cubes = (e.regressors.torque - e.regressors.torque.mean()) ** 3, e.band.signals(predicted) ** 3
-        return -e.band.transform(cubes[0]), -e.band.transform(cubes[1])
+        measured = e.regressors.torque - e.regressors.torque.mean()
+        return -band.transform(measured**3), -band.transform(band.signals(predicted) ** 3)
     if effect == "friction":
-        inputs = e.regressors.inputs, e.predicted_inputs
-        return e.band.transform(np.sign(inputs[0][:, 1])), e.band.transform(np.sign(inputs[1][:, 1]))
+        velocities = e.regressors.inputs[:, 1], e.predicted_inputs[:, 1]
+        return band.transform(np.sign(velocities[0])), band.transform(np.sign(velocities[1]))
     response, late = point.parameters.responses(s)[0], np.exp(-s * e.delay)
     drives = e.measured[MOTION] - late * e.measured[1], e.predicted[MOTION] - late * e.predicted[1]
     return response * drives[0], response * drives[1]
@@ -177,20 +171,15 @@ def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tu
     return float(inverse[-1] @ np.real(weighted @ point.residual)), float(np.sqrt(inverse[-1] @ scatter @ inverse[-1]))
 
 
-def _free_unknown(name: Literal["delay", "pole"], solution: Search) -> Alternative | None:
-    """The solution with the delay or a third pole as an unknown."""
-    p = solution.point.parameters
-    start = replace(p, delays=("delay",)) if name == "delay" else replace(p, dynamics=replace(p.dynamics, pole=POLE))
+def _free_unknown(effect: str, solution: Search, start: Parameters) -> list[Alternative]:
+    """The solution from a start that has the delay or a third pole as an unknown, where there is one."""
     freed = solve(solution.equations, start, solution.max_iterations, solution.tolerance)
-    values, (shortest, longest) = freed.point.values, STRETCH_DELAY
-    unlikely = name == "delay" and not shortest < values["delay"] < longest
-    if unlikely or not freed.converged or name in freed.held:
-        return None
-    error = last_error(freed)
-    shifts = compute_shifts(solution.point.values, values)
-    if name == "delay":
-        return Alternative("delay", values["delay"], freed.point.parameters.shift / error, shifts)
-    return Alternative("order", values["pole"], 1.0 / error, shifts)  # the score is that of its time constant
+    point, (shortest, longest) = freed.point, STRETCH_DELAY
+    values, shift, name = point.values, point.parameters.shift, "delay" if effect == "delay" else "pole"
+    if not freed.converged or name in freed.held or not (name == "pole" or shortest < values["delay"] < longest):
+        return []
+    score = (shift if name == "delay" else 1.0) / last_error(freed)  # that of the time constant of a pole
+    return [Alternative(effect, values[name], score, compute_shifts(solution.point.values, values))]
 
 
 def last_error(solution: Search) -> float:

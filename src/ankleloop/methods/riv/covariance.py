@@ -152,18 +152,14 @@ def estimate_intervals(
     values: Mapping[str, float], deviations: Mapping[str, float], quantile: float
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
     """Standard errors and intervals of parameters, some of which have the deviations of their logarithms."""
-    errors, intervals = {}, {}
-    for name, deviation in deviations.items():
-        if name not in values:
-            continue
-        value, logarithmic = values[name], name in LOGARITHMIC
-        errors[name] = deviation * (value if logarithmic else 1.0)
-        margin = quantile * errors[name]
-        if logarithmic:
+    factors = {name: values[name] if name in LOGARITHMIC else 1.0 for name in deviations if name in values}
+    errors, intervals = {name: factor * deviations[name] for name, factor in factors.items()}, {}
+    for name, error in errors.items():
+        value, margin = values[name], quantile * error
+        intervals[name] = value - margin, value + margin
+        if name in LOGARITHMIC:
             ratio = float(np.exp(min(margin / value, WIDEST)))
             intervals[name] = value / ratio, value * ratio
-        else:
-            intervals[name] = value - margin, value + margin
     return errors, intervals
 
 

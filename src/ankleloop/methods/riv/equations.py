@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy import linalg
-from scipy.linalg import lapack
 
 from ankleloop.joint.dynamics import ReflexDynamics, respond
 from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
@@ -19,7 +18,6 @@ NOISE_RESOLUTION = 0.4  # Hz
 DELAY_LIMITS = (0.015, 0.15)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity
 FASTEST_POLE = 20.0  # of the highest frequency: a pole beyond [rad/s] acts like a delay of a millisecond
 NO_POLE = 100.0  # of that limit: a third pole that is held there is none
-WELL_CONDITIONED = 1e-9  # reciprocal condition number
 SINGULAR = 1e-12  # of the largest singular value of scaled equations
 DIFFERENCE = 1e-5  # of a logarithm, or s, for second derivatives
 DELAYS = np.arange(0.02, 0.121, 0.01)  # s: candidates for the start of an unknown delay
@@ -47,6 +45,11 @@ class Parameters:
         shift, lag = self.shift + steps.get("delay", 0.0), self.lag + steps.get("torque_lag", 0.0)
         return Parameters(self.linear + linear, self.dynamics.scale(dynamics), shift, lag, self.delays)
 
+    def limit_delay(self, delay: float) -> Parameters:
+        """Parameters whose delay, if it is an unknown, is that of a stretch reflex, by the delay of the inputs."""
+        low, high = (limit - delay for limit in DELAY_LIMITS)
+        return replace(self, shift=min(max(self.shift, low), high)) if "delay" in self.delays else self
+
     def responses(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Response of the reflex with its shift of the delay, and its derivatives with respect to its unknowns."""
         response, derivatives = self.dynamics.response(s)
@@ -56,6 +59,18 @@ class Parameters:
             response, rows = delay * response, delay * rows
         return response, rows
 
+    def torque(self, motion: np.ndarray, drive: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """Torque of inputs that act at once and of those of the dynamics, shapes (..., frequencies)."""
+        return self.linear[: len(motion)] @ motion + self.responses(s)[0] * (self.linear[len(motion) :] @ drive)
+
+    def differentiate(self, motion: np.ndarray, drive: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """Derivatives of that torque with respect to all unknowns, shape (unknowns, frequencies)."""
+        response, rows = self.responses(s)
+        spectra = [motion, response * drive, rows * (self.linear[len(motion) :] @ drive)]
+        if "torque_lag" in self.delays:
+            spectra.append(-s[None] * self.torque(motion, drive, s))
+        return np.vstack(spectra)
+
 
 class Point:
     """The equations at some parameters; weights and instruments are those of these parameters."""
@@ -63,8 +78,7 @@ class Point:
     def __init__(self, equations: Equations, parameters: Parameters) -> None:
         e, p, linear = equations, parameters, parameters.linear
         self.equations, self.parameters = e, p
-        terms = (f"c{k}" for k in range(1, linear.size - MOTION + 1))
-        self.names = ("K", "B", "I", *terms, *p.unknowns)  # of all unknowns
+        self.names = (*"KBI", *(f"c{k}" for k in range(1, linear.size - MOTION + 1)), *p.unknowns)  # of all unknowns
         self.path = ReflexPath(StaticNonlinearity(e.regressors.basis, linear[MOTION:]), p.dynamics)
         # Whether a pole of the second-order part is so fast that it cannot be told from a delay.
         omega_n, zeta = p.dynamics.omega_n, p.dynamics.zeta
@@ -152,22 +166,16 @@ class Equations:
 
     def differentiate(self, spectra: np.ndarray, parameters: Parameters) -> np.ndarray:
         """Derivatives of the torque with respect to the parameters, by some inputs, shape (unknowns, frequencies)."""
-        response, derivatives = parameters.responses(self.band.s)
-        drive = spectra[MOTION:]
-        nonlinear = derivatives * (parameters.linear[MOTION:] @ drive)
-        return np.vstack([spectra[:MOTION], response * drive, nonlinear])
+        return parameters.differentiate(spectra[:MOTION], spectra[MOTION:], self.band.s)
 
     def hold_at_limits(self, parameters: Parameters) -> tuple[Parameters, set[str]]:
         """Parameters without a third pole or a delay beyond their limits, and the names of those that were."""
-        names = set()
+        limited = parameters.limit_delay(self.delay)
+        names = set() if limited.shift == parameters.shift else {"delay"}
         if (parameters.dynamics.pole or 0.0) >= self.pole_limit:
-            parameters = replace(parameters, dynamics=replace(parameters.dynamics, pole=NO_POLE * self.pole_limit))
+            limited = replace(limited, dynamics=replace(limited.dynamics, pole=NO_POLE * self.pole_limit))
             names.add("pole")
-        shortest, longest = (limit - self.delay for limit in DELAY_LIMITS)
-        if "delay" in parameters.delays and not shortest < parameters.shift < longest:
-            parameters = replace(parameters, shift=min(max(parameters.shift, shortest), longest))
-            names.add("delay")
-        return parameters, names
+        return limited, names
 
     def find_start(self, order: int, *, estimate_delay: bool) -> Parameters:
         """Best of a grid of dynamics for the predicted position, a fit to the torque that it explains."""
@@ -184,12 +192,8 @@ class Equations:
 def solve_scaled(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve normal equations whose unknowns differ in unit; directions without information get zero."""
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), np.finfo(float).tiny))
-    scaled = normal * (scale[:, None] * scale)
-    right = (right.T * scale).T
-    factor, pivots, failure = lapack.dgetrf(scaled)
-    if failure == 0 and lapack.dgecon(factor, np.abs(scaled).sum(axis=0).max())[0] > WELL_CONDITIONED:
-        return (lapack.dgetrs(factor, pivots, right)[0].T * scale).T
-    return (linalg.lstsq(scaled, right, cond=SINGULAR)[0].T * scale).T
+    solution = linalg.lstsq(normal * (scale[:, None] * scale), (right.T * scale).T, cond=SINGULAR)[0]
+    return (solution.T * scale).T
 
 
 def fit_grid(

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
-
-import numpy as np
+from typing import Literal
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.method import NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
+from ankleloop.methods.method import INPUTS, NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
 from ankleloop.methods.riv.alternatives import STRETCH_DELAY, add_alternatives, find_alternatives, last_error
-from ankleloop.methods.riv.covariance import (
-    choose_covariance,
-    estimate_deviations,
-    estimate_intervals,
-    smallest_correlation,
-)
+from ankleloop.methods.riv.covariance import choose_covariance, estimate_deviations, estimate_intervals
 from ankleloop.methods.riv.equations import Equations
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import Options, option
-from ankleloop.signals.reference import explained_share
 
 CERTAIN_DELAY = 0.005  # s, standard error
 
@@ -96,14 +88,12 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     Estimate
         With 95 % intervals of K, B, I, G, ωn, ζ, of the third pole, of the threshold where the basis can have one, and
         of the delay where it is estimated. `diagnostics`: iterations, converged, criterion_start, criterion (size of
-        the equations' left side at start and end, in units of its standard deviation, squared), instrument_strength
-        (smallest canonical correlation of instruments and regressors), explained (share of the position that the
-        reference explains), intervals (asymptotic, robust or None),
-        movement_p (probability of a residual that depends as much on the movement, if the model were complete),
-        interval_segment (length of the segments that robust intervals count [s]), standard_errors, noise_frequency
-        [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint that the record
-        shows and the model does not have, with their scores (size over standard error) and the relative shifts of K,
-        B, I and G (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them.
+        the equations' left side at start and end, in units of its standard deviation, squared), intervals (asymptotic,
+        robust or None), movement_p (probability of a residual that depends as much on the movement, if the model were
+        complete), interval_segment (length of the segments that robust intervals count [s]), standard_errors, and
+        alternatives: effects of the instruments or of the joint that the record shows and the model does not have, with
+        their scores (size over standard error) and the relative shifts of K, B, I and G
+        (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them.
 
     Raises
     ------
@@ -137,13 +127,9 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
 
 
 def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
-    regressors = trial.regressors(
-        delay=NOMINAL_DELAY if options.delay is None else options.delay,
-        basis=options.basis or "rectifier",
-        degree=options.degree,
-        identification_rate=options.identification_rate,
-        reference=options.reference,
-    )
+    inputs = options.model_dump(include={*INPUTS, "reference"}) | {"basis": options.basis or "rectifier"}
+    inputs["delay"] = NOMINAL_DELAY if options.delay is None else options.delay
+    regressors = trial.regressors(**inputs)
     equations = Equations(trial, regressors, options.weighting)
     start = equations.find_start(options.order, estimate_delay=estimate_delay)
     return solve(equations, start, options.max_iterations, options.tolerance)
@@ -151,21 +137,15 @@ def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -
 
 def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]) -> Estimate:
     """Torques, physical parameters, and their intervals where the search has converged."""
-    point, equations, regressors = solution.point, solution.equations, solution.equations.regressors
+    point, regressors = solution.point, solution.equations.regressors
     parameters, values = point.parameters, point.values
-    errors: dict[str, float] = {}
-    intervals: dict[str, tuple[float, float]] = {}
-    description: dict[str, Any] = {"intervals": None}
+    errors, intervals, description = {}, {}, {"intervals": None}
     if solution.converged:
         covariance, quantile, description = choose_covariance(point, solution.free, options.intervals)
         deviations = estimate_deviations(point, covariance, solution.free)
         errors, intervals = estimate_intervals(values, deviations, quantile)
     inputs = ModelInputs.of(regressors, values["delay"])
     model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
-    strength = explained = 1.0
-    if not equations.open_loop and regressors.reference is not None:
-        explained = explained_share(regressors.inputs[:, 0], regressors.reference, regressors.rate)
-        strength = smallest_correlation(point.instruments, point.regressors, 1.0 / np.sqrt(point.level))
     return Estimate(
         method="riv",
         torque=model.simulate(trial, inputs.regressors(trial) if parameters.delays else regressors),
@@ -179,14 +159,10 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
             "converged": solution.converged,
             "criterion_start": solution.path[0].merit(solution.free),
             "criterion": point.merit(solution.free),
-            "instrument_strength": strength,
-            "explained": explained,
             "reference": options.reference,
             **description,
             "standard_errors": errors,
             "nonlinearity": point.path.nonlinearity.curve(),
-            "noise_frequency": equations.band.frequency,
-            "noise_spectrum": point.noise / equations.band.density,
             "assumptions": assumptions,
             "warnings": _warnings(solution),
         },
@@ -211,4 +187,4 @@ def _warnings(solution: Search) -> list[str]:
     return warnings
 
 
-METHODS = (Method("riv", RivOptions, identify_riv, reference=lambda options: options.reference),)
+METHODS = (Method("riv", RivOptions, identify_riv),)

@@ -9,7 +9,7 @@ from scipy.fft import irfft, rfft
 
 from ankleloop.joint.time_varying_course import Splines
 from ankleloop.methods.riv.equations import Parameters
-from ankleloop.methods.riv_tv.inputs import MEAN_SPLINES, TimeVaryingInputs
+from ankleloop.methods.riv_tv.inputs import Motion, TimeVaryingInputs
 from ankleloop.signals.spectra import pass_band
 
 RESOLUTION, FEWEST_BINS = 0.4, 20  # Hz, and frequencies, over which the noise spectrum is smoothed
@@ -17,7 +17,6 @@ NOISE_SPLINES = 8  # of the level of the noise
 LOWEST_LEVEL = 0.05  # of the mean level of the noise
 POWER_FLOOR = 1e-10  # of the largest power of the noise
 CONSTANT = Splines(1, periodic=False, degree=0)
-MEASURED, PREDICTED = 0, 1
 
 
 class Bases:
@@ -56,10 +55,7 @@ class WhitenedSystem:
 
 
 class TimeVaryingEquations:
-    """Spectra of regressors and instruments of a trial for a delay of the reflex, of which whitened systems are made.
-
-    What they hold for the measured and for the predicted motion are pairs; `MEASURED` and `PREDICTED` are their places.
-    """
+    """Spectra of regressors and instruments of a trial for a delay of the reflex; whitened systems are made of them."""
 
     def __init__(self, inputs: TimeVaryingInputs, bases: Bases, delay: float, weighting: str = "noise") -> None:
         self.inputs, self.bases, self.weighting = inputs, bases, weighting
@@ -67,6 +63,8 @@ class TimeVaryingEquations:
         samples = self.rows.stop - self.rows.start
         self.band = pass_band(samples, inputs.rate)
         self.resolution = max(RESOLUTION, FEWEST_BINS * inputs.rate / samples)
+        # Variance of the smoothed spectrum over its square; zero for flat weights.
+        self.smoothing_variance = self.band.smoothing_variance(self.resolution) if weighting == "noise" else 0.0
         self.frequency = np.abs(inputs.s) / (2 * np.pi)
         self.inside = (self.frequency >= self.band.lowest) & (self.frequency <= self.band.highest)
         self.share = float(np.mean(self.inside))  # so many independent values a whitened sample has
@@ -75,103 +73,90 @@ class TimeVaryingEquations:
         k, b, self._gain, i = (splines(inputs.course.place).T for splines in bases.all)
         # Weights of the splines of K, B, G and I in their means over the record.
         self.mean_weights = [rows[:, self.rows].mean(axis=1) for rows in (k, b, self._gain, i)]
-        measured = inputs.measure()
-        self.motions = measured, inputs.predict(measured)
-        self.own_instruments = self.motions[PREDICTED] is measured
-
-        def expand(side: int) -> np.ndarray:
-            position, velocity, acceleration = self.motions[side].signals
-            return inputs.spectra(np.vstack([k * position, b * velocity, i * acceleration]))
-
-        self.motion = self._pair(expand)
+        self.measured = inputs.measure()
+        self.predicted = inputs.predict(self.measured)
+        self.own_instruments = self.predicted is self.measured
+        for motion in {self.measured, self.predicted}:
+            position, velocity, acceleration = motion.signals
+            motion.spectra = inputs.spectra(np.vstack([k * position, b * velocity, i * acceleration]))
         self.set_delay(delay)
-
-    def _pair(self, compute: Callable[[int], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        measured = compute(MEASURED)
-        return measured, measured if self.own_instruments else compute(PREDICTED)
 
     def set_delay(self, delay: float) -> None:
         """Make the inputs of the reflex for a delay: one that acts behind the splines would move G over phase."""
         self.delay = delay
-        self.drive = self._pair(lambda side: self.inputs.spectra(self._gain * self.motions[side].drive(delay)))
+        for motion in {self.measured, self.predicted}:
+            motion.drive = self.inputs.spectra(self._gain * motion.rectify(delay))
 
     def means(self, linear: np.ndarray) -> dict[str, float]:
         """Means of K, B, G and I over the record, of their coefficients."""
         parts = zip("KBGI", self.mean_weights, self.bases.blocks, strict=True)
         return {name: float(weights @ linear[block]) for name, weights, block in parts}
 
-    def predict_torque(self, parameters: Parameters, side: int) -> np.ndarray:
-        """Transform of the torque of the model, by the measured or the predicted motion."""
-        linear, motion = parameters.linear, self.motion[side]
-        reflex = linear[self.bases.blocks[2]] @ self.drive[side]
-        return linear[: len(motion)] @ motion + parameters.responses(self.inputs.s)[0] * reflex
-
-    def _differentiate(self, parameters: Parameters, side: int) -> np.ndarray:
-        """Transforms of the derivatives of the torque with respect to the unknowns, shape (unknowns, frequencies)."""
-        response, rows = parameters.responses(self.inputs.s)
-        drive = self.drive[side]
-        spectra = [self.motion[side], response * drive, rows * (parameters.linear[self.bases.blocks[2]] @ drive)]
-        if "torque_lag" in parameters.delays:
-            spectra.append((-self.inputs.s * self.predict_torque(parameters, side))[None])
-        return np.vstack(spectra)
+    def predict_torque(self, parameters: Parameters, motion: Motion) -> np.ndarray:
+        """Transform of the torque of the model."""
+        return parameters.torque(motion.spectra, motion.drive, self.inputs.s)
 
     def system(self, parameters: Parameters, whiten: Callable[[np.ndarray], np.ndarray]) -> WhitenedSystem:
         """System at some parameters, whitened by a function of `whitener`."""
-        regressors, instruments = self._pair(lambda side: whiten(self._differentiate(parameters, side)))
+
+        def differentiate(motion: Motion) -> np.ndarray:
+            return whiten(parameters.differentiate(motion.spectra, motion.drive, self.inputs.s))
+
+        regressors = differentiate(self.measured)
+        instruments = regressors if self.own_instruments else differentiate(self.predicted)
         return WhitenedSystem(instruments, regressors, whiten(self.lead(parameters)))
 
     def lead(self, parameters: Parameters) -> np.ndarray:
         """Transform of the torque, ahead by its lag."""
         return self.torque * np.exp(self.inputs.s * parameters.lag) if parameters.lag else self.torque
 
-    def whitener(self, weight: np.ndarray, level: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    def whitener(self, weight: np.ndarray, level: np.ndarray | float = 1.0) -> Callable[[np.ndarray], np.ndarray]:
         """Function that makes signals, shape (..., rows), of spectra, and takes out of them what repeats.
 
         Frequencies are multiplied by a weight, and times divided by a level.
 
         Shapes: weight (frequencies,), level (rows,).
         """
-        course, size, rows = self.inputs.course, self.inputs.size, self.rows
-        if length := course.equal_cycles:
+        length, size = self.inputs.course.equal_cycles, self.inputs.size
 
-            def remove_mean(spectra: np.ndarray) -> np.ndarray:
-                signals = irfft(weight * spectra, size)[..., rows]
-                cycles = signals.reshape(*signals.shape[:-1], -1, length)
-                return (cycles - cycles.mean(axis=-2, keepdims=True)).reshape(signals.shape) / level
+        def weigh(spectra: np.ndarray) -> np.ndarray:
+            return irfft(weight * spectra, size)[..., self.rows]
 
+        def remove_mean(spectra: np.ndarray) -> np.ndarray:
+            signals = weigh(spectra)
+            cycles = signals.reshape(*signals.shape[:-1], -1, length)
+            return (cycles - cycles.mean(axis=-2, keepdims=True)).reshape(signals.shape) / level
+
+        def project(spectra: np.ndarray) -> np.ndarray:
+            signals = weigh(spectra) / level
+            return signals - (signals @ directions.T) @ directions
+
+        if length:
             return remove_mean
-        splines = rfft(Splines(MEAN_SPLINES, course.periodic)(course.place).T, size)
-        white = irfft(weight * splines, size)[:, rows] / level
+        white = weigh(rfft(self.inputs.splines.T, size)) / level
         values, vectors = np.linalg.eigh(white @ white.T)
         large = values > 1e-12 * values[-1]
         directions = (vectors[:, large] / np.sqrt(values[large])).T @ white
-
-        def project(spectra: np.ndarray) -> np.ndarray:
-            signals = irfft(weight * spectra, size)[..., rows] / level
-            return signals - (signals @ directions.T) @ directions
-
         return project
 
     def noise(self, parameters: Parameters) -> np.ndarray:
         """Residual torque less what repeats with the cycle, shape (rows,)."""
-        whiten = self.whitener(np.ones(self.frequency.size), np.ones(self.rows.stop - self.rows.start))
-        return whiten(self.lead(parameters) - self.predict_torque(parameters, MEASURED))
+        residual = self.lead(parameters) - self.predict_torque(parameters, self.measured)
+        return self.whitener(np.ones(self.frequency.size))(residual)
 
     def noise_whitener(self, noise: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Function that whitens noise: by the inverse of its spectrum, and of its level as a function of the place."""
-        spectrum, level, inputs = self.spectrum(noise), np.ones(noise.size), self.inputs
+        inputs, spectrum = self.inputs, self.spectrum(noise)
         if self.weighting == "flat":
-            spectrum = np.full(spectrum.size, spectrum.mean())
+            return self.whitener(np.where(self.inside, 1.0 / np.sqrt(spectrum.mean()), 0.0))
         weight = 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum))
         weight = np.where(self.inside, weight, 0.0)
-        if self.weighting == "noise":
-            padded = np.zeros(inputs.grid.samples)
-            padded[self.rows] = noise
-            power = irfft(weight * rfft(padded, inputs.size), inputs.size)[self.rows] ** 2
-            splines = Splines(NOISE_SPLINES, inputs.course.periodic)(inputs.course.place[self.rows])
-            values, mean = splines @ np.linalg.lstsq(splines, power, rcond=1e-6)[0], float(np.mean(power))
-            level = np.sqrt(np.maximum(values, LOWEST_LEVEL * mean) / mean)
-        return self.whitener(weight, level)
+        padded = np.zeros(inputs.grid.samples)
+        padded[self.rows] = noise
+        power = irfft(weight * rfft(padded, inputs.size), inputs.size)[self.rows] ** 2
+        splines = Splines(NOISE_SPLINES, inputs.course.periodic)(inputs.course.place[self.rows])
+        values, mean = splines @ np.linalg.lstsq(splines, power, rcond=1e-6)[0], float(np.mean(power))
+        return self.whitener(weight, np.sqrt(np.maximum(values, LOWEST_LEVEL * mean) / mean))
 
     def spectrum(self, noise: np.ndarray) -> np.ndarray:
         """Smoothed spectrum of the noise at the frequencies of the band [(N·m)²], white noise having its variance."""
@@ -188,8 +173,3 @@ class TimeVaryingEquations:
         frequency = np.fft.rfftfreq(residual.size, 1.0 / self.inputs.rate)
         power = np.interp(frequency, self.band.frequency, spectrum / spectrum.mean(), left=0.0, right=0.0)
         return irfft(np.sqrt(power) * rfft(signals), residual.size)
-
-    @property
-    def smoothing_variance(self) -> float:
-        """Variance of the smoothed spectrum over its square; zero for flat weights."""
-        return self.band.smoothing_variance(self.resolution) if self.weighting == "noise" else 0.0

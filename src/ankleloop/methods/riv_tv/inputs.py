@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import linalg
@@ -31,12 +31,15 @@ SLOW, LATEST, LATER = 1.0, 1.0, 0.1  # Hz; s; what another time explains more of
 FOLLOWED = 0.3  # of the slow movement, at least, by a schedule that it follows
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Motion:
-    """Motion of the joint, measured or predicted."""
+    """Motion of the joint, measured or predicted, and its part of the equations."""
 
     signals: np.ndarray  # shape (3, N): position less what repeats or changes slowly, velocity and acceleration
-    drive: Callable[[float], np.ndarray]  # rectified velocity, shape (N,), by its delay
+    rectify: Callable[[float], np.ndarray]  # rectified velocity, shape (N,), by its delay
+    # Transforms of the products with splines, of K, B and I, and of G: shapes (splines, frequencies).
+    spectra: np.ndarray = field(init=False)
+    drive: np.ndarray = field(init=False)
 
 
 class TimeVaryingInputs:
@@ -52,15 +55,16 @@ class TimeVaryingInputs:
         self.size = int(next_fast_len(grid.samples + round(PADDING * self.rate), real=True))
         self.s = 2j * np.pi * np.fft.rfftfreq(self.size, 1.0 / self.rate)
         # Splines of what repeats or changes slowly, and the matrix that fits them to the samples that count.
-        self._splines = Splines(MEAN_SPLINES, course.periodic)(course.place)
-        self._fit = linalg.pinv(self._splines[course.rows], rtol=1e-6)
+        self.splines = Splines(MEAN_SPLINES, course.periodic)(course.place)
+        self._fit = linalg.pinv(self.splines[course.rows], rtol=1e-6)
+        self.position = trial.motion(grid)[0]
+        self.slow = self.slow_part(self.position)
         reference = trial.channel(reference_name, grid)
         self.reference = reference - self.slow_part(reference)  # less what repeats or changes slowly, shape (N,)
 
     def measure(self) -> Motion:
         """The motion that was measured."""
-        position, velocity, acceleration = self.trial.motion(self.grid)
-        signals = np.stack([position - self.slow_part(position), velocity, acceleration])
+        signals = np.stack([self.position - self.slow, *self.trial.motion(self.grid)[1:]])
         return Motion(signals, lambda delay: decimate(np.maximum(0.0, self.trial.velocity(delay)), *self.grid))
 
     def predict(self, measured: Motion) -> Motion:
@@ -69,23 +73,22 @@ class TimeVaryingInputs:
             return measured
         factor, samples = self.grid.factor, self.grid.samples
         perturbation = predict_perturbation(measured.signals[0], self.reference, self.rate)
-        slow = self.slow_part(self.trial.motion(self.grid)[0])
-        velocity = self.s * rfft(slow - slow.mean() + perturbation, self.size)
+        velocity = self.s * rfft(self.slow - self.slow.mean() + perturbation, self.size)
         # Beyond the pass band of the decimation a derivative would only amplify.
         velocity[np.abs(self.s) > 2 * np.pi * 0.5 * (PASSBAND + 0.5) * self.rate] = 0.0
 
-        def drive(delay: float) -> np.ndarray:
+        def rectify(delay: float) -> np.ndarray:
             recorded = irfft(velocity * np.exp(-self.s * delay), factor * self.size) * factor
             margin, rectified = decimation_margin(factor), np.maximum(0.0, recorded)
             extended = np.concatenate([rectified[-margin:], rectified[: factor * samples + margin]])
             return decimate(extended, factor, margin, samples)
 
         derivatives = irfft(np.stack([velocity, self.s * velocity]), self.size)[:, :samples]
-        return Motion(np.vstack([perturbation, derivatives]), drive)
+        return Motion(np.vstack([perturbation, derivatives]), rectify)
 
     def slow_part(self, x: np.ndarray) -> np.ndarray:
         """Part of signals that is a smooth function of the place, shape (..., N)."""
-        return (x[..., self.course.rows] @ self._fit.T) @ self._splines.T
+        return (x[..., self.course.rows] @ self._fit.T) @ self.splines.T
 
     def spectra(self, signals: np.ndarray) -> np.ndarray:
         """Transforms of signals less what repeats with the cycle, or changes slowly.
@@ -108,49 +111,40 @@ def predict_perturbation(y: np.ndarray, x: np.ndarray, rate: float) -> np.ndarra
     """What leads and lags of the reference explain of a signal; each quarter by the response of the other three.
 
     So no noise of a sample is part of its own instrument. The response is fitted twice, the second time to signals
-    that are whitened by the residual of the first.
+    that are whitened, below the pass band, by the residual of the first.
 
     Shapes: y, x (N,); returns (N,).
     """
-    leads, lags = round(LEADS * rate), round(LAGS * rate)
-    if y.size < 4 * (leads + lags + 1):
+    padding = round(LAGS * rate), round(LEADS * rate)
+    if y.size < 4 * (sum(padding) + 1):
         raise DataError(f"the record of {y.size / rate:.3g} s is too short for a response to the reference.")
-    lagged = _shift(x, leads, lags)
-    responses = _fit_folds(lagged, y)
-    whitened = _whiten(np.stack([x, y]), y - _predict_folds(lagged, responses), rate)
-    return _predict_folds(lagged, _fit_folds(_shift(whitened[0], leads, lags), whitened[1]))
-
-
-def _shift(x: np.ndarray, leads: int, lags: int) -> np.ndarray:
-    """Leads and lags of a signal, from the oldest lag to the furthest lead, shape (leads + lags + 1, N)."""
-    padded = np.concatenate([np.zeros(lags), x, np.zeros(leads)])
-    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(padded, x.size))
-
-
-def _split(x: np.ndarray) -> list[np.ndarray]:
-    """Parts of samples, shapes (..., N / folds)."""
-    return np.split(x, -(-x.shape[-1] * np.arange(1, FOLDS) // FOLDS), axis=-1)
-
-
-def _fit_folds(lagged: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Responses fitted to all but one part of the samples each, shape (folds, taps)."""
-    grams = np.array([part @ part.T for part in _split(lagged)])
-    sides = np.array([part @ target for part, target in zip(_split(lagged), _split(y), strict=True)])
-    gram, side = grams.sum(axis=0) - grams, sides.sum(axis=0) - sides
-    ridge = RIDGE * np.einsum("fii->f", gram) / gram.shape[1]
-    return np.linalg.solve(gram + ridge[:, None, None] * np.eye(gram.shape[1]), side[..., None])[..., 0]
-
-
-def _predict_folds(lagged: np.ndarray, responses: np.ndarray) -> np.ndarray:
-    return np.concatenate([response @ part for response, part in zip(responses, _split(lagged), strict=True)])
-
-
-def _whiten(signals: np.ndarray, residual: np.ndarray, rate: float) -> np.ndarray:
-    """Signals through the filter that whitens a residual below the pass band, shape (..., N)."""
-    size = int(next_fast_len(residual.size + round(PADDING * rate), real=True))
+    lagged = _shift(x, padding)
+    residual = y - _predict_folds(lagged, y, lagged)
+    size = int(next_fast_len(y.size + round(PADDING * rate), real=True))
     power = smooth(np.abs(rfft(residual - residual.mean(), size)) ** 2, RESOLUTION * size / rate)
     weight = np.where(np.fft.rfftfreq(size) <= PASSBAND, 1.0 / np.sqrt(np.maximum(power, 1e-10 * power.max())), 0.0)
-    return irfft(weight / weight.max() * rfft(signals, size), size)[..., : residual.size]
+    x, y = irfft(weight / weight.max() * rfft(np.stack([x, y]), size), size)[:, : y.size]
+    return _predict_folds(_shift(x, padding), y, lagged)
+
+
+def _shift(x: np.ndarray, padding: tuple[int, int]) -> np.ndarray:
+    """Lags and leads of a signal, from the oldest lag to the furthest lead, shape (lags + leads + 1, N)."""
+    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(np.pad(x, padding), x.size))
+
+
+def _predict_folds(lagged: np.ndarray, y: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """Each part of a signal by the leads and lags of a source and the response that the other parts have.
+
+    Shapes: lagged, source (taps, N), y (N,); returns (N,).
+    """
+    edges = -(-y.size * np.arange(1, FOLDS) // FOLDS)
+    parts = [np.split(signals, edges, axis=-1) for signals in (lagged, y, source)]
+    grams = np.array([part @ part.T for part in parts[0]])
+    sides = np.array([part @ target for part, target in zip(*parts[:2], strict=True)])
+    gram, side = grams.sum(axis=0) - grams, sides.sum(axis=0) - sides
+    ridge = RIDGE * np.einsum("fii->f", gram) / gram.shape[1]
+    responses = np.linalg.solve(gram + ridge[:, None, None] * np.eye(gram.shape[1]), side[..., None])[..., 0]
+    return np.concatenate([response @ part for response, part in zip(responses, parts[2], strict=True)])
 
 
 def check_perturbation(inputs: TimeVaryingInputs) -> float:
@@ -178,10 +172,9 @@ def check_perturbation(inputs: TimeVaryingInputs) -> float:
 
 def check_course(inputs: TimeVaryingInputs) -> list[str]:
     """Warnings about onsets or a schedule that the movement of the record contradicts."""
-    position = inputs.trial.motion(inputs.grid)[0]
     if inputs.course.dimension == "phase":
-        return _check_cycles(inputs, position - position.mean())
-    return _check_schedule(inputs, position) if inputs.course.dimension == "schedule" else []
+        return _check_cycles(inputs, inputs.position - inputs.position.mean())
+    return _check_schedule(inputs) if inputs.course.dimension == "schedule" else []
 
 
 def _check_cycles(inputs: TimeVaryingInputs, position: np.ndarray) -> list[str]:
@@ -204,11 +197,12 @@ def _check_cycles(inputs: TimeVaryingInputs, position: np.ndarray) -> list[str]:
     ]
 
 
-def _check_schedule(inputs: TimeVaryingInputs, position: np.ndarray) -> list[str]:
+def _check_schedule(inputs: TimeVaryingInputs) -> list[str]:
     """Whether the slow movement follows the schedule at once, where it follows it."""
-    spectra = np.fft.rfft([position, inputs.course.place])
-    spectra[:, np.fft.rfftfreq(position.size, 1.0 / inputs.rate) >= SLOW] = 0.0
-    movement, place = np.fft.irfft(spectra, position.size)
+    size = inputs.position.size
+    spectra = np.fft.rfft([inputs.position, inputs.course.place])
+    spectra[:, np.fft.rfftfreq(size, 1.0 / inputs.rate) >= SLOW] = 0.0
+    movement, place = np.fft.irfft(spectra, size)
     reach = round(LATEST * inputs.rate)
     middle = slice(reach, -reach)
     lags = range(-reach, reach + 1)

@@ -13,21 +13,13 @@ from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import Splines, describe_schedule, make_course, trajectory_dataset
-from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option
+from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option, rectifier_option
 from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
 from ankleloop.methods.riv.covariance import estimate_intervals, smallest_correlation
 from ankleloop.methods.riv.equations import DELAY_LIMITS
-from ankleloop.methods.riv_tv.bands import (
-    deviations,
-    estimate_covariance,
-    find_alternatives,
-    find_trajectories,
-    freedom,
-    variation_p,
-)
 from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
 from ankleloop.methods.riv_tv.inputs import TimeVaryingInputs, check_course, check_perturbation
-from ankleloop.methods.riv_tv.search import TimeVaryingSolution, solve_time_varying
+from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_varying
 from ankleloop.options import Options, as_plain, option, show_value
 
 PLACES = 101  # of a trajectory
@@ -56,9 +48,7 @@ class RivTvOptions(Options):
     )
     order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
     delay: float | None = delay_option(estimated=True)
-    basis: Literal["rectifier"] | None = option(
-        None, "static nonlinearity; null for the method's own (rectifier), the only one that it has"
-    )
+    basis: Literal["rectifier"] | None = rectifier_option()
     torque_lag: float | None = option(
         0.0, "lag of the torque channel behind the position; null estimates it", unit="s", ge=-0.05, le=0.05
     )
@@ -84,19 +74,21 @@ class RivTvOptions(Options):
     @classmethod
     def _as_onsets(cls, values: Any) -> Any:
         """Onsets come as lists from YAML, and as arrays from NumPy."""
+        if values is None or isinstance(values, str):
+            return values
         numbers = _as_tuple(values)
-        if numbers is None and values is not None and not isinstance(values, str):
+        if numbers is None:
             raise ValueError(
                 "cycle_onsets must be times in seconds, or the name of the variable that holds the phase; got "
                 f"{show_value(values)}."
             )
-        for number, value in enumerate(numbers or (), 1):
+        for number, value in enumerate(numbers, 1):
             if not isinstance(value, (int, float)) or not np.isfinite(value):
                 raise ValueError(
-                    f"cycle_onsets must be finite times in seconds; onset {number} of {len(numbers or ())} is "
+                    f"cycle_onsets must be finite times in seconds; onset {number} of {len(numbers)} is "
                     f"{show_value(value)}."
                 )
-        return values if numbers is None else numbers
+        return numbers
 
     @field_validator("knots", mode="before")
     @classmethod
@@ -149,15 +141,14 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     Returns
     -------
     Estimate
-        `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness` and
-        `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: rounds, converged, cycles (or segments
-        that count as independent), intervals (their kind), variation_p (probability of a variation as large, were K, B
-        or G constant), instrument_strength (smallest canonical correlation of instruments and regressors),
-        perturbation_share (share of the perturbation that does not repeat with the cycle), outside (share of the
-        samples whose scheduling variable lies beyond its fitted range, the 2nd to the 98th percentile; they count as
-        its ends), penalties, freedom (effective number of parameters of each trajectory), excitation (information about
-        each over its mean, at the places of the trajectories), torque_lag, noise_frequency [Hz] and noise_spectrum
-        [(N·m)²/Hz], and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
+        `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness`
+        and `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: rounds, converged, cycles
+        (or segments that count as independent), intervals (their kind), variation_p (probability of a variation
+        as large, were K, B or G constant), instrument_strength (smallest canonical correlation of instruments
+        and regressors), outside (share of the samples whose scheduling variable lies beyond its fitted range,
+        the 2nd to the 98th percentile; they count as its ends), freedom (effective number of parameters of each
+        trajectory), excitation (information about each over its mean, at the places of the trajectories),
+        torque_lag, and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
 
     Raises
     ------
@@ -180,23 +171,19 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     >>> bool(abs(float(estimate.trajectories["K"].sel(phase=0.5)) - 210.0) < 30.0)
     True
     """
-    equations = _set_up(trial, options)
-    share = check_perturbation(equations.inputs)
-    solution = _solve(equations, options)
-    estimate = _estimate(trial, solution, options, share)
+    solution = _solve(trial, options)
+    estimate = _estimate(trial, solution, options)
     if not solution.converged:
         return estimate
-    alternatives = find_alternatives(solution)
+    alternatives = solution.find_alternatives()
     if alternatives[-1].effect == "delay" and alternatives[-1].significant:  # one step is too short for a delay
-        estimated = options.model_copy(update={"delay": None})
-        freed = _solve(_set_up(trial, estimated), estimated)
-        shifts = compute_shifts(*(part.equations.means(part.parameters.linear) for part in (solution, freed)))
-        value = freed.equations.delay + freed.parameters.shift
-        alternatives[-1] = replace(alternatives[-1], value=value, shifts=shifts)
+        freed = _solve(trial, options.model_copy(update={"delay": None}))
+        shifts = compute_shifts(solution.means, freed.means)
+        alternatives[-1] = replace(alternatives[-1], value=freed.delay, shifts=shifts)
     return add_alternatives(estimate, alternatives)
 
 
-def _set_up(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingEquations:
+def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
     trial.check_reference(options.reference)
     delay = NOMINAL_DELAY if options.delay is None else options.delay
     grid = trial.grid(options.identification_rate, DELAY_LIMITS[1] if options.delay is None else delay)
@@ -205,24 +192,20 @@ def _set_up(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingEquations
     counts = *options.knots, options.inertia_knots
     k, b, g, i = (CONSTANT if count == 1 else Splines(count, course.periodic, degree) for count in counts)
     inputs = TimeVaryingInputs(trial, grid, course, options.reference)
-    return TimeVaryingEquations(inputs, Bases((k, b, g, i)), delay, options.weighting)
+    check_perturbation(inputs)
+    equations = TimeVaryingEquations(inputs, Bases((k, b, g, i)), delay, options.weighting)
+    unknowns = ("delay",) * (options.delay is None) + ("torque_lag",) * (options.torque_lag is None)
+    return solve_time_varying(equations, options.order, unknowns, options.torque_lag or 0.0)
 
 
-def _solve(equations: TimeVaryingEquations, options: RivTvOptions) -> TimeVaryingSolution:
-    delays = ("delay",) * (options.delay is None) + ("torque_lag",) * (options.torque_lag is None)
-    return solve_time_varying(equations, options.order, delays, options.torque_lag or 0.0)
-
-
-def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions, share: float) -> Estimate:
+def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions) -> Estimate:
     """Torques, trajectories with their bands, and means over the record."""
     equations, inputs, parameters = solution.equations, solution.equations.inputs, solution.parameters
     bases, course, system = equations.bases, inputs.course, solution.system
-    covariance = estimate_covariance(solution)
     places = np.linspace(0.0, 1.0, PLACES)
-    curves, excitation = find_trajectories(solution, covariance, places)
+    curves, excitation = solution.find_trajectories(places)
     coordinate = course.limits[0] + (course.limits[1] - course.limits[0]) * places
-    schedule = describe_schedule(trial.trial, options.schedule)
-    delay = equations.delay + parameters.shift
+    delay, dynamics, means = solution.delay, parameters.dynamics, solution.means
     stiffness, viscosity, gain, inertia = (parameters.linear[block] for block in bases.blocks)
     model = TimeVaryingModel(
         ModelInputs(fit_basis(trial.velocity(delay), "rectifier", 1), delay, inputs.rate, trial.rate),
@@ -232,16 +215,12 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
         bases.all[0].degree,
         (stiffness, viscosity, gain),
         inertia,
-        parameters.dynamics,
+        dynamics,
         parameters.lag,
         options.rest_position,
     )
-    values = {**equations.means(parameters.linear), "delay": delay, **parameters.dynamics.values}
-    parts = zip("KBGI", equations.mean_weights, bases.blocks, strict=True)
-    errors = {name: float(deviations(covariance.matrix[block, block], weights)) for name, weights, block in parts}
-    others = np.sqrt(np.diag(covariance.matrix)[bases.size :]).tolist()
-    errors |= dict(zip(parameters.unknowns, others, strict=True))
-    _, intervals = estimate_intervals(values, errors, covariance.quantile)
+    reflex = {"delay": delay, "G": means.pop("G"), **dynamics.values}
+    intervals = estimate_intervals(means | reflex, solution.deviations, solution.quantile)[1]
     strength = 1.0
     if not equations.own_instruments:
         strength = smallest_correlation(system.instruments[: bases.size], system.regressors[: bases.size])
@@ -249,8 +228,8 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
         method="riv-tv",
         torque=model.simulate(trial, inputs.grid, course.place),
         matrices=None,
-        stiffness={name: values[name] for name in "KBI"},
-        reflex={name: values[name] for name in ("delay", "G", *parameters.dynamics.values)},
+        stiffness=means,
+        reflex=reflex,
         intervals=intervals if solution.converged else {},
         diagnostics={
             "order": options.order,
@@ -258,21 +237,19 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
             "converged": solution.converged,
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
-            "variation_p": variation_p(solution),
+            "variation_p": solution.variation_p,
             "instrument_strength": strength,
-            "perturbation_share": share,
             "outside": course.outside,
-            "penalties": solution.penalties[: len(bases.names)],
-            "freedom": freedom(solution),
+            "freedom": solution.freedom,
             "excitation": excitation,
             "torque_lag": parameters.lag,
             "reference": options.reference,
-            "noise_frequency": equations.band.frequency,
-            "noise_spectrum": solution.spectrum / (0.5 * inputs.rate),
             "warnings": _warnings(solution, strength, coordinate, curves),
         },
         predictor=model,
-        trajectories=trajectory_dataset(course.dimension, coordinate, curves, **schedule),
+        trajectories=trajectory_dataset(
+            course.dimension, coordinate, curves, **describe_schedule(trial.trial, options.schedule)
+        ),
     )
 
 
@@ -305,4 +282,4 @@ def _warnings(
     return warnings
 
 
-METHODS = (Method("riv-tv", RivTvOptions, identify_riv_tv, reference=lambda options: options.reference),)
+METHODS = (Method("riv-tv", RivTvOptions, identify_riv_tv),)
