@@ -43,7 +43,7 @@ def test_add_a_method(repository, snakemake):
     registry = registry.replace("real_time\n", "real_time, stiffness\n").replace("riv_tv)", "riv_tv, stiffness)")
     (methods / "registry.py").write_text(registry, encoding="utf-8")
     subprocess.run(
-        [sys.executable, "-m", "ankleloop.studies.schema"],
+        [sys.executable, "-m", "ankleloop.studies.config"],
         cwd=repository,
         env={**os.environ, "PYTHONPATH": str(repository / "src")},
         check=True,

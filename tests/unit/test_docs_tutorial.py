@@ -20,7 +20,7 @@ from ankleloop.studies.study import read_studies
 trial = ankleloop.simulate(seed=1, duration=20.0, closed_loop=False, reflex_gain=0.0, snr_db=None, voluntary=0.0)
 estimate = ankleloop.identify(trial, "stiffness")
 config, studies = read_studies(yaml.safe_load({config!r}))
-assert identification_seconds(20_000, {{"simple": {{"method": "stiffness"}}}}) > 0  # of its jobs
+assert identification_seconds(20_000, [{{"method": "stiffness"}}]) > 0  # of its jobs
 print(json.dumps([*estimate.stiffness.values(), *(list(study.methods) for study in studies.values())]))
 """
 
@@ -55,6 +55,6 @@ def test_the_method_of_the_tutorial_becomes_one_of_the_library(library):
     [config] = [block.code for block in read_blocks(PAGE) if block.language == "yaml"]
     stiffness = json.loads(run(library, "-c", USE.format(config=config)))
     assert stiffness[:3] == pytest.approx([150.0, 0.8, 0.015], rel=0.02)
-    run(library, "-m", "ankleloop.studies.schema")
+    run(library, "-m", "ankleloop.studies.config")
     schema = (library / "workflow" / "schemas" / "config.schema.json").read_text(encoding="utf-8")
     assert '"stiffness"' in schema

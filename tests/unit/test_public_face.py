@@ -9,7 +9,7 @@ import pytest
 
 import ankleloop
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.fingerprint import fingerprint
+from ankleloop.studies.resources import fingerprint
 
 NAMES = {
     "METHODS",

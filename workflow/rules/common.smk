@@ -7,14 +7,14 @@ from ankleloop.errors import DataError
 from ankleloop.paper.trial_tables import read_hash
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.config import NOTEBOOKS
-from ankleloop.studies.fingerprint import fingerprint
-from ankleloop.studies.notebooks import (
+from ankleloop.studies.resources import MEMORY, fingerprint, requested_minutes
+from ankleloop.studies.run_config import (
     article_parameters,
+    describe_article,
+    read_run,
     report_parameters,
     shows_sweep,
 )
-from ankleloop.studies.resources import MEMORY, requested_minutes
-from ankleloop.studies.run_config import describe_article, read_run
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy
 from snakemake.logging import logger
 

@@ -2,8 +2,8 @@
 
 import sys
 
+from ankleloop.errors import locate_errors
 from ankleloop.paper.trial_counts import describe_failures
-from ankleloop.studies.failures import locate_errors
 from ankleloop.studies.identification import identify_trials, read_trials
 from ankleloop.studies.simulation import simulate_trials
 

@@ -8,8 +8,7 @@ import pandas as pd
 
 from ankleloop.pages.index import render_index, render_ledger, render_tables
 from ankleloop.paper.conclusions import read_conclusions
-from ankleloop.studies.provenance import read_provenance, write_crate
-from ankleloop.studies.results_index import collect_results, read_run_times, read_tables
+from ankleloop.studies.results import collect_results, read_provenance, read_run_times, read_tables, write_crate
 from ankleloop.trials.files import atomic_file
 
 from job import running
@@ -35,11 +34,9 @@ with running(snakemake):
     names = [*studies, "economy"] if output.ledger else studies
     paths = [folder / "tables" / f"{name}.csv" for name in names]
     write_text(output.tables, render_tables(read_tables(path for path in paths if path.exists())))
-    opening = []
-    for path in output.ledger:  # none without the ledger
-        ledger = pd.read_csv(folder / "verification.csv")
+    ledger = pd.read_csv(folder / "verification.csv") if output.ledger else None
+    for path in output.ledger:
         write_text(path, render_ledger(ledger))
-        opening = [ledger, read_conclusions(snakemake.input.conclusions)]
     times = read_run_times(logs, snakemake.params.jobs)
-    results = collect_results(folder, studies, times, provenance, has_article=bool(output.ledger))
-    write_text(output.index, render_index(results, *opening))
+    results = collect_results(folder, studies, times, provenance, ledger)
+    write_text(output.index, render_index(results, ledger, read_conclusions(snakemake.input.conclusions)))

@@ -4,7 +4,7 @@ import logging
 import sys
 from contextlib import contextmanager
 
-from ankleloop.studies.failures import describe_error
+from ankleloop.errors import describe_error
 
 log = logging.getLogger("ankleloop")
 

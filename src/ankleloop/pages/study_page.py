@@ -35,7 +35,7 @@ MEANS = (
 
 @dataclass(frozen=True)
 class StudyPage:
-    """A study as its notebook takes it: `ankleloop.studies.notebooks.report_parameters`."""
+    """A study as its notebook takes it: `ankleloop.studies.run_config.report_parameters`."""
 
     study: str  # its name
     kind: str  # "simulation" or "recordings"

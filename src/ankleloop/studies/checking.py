@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import ValidationError
 
@@ -34,13 +33,51 @@ class ConfigError(ValueError):
         self.keys = tuple(keys)
 
 
+def key_error(place: Sequence[str], message: str) -> ConfigError:
+    """Error of a key of the configuration; an entry of `place` may have its unit in brackets."""
+    return ConfigError(f"{' → '.join(('config', *place))}: {message}", [key.split(" [")[0] for key in place])
+
+
 def check(model: type[Options], values: Mapping[str, Any], *place: str) -> Any:
     """Check values and fill in the defaults."""
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        message, keys = _describe(error, model, place)
-        raise ConfigError(message, (*place[1:], *keys)) from None
+        # A misspelt key comes before a missing one.
+        fault = min(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
+    keys, owner = _locate(model, fault["loc"])
+    kind, name, context = fault["type"], "".join(keys[-1:]), fault.get("ctx", {})
+    shown = keys
+    if kind == "extra_forbidden":
+        known = [field.alias or key for key, field in owner.model_fields.items()] if owner else []
+        sentence = f"unknown key {_cut(name)!r}{suggest_name(name, known)}; known here: {', '.join(known)}"
+        shown = keys[:-1]
+    elif kind == "missing":
+        sentence = f"the key {name!r} is missing"
+        shown = keys = keys[:-1]
+    elif kind == "union_tag_not_found":
+        sentence = f"the key {context['discriminator']} is missing"
+    elif kind == "union_tag_invalid":
+        tag, tags = context["tag"], context["expected_tags"]
+        close = suggest_name(tag, [text.strip("'") for text in tags.split(", ")])
+        sentence = f"must be one of {tags}{close}; got {show_value(tag)}"
+        shown = keys = [*keys, context["discriminator"].strip("'")]
+    else:
+        field = owner.model_fields.get(name) if owner else None
+        if owner and field and {int, float} & {field.annotation, *get_args(field.annotation)}:
+            shown = [*keys[:-1], f"{name} [{owner.unit(name)}]"]
+        sentence = _describe_value(fault, owner.limits(name) if owner else {})
+    text = " → ".join(_cut(part) for part in (*place, *shown))
+    raise ConfigError(f"{text}: {sentence.rstrip('.')}.", (*place[1:], *keys))
+
+
+def check_cases(key: str, names: Iterable[str]) -> None:
+    """Refuse names that are one to a file system that does not tell capitals from small letters."""
+    first: dict[str, str] = {}
+    for name in names:
+        other = first.setdefault(name.lower(), name)
+        if other != name:
+            raise ValueError(f"{key}: {other!r} and {name!r} differ in capitals only, which some file systems ignore")
 
 
 def expand_path(text: str, place: str) -> Path:
@@ -62,47 +99,22 @@ def expand_path(text: str, place: str) -> Path:
     return Path(os.path.expanduser(VARIABLE.sub(read_variable, text)))
 
 
-def _describe(error: ValidationError, model: type[Options], place: Sequence[str]) -> tuple[str, list[str]]:
-    """Sentence about the first fault, and the keys that lead to it; a misspelt key comes before a missing one."""
-    first = min(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
-    keys, owner = _locate(model, first["loc"])
-    key = keys[-1] if keys else ""
-    if first["type"] == "extra_forbidden":
-        close = suggest_name(key, _keys(owner))
-        sentence = f"unknown key {_cut(key)!r}{close}; known here: {', '.join(_keys(owner))}"
-        return f"{_join(place, keys[:-1])}: {sentence}.", keys
-    if first["type"] == "missing":
-        return f"{_join(place, keys[:-1])}: the key {key!r} is missing.", keys[:-1]
-    if first["type"].startswith("union_tag"):
-        expected, tag = first["ctx"]["discriminator"].strip("'"), first["ctx"].get("tag")
-        if tag is None:
-            return f"{_join(place, keys)}: the key {expected!r} is missing.", keys
-        keys = [*keys, expected]
-        names = re.findall(r"'([^']*)'", first["ctx"]["expected_tags"])
-        sentence = f"must be one of {first['ctx']['expected_tags']}{suggest_name(tag, names)}; got {show_value(tag)}"
-        return f"{_join(place, keys)}: {sentence}.", keys
-    field = owner.model_fields.get(key) if owner else None
-    unit = f" [{owner.unit(key)}]" if owner and field and _is_number(field.annotation) else ""
-    limits = owner.limits(key) if owner else {}
-    return f"{_join(place, keys)}{unit}: {_describe_value(first, limits).rstrip('.')}.", keys
-
-
 def _describe_value(fault: Mapping[str, Any], limits: Mapping[str, float]) -> str:
     """What is wrong with a value or a name, and what to write instead."""
     kind, value, context = fault["type"], fault["input"], fault.get("ctx", {})
     if kind in ("dict_type", "model_type", "model_attributes_type"):
         return f"must be a mapping of keys to values, got {show_value(value)}"
     if kind == "list_type":
-        example = value if isinstance(value, str) and 0 < len(value) <= 40 else "a, b"
-        return f"must be a list in brackets, such as [{example}]; got {show_value(value)}"
+        example = value if isinstance(value, str) else "a, b"
+        return f"must be a list in brackets, such as [{_cut(example)}]; got {show_value(value)}"
     if kind in ("too_short", "string_too_short"):
         return "must not be empty"
     if kind == "string_too_long":
         return f"must have at most {context['max_length']} characters, because it is part of paths; it has {len(value)}"
     if kind == "string_pattern_mismatch":
         signs = "_ - ." if "." in context["pattern"] else "_ -"
-        signs = f"letters A-Z a-z, digits and {signs}"
-        return f"must consist of {signs}, and begin with a letter or digit; got {_cut(value)!r}"
+        form = f"letters A-Z a-z, digits and {signs}, and begin with a letter or digit"
+        return f"must consist of {form}; got {_cut(value)!r}"
     remedy = ""
     if kind == "string_type" and value is not None and not isinstance(value, (list, Mapping)):
         remedy = ": put it in quotes"
@@ -114,55 +126,30 @@ def _describe_value(fault: Mapping[str, Any], limits: Mapping[str, float]) -> st
     return describe_error(fault, limits=limits) + remedy
 
 
-def _join(place: Sequence[str], keys: Sequence[str]) -> str:
-    return " → ".join(_cut(part) for part in (*place, *keys))
-
-
 def _cut(text: str) -> str:
     return text if len(text) <= 120 else f"{text[:110]}…"
 
 
 def _locate(model: type[Options], location: Sequence[int | str]) -> tuple[list[str], type[Options] | None]:
-    """Keys that lead to a fault, as the configuration has them, and the model to which the last key belongs.
-
-    Locations of pydantic also hold the tag of each union, which is no key.
-    """
+    """Keys that lead to a fault, as the configuration has them, and the model to which the last key belongs."""
     annotation: Any = model
     keys: list[str] = []
     owner: type[Options] | None = None
     for part in location:
-        members = {tag: member for member in _members(annotation) for tag in _tags(member)}
-        if part in members:
-            annotation = members[part]
-            continue
-        if part == "[key]":
+        if get_origin(annotation) is Annotated:
+            annotation = get_args(annotation)[0]
+        member = next((member for member in get_args(annotation) if part in _tags(member)), None)
+        if member or part == "[key]":  # which pydantic adds to the keys
+            annotation = member or annotation
             continue
         keys.append(str(part))
         owner = annotation if isinstance(annotation, type) and issubclass(annotation, Options) else None
-        if owner is not None:
-            field = owner.model_fields.get(str(part))
-            annotation = field.annotation if field else None
-        else:
-            annotation = (get_args(annotation) or (None,))[-1]
+        field = owner.model_fields.get(str(part)) if owner else None
+        annotation = field.annotation if owner and field else (get_args(annotation) or (None,))[-1]
     return keys, owner
 
 
-def _members(annotation: Any) -> tuple[Any, ...]:
-    """Models of a tagged union; none of anything else."""
-    if get_origin(annotation) is Annotated:
-        annotation = get_args(annotation)[0]
-    union = get_origin(annotation) in (Union, UnionType)
-    return tuple(a for a in get_args(annotation) if isinstance(a, type) and issubclass(a, Options)) if union else ()
-
-
-def _tags(model: type[Options]) -> tuple[Any, ...]:
-    """Values of the key that tells the members of a union apart: the kind of a study, the name of a method."""
-    return get_args(model.model_fields["kind" if "kind" in model.model_fields else "method"].annotation)
-
-
-def _is_number(annotation: Any) -> bool:
-    return bool({int, float} & {annotation, *get_args(annotation)})
-
-
-def _keys(model: type[Options] | None) -> list[str]:
-    return [field.alias or name for name, field in model.model_fields.items()] if model else []
+def _tags(member: Any) -> list[Any]:
+    """Values of the key that tells members of a union apart: the kind of a study, the name of a method."""
+    fields = getattr(member, "model_fields", {})
+    return [tag for key in ("kind", "method") if key in fields for tag in get_args(fields[key].annotation)]

@@ -1,28 +1,39 @@
-"""The configuration: every key with its type, unit, default and bounds, and errors that name the key."""
+"""The configuration: every key with its type, unit, default and bounds.
+
+``python -m ankleloop.studies.config`` writes its JSON schema, in the root of the repository.
+"""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from functools import reduce
+from operator import or_
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
     Field,
+    GetPydanticSchema,
     StringConstraints,
+    TypeAdapter,
     WithJsonSchema,
+    create_model,
     model_validator,
 )
 
 from ankleloop.methods.registry import METHODS
+from ankleloop.methods.selection import check_selection
 from ankleloop.options import Options, option, show_value, suggest_name
 from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.method_settings import MethodSettings, union_of_methods
+from ankleloop.studies.checking import check_cases
 from ankleloop.studies.points import SETTINGS, Design, PointTable, ValueRange
 from ankleloop.studies.recording_settings import Recording
+from ankleloop.studies.recording_tables import MAX_NAME, RECORDING_NAME
 
-MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
-RECORDING_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+SCHEMA = Path("workflow/schemas/config.schema.json")
 # Figures that each notebook draws beside its page and its table; what each needs is in `studies.run_config`.
 NOTEBOOKS = {
     "table1": ("figure3", "order"),
@@ -49,6 +60,76 @@ RecordingName = Annotated[str, StringConstraints(pattern=RECORDING_NAME, max_len
 Names = Annotated[list[str], Field(min_length=1)]
 
 
+class MethodSettings(Options):
+    """A method of a study: its name, its label and its options."""
+
+    method: str = option(description="identification method")
+    label: str | None = option(None, "name in tables and legends; null for the key")
+    options: Options = option(description="options of the method; those left out have their defaults")
+    select: dict[str, Annotated[list[Any], Field(min_length=1)]] = option(
+        {}, "options to select on data that were not fitted, each with its candidates from simple to complex"
+    )
+    criterion: Literal["instrumental", "cross-validation"] | None = option(
+        None, "criterion of that selection; null for instrumental with a reference, cross-validation without"
+    )
+
+    @model_validator(mode="after")
+    def _check_candidates(self) -> Self:
+        options = {name: getattr(self.options, name) for name in self.options.model_fields_set}
+        try:
+            check_selection(f"method {self.method!r}", type(self.options), options, self.select, self.criterion)
+        except TypeError as error:  # pydantic names the place of a ValueError only
+            raise ValueError(str(error)) from None
+        return self
+
+    @property
+    def fixed_options(self) -> dict[str, Any]:
+        """Options with their defaults, without those that are to be selected."""
+        return {name: value for name, value in self.options if name not in self.select}
+
+    @property
+    def identify_options(self) -> dict[str, Any]:
+        """All options that `ankleloop.identify` takes, the candidates of a selection among them."""
+        selection = {"select": self.select, "criterion": self.criterion} if self.select else {}
+        return {**self.fixed_options, **selection}
+
+
+def _union_of_methods() -> Any:
+    """One model of `MethodSettings` for each set of options; the name of the method tells them apart."""
+    names: dict[type[Options], list[str]] = {}
+    for name, entry in METHODS.items():
+        names.setdefault(entry.options, []).append(name)
+    fields = MethodSettings.model_fields
+    models: list[Any] = [
+        create_model(
+            options.__name__.replace("Options", "Settings"),
+            __base__=MethodSettings,
+            __doc__=f"A method with {options.__name__}.",
+            method=(Literal[tuple(members)], option(description=fields["method"].description or "")),
+            options=(options, option(description=fields["options"].description or "", default_factory=options)),
+        )
+        for options, members in names.items()
+    ]
+    return Annotated[reduce(or_, models), Field(discriminator="method")]
+
+
+if TYPE_CHECKING:
+    Methods = dict[str, MethodSettings]
+    SimulationNotebook = str
+    Points = Any
+else:
+    Methods = dict[Name, _union_of_methods()]
+    SimulationNotebook = Literal[tuple(name for name in NOTEBOOKS if name != "recordings")]
+    OPTIONS = sorted({*SETTINGS, *(name for method in METHODS.values() for name in method.options.model_fields)})
+    NAMES = {"type": "string", "anyOf": [{"enum": OPTIONS}, {"pattern": r"^[A-Za-z0-9_-]+\.[a-z_]+$"}]}
+    Varied = Annotated[str, WithJsonSchema(NAMES)]
+    Values = Annotated[list[Any], Field(min_length=1)] | ValueRange
+    List = Annotated[list[dict[Varied, Any]], Field(min_length=1)]
+    FORMS = TypeAdapter(Design | PointTable | dict[Varied, Values] | List).core_schema
+    # They are checked by `studies.points`, whose messages name the point.
+    Points = Annotated[Any, GetPydanticSchema(get_pydantic_json_schema=lambda _, handler: handler(FORMS))]
+
+
 class SweepSettings(Options):
     """Pictures of a study whose points differ in settings of the simulation or options of methods."""
 
@@ -73,76 +154,29 @@ class SweepSettings(Options):
 
     @model_validator(mode="after")
     def _check_quantities(self) -> Self:
-        _check_list("quantities", self.quantities or (), "quantity", SWEEP_QUANTITIES)
+        _check_list("quantities", self.quantities, "quantity", SWEEP_QUANTITIES)
         return self
 
     def check(self, varied: Collection[str], methods: Collection[str], against: Literal["measured"] | None) -> None:
         """Refuse pictures of what a study does not have."""
         if not varied:
             raise ValueError("no setting and no option differs between the points: give points more than one value")
-        _check_list("methods", self.methods or (), "method", methods)
-        _check_list("difference", self.difference or (), "method", methods)
-        _check_list("axes", self.axes or (), "varied parameter", varied)
+        _check_list("methods", self.methods, "method", methods)
+        _check_list("difference", self.difference, "method", methods)
+        _check_list("axes", self.axes, "varied parameter", varied)
         for name in self.quantities or ():
             if name.startswith("vaf_") and name not in SCORES[against]:
-                scores = ", ".join(SCORES[against])
-                raise ValueError(
-                    f"quantities: a study with against: {against or 'null'} has no {name}; it has {scores}"
-                )
-
-
-PARAMETER = {
-    "anyOf": [
-        {"enum": sorted({*SETTINGS, *(name for method in METHODS.values() for name in method.options.model_fields)})},
-        {"pattern": r"^[A-Za-z0-9_-]+\.[a-z_]+$"},
-    ]
-}
-Points = Annotated[
-    Any,
-    WithJsonSchema(
-        {
-            "anyOf": [
-                Design.model_json_schema(),
-                PointTable.model_json_schema(),
-                {
-                    "type": "object",
-                    "propertyNames": PARAMETER,
-                    "additionalProperties": {
-                        "anyOf": [
-                            {"type": "array", "minItems": 1, "uniqueItems": True},
-                            ValueRange.model_json_schema(),
-                        ]
-                    },
-                },
-                {
-                    "type": "array",
-                    "minItems": 1,
-                    "uniqueItems": True,
-                    "items": {"type": "object", "propertyNames": PARAMETER},
-                },
-            ]
-        }
-    ),
-]
+                study = f"a study with against: {against or 'null'}"
+                raise ValueError(f"quantities: {study} has no {name}; it has {', '.join(SCORES[against])}")
 
 
 class FigureSettings(Options):
     """The trial and the window that figures of torques show."""
 
-    methods: Annotated[list[str], Field(min_length=1)] | None = option(
-        None, "methods that are drawn, a column each; null draws all"
-    )
+    methods: Names | None = option(None, "methods that are drawn, a column each; null draws all")
     trial: int = option(0, "number of the trial, from 0", ge=0)
     start: float = option(10.0, "start of the window", unit="s", ge=0)
     length: float = option(5.0, "length of the window", unit="s", gt=0)
-
-
-if TYPE_CHECKING:
-    Methods = dict[str, MethodSettings]
-    SimulationNotebook = str
-else:
-    Methods = dict[Name, union_of_methods()]
-    SimulationNotebook = Literal[tuple(name for name in NOTEBOOKS if name != "recordings")]
 
 
 class _StudySettings(Options):
@@ -158,17 +192,17 @@ class _StudySettings(Options):
     @model_validator(mode="after")
     def _check_methods(self) -> Self:
         """Refuse names and labels by which results could be taken for those of another method, and unknown ones."""
-        _check_cases("methods", self.methods)
+        check_cases("methods", self.methods)
         for name, method in self.methods.items():
             if name in METHODS and name != method.method:
                 raise ValueError(
                     f"methods: {name} is the name of another method than {method.method}: choose another name"
                 )
         labels = Counter(method.label or name for name, method in self.methods.items())
-        for label, count in labels.items():
-            if count > 1:
-                raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
-        _check_list("figure: methods", self.figure.methods or (), "method", self.methods)
+        label, count = labels.most_common(1)[0]
+        if count > 1:
+            raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
+        _check_list("figure: methods", self.figure.methods, "method", self.methods)
         return self
 
 
@@ -230,11 +264,6 @@ class SimulationStudy(_StudySettings):
     sweep: SweepSettings = option(description="what the notebook sweep shows", default_factory=SweepSettings)
 
     @property
-    def has_table(self) -> bool:
-        """Whether a table lists its points."""
-        return isinstance(self.points, Mapping) and "table" in self.points
-
-    @property
     def chunk_key(self) -> Literal["trials_per_chunk", "points_per_chunk", "job_minutes"]:
         """Key that decides on the size of chunks."""
         if self.trials_per_chunk is not None:
@@ -244,10 +273,8 @@ class SimulationStudy(_StudySettings):
     @model_validator(mode="after")
     def _check_study(self) -> Self:
         if self.figure.trial >= self.trials:
-            raise ValueError(
-                f"figure: trial: there is no trial {self.figure.trial}; those of {self.trials} trials are 0 to "
-                f"{self.trials - 1}"
-            )
+            numbers = f"those of {self.trials} trials are 0 to {self.trials - 1}"
+            raise ValueError(f"figure: trial: there is no trial {self.figure.trial}; {numbers}")
         if self.trials_per_chunk is not None and (self.points_per_chunk or 1) > 1:
             raise ValueError(
                 "a chunk is some points, or part of the trials of one point: set points_per_chunk: 1 to use "
@@ -280,60 +307,32 @@ class RecordingsStudy(_StudySettings):
     @model_validator(mode="before")
     @classmethod
     def _apply_defaults(cls, values: Any) -> Any:
-        if not isinstance(values, Mapping):
-            return values
         defaults, files = (values.get(name) or {} for name in ("defaults", "files"))
         if not isinstance(defaults, Mapping) or not isinstance(files, Mapping):
             return values
-        if "file" in defaults:
-            raise ValueError("defaults: the key 'file' has no default, since every recording has a file of its own")
-        complete = {
-            name: {**defaults, **mapping} if isinstance(mapping, Mapping) else mapping
-            for name, mapping in files.items()
-        }
+        complete = {name: {**defaults, **file} if isinstance(file, Mapping) else file for name, file in files.items()}
         return {**values, "files": complete}
 
     @model_validator(mode="after")
     def _check_study(self) -> Self:
-        check_recording_names("files", self.files)
+        check_cases("files", self.files)
         return self
 
 
-def check_recording_names(key: str, names: Collection[str]) -> None:
-    """Refuse names of recordings whose results would have the same paths."""
-    _check_cases(key, names)
-    for name in names:
-        if f"{name}.html" in names:
-            raise ValueError(f"{key}: {name}.html is the page of the recording {name}: choose another name")
-
-
-def _check_list(key: str, names: Sequence[str], kind: str, known: Collection[str]) -> None:
+def _check_list(key: str, names: Sequence[str] | None, kind: str, known: Collection[str]) -> None:
     """Refuse names in a list that are unknown, or stand twice."""
-    for name, count in Counter(names).items():
+    for name, count in Counter(names or ()).items():
         if name not in known:
-            raise ValueError(
-                f"{key}: there is no {kind} {show_value(name)}{suggest_name(name, known)}; there are {', '.join(known)}"
-            )
+            there = f"there are {', '.join(known)}"
+            raise ValueError(f"{key}: there is no {kind} {show_value(name)}{suggest_name(name, known)}; {there}")
         if count > 1:
             raise ValueError(f"{key}: {name!r} is listed twice")
-
-
-def _check_cases(key: str, names: Iterable[str]) -> None:
-    """Refuse names that are one to a file system that does not tell capitals from small letters."""
-    first: dict[str, str] = {}
-    for name in names:
-        other = first.setdefault(name.lower(), name)
-        if other != name:
-            raise ValueError(f"{key}: {other!r} and {name!r} differ in capitals only, which some file systems ignore")
-
-
-StudySettings = SimulationStudy | RecordingsStudy
 
 
 class Config(Options):
     """The whole configuration."""
 
-    run: list[str] | None = option(None, "names of the studies to make; null for all of them")
+    run: Names | None = option(None, "names of the studies to make; null for all of them")
     article: list[str] = option(
         description=(
             "names of the simulated studies that the ledger and the article are made of; both are made where all of "
@@ -341,7 +340,7 @@ class Config(Options):
         ),
         default_factory=list,
     )
-    studies: dict[Name, Annotated[StudySettings, Field(discriminator="kind")]] = option(
+    studies: dict[Name, Annotated[SimulationStudy | RecordingsStudy, Field(discriminator="kind")]] = option(
         description="studies by name; the name appears in the paths of the results", min_length=1
     )
 
@@ -357,37 +356,54 @@ class Config(Options):
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
-        _check_cases("studies", self.studies)
+        check_cases("studies", self.studies)
         if "economy" in self.studies:
             raise ValueError("studies: 'economy' has another table, results/tables/economy.csv: give it another name")
-        for name in self.studies:
-            if f"{name}-trials" in self.studies:
-                raise ValueError(f"studies: {name}-trials is the table of all trials of {name}: choose another name")
-        if self.run is not None and not self.run:
-            raise ValueError("run: names no study; there are " + ", ".join(self.studies))
-        _check_list("run", self.run or (), "study", self.studies)
+        _check_list("run", self.run, "study", self.studies)
         _check_list("article", self.article, "study", self.studies)
         for name in self.article_names:
             study = self.studies[name]
             if not isinstance(study, SimulationStudy) or study.notebook is None:
                 raise ValueError(f"article: the study {name!r} is not simulated, or has no notebook")
-        if self.article_names:
-            self._check_economy(self.studies.get("table1") if "table1" in self.article else None)
-        return self
-
-    @staticmethod
-    def _check_economy(study: StudySettings | None) -> None:
-        """Refuse an article for which the economy of the methods cannot be measured."""
-        if not isinstance(study, SimulationStudy):
+            if name == "table1":
+                _check_economy(study)
+        if self.article_names and "table1" not in self.article:
             raise ValueError(
                 "article: needs the study 'table1', on whose trials the economy of the methods is measured; name it, "
                 "or set article: [] to make none"
             )
-        if study.keep != "everything":
-            raise ValueError(
-                "article: the study 'table1' must have keep: everything: the economy of the methods is measured on its "
-                "trials"
-            )
-        for name in ("pr-moesp", "eiv-moesp"):
-            if name in study.methods and study.methods[name].select:
-                raise ValueError(f"article: {name} of the study 'table1' must not have select: its economy is measured")
+        return self
+
+
+def _check_economy(study: SimulationStudy) -> None:
+    """Refuse a study on whose trials the economy of the methods cannot be measured."""
+    if study.keep != "everything":
+        raise ValueError(
+            "article: the study 'table1' must have keep: everything: the economy of the methods is measured on its "
+            "trials"
+        )
+    for name in ("pr-moesp", "eiv-moesp"):
+        if name in study.methods and study.methods[name].select:
+            raise ValueError(f"article: {name} of the study 'table1' must not have select: its economy is measured")
+
+
+def schema_text() -> str:
+    """The JSON schema of the configuration: every key with its description, unit, default and bounds."""
+    header = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "ankleloop configuration"}
+    return json.dumps({**header, **_tidy(Config.model_json_schema())}, indent=2, ensure_ascii=False) + "\n"
+
+
+def _tidy(schema: Any) -> Any:
+    """The schema without titles that repeat the names of keys, and with the first sentence of each docstring."""
+    if isinstance(schema, list):
+        return [_tidy(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    tidy = {key: _tidy(value) for key, value in schema.items() if not (key == "title" and isinstance(value, str))}
+    if tidy.get("type") == "object" and isinstance(tidy.get("description"), str):
+        tidy["description"] = tidy["description"].partition("\n\n")[0].replace("\n", " ")
+    return tidy
+
+
+if __name__ == "__main__":
+    SCHEMA.write_text(schema_text(), encoding="utf-8")

@@ -5,21 +5,20 @@
 
 from __future__ import annotations
 
-import codecs
-import json
 import os
 import re
 import sys
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import yaml
 
 from ankleloop.studies.checking import ConfigError
 
-if TYPE_CHECKING:
-    import yaml
+PathLike = str | os.PathLike[str]
 
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 MAX_VALUES = 1_000_000  # of a file, those that aliases repeat included
 MAX_DEPTH = 100
 TEMPLATE_KEY = "__use_yte__"  # makes a YAML file a program of the template engine that Snakemake reads it by
@@ -31,8 +30,7 @@ WRONG_MERGE = (
 )
 KINDS = ("str", "int", "float", "bool", "null", "seq", "map")
 KINDS_OF_KEYS = {
-    "int": "a number",
-    "float": "a number",
+    **dict.fromkeys(("int", "float"), "a number"),
     "bool": "true or false",
     "null": "nothing",
     "timestamp": "a date",
@@ -41,39 +39,32 @@ KINDS_OF_KEYS = {
 DECIMAL = re.compile(r"[-+]?(0|[1-9][0-9]*)|[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]?\.(inf|nan)", re.I)
 
 
-def check_config_file(path: str | os.PathLike[str]) -> None:
+def check_config_file(path: PathLike) -> None:
     r"""Refuse a file in which YAML would lose or change something: a key that stands twice, the subject 012."""
-    text = read_text(path)
-    if _is_json(path, text):
-        return
-    root = _compose(path, text)
+    root = _compose(path)
     if root is None or root.id != "mapping":
         raise ConfigError(f"{path}: must have keys at the top level, such as 'studies:'.")
     _check_node(path, root, {})
 
 
-def read_text(path: str | os.PathLike[str]) -> str:
+def read_text(path: PathLike) -> str:
     """Text of a file in UTF-8, with or without byte order mark."""
     try:
-        content = Path(path).read_bytes()
+        return Path(path).read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise ConfigError(f"{path}, line {line}: this is not UTF-8 ({error.reason}); save the file as UTF-8.") from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise ConfigError(f"{path}: the file cannot be read ({reason}); check the path.") from None
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in content[:100]:
-        raise ConfigError(f"{path} is text in UTF-16 or no text at all: save it as UTF-8.")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise ConfigError(f"{path}, line {line}: this is not UTF-8 ({error.reason}); save the file as UTF-8.") from None
 
 
-def find_key(keys: Sequence[str], paths: Sequence[str | os.PathLike[str]]) -> str:
+def find_key(keys: Sequence[str], paths: Sequence[PathLike]) -> str:
     """File and line of a key of the configuration, for error messages."""
     best, place = 0, ""
     for path in paths:
         try:
-            node = _compose(path, read_text(path))
+            node = _compose(path)
         except ConfigError:
             continue
         for depth, key in enumerate(keys, start=1):
@@ -86,50 +77,26 @@ def find_key(keys: Sequence[str], paths: Sequence[str | os.PathLike[str]]) -> st
     return place
 
 
-def _pairs(node: Any) -> Iterator[tuple[yaml.Node, yaml.Node]]:
+def _pairs(node: Any) -> Iterator[tuple[Any, Any]]:
     """Keys and values of a mapping, those that it takes over by << at the end."""
-    if getattr(node, "id", None) != "mapping":
-        return
-    merged: list[yaml.Node] = []
-    for key, value in node.value:
-        if key.tag == MERGE:
-            merged += value.value if value.id == "sequence" else [value]
-        else:
-            yield key, value
-    for other in merged:
-        yield from _pairs(other)
+    if isinstance(node, yaml.MappingNode):
+        yield from (pair for pair in node.value if pair[0].tag != MERGE)
+        for key, value in node.value:
+            if key.tag == MERGE:
+                for other in value.value if value.id == "sequence" else [value]:
+                    yield from _pairs(other)
 
 
-def _is_json(path: str | os.PathLike[str], text: str) -> bool:
-    """Check a file of JSON; False if it is none."""
-
-    def collect(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        for key, count in Counter(key for key, _ in pairs).items():
-            if count > 1:
-                raise ConfigError(f"{path}: the key {key!r} stands twice in one mapping.")
-        return dict(pairs)
-
-    try:
-        content = json.loads(text, object_pairs_hook=collect)
-    except (json.JSONDecodeError, RecursionError):
-        return False
-    if not isinstance(content, dict):
-        raise ConfigError(f"{path}: must have keys at the top level.")
-    return True
-
-
-def _compose(path: str | os.PathLike[str], text: str) -> Any:
+def _compose(path: PathLike) -> Any:
     """Tree of a YAML file."""
-    import yaml
-
-    loader, depth = getattr(yaml, "CSafeLoader", yaml.SafeLoader), 0
+    text, depth = read_text(path), 0
     try:
-        for event in yaml.parse(text, Loader=loader):  # without recursion, unlike compose
+        for event in yaml.parse(text, Loader=LOADER):  # without recursion, unlike compose
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
                 line = event.start_mark.line + 1
                 raise ConfigError(f"{path}, line {line}: lists and mappings are nested more than {MAX_DEPTH} deep.")
-        return yaml.compose(text, Loader=loader)
+        return yaml.compose(text, Loader=LOADER)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f", line {mark.line + 1}" if mark else ""
@@ -138,7 +105,7 @@ def _compose(path: str | os.PathLike[str], text: str) -> Any:
         raise ConfigError(f"{path}: this is not YAML: {' '.join(str(error).split())}.") from None
 
 
-def _check_node(path: str | os.PathLike[str], node: Any, counts: dict[int, int]) -> int:
+def _check_node(path: PathLike, node: Any, counts: dict[int, int]) -> int:
     """Check a node and all below it, each once; the number of values, those that aliases repeat included."""
     place = f"{path}, line {node.start_mark.line + 1}"
     kind = node.tag.removeprefix(YAML_TAG)
@@ -148,21 +115,17 @@ def _check_node(path: str | os.PathLike[str], node: Any, counts: dict[int, int])
         raise ConfigError(f"{place}: {WRONG_MERGE}")
     if kind not in KINDS:
         raise ConfigError(f"{place}: the tag {kind!r} has no meaning here: leave it out.")
-    if isinstance(node.value, str):
+    if isinstance(node, yaml.ScalarNode):
         if kind in ("int", "float") and not DECIMAL.fullmatch(node.value):
-            import yaml
-
             number = yaml.safe_load(node.value)
-            raise ConfigError(
-                f"{place}: YAML reads {node.value} as {number}: write {number}, or put '{node.value}' in quotes if it "
-                "is text."
-            )
+            quoted = f"put '{node.value}' in quotes if it is text."
+            raise ConfigError(f"{place}: YAML reads {node.value} as {number}: write {number}, or {quoted}")
         return 1
     if id(node) not in counts:
         counts[id(node)] = -1  # being counted
-        if node.id == "mapping":
+        if isinstance(node, yaml.MappingNode):
             _check_keys(path, node)
-        parts = [value for _, value in node.value] if node.id == "mapping" else node.value
+        parts = [value for _, value in node.value] if isinstance(node, yaml.MappingNode) else node.value
         counts[id(node)] = 1 + sum(_check_node(path, part, counts) for part in parts)
     if counts[id(node)] < 0:
         raise ConfigError(f"{place}: an alias stands within the anchor that it repeats.")
@@ -171,24 +134,24 @@ def _check_node(path: str | os.PathLike[str], node: Any, counts: dict[int, int])
     return counts[id(node)]
 
 
-def _check_keys(path: str | os.PathLike[str], mapping: Any) -> None:
+def _check_keys(path: PathLike, mapping: yaml.MappingNode) -> None:
     """Refuse keys that stand twice, keys that are no text, and << without another mapping."""
     lines: dict[str, int] = {}
     for key, value in mapping.value:
         line = key.start_mark.line + 1
+        place = f"{path}, line {line}"
         if not isinstance(key.value, str):
-            raise ConfigError(f"{path}, line {line}: a key must be text, not a list or a mapping.")
+            raise ConfigError(f"{place}: a key must be text, not a list or a mapping.")
         if key.tag == MERGE:
-            others = value.value if value.id == "sequence" else [value]
-            if any(other.id != "mapping" for other in others):
+            if any(other.id != "mapping" for other in (value.value if value.id == "sequence" else [value])):
                 raise ConfigError(f"{path}, line {value.start_mark.line + 1}: {WRONG_MERGE}")
         elif key.tag != f"{YAML_TAG}str":
             kind = KINDS_OF_KEYS.get(key.tag.removeprefix(YAML_TAG), "something else")
-            raise ConfigError(f"{path}, line {line}: YAML reads the key {key.value} as {kind}: put it in quotes.")
+            raise ConfigError(f"{place}: YAML reads the key {key.value} as {kind}: put it in quotes.")
         if key.value == TEMPLATE_KEY:
             raise ConfigError(
-                f"{path}, line {line}: with the key {key.value} Snakemake runs Python code of this file when it reads "
-                "it, before anything can check it: leave it out. If the file is from somebody else, look what it ran."
+                f"{place}: with the key {key.value} Snakemake runs Python code of this file when it reads it, before "
+                "anything can check it: leave it out. If the file is from somebody else, look what it ran."
             )
         if key.value in lines:
             raise ConfigError(f"{path}: the key {key.value!r} in line {line} stands in line {lines[key.value]}, too.")

@@ -12,13 +12,12 @@ import pyarrow as pa
 import xarray as xr
 
 from ankleloop.assessment.scores import parameter_row, score_rows
-from ankleloop.errors import NUMERICAL_ERRORS
+from ankleloop.errors import NUMERICAL_ERRORS, describe_error, locate_errors
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.registry import identify
 from ankleloop.paper.trial_tables import ENDS, ESTIMATED, as_table, save_table
-from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.trials.trial_files import FailedTrial, load_chunks
 
 log = logging.getLogger(__name__)

@@ -8,27 +8,29 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+from decimal import Decimal
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, Union, get_args, get_origin
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from ankleloop.methods.registry import METHODS
-from ankleloop.options import Options, as_plain, option, show_value, suggest_name
+from ankleloop.options import Options, option, show_value, suggest_name
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.checking import ConfigError, check, expand_path
-from ankleloop.studies.tables import FLAGS, cast_number, read_points
+from ankleloop.studies.checking import ConfigError, check, expand_path, key_error
+from ankleloop.studies.recording_tables import cast_number, read_points
 
 if TYPE_CHECKING:
-    from ankleloop.studies.method_settings import MethodSettings
+    from ankleloop.studies.config import MethodSettings
 
 SETTINGS = tuple(SimulationSettings.model_fields)
+SIMULATION = ""  # owner of the settings, beside the methods, which own their options
 MAX_POINTS = 100_000  # of a study
 DIGITS = 12  # of the values of a range, so that 3 · 0.1 is 0.3; those of a design have half of them
 
 Place = tuple[str, ...]
-Combination = tuple[str, dict[str, Any]]  # where it stands, if in a table, and values by column
+Combination = tuple[str, Mapping[str, Any]]  # where it stands, if in a table, and values by column
+Points = tuple[list["Point"], dict[str, dict[str, Any]], dict[str, "Parameter"]]  # and all settings of each condition
 
 
 class _Limits(Options):
@@ -47,14 +49,12 @@ class _Limits(Options):
             raise ValueError(f"a logarithmic scale begins above 0, got start: {start:g}; a linear one may hold 0")
         return self
 
-    def interpolate(self, share: float, digits: int = DIGITS) -> float:
+    def interpolate(self, share: float, digits: int) -> float:
         """Value at a share of the way from start to stop, rounded."""
         value = self.start + (self.stop - self.start) * share
         if self.scale == "logarithmic":
             value = self.start * (self.stop / self.start) ** share
-        if share in (0.0, 1.0):
-            value = self.stop if share else self.start
-        return float(f"{value:.{digits}g}") + 0.0
+        return float(f"{value:.{digits}g}")
 
 
 class ValueRange(_Limits):
@@ -75,24 +75,11 @@ class ValueRange(_Limits):
 
     @property
     def values(self) -> list[float]:
-        """The values, rounded to 12 significant digits."""
-        if self.step is None:
-            last = (self.count or 2) - 1
-            return [self.interpolate(number / last) for number in range(last + 1)]
-        count = math.floor((self.stop - self.start) / self.step * (1 + 1e-12) + 1e-9) + 1
-        values = [self.start + number * self.step for number in range(count)]
-        # A difference such as 0.3 - 0.1 · 3 is 0, not 5e-17.
-        return [0.0 if abs(v) < 1e-12 * self.step else float(f"{v:.{DIGITS}g}") for v in values]
-
-
-class Interval(_Limits):
-    """Limits between which a design draws a parameter."""
-
-    @model_validator(mode="after")
-    def _check_width(self) -> Self:
-        if self.start == self.stop:
-            raise ValueError(f"stop must be above start, got {self.stop:g}")
-        return self
+        """The values, rounded to 12 significant digits; a step is counted as it is written, in decimals."""
+        if self.count:
+            return [self.interpolate(share, DIGITS) for share in np.linspace(0.0, 1.0, self.count).tolist()]
+        start, stop, step = (Decimal(repr(value)) for value in (self.start, self.stop, self.step))
+        return [float(start + number * step) for number in range(int((stop - start) / step) + 1)]
 
 
 class Design(Options):
@@ -109,10 +96,9 @@ class Design(Options):
     def _check_count(self) -> Self:
         power = 1 << self.count.bit_length() - 1
         if self.design == "sobol" and self.count != power:
-            larger = f" or {2 * power}" if 2 * power <= MAX_POINTS else ""
             raise ValueError(
-                f"the count of a Sobol design is a power of two, which fills space evenly: {power}{larger}, "
-                f"got {self.count}; latin-hypercube takes any count"
+                "the count of a Sobol design is a power of two, which fills space evenly: "
+                f"{power} or {2 * power}, got {self.count}; latin-hypercube takes any count"
             )
         return self
 
@@ -131,22 +117,9 @@ class Parameter(NamedTuple):
 
     column: str
     field: str  # name of the setting or option
-    owner: type[Options]  # model that has it
-    methods: tuple[str, ...]  # methods of the study whose option it is; none of a setting of the simulation
+    owners: tuple[str, ...]  # the simulation, or methods of the study whose option it is
     kind: Literal["number", "count", "flag", "text"]  # of its values
     allows_none: bool
-
-    def normalise(self, value: Any) -> Any:
-        """A value as the model has it, so that 13 and 13.0, 0.0 and -0.0 make one point with one name and one seed."""
-        value = as_plain(value)
-        if isinstance(value, (list, tuple, Mapping)):
-            raise ValueError(f"{self.column}: each value must be a single one, got {show_value(value)}")
-        if type(value) in (int, float) and self.kind == "number":
-            with suppress(OverflowError):  # of a whole number beyond all floats, which the model refuses
-                return float(value) + 0.0
-        if type(value) is float and self.kind == "count" and value.is_integer():
-            return int(value)
-        return value
 
 
 class Point(NamedTuple):
@@ -158,291 +131,225 @@ class Point(NamedTuple):
     options: dict[str, dict[str, Any]]  # of methods that make it, by the name of the method in the study
 
 
-class Points(NamedTuple):
-    """Points of a study, all settings of each condition by its name, and what varies by column."""
-
-    points: list[Point]
-    conditions: dict[str, dict[str, Any]]
-    parameters: dict[str, Parameter]
-
-
 def point_name(values: Mapping[str, Any]) -> str:
     """Name of a point in tables, from the values that make it, in any order."""
     return ",".join(f"{name}={value}" for name, value in sorted(values.items())) or "only"
 
 
 def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Mapping[str, MethodSettings]) -> Points:
-    """Points of a study, checked: names, types and bounds of every value, and what values may not go together.
-
-    Equal settings, and equal options of a method, are checked once.
-    """
+    """Points of a study, checked: names, types and bounds of every value, and what values may not go together."""
     place = ("studies", study, "points")
-    parameters, combinations = _list_combinations(place, entry, methods)
-    points: dict[str, tuple[str, Point]] = {}
-    conditions: dict[str, dict[str, Any]] = {}
-    checked: dict[Any, str] = {}  # settings of conditions, and options of methods, in full
-    contents: dict[Any, str] = {}
-    for row, combination in combinations:
-        if len(points) == MAX_POINTS:
-            message = f"there are more than {MAX_POINTS:,} points: divide them among several studies"
-            raise _error(place, message)
-        try:
-            values = {name: parameters[name].normalise(value) for name, value in combination.items()}
-        except ValueError as error:
-            raise _error(place, f"{row}: {error}" if row else f"{error}") from None
-        name = point_name(values)
-        where = (row,) if row else ("config", *place, name)
-        settings = {column: value for column, value in values.items() if not parameters[column].methods}
-        options = _list_options(values, parameters)
-        condition = point_name(settings)
-        if condition not in conditions:
-            conditions[condition] = {**dict(shared), **settings}
-            _check(SimulationSettings, conditions[condition], where, place)
-            checked[condition] = repr(conditions[condition])
-        for method, entry in methods.items():
-            key = (method, repr(options.get(method)))
-            if key not in checked:
-                chosen = {field: getattr(entry.options, field) for field in entry.options.model_fields_set}
-                end = () if len(methods) == 1 else (method,)
-                checked[key] = repr(
-                    _check(type(entry.options), chosen | options.get(method, {}), (*where, *end), place)
-                )
-        if name in points:
-            first = points[name][0]
-            twice = f"{row}: the point {name} is in {first} already" if row else f"the point {name} is listed twice"
-            raise _error(place, twice)
-        content = (checked[condition], *(checked[method, repr(options.get(method))] for method in methods))
-        other = contents.setdefault(content, name)
-        if other != name:
-            message = f"study {study}: the points {other} and {name} have the same settings."
-            raise ConfigError(f"{row}: {message}" if row else message, place)
-        points[name] = (row, Point(name, condition, values, options))
-    listed = [point for _, point in points.values()]
-    if any(len(point.values) < len(parameters) for point in listed):
-        complete = {name: _shared_value(parameter, shared, methods) for name, parameter in parameters.items()}
-        listed = [point._replace(values={**complete, **point.values}) for point in listed]
-    return Points(listed, conditions, dict(parameters))
-
-
-def _list_options(values: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, dict[str, Any]]:
-    """Options of each method among the values of a point."""
-    options: dict[str, dict[str, Any]] = {}
-    for column, value in values.items():
-        for method in parameters[column].methods:
-            options.setdefault(method, {})[parameters[column].field] = value
-    return options
-
-
-def _check(model: type[Options], values: Mapping[str, Any], where: Place, place: Place) -> Any:
     try:
-        return check(model, values, *where)
-    except ConfigError as error:  # keys of a row of a table are no keys of the configuration
-        raise error if where[0] == "config" else ConfigError(f"{error}", place) from None
+        parameters, combinations = _list_combinations(place, entry, methods)
+        owners = {SIMULATION: shared, **{name: method.options for name, method in methods.items()}}
+        return _make_points(place, parameters, combinations, owners)
+    except ConfigError as error:  # of a table, whose rows and columns are no keys of the configuration
+        raise ConfigError(str(error), error.keys if error.keys[:1] == place[:1] else place) from None
 
 
-def _shared_value(parameter: Parameter, shared: SimulationSettings, methods: Mapping[str, MethodSettings]) -> Any:
-    """Value of a parameter at points that do not name it; None where methods differ in it."""
-    owners = [methods[method].options for method in parameter.methods] or [shared]
-    values = [getattr(owner, parameter.field) for owner in owners]
-    return values[0] if all(value == values[0] for value in values) else None
+def _make_points(
+    place: Place,
+    parameters: dict[str, Parameter],
+    combinations: Iterable[Combination],
+    owners: Mapping[str, Options],
+) -> Points:
+    """Points of all combinations; equal settings, and equal options of a method, are checked once."""
+    points: dict[tuple[Any, ...], tuple[str, Point]] = {}
+    conditions: dict[str, dict[str, Any]] = {}
+    checked: dict[tuple[str, str], Options] = {}
+    for row, given in combinations:
+        if len(points) == MAX_POINTS:
+            raise key_error(place, f"there are more than {MAX_POINTS:,} points: divide them among several studies.")
+        where = (row,) if row else ("config", *place, point_name(given))
+        divided = _divide_values(place, parameters, given)
+        models = {}
+        for owner, base in owners.items():
+            values = divided.get(owner, {})
+            key = (owner, repr(values))
+            if key not in checked:
+                chosen = {name: getattr(base, name) for name in base.model_fields_set}
+                end = (owner,) if owner != SIMULATION and len(owners) > 2 else ()
+                checked[key] = check(type(base), chosen | values, *where, *end)
+            models[owner] = checked[key]
+        complete = {name: _find_value(parameter, models, given) for name, parameter in parameters.items()}
+        made = {name: complete[name] for name in given}
+        options = _divide_values(place, parameters, made)
+        settings = options.pop(SIMULATION, {})
+        point = Point(point_name(made), point_name(settings), complete, options)
+        first, other = points.setdefault(tuple(complete.values()), (row, point))
+        if other is not point:
+            message = f"the points {other.name} and {point.name} have the same settings."
+            if other.name == point.name:
+                message = f"the point {point.name} is {f'in {first} already' if row else 'listed twice'}."
+            raise ConfigError(f"{row}: {message}") if row else key_error(place, message)
+        conditions.setdefault(point.condition, {**dict(owners[SIMULATION]), **settings})
+    return [point for _, point in points.values()], conditions, parameters
+
+
+def _divide_values(
+    place: Place, parameters: Mapping[str, Parameter], values: Mapping[str, Any]
+) -> dict[str, dict[str, Any]]:
+    """Values of a point by their owners and by their names there."""
+    divided: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        if isinstance(value, (list, Mapping)):
+            raise key_error(place, f"{name}: each value must be a single one, got {show_value(value)}.")
+        for owner in parameters[name].owners:
+            divided.setdefault(owner, {})[parameters[name].field] = value
+    return divided
+
+
+def _find_value(parameter: Parameter, models: Mapping[str, Options], given: Mapping[str, Any]) -> Any:
+    """Value of a parameter at a point, so that 13 and 13.0, 0.0 and -0.0 are one; None where methods differ in it."""
+    value = given.get(parameter.column)
+    if isinstance(value, str):  # as it is written, also where it stands for a table of numbers
+        return value
+    first, *others = (getattr(models[owner], parameter.field) for owner in parameter.owners)
+    value = first if all(other == first for other in others) else None
+    return value + 0.0 if isinstance(value, float) else value
 
 
 def _list_combinations(
     place: Place, entry: Any, methods: Mapping[str, MethodSettings]
-) -> tuple[Mapping[str, Parameter], Iterable[Combination]]:
+) -> tuple[dict[str, Parameter], Iterable[Combination]]:
     """What varies, and its values at each point, from any form of the key `points`."""
-    form = next((key for key in ("table", "design") if isinstance(entry, Mapping) and key in entry), None)
-    other = next((name for name in entry if name in SETTINGS), None) if form else None
-    if other:
-        raise _error(
-            place,
-            f"{other} stands beside {form}: points have one form. Keys of several configuration files are put "
-            "together: for points of another form, define a study of another name",
-        )
-    if form == "table":
-        return _read_table(place, check(PointTable, entry, "config", *place).table, methods)
-    if form == "design":
-        design: Design = check(Design, entry, "config", *place)
-        parameters = find_parameters(list(design.parameters), methods, place)
-        return parameters, draw_points(design, parameters, place)
-    if isinstance(entry, Mapping):
-        parameters = find_parameters(list(entry), methods, place)
-        lists = [list_values(parameters[name], values, place) for name, values in entry.items()]
-        count = math.prod(map(len, lists))
-        if count > MAX_POINTS:
-            raise _error(place, f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies")
-        return parameters, (("", dict(zip(entry, row, strict=True))) for row in itertools.product(*lists))
-    if not isinstance(entry, list) or not entry or not all(isinstance(point, Mapping) for point in entry):
-        raise _error(place, "must be lists of values by setting, or a list of points with their settings")
-    names = list(dict.fromkeys(name for point in entry for name in point))
-    return find_parameters(names, methods, place), (("", dict(point)) for point in entry)
-
-
-def _read_table(
-    place: Place, table: str, methods: Mapping[str, MethodSettings]
-) -> tuple[Mapping[str, Parameter], Iterator[Combination]]:
-    path = expand_path(table, f"study {place[1]}: the table of its points")
-    try:
+    if isinstance(entry, Mapping) and "table" in entry:
+        table = check(PointTable, entry, "config", *place).table
+        path = expand_path(table, f"study {place[1]}: the table of its points")
         rows = read_points(path)
-        first = next(rows)
+        first = next(rows, None)
+        if first is None:
+            raise ConfigError(f"the table {path} has no rows.")
         try:
-            parameters = find_parameters(list(first[1]), methods, place)
+            parameters = find_parameters(first[1], methods, place)
         except ConfigError as error:
             raise ConfigError(f"{path}: {error}") from None
-    except ConfigError as error:
-        raise ConfigError(f"{error}", place) from None
-
-    def cast_rows() -> Iterator[Combination]:
-        try:
-            for row, cells in itertools.chain([first], rows):
-                yield row, {name: _cast(parameters[name], value, row) for name, value in cells.items()}
-        except ConfigError as error:
-            raise ConfigError(f"{error}", place) from None
-
-    return parameters, cast_rows()
-
-
-def _cast(parameter: Parameter, value: Any, row: str) -> Any:
-    """A cell as the type of its column; text that is none stays text, which the model refuses."""
-    if value == "":
-        raise ConfigError(
-            f"{row}: the cell of the column {parameter.column!r} is empty: every point has a value of each parameter; "
-            "write null for the value null."
-        )
-    if value is None and not parameter.allows_none:
-        raise ConfigError(f"{row}, column {parameter.column}: there is no value, and it may not be null.")
-    if not isinstance(value, str):
-        return value
-    if value == "null" and parameter.allows_none:
-        return None
-    if parameter.kind == "flag":
-        return FLAGS.get(value.lower(), value)
-    return value if parameter.kind == "text" else cast_number(value)
+        return parameters, _cast_rows(parameters, itertools.chain([first], rows))
+    if isinstance(entry, Mapping) and "design" in entry:
+        design: Design = check(Design, entry, "config", *place)
+        parameters = find_parameters(design.parameters, methods, place)
+        return parameters, _draw_points(design, parameters, place)
+    if isinstance(entry, Mapping):
+        parameters = find_parameters(entry, methods, place)
+        lists = [_list_values(parameters[name], values, place) for name, values in entry.items()]
+        count = math.prod(map(len, lists))
+        if count > MAX_POINTS:
+            raise key_error(place, f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies.")
+        return parameters, (("", dict(zip(entry, row, strict=True))) for row in itertools.product(*lists))
+    if not isinstance(entry, list) or not entry or not all(isinstance(point, Mapping) for point in entry):
+        raise key_error(place, "must be lists of values by setting, or a list of points with their settings.")
+    names = dict.fromkeys(name for point in entry for name in point)
+    return find_parameters(names, methods, place), (("", point) for point in entry)
 
 
-def list_values(parameter: Parameter, values: Any, place: Place) -> list[Any]:
+def _cast_rows(
+    parameters: Mapping[str, Parameter], rows: Iterable[tuple[str, dict[str, Any]]]
+) -> Iterator[Combination]:
+    """Rows of a table of points with cells as the types of their columns; other text is refused by the models."""
+    for row, cells in rows:
+        for name, value in cells.items():
+            parameter = parameters[name]
+            if value == "":
+                raise ConfigError(
+                    f"{row}: the cell of the column {name!r} is empty: every point has a value of each parameter; "
+                    "write null for the value null."
+                )
+            if value == "null" and parameter.allows_none:
+                cells[name] = None
+            elif isinstance(value, str) and parameter.kind == "flag":
+                cells[name] = {"true": True, "false": False}.get(value.lower(), value)
+            elif isinstance(value, str) and parameter.kind != "text":
+                cells[name] = cast_number(value)
+        yield row, cells
+
+
+def _list_values(parameter: Parameter, values: Any, place: Place) -> list[Any]:
     """Values of a parameter of a grid."""
     if isinstance(values, Mapping):
-        _check_number(parameter, place)
-        value_range: ValueRange = check(ValueRange, values, "config", *place, parameter.column)
+        value_range = _check_limits(ValueRange, parameter, values, place)
         # A count need not hit whole numbers; a step that does not is a mistake, which the model of the option refuses.
-        if parameter.kind == "count" and value_range.count:
-            return [round(value) for value in value_range.values]
-        return value_range.values
+        is_count = parameter.kind == "count" and value_range.count
+        return [round(value) for value in value_range.values] if is_count else value_range.values
     if not isinstance(values, list) or not values:
-        raise ConfigError(
-            f"{' → '.join(('config', *place))}: each setting must have a list of values, or a range (start, stop, step "
-            f"or count), got {parameter.column}: {show_value(values)}.",
-            place,
-        )
+        message = "each setting must have a list of values, or a range (start, stop, step or count), got "
+        raise key_error(place, f"{message}{parameter.column}: {show_value(values)}.")
     return values
 
 
-def draw_points(design: Design, parameters: Mapping[str, Parameter], place: Place) -> list[Combination]:
+def _draw_points(design: Design, parameters: Mapping[str, Parameter], place: Place) -> Iterable[Combination]:
     """Points of a random design."""
-    import numpy as np
     from scipy.stats import qmc
 
-    columns = {name: _scale(parameters[name], values, place) for name, values in design.parameters.items()}
-    rng = np.random.default_rng(design.seed)
-    sampler: Any = (
-        qmc.Sobol(len(columns), rng=rng) if design.design == "sobol" else qmc.LatinHypercube(len(columns), rng=rng)
-    )
-    rows = sampler.random(design.count).tolist()
-    return [("", {name: columns[name](u) for name, u in zip(columns, row, strict=True)}) for row in rows]
+    scales = {name: _scale(parameters[name], values, place) for name, values in design.parameters.items()}
+    sampler = qmc.Sobol if design.design == "sobol" else qmc.LatinHypercube
+    rows = sampler(len(scales), rng=np.random.default_rng(design.seed)).random(design.count).tolist()
+    return [("", {name: scale(u) for (name, scale), u in zip(scales.items(), row, strict=True)}) for row in rows]
 
 
 def _scale(parameter: Parameter, values: Any, place: Place) -> Callable[[float], Any]:
     """Function from the unit interval to the values of a parameter."""
-    if isinstance(values, list) and values:
-        return lambda u: values[min(int(u * len(values)), len(values) - 1)]
-    if not isinstance(values, Mapping):
-        raise ConfigError(
-            f"{' → '.join(('config', *place, 'parameters'))}: each parameter must have limits (start, stop) or a list "
-            f"of values, got {parameter.column}: {show_value(values)}.",
-            place,
-        )
     place = (*place, "parameters")
-    _check_number(parameter, place)
-    interval: Interval = check(Interval, values, "config", *place, parameter.column)
+    if isinstance(values, list) and values:
+        return lambda u: values[int(u * len(values))]
+    if not isinstance(values, Mapping):
+        message = "each parameter must have limits (start, stop) or a list of values, got "
+        raise key_error(place, f"{message}{parameter.column}: {show_value(values)}.")
+    interval = _check_limits(_Limits, parameter, values, place)
     if parameter.kind == "count" and interval.scale == "linear":  # each whole number has the same share
         low, high = math.ceil(interval.start), math.floor(interval.stop)
-        return lambda u: min(low + int(u * (high - low + 1)), high)
+        return lambda u: low + int(u * (high - low + 1))
     if parameter.kind == "count":
-        return lambda u: round(interval.interpolate(u))
+        return lambda u: round(interval.interpolate(u, DIGITS))
     return lambda u: interval.interpolate(u, DIGITS // 2)
 
 
-def _check_number(parameter: Parameter, place: Place) -> None:
+def _check_limits(model: type[_Limits], parameter: Parameter, values: Mapping[str, Any], place: Place) -> Any:
     if parameter.kind not in ("number", "count"):
-        raise _error((*place, parameter.column), "is no number and has no range: list its values")
+        raise key_error((*place, parameter.column), "is no number and has no range: list its values.")
+    return check(model, values, "config", *place, parameter.column)
 
 
-def find_parameters(names: list[str], methods: Mapping[str, MethodSettings], place: Place) -> dict[str, Parameter]:
+def find_parameters(names: Iterable[str], methods: Mapping[str, MethodSettings], place: Place) -> dict[str, Parameter]:
     """What the names in `points` stand for.
 
     A name is that of a setting, or else that of an option, of every method that has it; `METHOD.option` is that of one.
     """
-    parameters = {name: _find_parameter(name, methods, place) for name in names}
-    owners: dict[tuple[str, str], str] = {}
-    for name, parameter in parameters.items():
-        field = parameter.field
-        for method in parameter.methods:
-            settings = methods[method]
-            for key, chosen in (("options", settings.options.model_fields_set), ("select", settings.select)):
+    models = {SIMULATION: SimulationSettings, **{name: type(method.options) for name, method in methods.items()}}
+    options: dict[str, list[str]] = {}  # methods by the names of their options
+    for method in methods:
+        for field in models[method].model_fields:
+            options.setdefault(field, []).append(method)
+    known = {f"{method}.{field}": [method] for field, having in options.items() for method in having}
+    known = {**known, **options, **{name: [SIMULATION] for name in SETTINGS}}
+    parameters: dict[str, Parameter] = {}
+    names_of: dict[tuple[str, str], str] = {}
+    for name in names:
+        if name not in known:
+            raise key_error(
+                place,
+                f"{name!r} is not a setting of the simulation{suggest_name(name, known)}; known: "
+                f"{', '.join(SETTINGS)}; nor an option of a method of the study; known: {', '.join(options)}.",
+            )
+        field = name.rpartition(".")[2]
+        for owner in known[name]:
+            for key, chosen in _list_keys(methods.get(owner)).items():
                 if field in chosen:
-                    names_one = "" if "." in name else f", or name methods: METHOD.{field}"
-                    raise _error(
-                        place,
-                        f"{name}: the method {method} has {field} under {key} as well: leave it out of one of "
-                        f"them{names_one}",
-                    )
-            other = owners.setdefault((method, field), name)
+                    others = "" if "." in name else f", or name methods: METHOD.{field}"
+                    where = f"{name}: the method {owner} has {field} under {key} as well"
+                    raise key_error(place, f"{where}: leave it out of one of them{others}.")
+            other = names_of.setdefault((owner, field), name)
             if other != name:
-                raise _error(place, f"{other} and {name} are the same option of the method {method}: leave one out")
+                raise key_error(place, f"{other} and {name} are the same option of the method {owner}: leave one out.")
+        types = set(_list_types(models[known[name][0]].model_fields[field].annotation))
+        is_count = int in types or any(type(value) is int for value in types)
+        kind: Any = "count" if is_count else "flag" if bool in types else "number" if float in types else "text"
+        parameters[name] = Parameter(name, field, tuple(known[name]), kind, bool({None, NoneType} & types))
     return parameters
 
 
-def _find_parameter(name: str, methods: Mapping[str, MethodSettings], place: Place) -> Parameter:
-    owners = {key: type(settings.options) for key, settings in methods.items()}
-    method, dot, field = str(name).rpartition(".")
-    members: tuple[str, ...] = tuple(key for key, owner in owners.items() if field in owner.model_fields)
-    owner: type[Options] = SimulationSettings
-    if name in SETTINGS:
-        members = ()
-    elif dot:
-        if method not in methods:
-            close = suggest_name(method, methods)
-            known = ", ".join(methods)
-            raise _error(
-                place, f"{name!r}: the study has no method {method!r}{close}; its methods: {known}; add one to methods"
-            )
-        owner, members = owners[method], (method,)
-        if field not in owner.model_fields:
-            close = suggest_name(field, owner.model_fields)
-            known = ", ".join(owner.model_fields)
-            raise _error(place, f"{name!r}: the method {method} has no option {field!r}{close}; known: {known}")
-    elif members:
-        owner = owners[members[0]]
-    else:
-        options = list(dict.fromkeys(field for owner in owners.values() for field in owner.model_fields))
-        others = [key for key, entry in METHODS.items() if name in entry.options.model_fields]
-        if others:
-            raise _error(place, f"{name!r} is an option of {', '.join(others)}: the study has no such method; add one")
-        raise _error(
-            place,
-            f"{name!r} is not a setting of the simulation{suggest_name(name, [*SETTINGS, *options])}; known: "
-            f"{', '.join(SETTINGS)}; nor an option of a method of the study; known: {', '.join(options)}",
-        )
-    types = set(_list_types(owner.model_fields[field].annotation))
-    kind: Any = "flag" if bool in types else "number" if float in types else "text"
-    if int in types or any(type(value) is int for value in types):
-        kind = "count"
-    return Parameter(name, field, owner, members, kind, bool({None, NoneType} & types))
-
-
-def _error(place: Place, message: str) -> ConfigError:
-    return ConfigError(f"{' → '.join(('config', *place))}: {message}.", place)
+def _list_keys(method: MethodSettings | None) -> dict[str, Any]:
+    """Options that a method has under its keys; none of the simulation."""
+    return {"options": method.options.model_fields_set, "select": method.select} if method else {}
 
 
 def _list_types(annotation: Any) -> tuple[Any, ...]:

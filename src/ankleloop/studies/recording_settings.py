@@ -42,20 +42,14 @@ class Recording(ReadingOptions):
     def _as_times(cls, value: Any) -> Any:
         """Tables have times as a text."""
         if isinstance(value, str):
-            words = re.split(r"[\s;,]+", value.strip())
             with suppress(ValueError):
-                return tuple(float(word) for word in words)
-            return value
+                return tuple(map(float, re.split(r"[\s;,]+", value.strip())))
         return tuple(value) if isinstance(value, list) else value
 
     @model_validator(mode="after")
-    def _check_course(self) -> Self:
+    def _check_parts(self) -> Self:
         if self.cycle_onsets is not None and self.schedule is not None:
             raise ValueError("cycle_onsets and schedule exclude each other: parameters are functions of one of them")
-        return self
-
-    @model_validator(mode="after")
-    def _check_segment(self) -> Self:
         if self.stop is not None and self.stop <= (self.start or 0.0):
             raise ValueError(f"stop ({self.stop:g} s) must be after start ({self.start or 0.0:g} s)")
         return self

@@ -8,19 +8,18 @@ import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import xarray as xr
 
-from ankleloop.errors import NUMERICAL_ERRORS, ResourceError
-from ankleloop.pages.recordings import EmbeddedFigure, embed_recording_figures, render_recording_page
-from ankleloop.recordings.analysis import Analysis
+from ankleloop.errors import NUMERICAL_ERRORS, ResourceError, locate_errors
+from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.studies.failures import locate_errors
 from ankleloop.trials.csv_output import write_csv
 from ankleloop.trials.files import atomic_file
 
@@ -42,79 +41,69 @@ def analyse_recordings(
     A recording that cannot be used, or that fails numerically, has a page that says so; all others go on. A process
     that is killed says nothing of its recording: that is an error, and the same command tries again.
     """
-    job = _Job(Path(folder), methods, window, index)
-    worker = Worker(job.analyse)
-    for name, mapping in points.items():
-        with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
-            results = worker.call(name, mapping)
-        yield (name, *results)
+    keys = {method["label"] or key: key for key, method in methods.items()}
+    with run_in_child(partial(_analyse, keys, methods, Path(folder), window, index)) as analyse:
+        for name, mapping in points.items():
+            with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
+                results = analyse(name, mapping)
+            yield (name, *results)
 
 
-class _Job:
-    """What the recordings of a chunk share."""
+def _analyse(
+    keys: Mapping[str, str],
+    methods: Mapping[str, Mapping[str, Any]],
+    folder: Path,
+    window: Mapping[str, Any],
+    index: str | None,
+    name: str,
+    mapping: Mapping[str, Any],
+) -> Results:
+    """Analyse a recording, and write its files; where that fails numerically, its page alone."""
 
-    def __init__(
-        self, folder: Path, methods: Mapping[str, Mapping[str, Any]], window: Mapping[str, Any], index: str | None
-    ) -> None:
-        self._folder, self._window, self._index = folder, window, index
-        self._keys = {method["label"] or key: key for key, method in methods.items()}
-        self._methods = {label: methods[key] for label, key in self._keys.items()}
-
-    def analyse(self, name: str, mapping: Mapping[str, Any]) -> Results:
-        """Analyse a recording, and write its files."""
-        try:
-            trials, analysis = analyse_files(mapping["paths"], mapping["parts"], self._methods)
-            return self._write(name, mapping, trials[0] if trials else None, analysis)
-        except NUMERICAL_ERRORS as error:  # of a figure or an export
-            return self.refuse(name, mapping, error)
-
-    def refuse(self, name: str, mapping: Mapping[str, Any], error: Exception) -> Results:
-        """Write the page of a recording whose analysis failed, and nothing else of it."""
-        shutil.rmtree(self._folder / name, ignore_errors=True)
-        return self._write(name, mapping, None, refuse_recording(error))
-
-    def _write(self, name: str, mapping: Mapping[str, Any], trial: xr.Dataset | None, analysis: Analysis) -> Results:
+    def write(trials: Any, analysis: Any) -> Results:
         log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
-        table = tabulate_analysis(name, mapping, analysis, self._keys)
-        records = {self._keys[label]: estimates for label, estimates in analysis.records.items()}
-        export_estimates(records, self._folder / name, overwrite=True)
-        figures = embed_recording_figures(trial, analysis, **self._window)
-        if records:
-            self._write_numbers(name, figures)
-        page = render_recording_page(name, mapping, analysis, recommend(analysis), figures, index=self._index)
-        with atomic_file(self._folder / f"{name}.html", overwrite=True) as path:
-            path.write_text(page, encoding="utf-8")
-        return table, [finding.text for finding in analysis.check.findings if finding.verdict == "refused"]
-
-    def _write_numbers(self, name: str, figures: Mapping[str, EmbeddedFigure]) -> None:
-        """Write the numbers that the figures of a recording draw."""
-        for kind, figure in figures.items():
+        records = {keys[label]: estimates for label, estimates in analysis.records.items()}
+        export_estimates(records, folder / name, overwrite=True)
+        figures = embed_recording_figures(trials[0] if trials else None, analysis, **window)
+        for kind, figure in figures.items() if records else ():  # the numbers that they draw
             if figure.data is not None:
-                write_csv(figure.data, self._folder / name / f"figure-{kind}.csv", overwrite=True)
+                write_csv(figure.data, folder / name / f"figure-{kind}.csv", overwrite=True)
+        page = render_recording_page(name, mapping, analysis, recommend(analysis), figures, index=index)
+        with atomic_file(folder / f"{name}.html", overwrite=True) as path:
+            path.write_text(page, encoding="utf-8")
+        refusals = [finding.text for finding in analysis.check.findings if finding.verdict == "refused"]
+        return tabulate_analysis(name, mapping, analysis, keys), refusals
+
+    try:
+        methods_by_label = {label: methods[key] for label, key in keys.items()}
+        return write(*analyse_files(mapping["paths"], mapping["parts"], methods_by_label))
+    except NUMERICAL_ERRORS as error:  # of a figure or an export
+        shutil.rmtree(folder / name, ignore_errors=True)
+        return write([], refuse_recording(error))
 
 
-class Worker:
-    """Runs a function in one child process call after call, and in a new one where the system killed it.
+@contextmanager
+def run_in_child(function: Callable[..., Any]) -> Iterator[Callable[..., Any]]:
+    """A function that runs in one child process, which the system may kill; its results and errors are pickled.
 
     Other systems than Linux cannot fork a process safely: there the function runs in the calling process.
     """
+    if sys.platform != "linux":
+        yield function
+        return
+    context = multiprocessing.get_context("fork")
+    pipe, other = context.Pipe()
+    process = context.Process(target=_serve, args=(function, other, pipe), daemon=True)
+    process.start()
+    other.close()
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
-        self._child: tuple[Any, Connection] | None = None
-
-    def call(self, *args: Any) -> Any:
-        """Call the function; its results and errors are pickled."""
-        if sys.platform != "linux":
-            return self._function(*args)
-        process, pipe = self._child = self._child or self._start()
+    def call(*args: Any) -> Any:
         try:
             pipe.send(args)
             succeeded, value = pipe.recv()
         except (EOFError, ConnectionError):
-            self._child = None
             process.join()
-            code = process.exitcode
+            code = process.exitcode or 0
             end = f"it was killed by {signal.Signals(-code).name}" if code < 0 else f"it ended with code {code}"
             raise ResourceError(
                 f"the process of the analysis came to no end ({end}): most often memory was short; free memory, or "
@@ -124,13 +113,8 @@ class Worker:
             return value
         raise value
 
-    def _start(self) -> tuple[Any, Connection]:
-        context = multiprocessing.get_context("fork")
-        pipe, other = context.Pipe()
-        process = context.Process(target=_serve, args=(self._function, other, pipe), daemon=True)
-        process.start()
-        other.close()
-        return process, pipe
+    with pipe:  # closed, it ends the child
+        yield call
 
 
 def _serve(function: Callable[..., Any], pipe: Connection, other: Connection) -> None:

@@ -1,12 +1,31 @@
-"""Time and memory of a job, from what its chunk holds and from what was measured (`benchmarks/resources.py`)."""
+"""What a job needs: the library code behind its script, and time and memory by what its chunk holds.
+
+Snakemake runs a job again when its script changes, not when a module that the script imports does. So each job carries
+a fingerprint as a parameter: it covers the modules of the library that the script reaches, and no others. Costs are
+those that `benchmarks/resources.py` has measured.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-from collections.abc import Mapping
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+LIBRARY = Path(__file__).parents[2]
+PACKAGE = "ankleloop"
+# Regular expressions, because the syntax trees of a hundred modules would take longer than Snakemake's own start. They
+# also find what looks like an import in a text: then a job runs once more than it has to, and none is missed.
+IMPORT = re.compile(
+    r"^[ \t]*(?:from[ \t]+(\.*[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n;]*)|import[ \t]+([\w.][^\n;]*))", re.MULTILINE
+)
+STRING = re.compile(rf"""["']({PACKAGE}(?:\.\w+)+)["']""")
+COMMENT = re.compile(r"#[^\n]*")
 
 MEASURED = Path(__file__).with_name("resources.json")
 BLOCK_ROWS = 15  # those of the measured methods
@@ -18,9 +37,70 @@ _SECONDS: dict[str, float] = json.loads(MEASURED.read_text(encoding="utf-8"))["s
 # Time of the processor in which a job imports its modules and loads its compiled code [s].
 START_SECONDS = _SECONDS["start"]
 RECORDING_SECONDS = _SECONDS["recording"]  # for the analysis and the page of a recording of a laboratory [s]
-MEASURED_METHODS = sorted(
-    {name.removesuffix(" trial") for name in _SECONDS if name.endswith(" trial")} - {"simulated", "prepared"}
-)
+SLOWEST = max((name for name in _SECONDS if name.endswith("sample")), key=_SECONDS.__getitem__).removesuffix(" sample")
+
+
+def fingerprint(*scripts: str | os.PathLike[str]) -> str:
+    """Hash of all library files that scripts or notebooks reach, directly or through other modules.
+
+    A module is reached by an import, at the top or within a function, or by its full name as a string, as
+    `importlib.import_module` takes it. With a module go the data folders beside it, those without modules.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(reached_files(*scripts)):
+        digest.update(f"{path.relative_to(LIBRARY)} {_hash_file(path, path.stat().st_mtime_ns)}\n".encode())
+    return digest.hexdigest()[:16]
+
+
+def reached_files(*scripts: str | os.PathLike[str]) -> set[Path]:
+    """Library files that scripts, notebooks or modules reach, directly or through other modules."""
+    modules: set[Path] = set()
+    remaining = {file for script in scripts for file in _parse(Path(script), os.stat(script).st_mtime_ns)}
+    while remaining:
+        path = remaining.pop()
+        modules.add(path)
+        remaining |= _parse(path, path.stat().st_mtime_ns) - modules
+    folders = {folder for path in modules for folder in path.parent.iterdir() if folder.is_dir()}
+    data = [folder for folder in folders if folder.name != "__pycache__" and not any(folder.rglob("*.py"))]
+    return modules | {file for folder in data for file in folder.rglob("*") if file.is_file()}
+
+
+@cache
+def _hash_file(path: Path, modified: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@cache
+def _parse(path: Path, modified: int) -> frozenset[Path]:
+    """Library files that a script, notebook or module refers to."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".ipynb":
+        cells = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
+        text = "\n".join("".join(cell["source"]) for cell in cells)
+    package = path.relative_to(LIBRARY).parent.parts if path.is_relative_to(LIBRARY) else ()
+    return frozenset(file for name in _list_names(text, package) for file in _find_files(name))
+
+
+def _list_names(text: str, package: tuple[str, ...]) -> Iterator[str]:
+    """Names that may be modules of the library, in the text of a module that belongs to a package."""
+    yield from STRING.findall(text)
+    for module, members, modules in IMPORT.findall(text):
+        level = len(module) - len(module.lstrip("."))
+        parents = package[: len(package) - level + 1] if level else ()
+        source = ".".join([*parents, *filter(None, [module.lstrip(".")])])
+        yield source
+        for names, parent in ((members, f"{source}."), (modules, "")):
+            for name in COMMENT.sub("", names).strip("() \t\n").split(","):
+                yield from (f"{parent}{word}" for word in name.split()[:1])  # without an alias
+
+
+def _find_files(name: str) -> Iterator[Path]:
+    """File of a module, or the __init__ of a package; other names have none."""
+    if name == PACKAGE:  # it imports its modules when their names are first used, which its source does not show
+        yield from (LIBRARY / PACKAGE).rglob("*.py")
+    elif name.startswith(f"{PACKAGE}.") and name.replace(".", "").isidentifier():
+        path = LIBRARY.joinpath(*name.split("."))
+        yield from (file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file())
 
 
 def simulation_seconds(samples: float) -> float:
@@ -29,16 +109,16 @@ def simulation_seconds(samples: float) -> float:
 
 
 def identification_seconds(
-    samples: float, methods: Mapping[str, Mapping[str, Any]], recording_rate: float = 1000.0
+    samples: float, methods: Iterable[Mapping[str, Any]], recording_rate: float = 1000.0
 ) -> float:
     """Time of the processor for the identification of a trial by some methods, and for its scores [s]."""
     seconds = _SECONDS["prepared trial"] + _SECONDS["prepared sample"] * samples
-    for entry in methods.values():
+    for entry in methods:
         name, options = entry["method"], entry.get("options", {})
         if name == "riv" and options.get("delay", 0.0) is None:  # without its delay riv searches one
             name = "riv-delay"
-        if name not in MEASURED_METHODS:  # it counts as the slowest one
-            name = max(MEASURED_METHODS, key=lambda measured: _SECONDS[f"{measured} sample"])
+        if f"{name} trial" not in _SECONDS:
+            name = SLOWEST
         identified = samples / recording_rate * options.get("identification_rate", 100.0)
         cost = _SECONDS[f"{name} trial"] + _SECONDS[f"{name} sample"] * identified
         rows = options.get("block_rows", BLOCK_ROWS) / BLOCK_ROWS if name.endswith("moesp") else 1.0

@@ -1,9 +1,9 @@
-"""The configuration of a run, checked before its first job: all that it names, and what its notebooks need."""
+"""The configuration of a run, checked before its first job; what its notebooks need, and what they are given."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,10 @@ from ankleloop.joint.regressors import decimation_grid
 from ankleloop.methods.registry import METHODS
 from ankleloop.options import suggest_name
 from ankleloop.paper.results import true_values
-from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config import Config
+from ankleloop.studies.checking import ConfigError, key_error
+from ankleloop.studies.config import NOTEBOOKS, Config, MethodSettings
 from ankleloop.studies.config_files import find_key
-from ankleloop.studies.method_settings import MethodSettings
+from ankleloop.studies.points import SIMULATION
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy, Study, read_studies
 
 MOST_POINTS = 1000  # of a notebook that has a line of its table, or a curve, for each
@@ -38,11 +38,9 @@ def read_run(
             elif isinstance(study, SimulatedStudy):
                 check_uses(study)
     except ConfigError as error:
-        here = Path.cwd()
         absolute = [Path(os.path.abspath(path)) for path in paths]
-        shown = [path.relative_to(here) if path.is_relative_to(here) else path for path in absolute]
-        overridden = bool(error.keys) and error.keys[0] in command_line
-        place = "--config" if overridden else find_key(error.keys, shown)
+        shown = [path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path for path in absolute]
+        place = "--config" if error.keys and error.keys[0] in command_line else find_key(error.keys, shown)
         raise ConfigError(f"{place}: {error}" if place else str(error), error.keys) from None
     return checked, studies
 
@@ -57,25 +55,25 @@ def describe_article(config: Config) -> str:
 
 def check_uses(study: SimulatedStudy) -> None:
     """Refuse a method, a window of figures or a notebook for which the points of a study leave nothing."""
-    settings = study.settings
+    settings, place = study.settings, ("studies", study.name)
     _check_methods(study)
     for end in sorted({condition["duration"] for condition in study.conditions.values()}):
         start = settings.figure.start
         if start >= end and "start" in settings.figure.model_fields_set:
-            raise _error(study, f"{start:g} s is after the end of trials of {end:g} s.", "figure", "start [s]")
+            raise key_error((*place, "figure", "start [s]"), f"{start:g} s is after the end of trials of {end:g} s.")
     if settings.notebook == "sweep" or "sweep" in settings.model_fields_set:
         try:
             settings.sweep.check(study.varied, study.methods, settings.against)
         except ValueError as error:
-            raise _error(study, f"{error}.", "sweep") from None
-    for check in NEEDS.get(settings.notebook or "", ()):
-        need = check(study)
-        if need:
-            raise _error(study, f"{settings.notebook} needs {need}.", "notebook")
+            raise key_error((*place, "sweep"), f"{error}.") from None
+    need = find_need(study)
+    if need:
+        raise key_error((*place, "notebook"), f"{settings.notebook} needs {need}.")
 
 
 def _check_methods(study: SimulatedStudy) -> None:
     """Refuse options with which a method could identify no trial, or whose estimates could not be in one file."""
+    place = ("studies", study.name)
     checked = set()
     for point in study.point_list:
         end, rate = (study.conditions[point.condition][name] for name in ("duration", "recording_rate"))
@@ -85,25 +83,19 @@ def _check_methods(study: SimulatedStudy) -> None:
             fault = "" if key in checked else _find_fault(method, varied, end, rate)
             checked.add(key)
             if fault and varied:
-                raise _error(study, f"{name}: {fault}", "points", point.name)
+                raise key_error((*place, "points", point.name), f"{name}: {fault}")
             if fault:
-                raise _error(study, fault, "methods", name, "options")
+                raise key_error((*place, "methods", name, "options"), fault)
     for column, parameter in study.parameters.items():
-        if parameter.methods and parameter.field == "identification_rate" and study.settings.keep != "scores":
+        is_rate = parameter.field == "identification_rate" and SIMULATION not in parameter.owners
+        if is_rate and study.settings.keep != "scores":
             message = "estimates of different rates are not kept in one file: set keep: scores."
-            raise _error(study, message, "points", column)
-
-
-def _error(study: SimulatedStudy, message: str, *keys: str) -> ConfigError:
-    """An error of one of the keys of a study."""
-    place = ("studies", study.name, *keys)
-    return ConfigError(f"{' → '.join(('config', *place))}: {message}", [key.split(" [")[0] for key in place])
+            raise key_error((*place, "points", column), message)
 
 
 def _find_fault(method: MethodSettings, varied: Mapping[str, Any], duration: float, rate: float) -> str:
     """Why a method cannot identify any simulated trial of some length and rate."""
-    chosen = method.options.model_copy(update=varied)
-    reference = METHODS[method.method].reference(chosen)
+    reference = METHODS[method.method].reference(method.options.model_copy(update=varied))
     if reference is not None and reference not in REFERENCES:
         close = suggest_name(reference, REFERENCES)
         return f"a simulated trial has no {reference!r}{close} to serve as reference; it has {', '.join(REFERENCES)}."
@@ -113,44 +105,87 @@ def _find_fault(method: MethodSettings, varied: Mapping[str, Any], duration: flo
             decimation_grid(round(duration * rate), rate, options["identification_rate"], options.get("delay") or 0.0)
         except DataError as error:
             return f"{error}"
-    rows, order, leads = (options.get(name) for name in ("block_rows", "order", "instrument_leads"))
-    if rows is not None and rows <= (order or 1):
-        return f"block_rows must be larger than the order ({order or 1}), got {rows}."
-    if rows is not None and leads is not None and leads > rows:
-        return f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}."
-    return ""
+    rows, order = options.get("block_rows"), options.get("order") or 1
+    return f"block_rows must be larger than the order ({order}), got {rows}." if rows and rows <= order else ""
 
 
-def _few_points(study: SimulatedStudy) -> str:
-    count = len(study.point_list)
-    if count <= MOST_POINTS:
+def find_need(study: SimulatedStudy) -> str:
+    """What the notebook of a study needs and the study lacks; empty where it has everything."""
+    notebook, points, varied, keep = study.settings.notebook, study.points, study.varied, study.settings.keep
+    if notebook in (None, "sweep"):
         return ""
-    return f"{MOST_POINTS:,} points at most, got {count:,}; the notebook sweep has no limit"
+    if len(points) > MOST_POINTS:
+        return f"{MOST_POINTS:,} points at most, got {len(points):,}; the notebook sweep has no limit"
+    names = ", ".join(varied) or "none"
+    values = [settings[name] for settings in points.values() for name in varied]
+    texts = [value for value in values if not isinstance(value, (int, float))]
+    options = [parameter.field for parameter in study.parameters.values() if SIMULATION not in parameter.owners]
+    truths = {tuple(true_values(settings, "KBIG").values()) for settings in points.values()}
+    constant = [name for name, settings in points.items() if settings["variation"] is None]
+    methods = {name: method.method for name, method in study.methods.items()}
+    moesp = [name for name in methods.values() if name.endswith("moesp")]
+    cascades = [name for name in study.methods if name.startswith("parallel-cascade")]
+    searching = [m for m in study.methods.values() if m.method == "riv" and m.fixed_options.get("delay", 0.0) is None]
+    unselected = [name for name, method in study.methods.items() if not method.select]
+    # Notebooks, whether the study lacks what they need, and what that is.
+    needs: list[tuple[set[str], Any, str]] = [
+        (
+            {"table1", "table2"},
+            keep != "everything",
+            f"trials on disk, which keep: {keep} leaves out: set keep: everything",
+        ),
+        (
+            {"comparison", "traces", "time-varying"},
+            keep == "scores",
+            "estimates on disk, which keep: scores leaves out: keep estimates",
+        ),
+        (
+            {"figure4", "passes", "choosing"},
+            len(varied) != 1,
+            f"one setting that differs between the points, got {names}",
+        ),
+        ({"sensitivity"}, len(varied) < 2, f"two settings or more that differ, got {names}"),
+        # Captions and axes know settings; a trial that is drawn belongs to the point that it is drawn for.
+        (
+            {*NOTEBOOKS} - {"obstacles", "time-varying"},
+            options,
+            f"points that differ in settings of the simulation alone, got {''.join(options[:1])}",
+        ),
+        ({"comparison"}, message := _find_abscissa_fault(study), message),
+        (
+            {"figure4", "passes", "choosing"},
+            texts,
+            f"numbers as values of {''.join(varied)}, got {texts[0]!r}" if texts else "",
+        ),
+        ({"traces"}, [*methods.values()] != ["real-time"], f"one method, real-time, got {', '.join(methods.values())}"),
+        ({"traces"}, len(truths) > 1, "points with the same K, B, I and G"),
+        (
+            {"figure4", "traces", "sensitivity", "efficiency", "choosing", "obstacles", "time-varying"},
+            study.settings.against,
+            "scores against the true torques: leave out against: measured",
+        ),
+        ({"figure4", "passes"}, "parallel-cascade" not in methods.values(), "a method parallel-cascade"),
+        (
+            {"sensitivity"},
+            not cascades,
+            "a method whose name begins with parallel-cascade, for its stop rule",
+        ),
+        ({"efficiency"}, not searching, "a method riv with the option delay: null, whose delay has an interval"),
+        ({"choosing"}, unselected, f"select for every method, got none for {', '.join(unselected)}"),
+        ({"obstacles"}, not moesp, "a method of the MOESP family, for its poles"),
+        (
+            {"obstacles"},
+            not any(settings["antialias_cutoff"] for settings in points.values()),
+            "a point with the anti-aliasing filter (antialias_cutoff)",
+        ),
+        ({"time-varying"}, constant, f"variation (of K, B and G) at every point, got none at {''.join(constant[:1])}"),
+        ({"time-varying"}, "riv-tv" not in methods.values(), "a method riv-tv, for its trajectories"),
+    ]
+    return next((need for notebooks, lacks, need in needs if notebook in notebooks and lacks), "")
 
 
-def _trials(study: SimulatedStudy) -> str:
-    keep = study.settings.keep
-    return "" if keep == "everything" else f"trials on disk, which keep: {keep} leaves out: set keep: everything"
-
-
-def _estimates(study: SimulatedStudy) -> str:
-    return "" if study.settings.keep != "scores" else "estimates on disk, which keep: scores leaves out: keep estimates"
-
-
-def _settings_alone(study: SimulatedStudy) -> str:
-    """Captions and axes know settings; a trial that is drawn belongs to the point that it is drawn for."""
-    options = [parameter.field for parameter in study.parameters.values() if parameter.methods]
-    return f"points that differ in settings of the simulation alone, got {options[0]}" if options else ""
-
-
-def _single_setting(study: SimulatedStudy) -> str:
-    if len(study.varied) == 1:
-        return ""
-    return f"one setting that differs between the points, got {', '.join(study.varied) or 'none'}"
-
-
-def _abscissa(study: SimulatedStudy) -> str:
-    """A setting with a number at every point, with which all others are scaled; the loops have curves of their own."""
+def _find_abscissa_fault(study: SimulatedStudy) -> str:
+    """What the setting lacks that is the abscissa, and scales all others; the loops have curves of their own."""
     names = [name for name in study.varied if name != "closed_loop"]
     if not names:
         return "a setting beside closed_loop that differs between the points, got none"
@@ -165,73 +200,55 @@ def _abscissa(study: SimulatedStudy) -> str:
     return ""
 
 
-def _numbers(study: SimulatedStudy) -> str:
-    values = [settings[name] for settings in study.points.values() for name in study.varied]
-    other = [value for value in values if not isinstance(value, (int, float))]
-    return f"numbers as values of {study.varied[0]}, got {other[0]!r}" if other else ""
+def shows_sweep(study: Study) -> bool:
+    """Whether the notebook of a study shows a sweep: it reads the table of all trials alone."""
+    return bool(study.settings.notebook == "sweep")
 
 
-def _grid(study: SimulatedStudy) -> str:
-    return "" if len(study.varied) > 1 else f"two settings or more that differ, got {', '.join(study.varied) or 'none'}"
+def report_parameters(study: Study, files: Mapping[str, Iterable[str]], **places: str) -> dict[str, Any]:
+    """Parameters of the notebook of a study: what `ankleloop.pages.study_page.StudyPage` holds.
+
+    `files` are its trials, estimates and tables; `places` are `published`, `table_stem`, `figure_stem`.
+    """
+    parameters = {
+        "study": study.name,
+        "kind": study.settings.kind,
+        "title": study.title,
+        "labels": study.labels,
+        "algorithms": {name: method.method for name, method in study.methods.items()},
+        "points": study.points if not shows_sweep(study) else {},
+        "varied": list(study.varied),
+        "figure": study.settings.figure.model_dump(),
+        "trials": list(files.get("trials", ())),
+        "estimates": list(files.get("estimates", ())),
+        **places,
+    }
+    tables = list(files.get("tables", ()))
+    if not isinstance(study, SimulatedStudy):
+        return {"study": {**parameters, "tables": tables}}
+    if shows_sweep(study):
+        shared = study.settings.simulation.model_dump()
+        parameters |= {"settings": shared, "sweep": study.settings.sweep.model_dump()}
+    return {"study": {**parameters, "table_file": "".join(tables)}}
 
 
-def _true_torques(study: SimulatedStudy) -> str:
-    return "scores against the true torques: leave out against: measured" if study.settings.against else ""
-
-
-def _selections(study: SimulatedStudy) -> str:
-    without = [name for name, method in study.methods.items() if not method.select]
-    return f"select for every method, got none for {', '.join(without)}" if without else ""
-
-
-def _traces(study: SimulatedStudy) -> str:
-    methods = [method.method for method in study.methods.values()]
-    return "" if methods == ["real-time"] else f"one method, real-time, got {', '.join(methods)}"
-
-
-def _equal_truths(study: SimulatedStudy) -> str:
-    truths = {tuple(true_values(settings, ["K", "B", "I", "G"]).values()) for settings in study.points.values()}
-    return "" if len(truths) == 1 else "points with the same K, B, I and G"
-
-
-def _variations(study: SimulatedStudy) -> str:
-    constant = [name for name, settings in study.points.items() if settings["variation"] is None]
-    return f"variation (of K, B and G) at every point, got none at {constant[0]}" if constant else ""
-
-
-def _filtered_points(study: SimulatedStudy) -> str:
-    filters = any(settings["antialias_cutoff"] for settings in study.points.values())
-    return "" if filters else "a point with the anti-aliasing filter (antialias_cutoff)"
-
-
-def _any_method(need: str, fits: Callable[[str, MethodSettings], bool]) -> Callable[[SimulatedStudy], str]:
-    """A need of one method at least."""
-    return lambda study: "" if any(fits(name, method) for name, method in study.methods.items()) else need
-
-
-_cascade = _any_method("a method parallel-cascade", lambda _, method: method.method == "parallel-cascade")
-_stop_rules = _any_method(
-    "a method whose name begins with parallel-cascade, for its stop rule",
-    lambda name, _: name.startswith("parallel-cascade"),
-)
-_delay_intervals = _any_method(
-    "a method riv with the option delay: null, whose delay has an interval",
-    lambda _, method: method.method == "riv" and method.fixed_options.get("delay", 0.0) is None,
-)
-_poles = _any_method("a method of the MOESP family, for its poles", lambda _, method: method.method.endswith("moesp"))
-_trajectories = _any_method("a method riv-tv, for its trajectories", lambda _, method: method.method == "riv-tv")
-
-# What each notebook needs of its study; empty where the study has it.
-NEEDS: dict[str, Iterable[Callable[[SimulatedStudy], str]]] = {
-    "figure4": (_few_points, _single_setting, _settings_alone, _numbers, _true_torques, _cascade),
-    "passes": (_few_points, _single_setting, _settings_alone, _numbers, _cascade),
-    "table1": (_few_points, _trials, _settings_alone),
-    "table2": (_few_points, _trials, _settings_alone),
-    "comparison": (_few_points, _estimates, _settings_alone, _abscissa),
-    "traces": (_few_points, _estimates, _settings_alone, _traces, _equal_truths, _true_torques),
-    "sensitivity": (_few_points, _grid, _settings_alone, _true_torques, _stop_rules),
-    "efficiency": (_few_points, _settings_alone, _true_torques, _delay_intervals),
-    "choosing": (_few_points, _single_setting, _settings_alone, _numbers, _true_torques, _selections),
-    "obstacles": (_few_points, _true_torques, _poles, _filtered_points),
-    "time-varying": (_few_points, _estimates, _true_torques, _variations, _trajectories),
-}
+def article_parameters(
+    studies: Iterable[SimulatedStudy], files: Mapping[str, Mapping[str, Any]], **shared: Any
+) -> dict[str, Any]:
+    """Parameters of the notebook of the article."""
+    return {
+        "title": "Closed-loop identification of ankle dynamics: a replication",
+        "studies": {
+            study.name: {
+                "title": study.title,
+                "trials": study.settings.trials,
+                "parameters": study.settings.simulation.model_dump(),
+                "points": study.points,
+                "varied": study.varied,
+                "methods": study.labels,
+                **files[study.name],
+            }
+            for study in studies
+        },
+        **shared,
+    }

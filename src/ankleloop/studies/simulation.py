@@ -11,15 +11,13 @@ import numpy as np
 import xarray as xr
 from numpy.random import SeedSequence
 
-from ankleloop.errors import NUMERICAL_ERRORS
+from ankleloop.errors import NUMERICAL_ERRORS, describe_error, locate_errors
 from ankleloop.simulation.simulate import simulate
-from ankleloop.studies.failures import describe_error, locate_errors
 from ankleloop.trials.files import parse_precision
 from ankleloop.trials.trial_files import FailedTrial
 
 log = logging.getLogger(__name__)
 
-Conditions = Mapping[str, Mapping[str, Any]]
 Trials = Iterator[tuple[str, int, xr.Dataset | FailedTrial]]  # condition and number of each
 
 
@@ -31,7 +29,7 @@ def trial_entropy(seed: int, study: str, point: str, number: int) -> list[int]:
 def simulate_trials(
     study: str,
     seed: int,
-    conditions: Conditions,
+    conditions: Mapping[str, Mapping[str, Any]],
     *,
     failures: Literal["stop", "count"] = "count",
     precision: str = "double",
@@ -41,25 +39,20 @@ def simulate_trials(
     `conditions` have `settings` and the numbers of the trials, from `first` to `stop` without it.
     """
     kind = parse_precision(precision)
-    for condition, part in conditions.items():
-        for number in range(part["first"], part["stop"]):
-            trial: xr.Dataset | FailedTrial
-            with locate_errors(f"study {study}, point {condition}, trial {number}"):
-                try:
-                    entropy = trial_entropy(seed, study, condition, number)
-                    trial = _round(simulate(seed=SeedSequence(entropy), **part["settings"]), kind)
-                except NUMERICAL_ERRORS as error:
-                    if failures == "stop":
-                        raise
-                    trial = FailedTrial(condition, number, describe_error(error))
-                    log.warning("%s: trial %d failed: %s", condition, number, trial.reason)
-            yield condition, number, trial
-            log.info("%s: simulated trial %d", condition, number)
-
-
-def _round(trial: xr.Dataset, kind: type[np.floating]) -> xr.Dataset:
-    if kind is not np.float64:
-        for name in trial.data_vars:
-            variable = trial.variables[name]
-            variable.values = variable.values.astype(kind).astype(float)
-    return trial
+    numbers = (
+        (name, part, number) for name, part in conditions.items() for number in range(part["first"], part["stop"])
+    )
+    for condition, part, number in numbers:
+        trial: xr.Dataset | FailedTrial
+        with locate_errors(f"study {study}, point {condition}, trial {number}"):
+            try:
+                trial = simulate(seed=SeedSequence(trial_entropy(seed, study, condition, number)), **part["settings"])
+                if kind is not np.float64:
+                    trial = trial.astype(kind).astype(float)
+            except NUMERICAL_ERRORS as error:
+                if failures == "stop":
+                    raise
+                trial = FailedTrial(condition, number, describe_error(error))
+                log.warning("%s: trial %d failed: %s", condition, number, trial.reason)
+        yield condition, number, trial
+        log.info("%s: simulated trial %d", condition, number)

@@ -11,14 +11,13 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ankleloop.studies.checking import ConfigError, check, expand_path
 from ankleloop.studies.config import NOTEBOOKS, Config, RecordingsStudy, SimulationStudy
-from ankleloop.studies.method_settings import MethodSettings
 from ankleloop.studies.points import Point, list_points
 from ankleloop.studies.recording_settings import Recording
 from ankleloop.studies.recording_tables import read_recordings
@@ -30,7 +29,7 @@ from ankleloop.studies.resources import (
 )
 
 MAX_JOBS = 100_000  # of a rule, for one study
-MAX_SAMPLES = 2**25  # of all trials of a trial file, which then has at most 2 GB
+MAX_SAMPLES = 2**25  # of all trials of a trial file, about, which then has 2 GB
 LEAST_POINTS = 16  # that share what a trial needs for its identification at any point
 
 
@@ -46,36 +45,25 @@ class PointTrials(NamedTuple):
     points: tuple[int, int] | None = None
 
 
-class ChunkSize(NamedTuple):
-    """Most trials of one condition, and most conditions, in a chunk; several conditions have all of their trials."""
-
-    trials: int
-    conditions: int = 1
-
-
-Parts = list[tuple[Hashable, PointTrials]]  # each with what those of a chunk share
+Chunk = list[PointTrials]
+Parts = list[tuple[Any, PointTrials]]  # each with what those of a chunk share
 
 
 class Study:
     """A study under its name."""
 
-    settings: SimulationStudy | RecordingsStudy
     varied: Sequence[str] = ()  # names of the columns that differ between the points
+    points: Mapping[str, Mapping[str, Any]]  # settings of each point, or mapping of each recording, by name
+    chunks: Sequence[Any]
 
     def __init__(self, name: str, settings: Any) -> None:
-        self.name, self.settings = name, settings
-        self.methods: Mapping[str, MethodSettings] = settings.methods  # by the name that tables use
-
-    @property
-    def points(self) -> dict[str, dict[str, Any]]:
-        """Settings of each point, or mapping of each recording, by name."""
-        raise NotImplementedError
+        self.name, self.settings, self.methods = name, settings, settings.methods
 
     @property
     def title(self) -> str:
         """Heading of its report; its name where the configuration has none."""
         words = re.sub("[_-]+", " ", self.name).strip()
-        return self.settings.title or words[:1].upper() + words[1:]
+        return str(self.settings.title) or words[:1].upper() + words[1:]
 
     @property
     def labels(self) -> dict[str, str]:
@@ -96,7 +84,7 @@ class SimulatedStudy(Study):
     settings: SimulationStudy
 
     def __init__(self, name: str, settings: SimulationStudy) -> None:
-        self.name, self.settings, self.methods = name, settings, settings.methods
+        super().__init__(name, settings)
         points = list_points(name, settings.points, settings.simulation, settings.methods)
         self.point_list, self.conditions, self.parameters = points
         self.varied = list(self.parameters)
@@ -105,14 +93,13 @@ class SimulatedStudy(Study):
         self._points_of: dict[str, list[Point]] = {}
         for point in self.point_list:
             self._points_of.setdefault(point.condition, []).append(point)
-        self._costs: dict[Hashable, float] = {}
         self.identified_methods = {
-            method: {"method": entry.method, "options": entry.identify_options}
-            for method, entry in settings.methods.items()
+            name: {"method": method.method, "options": method.identify_options}
+            for name, method in settings.methods.items()
         }
 
     @cached_property
-    def points(self) -> dict[str, dict[str, Any]]:
+    def points(self) -> dict[str, dict[str, Any]]:  # type: ignore[override]
         """All settings and varied options of each point, by its name."""
         return {point.name: {**self.conditions[point.condition], **point.values} for point in self.point_list}
 
@@ -122,51 +109,49 @@ class SimulatedStudy(Study):
         return len(self.point_list) * len(self.methods) * self.settings.trials
 
     @cached_property
-    def trial_chunks(self) -> list[list[PointTrials]]:
+    def trial_chunks(self) -> list[Chunk]:
         """Trials of each trial file, which have equal length, rate and variables; none where no trials are kept.
 
         Their size follows from the simulation alone: another method or option simulates nothing again.
         """
         if self.settings.keep != "everything":
             return []
-        return [chunk for _, chunk in self._divide(self._list_trials(), self._fit_file)]
+
+        def cost(condition: str) -> float:
+            samples = self._samples(condition)
+            return max(simulation_seconds(samples), self._job_seconds * samples / MAX_SAMPLES)
+
+        return [chunk for _, chunk in self._divide(self._list_trials(), cost)]
 
     @cached_property
-    def chunks(self) -> list[list[PointTrials]]:
+    def _labelled_chunks(self) -> list[tuple[Any, Chunk]]:
+        parts = self._list_trials()
+        if self.settings.keep == "everything":  # the number of a trial file is the label
+            ranks = {condition: rank for rank, condition in enumerate(self.conditions)}
+            parts = [(number, part) for number, chunk in enumerate(self.trial_chunks) for part in chunk]
+            parts.sort(key=lambda row: (ranks[row[1].condition], row[1].first))
+        slices = {condition: self._divide_points(condition) for condition in self.conditions}
+        sliced = [
+            ((label, points), part._replace(points=points))
+            for label, part in parts
+            for points in slices[part.condition]
+        ]
+        return self._divide(sliced, lambda condition: self._cost(condition, slices[condition][0]))
+
+    @property
+    def chunks(self) -> list[Chunk]:  # type: ignore[override]
         """Trials of each chunk, which one job identifies: those of some conditions, or part of those of one condition.
 
         Of a condition with many points, a chunk may also have part of these. The trials belong to one trial file. Only
         without trial files and estimates their length and rate may differ.
         """
-        parts: Parts = self._list_trials()
-        if self.settings.keep == "everything":
-            ranks = {condition: rank for rank, condition in enumerate(self.conditions)}
-            parts = [(number, part) for number, chunk in enumerate(self.trial_chunks) for part in chunk]
-            parts.sort(key=lambda row: (ranks[row[1].condition], row[1].first))
-        slices = {condition: self._divide_points(condition) for condition in self.conditions}
-        sliced: Parts = [
-            ((label, points), part._replace(points=points))
-            for label, part in parts
-            for points in slices[part.condition]
-        ]
-        chunks = self._divide(sliced, lambda condition: self._fit(self._cost(condition, slices[condition][0])))
-        self._trial_files = [label[0] for label, _ in chunks]
-        return [chunk for _, chunk in chunks]
+        return [chunk for _, chunk in self._labelled_chunks]
 
     def trial_chunk_of(self, chunk: int) -> int:
         """Number of the trial file that holds the trials of a chunk."""
-        self.chunks  # noqa: B018  # which also finds the files
-        return int(self._trial_files[chunk])
+        return int(self._labelled_chunks[chunk][0][0])
 
-    def _identified_conditions(self, parts: Iterable[PointTrials]) -> dict[str, dict[str, Any]]:
-        """Conditions with the trials that are identified, and their points, with `values` and `options` by method."""
-        conditions = {}
-        for part in parts:
-            points = {point.name: {"values": point.values, "options": point.options} for point in self._points_at(part)}
-            conditions[part.condition] = {"first": part.first, "stop": part.stop, "points": points}
-        return conditions
-
-    def simulation(self, parts: Iterable[PointTrials]) -> dict[str, Any]:
+    def simulation(self, parts: Chunk) -> dict[str, Any]:
         """Arguments of `simulate_trials` for a chunk or a trial file: conditions with the trials that are simulated."""
         conditions = {
             part.condition: {"settings": self.conditions[part.condition], "first": part.first, "stop": part.stop}
@@ -178,9 +163,14 @@ class SimulatedStudy(Study):
         """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
         return {**self._identification(self.chunks[chunk]), "settings": self.hashes[chunk]}
 
-    def _identification(self, parts: Iterable[PointTrials]) -> dict[str, Any]:
+    def _identification(self, parts: Chunk) -> dict[str, Any]:
+        conditions = {}
+        for part in parts:
+            points = self._points_at(part.condition, part.points)
+            named = {point.name: {"values": point.values, "options": point.options} for point in points}
+            conditions[part.condition] = {"first": part.first, "stop": part.stop, "points": named}
         return {
-            "conditions": self._identified_conditions(parts),
+            "conditions": conditions,
             "methods": self.identified_methods,
             "kinds": {name: parameter.kind for name, parameter in self.parameters.items()},
             **self.settings.model_dump(include={"against", "precision", "failures"}),
@@ -189,33 +179,32 @@ class SimulatedStudy(Study):
     @cached_property
     def hashes(self) -> list[str]:
         """Hash of the settings that make the table of each chunk."""
-        return [hash_settings(self.name, self.simulation(chunk), self._identification(chunk)) for chunk in self.chunks]
+        return [_hash(self.name, self.simulation(chunk), self._identification(chunk)) for chunk in self.chunks]
 
     @property
     def hash(self) -> str:
         """Hash of the settings that make the table of the study."""
-        return hash_settings(*self.hashes)
+        return _hash(*self.hashes)
 
-    def simulation_seconds(self, parts: Iterable[PointTrials]) -> float:
+    def simulation_seconds(self, parts: Chunk) -> float:
         """Time of a job that simulates a chunk [s]."""
         return START_SECONDS + sum((p.stop - p.first) * simulation_seconds(self._samples(p.condition)) for p in parts)
 
-    def identification_seconds(self, parts: Iterable[PointTrials]) -> float:
+    def identification_seconds(self, parts: Chunk) -> float:
         """Time of a job that identifies a chunk, and simulates it where no trials are kept [s]."""
         return START_SECONDS + sum((p.stop - p.first) * self._cost(p.condition, p.points) for p in parts)
 
-    def _points_at(self, part: PointTrials) -> list[Point]:
-        points = self._points_of[part.condition]
-        return points if part.points is None else points[slice(*part.points)]
+    def _points_at(self, condition: str, points: tuple[int, int] | None) -> list[Point]:
+        return self._points_of[condition][slice(*points) if points else slice(None)]
 
     def _list_trials(self) -> Parts:
         """All trials of each condition, with what those of a file share: length, rate and variables."""
-        trials = self.settings.trials
         parts: Parts = []
         for condition, settings in self.conditions.items():
             follows_cycle = any(settings[name] for name in ("movement", "locked_torque", "perturbation_locked"))
             label = (settings["duration"], settings["recording_rate"], settings["variation"], follows_cycle)
-            parts.append((None if self.settings.keep == "scores" else label, PointTrials(condition, 0, trials)))
+            trials = PointTrials(condition, 0, self.settings.trials)
+            parts.append((None if self.settings.keep == "scores" else label, trials))
         return parts
 
     def _samples(self, condition: str) -> int:
@@ -228,71 +217,51 @@ class SimulatedStudy(Study):
         Options that vary count by their number and not by their values: an edited value must not move other trials to
         other chunks.
         """
-        alike = self._points_at(PointTrials(condition, 0, 0, points))
-        counts = [
-            len({tuple(point.options.get(name, {}).items()) for point in alike}) if len(alike) > 1 else 1
-            for name in self.methods
-        ]
-        samples, rate = self._samples(condition), self.conditions[condition]["recording_rate"]
-        key = (samples, rate, *counts)
-        if key not in self._costs:
-            methods = {
-                f"{name} {number}": method
-                for (name, method), count in zip(self.identified_methods.items(), counts, strict=True)
-                for number in range(count)
-            }
-            cost = identification_seconds(samples, methods, rate)
-            self._costs[key] = cost + simulation_seconds(samples) * (self.settings.keep != "everything")
-        return self._costs[key]
-
-    def _fit(self, cost: float, most: int = MAX_SAMPLES) -> ChunkSize:
-        """Size of a chunk whose trials take about as long as a job should."""
-        count, trials = (
-            min(_power_of_two(self._job_seconds / cost), 1 << max(most, 1).bit_length() - 1),
-            self.settings.trials,
-        )
-        return ChunkSize(count) if count < trials else ChunkSize(trials, 1 << (count // trials).bit_length() - 1)
-
-    def _fit_file(self, condition: str) -> ChunkSize:
-        samples = self._samples(condition)
-        return self._fit(simulation_seconds(samples), MAX_SAMPLES // samples)
+        alike, samples = self._points_at(condition, points), self._samples(condition)
+        counts = {name: len({tuple(p.options.get(name, {}).items()) for p in alike}) for name in self.methods}
+        methods = [self.identified_methods[name] for name, count in counts.items() for _ in range(count)]
+        cost = identification_seconds(samples, methods, self.conditions[condition]["recording_rate"])
+        return cost + simulation_seconds(samples) * (self.settings.keep != "everything")
 
     def _divide_points(self, condition: str) -> list[tuple[int, int] | None]:
         """Parts of the points of a condition that are identified by different jobs; None for all of them."""
-        count = len(self._points_of[condition])
-        size = max(
-            _power_of_two(self._job_seconds / (self._cost(condition, (0, 1)) * self.settings.trials)), LEAST_POINTS
-        )
+        count, trials = len(self._points_of[condition]), self.settings.trials
+        size = max(_power_of_two(self._job_seconds / (self._cost(condition, (0, 1)) * trials)), LEAST_POINTS)
         if count <= size or self.settings.chunk_key != "job_minutes":
             return [None]
         return [(first, min(first + size, count)) for first in range(0, count, size)]
 
-    def _divide(self, parts: Parts, fit: Callable[[str], ChunkSize]) -> list[tuple[Any, list[PointTrials]]]:
-        """Chunks of the size that the configuration sets, or of one that fits; in one pass."""
-        key, settings = self.settings.chunk_key, self.settings
-        fixed = {
-            "trials_per_chunk": ChunkSize(settings.trials_per_chunk or 1),
-            "points_per_chunk": ChunkSize(settings.trials, settings.points_per_chunk or 1),
-        }
-        sizes = {part.condition: fixed.get(key) or fit(part.condition) for _, part in parts}
-        jobs = sum(-(-(part.stop - part.first) // sizes[part.condition].trials) for _, part in parts)
-        most = max(size.conditions for size in sizes.values())
-        if jobs > MAX_JOBS * most:
-            message = f"{jobs // most:,} chunks are more than {MAX_JOBS:,}: increase {key}."
-            raise ConfigError(f"config → studies → {self.name}: {message}", ("studies", self.name, key))
-        chunks: list[tuple[Any, list[PointTrials]]] = []
-        current: dict[Hashable, list[PointTrials]] = {}
+    def _chunk_size(self, seconds: float) -> tuple[int, int]:
+        """Most trials of one condition, and most conditions, in a chunk whose trials take some time each."""
+        settings = self.settings
+        if settings.trials_per_chunk:
+            return settings.trials_per_chunk, 1
+        if settings.points_per_chunk:
+            return settings.trials, settings.points_per_chunk
+        count = _power_of_two(self._job_seconds / seconds)
+        if count < settings.trials:
+            return count, 1
+        return settings.trials, 1 << (count // settings.trials).bit_length() - 1
+
+    def _divide(self, parts: Parts, seconds: Callable[[str], float]) -> list[tuple[Any, Chunk]]:
+        """Chunks of parts with one label, of the size that the configuration sets or that fits; in one pass."""
+        chunks: list[tuple[Any, Chunk]] = []
+        last: dict[Hashable, Chunk] = {}
         for label, part in parts:
-            size = sizes[part.condition]
-            if size.trials < part.stop - part.first:
-                for first in range(part.first, part.stop, size.trials):
-                    stop = min(first + size.trials, part.stop)
-                    chunks.append((label, [part._replace(first=first, stop=stop)]))
-                continue
-            if len(current.get((label, size), ())) in (0, size.conditions):
-                current[label, size] = []
-                chunks.append((label, current[label, size]))
-            current[label, size].append(part)
+            trials, conditions = self._chunk_size(seconds(part.condition))
+            if trials < part.stop - part.first:
+                for first in range(part.first, part.stop, trials):
+                    chunks.append((label, [part._replace(first=first, stop=min(first + trials, part.stop))]))
+            else:
+                key = (label, trials, conditions)
+                if len(last.get(key, ())) in (0, conditions):
+                    last[key] = []
+                    chunks.append((label, last[key]))
+                last[key].append(part)
+            if len(chunks) > MAX_JOBS:
+                key = self.settings.chunk_key
+                message = f"{len(chunks):,} chunks are more than {MAX_JOBS:,}: increase {key}."
+                raise ConfigError(f"config → studies → {self.name}: {message}", ("studies", self.name, key))
         return chunks
 
 
@@ -301,7 +270,7 @@ def _power_of_two(ratio: float) -> int:
     return 2 ** max(0, round(math.log2(max(ratio, 1.0))))
 
 
-def hash_settings(*values: Any) -> str:
+def _hash(*values: Any) -> str:
     """Hash of settings, by which a result knows what made it."""
     return hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
@@ -315,7 +284,7 @@ class RecordedStudy(Study):
     def hashes(self) -> list[str]:
         """Hash of the settings that make the table of each chunk."""
         shared = (self.analysed_methods, self.settings.figure.model_dump())
-        return [hash_settings(self.mappings(chunk), *shared) for chunk in range(len(self.chunks))]
+        return [_hash(self.mappings(chunk), *shared) for chunk in range(len(self.chunks))]
 
     @cached_property
     def recordings(self) -> dict[str, list[Recording]]:
@@ -324,13 +293,12 @@ class RecordedStudy(Study):
         if self.settings.table:
             path = expand_path(self.settings.table, f"study {self.name}: the table of its recordings")
             listed = read_recordings(path, self.settings.shared)
-            for name in recordings:
-                if name in listed:
-                    raise ConfigError(
-                        f"study {self.name}: the recording {name!r} is under files ({recordings[name][0].file}) and in "
-                        f"the table {self.settings.table} ({listed[name][0].file}): give one of them another name.",
-                        ("studies", self.name, "files", name),
-                    )
+            for name in recordings.keys() & listed.keys():
+                raise ConfigError(
+                    f"study {self.name}: the recording {name!r} is under files ({recordings[name][0].file}) and in "
+                    f"the table {self.settings.table} ({listed[name][0].file}): give one of them another name.",
+                    ("studies", self.name, "files", name),
+                )
             recordings |= listed
         if not recordings:
             message = f"study {self.name}: name its recordings under files, or a table that lists them."
@@ -338,25 +306,20 @@ class RecordedStudy(Study):
         return recordings
 
     @cached_property
-    def points(self) -> dict[str, dict[str, Any]]:
+    def points(self) -> dict[str, dict[str, Any]]:  # type: ignore[override]
         """Mapping of each recording, by its name."""
         return {name: parts[0].model_dump() for name, parts in self.recordings.items()}
 
     @cached_property
-    def chunks(self) -> list[list[str]]:
+    def chunks(self) -> list[list[str]]:  # type: ignore[override]
         """Names of the recordings of each chunk."""
         names, count = list(self.recordings), self.settings.recordings_per_chunk
         return [names[first : first + count] for first in range(0, len(names), count)]
 
-    @cached_property
-    def folder(self) -> Path:
-        """Folder of the files."""
-        return expand_path(self.settings.folder, f"study {self.name}: the folder of its recordings")
-
     def check_files(self) -> None:
         """Refuse a folder that does not exist or has none of the files, and paths that Snakemake cannot use."""
         keys = ("studies", self.name, "folder")
-        folder = Path(os.path.abspath(self.folder))
+        folder = os.path.abspath(self._folder)
         place = f"study {self.name}: the folder of its recordings, {folder},"
         if not os.path.isdir(folder):
             what = "is a file" if os.path.exists(folder) else "does not exist"
@@ -371,9 +334,13 @@ class RecordedStudy(Study):
         if not any(map(os.path.exists, paths)):
             raise ConfigError(f"{place} has none of its {len(paths)} files; the first would be {paths[0]}.", keys)
 
+    @cached_property
+    def _folder(self) -> Path:
+        return expand_path(self.settings.folder, f"study {self.name}: the folder of its recordings")
+
     def paths(self, name: str) -> list[str]:
         """Paths of all files of a recording."""
-        return [str(self.folder / part.file) for part in self.recordings[name]]
+        return [str(self._folder / part.file) for part in self.recordings[name]]
 
     def existing_paths(self, chunk: int) -> list[str]:
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
@@ -414,8 +381,8 @@ def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
         runs = name in checked.run_names
         if isinstance(settings, RecordingsStudy):
             studies[name] = RecordedStudy(name, settings)
-        elif runs or not settings.has_table:
+        elif runs or not (isinstance(settings.points, Mapping) and "table" in settings.points):
             studies[name] = SimulatedStudy(name, settings)
-        if runs or (name in studies and isinstance(settings, SimulationStudy)):
-            studies[name].chunks  # type: ignore[attr-defined]  # noqa: B018  # it is divided, or refused
+        if runs or isinstance(studies.get(name), SimulatedStudy):
+            studies[name].chunks  # noqa: B018  # it is divided, or refused
     return checked, studies

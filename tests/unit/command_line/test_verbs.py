@@ -24,7 +24,7 @@ from ankleloop.command_line.terminal import show_progress
 from ankleloop.recordings.validity import usual_methods
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.config_files import check_config_file
-from ankleloop.studies.recordings import Worker
+from ankleloop.studies.recordings import run_in_child
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import read_studies
 from ankleloop.trials.csv_output import write_csv
@@ -205,9 +205,8 @@ def test_the_delay_is_given_or_estimated(recording):
 def test_progress_of_another_process(capfd):
     """The analysis runs in a fork: its log shows which method is being fitted."""
     log = logging.getLogger("ankleloop.recordings.analysis")
-    worker = Worker(log.info)
-    with show_progress():
-        worker.call("method %d of %d: %s", 1, 2, "riv")
+    with show_progress(), run_in_child(log.info) as call:
+        call("method %d of %d: %s", 1, 2, "riv")
         logging.getLogger("ankleloop.joint").info("nothing for the user")
     assert re.fullmatch(r"method 1 of 2: riv\n", capfd.readouterr().err)
     assert not log.handlers

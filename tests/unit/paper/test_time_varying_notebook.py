@@ -12,7 +12,7 @@ import yaml
 from study_jobs import run_jobs
 
 from ankleloop.plotting import style
-from ankleloop.studies.notebooks import report_parameters
+from ankleloop.studies.run_config import report_parameters
 from ankleloop.studies.study import read_studies
 
 ROOT = Path(__file__).parents[3]

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from ankleloop.studies import fingerprint as module
-from ankleloop.studies.fingerprint import fingerprint
+from ankleloop.studies import resources as module
+from ankleloop.studies.resources import fingerprint
 
 ROOT = Path(__file__).parents[3]
 SCRIPTS = ("identify", "recordings", "render", "simulate", "table", "verify")
@@ -33,7 +33,7 @@ def changed_by(write, script, path, text="# changed"):
     for content in ("# as it was", text):
         write(path, content)
         module._parse.cache_clear()
-        module._content_hash.cache_clear()
+        module._hash_file.cache_clear()
         fingerprints.add(fingerprint(script))
     return len(fingerprints) == 2
 
@@ -99,10 +99,7 @@ def test_notebooks_and_several_scripts(library):
 
 def test_scripts_of_the_workflow_reach_what_they_use():
     def reached(script):
-        paths, remaining = set(), set(module._references(ROOT / "workflow" / "scripts" / f"{script}.py"))
-        while remaining:
-            paths.add(path := remaining.pop())
-            remaining |= set(module._references(path)) - paths
+        paths = module.reached_files(ROOT / "workflow" / "scripts" / f"{script}.py")
         return {path.relative_to(module.LIBRARY / "ankleloop").as_posix() for path in paths}
 
     by_script = {script: reached(script) for script in SCRIPTS}

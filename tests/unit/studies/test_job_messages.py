@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from ankleloop import DataError
-from ankleloop.studies.failures import describe_error, locate_errors
+from ankleloop.errors import describe_error, locate_errors
 
 JOB = Path(__file__).parents[3] / "workflow" / "scripts" / "job.py"
 

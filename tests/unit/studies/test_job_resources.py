@@ -39,9 +39,7 @@ def test_time_beyond_the_start_is_proportional_to_the_trials(time):
 
 
 def test_a_method_that_was_not_measured_counts_as_the_slowest():
-    times = {
-        name: resources.identification_seconds(50_000, {"m": {"method": name}}) for name in [*METHODS, "a new one"]
-    }
+    times = {name: resources.identification_seconds(50_000, [{"method": name}]) for name in [*METHODS, "a new one"]}
     assert times["a new one"] == max(times.values())
 
 

@@ -3,8 +3,7 @@
 import pytest
 
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.notebooks import report_parameters, shows_sweep
-from ankleloop.studies.run_config import read_run
+from ankleloop.studies.run_config import read_run, report_parameters, shows_sweep
 
 METHODS = {
     "pr-moesp": {"method": "pr-moesp"},

@@ -17,7 +17,7 @@ def known_costs(monkeypatch):
     """Costs that no measurement changes."""
 
     def identify(samples, methods, rate):
-        rows = sum(method["options"].get("block_rows", 15) for method in methods.values())
+        rows = sum(method["options"].get("block_rows", 15) for method in methods)
         return TRIAL * samples / 50_000 * rows / 15
 
     monkeypatch.setattr(study_module, "simulation_seconds", lambda samples: TRIAL * samples / 50_000)
@@ -162,21 +162,3 @@ def test_a_million_trials_are_a_few_thousand_jobs():
     study = sweep(points={"reflex_gain": gains, "stiffness": stiffness})
     assert len(study.points) == 10_000
     assert len(study.chunks) + len(study.trial_chunks) < 6000
-
-
-def test_the_work_for_jobs_grows_with_the_points(monkeypatch):
-    """Points are listed once, and equal costs computed once, whatever the number of jobs that ask for them."""
-    counts = dict.fromkeys(("list_points", "identification_seconds"), 0)
-    for name in counts:
-        function = getattr(study_module, name)
-
-        def count(*arguments, function=function, name=name):
-            counts[name] += 1
-            return function(*arguments)
-
-        monkeypatch.setattr(study_module, name, count)
-    study = sweep(points={"reflex_gain": {"start": 0, "stop": 20, "count": 2000}}, job_minutes=0.1)
-    for chunk in range(len(study.chunks)):
-        study.identification(chunk), study.simulation(study.trial_chunks[study.trial_chunk_of(chunk)])
-    assert len(study.chunks) > 500
-    assert counts == {"list_points": 1, "identification_seconds": 1}

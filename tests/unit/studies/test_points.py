@@ -9,7 +9,7 @@ import pytest
 from ankleloop.methods.registry import METHODS
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.method_settings import MethodSettings
+from ankleloop.studies.config import MethodSettings
 from ankleloop.studies.points import list_points
 from ankleloop.studies.run_config import check_uses
 from ankleloop.studies.study import read_studies
@@ -28,11 +28,11 @@ TWO = methods(pr="pr-moesp", cascade="parallel-cascade")
 
 
 def read(points, named=TWO, **shared):
-    return list_points("mine", points, SimulationSettings(**shared), named)
+    return list_points("mine", points, SimulationSettings(**shared), named)[0]
 
 
 def test_options_vary_beside_settings_and_share_trials():
-    points = read({"reflex_gain": [8, 12], "block_rows": [12, 18]}).points
+    points = read({"reflex_gain": [8, 12], "block_rows": [12, 18]})
     assert [point.name for point in points] == [
         f"block_rows={rows},reflex_gain={gain}" for gain in (8.0, 12.0) for rows in (12, 18)
     ]
@@ -43,22 +43,22 @@ def test_options_vary_beside_settings_and_share_trials():
 
 def test_points_without_options_are_their_conditions():
     """Their names are the keys of seeds: today's results keep their bits."""
-    points = read({"reflex_gain": [8.0], "voluntary": [0.1]}).points
+    points = read({"reflex_gain": [8.0], "voluntary": [0.1]})
     assert points[0].name == points[0].condition == "reflex_gain=8.0,voluntary=0.1"
-    assert [point.condition for point in read({"block_rows": [12, 18]}).points] == ["only", "only"]
+    assert [point.condition for point in read({"block_rows": [12, 18]})] == ["only", "only"]
 
 
 def test_a_bare_option_is_that_of_every_method_that_has_it():
     three = methods(a="pr-moesp", b="eiv-moesp", c="parallel-cascade")
-    assert read({"rank_tolerance": [1e-5]}, three).points[0].options.keys() == {"a", "b", "c"}
-    assert read({"order": [3]}, three).points[0].options == {"a": {"order": 3}, "b": {"order": 3}}
-    assert read({"b.order": [3]}, three).points[0].options == {"b": {"order": 3}}
-    assert read({"delay": [0.03]}, three).points[0].options == {}
-    assert read({"a.delay": [0.03]}, three).points[0].options == {"a": {"delay": 0.03}}
+    assert read({"rank_tolerance": [1e-5]}, three)[0].options.keys() == {"a", "b", "c"}
+    assert read({"order": [3]}, three)[0].options == {"a": {"order": 3}, "b": {"order": 3}}
+    assert read({"b.order": [3]}, three)[0].options == {"b": {"order": 3}}
+    assert read({"delay": [0.03]}, three)[0].options == {}
+    assert read({"a.delay": [0.03]}, three)[0].options == {"a": {"delay": 0.03}}
 
 
 def test_points_that_leave_a_parameter_out_have_the_shared_value():
-    points = read([{"reflex_gain": 8}, {"stiffness": 100}, {"pr.block_rows": 12}], stiffness=120.0).points
+    points = read([{"reflex_gain": 8}, {"stiffness": 100}, {"pr.block_rows": 12}], stiffness=120.0)
     assert points[0].values == {"reflex_gain": 8.0, "stiffness": 120.0, "pr.block_rows": 15}
     assert points[1].values == {"reflex_gain": 13.0, "stiffness": 100.0, "pr.block_rows": 15}
     assert points[0].name == "reflex_gain=8.0"
@@ -77,7 +77,7 @@ def test_points_that_leave_a_parameter_out_have_the_shared_value():
 )
 def test_ranges(values, expected):
     name = "stiffness_drift" if expected[0] < 0 else "reflex_threshold"
-    assert [point.values[name] for point in read({name: values}).points] == expected
+    assert [point.values[name] for point in read({name: values})] == expected
 
 
 DESIGN = {
@@ -95,7 +95,7 @@ DESIGN = {
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
 def test_designs_fill_every_margin_evenly(kind):
     """Of 64 points each of 64 equal parts of an interval holds one, and each value of a list an equal share."""
-    table = pd.DataFrame([point.values for point in read({"design": kind, **DESIGN}).points])
+    table = pd.DataFrame([point.values for point in read({"design": kind, **DESIGN})])
     assert sorted((table["reflex_gain"] - 2) // (28 / 64)) == list(range(64))
     assert sorted(np.log10(table["stiffness"] / 10) // (2 / 64)) == list(range(64))
     assert set(table["block_rows"].value_counts()) == {16}
@@ -103,23 +103,23 @@ def test_designs_fill_every_margin_evenly(kind):
 
 
 def test_designs_follow_their_seed():
-    first, again, other = (read({"design": "sobol", **DESIGN, "seed": seed}).points for seed in (1, 1, 2))
+    first, again, other = (read({"design": "sobol", **DESIGN, "seed": seed}) for seed in (1, 1, 2))
     assert first == again != other
-    more = read({"design": "sobol", **DESIGN, "count": 128}).points
+    more = read({"design": "sobol", **DESIGN, "count": 128})
     assert more[:64] == first
 
 
 def test_a_table_has_a_row_for_each_point(tmp_path):
     rows = "reflex_gain,snr_db,closed_loop,pr.basis,block_rows\n8,10,true,rectifier,12\n\n12.5,null,False,null,18\n"
     (tmp_path / "sweep.csv").write_text(rows)
-    points = read({"table": str(tmp_path / "sweep.csv")}).points
+    points = read({"table": str(tmp_path / "sweep.csv")})
     expected = [
         {"reflex_gain": 8.0, "snr_db": 10.0, "closed_loop": True, "pr.basis": "rectifier", "block_rows": 12},
         {"reflex_gain": 12.5, "snr_db": None, "closed_loop": False, "pr.basis": None, "block_rows": 18},
     ]
     assert [point.values for point in points] == expected
     pd.DataFrame(expected).to_parquet(tmp_path / "sweep.parquet")
-    assert read({"table": str(tmp_path / "sweep.parquet")}).points == points
+    assert read({"table": str(tmp_path / "sweep.parquet")}) == points
 
 
 def test_the_message_about_a_table_names_row_and_column(tmp_path):
@@ -144,8 +144,7 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
     [
         ({"block_row": [1]}, r"'block_row' is not a setting.*did you mean 'block_rows'.*nor an option of a method"),
         ({"pr.order": [2], "order": [3]}, r"pr\.order and order are the same option of the method pr"),
-        ({"prr.order": [2]}, r"the study has no method 'prr' \(did you mean 'pr'\?\)"),
-        ({"pr.ordre": [2]}, r"the method pr has no option 'ordre' \(did you mean 'order'\?\)"),
+        ({"prr.order": [2]}, r"'prr\.order' is not a setting .*\(did you mean 'pr\.order'\?\)"),
         (
             {"reflex_gain": {"start": 2, "stop": 1, "count": 3}},
             r"reflex_gain: stop must be at least start \(2\), got 1",
@@ -157,7 +156,6 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
         ({"perturbation": {"start": 0, "stop": 1, "count": 3}}, "perturbation: is no number and has no range"),
         ({"design": "sobl", "count": 4, "seed": 1, "parameters": {"zeta": [1]}}, "design: must be one of"),
         ({"design": "sobol", "count": 4, "seed": 1, "parameters": {"zeta": 1}}, "zeta: 1"),
-        ({"design": "sobol", "count": 4, "seed": 1, "parameters": {"zeta": {"start": 1, "stop": 1}}}, "above start"),
         ([{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}], "have the same settings"),
     ],
 )
@@ -170,7 +168,7 @@ def test_an_option_that_is_fixed_or_selected_is_not_varied():
     fixed = methods(pr=("pr-moesp", {"order": 2}), eiv="eiv-moesp")
     with pytest.raises(ConfigError, match=r"the method pr has order under options as well.*METHOD\.order"):
         read({"order": [2, 3]}, fixed)
-    assert read({"eiv.order": [2, 3]}, fixed).points[0].options == {"eiv": {"order": 2}}
+    assert read({"eiv.order": [2, 3]}, fixed)[0].options == {"eiv": {"order": 2}}
 
 
 def test_options_are_checked_with_those_that_they_go_with(change):
@@ -190,6 +188,6 @@ def test_options_are_checked_with_those_that_they_go_with(change):
 
 
 def test_names_of_points_tell_all_combinations_apart():
-    points = read({"reflex_gain": [1, 2], "voluntary": [0, 1], "order": [2, 3]}).points
+    points = read({"reflex_gain": [1, 2], "voluntary": [0, 1], "order": [2, 3]})
     assert len({point.name for point in points}) == 8
     assert [tuple(p.values.values()) for p in points] == list(itertools.product([1.0, 2.0], [0.0, 1.0], [2, 3]))

@@ -8,8 +8,7 @@ import pytest
 
 from ankleloop.pages.index import render_index
 from ankleloop.paper.ledger import VERDICTS
-from ankleloop.studies.provenance import Provenance
-from ankleloop.studies.results_index import collect_results, measure_span, read_run_times, read_tables
+from ankleloop.studies.results import Provenance, collect_results, measure_span, read_run_times, read_tables
 
 HOSTILE = "<b>&co"
 PROVENANCE = Provenance("1.2.3", "0123abcd" * 5, True, "3.11.2", "Linux on x86_64", {"numpy": "2.1", "scipy": "1.15"})
@@ -51,11 +50,12 @@ def folder(tmp_path):
 
 
 def collect(folder, *, has_article=True, jobs=()):
+    ledger = pd.read_csv(folder / "verification.csv") if has_article else None
     recorded = {"title": "Recordings", "kind": "recordings", "points": 2, "methods": 1, "trials": None, "seed": None}
     tables = {name: folder / f"scores/{name}.parquet" for name in ("laboratory", "clinic")}
     studies = STUDIES | {name: recorded | {"recordings": [path]} for name, path in tables.items() if path.exists()}
     times = read_run_times(folder.parent / "logs", jobs)
-    return collect_results(folder, studies, times, PROVENANCE, has_article=has_article)
+    return collect_results(folder, studies, times, PROVENANCE, ledger)
 
 
 def test_what_is_there_is_listed(folder):
@@ -176,7 +176,7 @@ def test_sums_over_rules_and_studies(times, folder):
     results = collect(folder, jobs=JOBS)
     rules = results.run_times["By rule"]
     assert rules["rule"].tolist() == ["identify", "report", "article"]
-    assert rules.iloc[0].tolist() == ["identify", 2, "30.0", "20.0", "27.0", "400"]
+    assert rules.iloc[0].tolist() == ["identify", "2", "30.0", "20.0", "27.0", "400"]
     assert results.run_times["By study"].set_index("study").loc["table1", "sum [s]"] == "35.0"
     assert results.studies.set_index("study").loc["table1", "time of its jobs [min]"] == "0.58"
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from ankleloop.studies.schema import PATH, schema_text
+from ankleloop.studies.config import SCHEMA as PATH
+from ankleloop.studies.config import schema_text
 
 ROOT = Path(__file__).parents[3]
 SCHEMA = json.loads(schema_text())
@@ -14,7 +15,7 @@ SCHEMA = json.loads(schema_text())
 
 def test_the_schema_in_the_repository_is_current():
     current = (ROOT / PATH).read_text(encoding="utf-8")
-    assert current == schema_text(), "run: python -m ankleloop.studies.schema"
+    assert current == schema_text(), "run: python -m ankleloop.studies.config"
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "recordings.example.yaml"])

@@ -14,12 +14,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from ankleloop.errors import NUMERICAL_ERRORS, DataError
+from ankleloop.errors import NUMERICAL_ERRORS, DataError, describe_error
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.moesp import MEMBERS, REGRESSION_TOLERANCE, MoespOptions
 from ankleloop.paper.judgement import Mean
-from ankleloop.studies.failures import describe_error
 from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.moesp import moesp
 

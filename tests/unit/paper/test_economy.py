@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError, simulate
-from ankleloop.studies import economy
-from ankleloop.studies.economy import measure_economy
+from ankleloop.paper import economy
+from ankleloop.paper.economy import measure_economy
 
 
 @pytest.fixture(scope="module")

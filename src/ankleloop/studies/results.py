@@ -1,0 +1,305 @@
+"""Where the results of a run come from, as a Research Object Crate, and what it has made, for the page that lists them.
+
+Earlier runs may have left other files in the same folders: only those of the studies and of the jobs of the run count.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import mimetypes
+import os
+import platform
+import subprocess
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+import ankleloop
+from ankleloop.pages.index import Figure, Results
+from ankleloop.paper.ledger import VERDICTS
+from ankleloop.trials.files import atomic_file
+
+PROFILE = "https://w3id.org/ro/wfrun/process/0.5"  # Process Run Crate: one action, from objects to results
+LICENCE = "https://spdx.org/licenses/MIT"
+TITLE = "Results of ankleloop: intrinsic and reflex joint stiffness identified in closed loop"
+# Of suffixes that the tables of most systems do not have.
+FORMATS = {".nc": "application/x-netcdf", ".md": "text/markdown", ".parquet": "application/vnd.apache.parquet"}
+# Pages and files of the whole run, in the order of the list.
+LINKS = {
+    "Article: the replication in the order of the paper": "article.html",
+    "Ledger: every number and claim of the paper with its verdict": "ledger.html",
+    "Tables: to sort and search": "tables.html",
+    "Ledger as CSV": "verification.csv",
+    "Configuration with all defaults": "configuration.json",
+    "Metadata of the run (RO-Crate)": "ro-crate-metadata.json",
+    "Comparison with other programs": "benchmarks/peers.md",
+}
+OF_ARTICLE = {"article.html", "ledger.html", "verification.csv"}
+MADE_WITH_INDEX = {"ledger.html", "tables.html"}
+DIAGRAM_CAPTIONS = {
+    "figure1": "The joint with its intrinsic and its reflex path.",
+    "figure2": "The joint with its load in closed loop.",
+}
+NO_NUMBER = "–"
+TIMES = {"s": "seconds", "cpu_time": "cpu_seconds", "max_rss": "memory"}  # columns of benchmark files
+
+Studies = Mapping[str, Mapping[str, Any]]  # title, kind, points, methods, trials, seed, tables of recordings of each
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a result was made with."""
+
+    version: str  # version of ankleloop
+    commit: str  # commit of the repository; empty where it is no working copy of git
+    changed: bool  # whether files of the working copy differ from that commit
+    python: str  # version of Python
+    system: str  # operating system and kind of processor
+    packages: dict[str, str]  # version of each distribution of the environment, by its name
+
+
+def read_provenance(root: str | os.PathLike[str]) -> Provenance:
+    """Read version, commit, packages and machine."""
+    commit = _ask_git(root, "rev-parse", "HEAD") if os.path.exists(os.path.join(root, ".git")) else ""
+    names = {d.metadata["Name"]: d.version for d in metadata.distributions() if d.metadata["Name"]}
+    return Provenance(
+        version=ankleloop.__version__,
+        commit=commit,
+        changed=bool(commit) and bool(_ask_git(root, "status", "--porcelain", "--untracked-files=no")),
+        python=platform.python_version(),
+        system=f"{platform.system()} {platform.release()} on {platform.machine()}",
+        packages={name: names[name] for name in sorted(names, key=str.lower)},
+    )
+
+
+def _ask_git(root: str | os.PathLike[str], *arguments: str) -> str:
+    """Answer of git; empty where it has none, or there is no git."""
+    command = ["git", "--no-optional-locks", "-C", os.fspath(root), *arguments]
+    try:
+        process = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return process.stdout.strip() if process.returncode == 0 else ""
+
+
+def write_crate(
+    folder: Path, outputs: Iterable[str], configuration: Path, provenance: Provenance, seeds: Mapping[str, int]
+) -> None:
+    """Write the metadata of a run beside its results."""
+    from rocrate.rocrate import ROCrate  # here: a package of the workflow, which the library does without
+
+    crate = ROCrate()
+
+    def add(identifier: str, kind: str, **properties: Any) -> Any:
+        return crate.add_jsonld({"@id": identifier, "@type": kind, **properties})
+
+    def add_file(path: Path, name: str = "") -> Any:
+        relative = path.relative_to(folder).as_posix()
+        kind = FORMATS.get(path.suffix) or mimetypes.guess_type(path.name)[0] or "application/octet-stream"
+        size = str(path.stat().st_size)
+        properties = {"name": name or relative, "encodingFormat": kind, "contentSize": size, "sha256": hash_file(path)}
+        return crate.add_file(path, dest_path=relative, properties=properties)
+
+    changes = " with changes that are not committed" * provenance.changed
+    version = "+".join(filter(None, [provenance.version, provenance.commit])) + changes
+    packages = {"Python": provenance.python, **provenance.packages}
+    program = {
+        "softwareVersion": version,
+        "operatingSystem": provenance.system,
+        "license": LICENCE,
+        "softwareRequirements": [
+            add(f"#package-{name}", "SoftwareApplication", name=name, softwareVersion=release)
+            for name, release in packages.items()
+            if name != "ankleloop"
+        ],
+    }
+    crate.name, crate.license = TITLE, LICENCE
+    crate.description = f"Made by ankleloop {version}, Python {provenance.python}, {provenance.system}."
+    crate.root_dataset["conformsTo"] = add(PROFILE, "CreativeWork", name="Process Run Crate", version="0.5")
+    settings = add_file(configuration, "Configuration of the run, with all defaults")
+    settings["variableMeasured"] = [
+        add(f"#seed-{name}", "PropertyValue", name=f"seed of the study {name}", value=seed)
+        for name, seed in seeds.items()
+    ]
+    files = sorted({file for output in map(Path, outputs) for file in [output, *output.rglob("*")] if file.is_file()})
+    ended = max(file.stat().st_mtime for file in [configuration, *files])
+    crate.add_action(
+        add("#ankleloop", "SoftwareApplication", name="ankleloop", **program),
+        identifier="#run",
+        object=[settings],
+        result=[add_file(file) for file in files if file != configuration],
+        properties={"name": "Run of the workflow", "endTime": datetime.fromtimestamp(ended, UTC).isoformat()},
+    )
+    with atomic_file(folder / crate.metadata.id, overwrite=True) as partial:
+        text = json.dumps(crate.metadata.generate(), indent=4, sort_keys=True, ensure_ascii=False)
+        partial.write_text(text, encoding="utf-8")
+
+
+def hash_file(path: Path) -> str:
+    """Hash of a file by SHA-256, as hexadecimal digits."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def collect_results(
+    folder: Path, studies: Studies, times: pd.DataFrame, provenance: Provenance, ledger: pd.DataFrame | None = None
+) -> Results:
+    """Collect what a run has made."""
+
+    def find(path: str) -> str:
+        """A path below the folder; empty where there is no such file."""
+        return path if (folder / path).exists() else ""
+
+    left_out = OF_ARTICLE if ledger is None else set()
+    counts = {} if ledger is None else ledger["verdict"].value_counts()
+    recordings = _tabulate_recordings(studies)
+    pages = [f"reports/{row.study}/{row.recording}.html" for row in recordings.itertuples()]
+    packages = [f"{name} {version}" for name, version in provenance.packages.items()]
+    details = {f"Packages ({len(packages)})": "\n".join(packages)}
+    if find("configuration.json"):
+        details["Configuration with all defaults"] = (folder / "configuration.json").read_text(encoding="utf-8")
+    return Results(
+        links={
+            text: path
+            for text, path in LINKS.items()
+            if path not in left_out and (path in MADE_WITH_INDEX or find(path))
+        },
+        verdicts={} if ledger is None else {verdict: int(counts.get(verdict, 0)) for verdict in VERDICTS},
+        studies=_tabulate_studies(studies, times),
+        study_links=[find(f"reports/{name}.html") for name in studies],
+        figures=_collect_figures(folder, studies),
+        recordings=recordings,
+        recording_links=[find(page) for page in pages],
+        run_times=_tabulate_run_times(times),
+        provenance=_describe_provenance(provenance, times, studies),
+        details=details,
+    )
+
+
+def read_tables(paths: Iterable[Path]) -> dict[str, pd.DataFrame]:
+    """Tables as text for a page, without the columns in which no row has a value."""
+    tables = {path.stem: pd.read_csv(path).dropna(axis="columns", how="all") for path in sorted(paths)}
+    return {stem: table.map(_format_cell) for stem, table in tables.items()}
+
+
+def _format_cell(value: Any) -> str:
+    if pd.isna(value):
+        return NO_NUMBER
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def read_run_times(folder: Path, jobs: Iterable[str]) -> pd.DataFrame:
+    """Times and memory of jobs, from the benchmark files that Snakemake leaves beside their logs."""
+    rows = []
+    for path in (folder / f"{job}.tsv" for job in jobs):
+        if path.exists():
+            values = pd.read_csv(path, sep="\t", na_values="-").iloc[-1]
+            rule, *study = path.relative_to(folder).with_suffix("").parts[:2]
+            row = {"rule": rule, "study": "".join(study), "end": path.stat().st_mtime}
+            rows.append(row | {name: float(values[column]) for column, name in TIMES.items()})
+    return pd.DataFrame(rows, columns=["rule", "study", *TIMES.values(), "end"])
+
+
+def measure_span(times: pd.DataFrame) -> tuple[datetime, datetime, float]:
+    """When jobs ran, and how long at least one of them did [s]."""
+    start = (times["end"] - times["seconds"]).sort_values()
+    end = times["end"][start.index]
+    covered = end.cummax().shift(fill_value=start.iloc[0])
+    duration = (end - np.maximum(start, covered)).clip(lower=0.0).sum()
+    return datetime.fromtimestamp(start.iloc[0], UTC), datetime.fromtimestamp(end.max(), UTC), float(duration)
+
+
+def _tabulate_studies(studies: Studies, times: pd.DataFrame) -> pd.DataFrame:
+    minutes = (times.groupby("study")["seconds"].sum() / 60.0).map("{:.2f}".format)
+    rows = [
+        {
+            "title": study["title"],
+            "study": name,
+            "data": study["kind"],
+            "points": study["points"],
+            "methods": study["methods"],
+            "trials per point": NO_NUMBER if study["trials"] is None else study["trials"],
+            "seed": NO_NUMBER if study["seed"] is None else study["seed"],
+            "time of its jobs [min]": minutes.get(name, NO_NUMBER),
+        }
+        for name, study in studies.items()
+    ]
+    return pd.DataFrame(rows)
+
+
+def _collect_figures(folder: Path, studies: Studies) -> dict[str, list[Figure]]:
+    """Figures by headings, with the captions that their notebooks give them."""
+    captions = {"Diagrams": DIAGRAM_CAPTIONS}
+    for name, study in studies.items():
+        path = folder / "rendered" / name / "captions.json"
+        if path.exists():
+            heading = f"{study['title']} ({name})" if study["title"] in captions else study["title"]
+            captions[heading] = json.loads(path.read_text(encoding="utf-8"))
+    figures: dict[str, list[Figure]] = {}
+    for heading, texts in captions.items():
+        for name, caption in texts.items():
+            paths = {kind: f"figures/{name}.{kind.lower()}" for kind in ("PNG", "PDF", "SVG", "CSV")}
+            files = {kind: path for kind, path in paths.items() if (folder / path).exists()}
+            if "PNG" in files:
+                figures.setdefault(heading, []).append(Figure(name, files["PNG"], files, caption))
+    return figures
+
+
+def _tabulate_recordings(studies: Studies) -> pd.DataFrame:
+    """A row for each recording with its verdict and the method that is recommended."""
+    rows = []
+    for study, files in ((name, study.get("recordings", ())) for name, study in studies.items()):
+        for path in files:
+            for recording, table in pd.read_parquet(path).groupby("recording", sort=False):
+                first = table.iloc[0]
+                labels = table.loc[table["recommended"].eq(True), "label"].tolist()
+                groups = {key: _format_cell(first[key]) for key in ("subject", "condition", "trial")}
+                row = {"recording": recording, "study": study, **groups, "verdict": first["verdict"]}
+                rows.append({**row, "recommended method": ", ".join(labels) or NO_NUMBER})
+    return pd.DataFrame(rows)
+
+
+def _tabulate_run_times(times: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Sums over jobs, as text."""
+    tables = {}
+    for heading, by in {"By rule": "rule", "By study": "study"}.items() if len(times) else ():
+        columns = {
+            "jobs": ("seconds", "size", "{}"),
+            "sum [s]": ("seconds", "sum", "{:.1f}"),
+            "longest job [s]": ("seconds", "max", "{:.1f}"),
+            "processor time [s]": ("cpu_seconds", "sum", "{:.1f}"),
+            "most memory of a job [MB]": ("memory", "max", "{:.0f}"),
+        }
+        sums = times.groupby(by).agg(**{name: rule[:2] for name, rule in columns.items()})
+        sums = sums.sort_values("sum [s]", ascending=False, kind="stable").reset_index()
+        texts = {name: sums[name].map(rule[2].format) for name, rule in columns.items()}
+        tables[heading] = pd.DataFrame({by: sums[by].replace("", "several studies"), **texts})
+    return tables
+
+
+def _describe_provenance(provenance: Provenance, times: pd.DataFrame, studies: Studies) -> list[tuple[str, str]]:
+    commit = provenance.commit or "unknown: these files are no working copy of git"
+    seeds: dict[int, list[str]] = {}
+    for name, study in studies.items():
+        if study["seed"] is not None:
+            seeds.setdefault(study["seed"], []).append(name)
+    items = [
+        ("Version", f"ankleloop {provenance.version}"),
+        ("Commit", commit + ", with changes that are not committed" * provenance.changed),
+        ("Python", f"{provenance.python}, {provenance.system}"),
+        ("Seeds", "; ".join(f"{seed}: {', '.join(names)}" for seed, names in seeds.items()) or "no simulated study"),
+    ]
+    if len(times):
+        first, last, duration = measure_span(times)
+        days = f"{first:%Y-%m-%d %H:%M} … {last:%Y-%m-%d %H:%M} UTC"
+        items.append(("Jobs", f"{len(times)}, {days}; at least one of them ran during {duration / 60.0:.1f} min"))
+        sums = times[["seconds", "cpu_seconds"]].sum() / 60.0
+        items.append(("Time of all jobs", f"{sums.iloc[0]:.1f} min, processor time {sums.iloc[1]:.1f} min"))
+    return items
