@@ -25,6 +25,7 @@ SUBJECTS = (
     "recording_tables",
     "sweeps",
     "functions",
+    "experiments",
     "data",
     "commands",
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy import signal as sps
 from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.prepared import prepare
+from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.time_varying_course import Splines, make_course
 from ankleloop.methods.riv.covariance import LOGARITHMIC
 from ankleloop.methods.riv.equations import Parameters
@@ -95,21 +96,26 @@ def cramer_rao(
     check_flag("cramer_rao", "fed_back", fed_back)
     check_flag("cramer_rao", "known_delay", known_delay)
     values = SimulationSettings.parse("cramer_rao", **settings)
+    check_constant(values)
+    names, information = fisher_information(seed, values, rate, fed_back=fed_back, known_delay=known_delay)
+    deviations = np.sqrt(np.diag(invert_information(information, names)))
+    return dict(zip(names, deviations.tolist(), strict=True))
+
+
+def check_constant(settings: SimulationSettings) -> None:
+    """Refuse settings for which the bound of constant parameters is not derived."""
     for name in ("stiffness_drift", "reflex_threshold"):
-        value = getattr(values, name)
+        value = getattr(settings, name)
         if value != 0:
             raise ValueError(
                 f"the bound is derived for constant parameters and a rectifier at zero velocity: {name} must be 0, got "
                 f"{value:g}."
             )
-    if values.variation is not None or values.movement > 0 or values.locked_torque > 0:
+    if settings.variation is not None or settings.movement > 0 or settings.locked_torque > 0:
         raise ValueError(
             "the bound is derived for constant parameters and random disturbances: variation must be null, movement "
             "and locked_torque must be 0."
         )
-    names, information = fisher_information(seed, values, rate, fed_back=fed_back, known_delay=known_delay)
-    deviations = np.sqrt(np.diag(invert_information(information, names)))
-    return dict(zip(names, deviations.tolist(), strict=True))
 
 
 def invert_information(information: np.ndarray, names: Sequence[str] | None = None) -> np.ndarray:
@@ -144,18 +150,25 @@ def fisher_information(
     *,
     fed_back: bool = True,
     known_delay: bool = True,
+    clean: PreparedTrial | None = None,
+    spectrum: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> tuple[list[str], np.ndarray]:
     """Names of the parameters, and the information of one trial, whose inverse gives the variances of `cramer_rao`.
 
+    The trial without disturbances, and the spectrum of these over frequency, may be given.
+
     Shapes: returns information (parameters, parameters).
     """
-    clean = _simulate_clean(seed, settings)
-    regressors = prepare(clean).regressors(delay=settings.delay, basis="rectifier", identification_rate=rate)
+    clean = clean or prepare(_simulate_clean(seed, settings))
+    regressors = clean.regressors(delay=settings.delay, basis="rectifier", identification_rate=rate)
     band = pass_band(regressors.torque.size, regressors.rate)
     names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, settings, known_delay)
-    if settings.snr_db is None and settings.voluntary == 0:
+    if spectrum is None and settings.snr_db is None and settings.voluntary == 0:
         return names, np.diag(np.where(np.abs(derivatives).any(axis=1), np.inf, 0.0))
-    noise = disturbance_spectrum(band.frequency, float(np.std(clean["torque"].values)), settings) * band.density
+    if spectrum is None:
+        level = settings.torque_level or float(np.std(clean.samples("torque")))
+        spectrum = partial(disturbance_spectrum, level=level, settings=settings)
+    noise = spectrum(band.frequency) * band.density
     # The taper reduces leakage; the sum counts every frequency as the record without a taper would.
     information = 2.0 * np.real(derivatives.conj() / noise @ derivatives.T)
     if fed_back and settings.closed_loop:
@@ -365,7 +378,7 @@ def trajectory_information(
     # The torque that the perturbation alone causes is the unit of the disturbances.
     still = _simulate_clean(seed, settings, movement=0.0, locked_torque=0.0)
     inside, density = equations.inside, np.ones(equations.frequency.size)
-    level = float(np.std(still["torque"].values))
+    level = settings.torque_level or float(np.std(still["torque"].values))
     density[inside] = disturbance_spectrum(equations.frequency[inside], level, settings)
     # White noise has the variance of a density up to half of the rate.
     weight = np.where(inside, 1.0 / np.sqrt(0.5 * equations.inputs.rate * density), 0.0)

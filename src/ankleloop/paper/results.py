@@ -18,7 +18,7 @@ SETTINGS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gai
 SETTINGS |= {name: name for name in ("omega_n", "zeta", "delay")}
 CONDITIONS: dict[str, dict[Any, str]] = {
     "closed_loop": {True: "closed loop", False: "open loop"},
-    "perturbation": {"prbs": "PRBS", "pulses": "decorrelating pulses"},
+    "perturbation": {"prbs": "PRBS", "pulses": "decorrelating pulses", "dwells": "random dwells"},
 }
 
 

@@ -15,6 +15,7 @@ from ankleloop.options import Options, as_plain, option, show_value
 
 MOST_STEPS = 1000  # integration steps over a recorded sample: the loop has a matrix of as many rows
 MOST_VALUES = 1000  # of a table over a cycle
+DWELLS = (0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6)  # s: dwell times of the perturbation "dwells"
 
 
 def _variation_option(symbol: str) -> Any:
@@ -138,8 +139,13 @@ class SimulationSettings(Options):
     actuator_damping: float = option(0.8, "damping ratio of the servo; assumed", ge=0.001, le=1000)
 
     # Position command, the reference.
-    perturbation: Literal["prbs", "pulses"] = option(
-        "prbs", "kind of the position command: pseudorandom binary sequence, or short pulses"
+    perturbation: Literal["prbs", "pulses", "dwells"] = option(
+        "prbs", "kind of the position command: pseudorandom binary sequence, short pulses, or steps after random times"
+    )
+    dwell_weights: tuple[float, ...] | str | None = option(
+        None,
+        f"weights of the dwell times {', '.join(f'{1000 * dwell:g}' for dwell in DWELLS)} ms between the steps, as a "
+        "table; null for equal ones",
     )
     amplitude: float = option(0.04, "peak-to-peak amplitude of the position command", unit="rad", ge=1e-9, le=1000)
     perturbation_locked: bool = option(
@@ -157,6 +163,14 @@ class SimulationSettings(Options):
     )
 
     # Disturbances, both of which are fed back through the load. The clean net torque is that of the perturbation alone.
+    torque_level: float | None = option(
+        None,
+        "torque to which voluntary torque and noise are relative; null for the standard deviation of the clean net "
+        "torque of the trial",
+        unit="N·m",
+        gt=0,
+        le=1e6,
+    )
     voluntary: float = option(
         0.05, "standard deviation of the voluntary torque over that of the clean net torque; assumed", ge=0, le=1e6
     )
@@ -204,7 +218,7 @@ class SimulationSettings(Options):
         parameters = {"load_inertia": inertia, "load_viscosity": viscosity, "load_stiffness": stiffness}
         return super().parse(owner, **{**parameters, **values})
 
-    @field_validator("stiffness_table", "viscosity_table", "gain_table", mode="before")
+    @field_validator("stiffness_table", "viscosity_table", "gain_table", "dwell_weights", mode="before")
     @classmethod
     def _as_table(cls, values: Any, info: ValidationInfo) -> Any:
         """Tables come as lists from YAML, as arrays from NumPy, and as text from points of a study."""
@@ -221,6 +235,16 @@ class SimulationSettings(Options):
         if not isinstance(values, (list, tuple)) or not 2 <= len(values) <= MOST_VALUES:
             raise ValueError(f"{fault}, got {show_value(values)}.")
         return tuple(as_plain(value) for value in values)
+
+    @model_validator(mode="after")
+    def _check_weights(self) -> Self:
+        """Each dwell time has a weight, and one of them is above zero."""
+        weights = self.dwell_weights
+        if isinstance(weights, tuple) and (len(weights) != len(DWELLS) or min(weights) < 0 or max(weights) == 0):
+            raise ValueError(
+                f"dwell_weights must be {len(DWELLS)} numbers of at least 0, one of them above it, got {weights}."
+            )
+        return self
 
     @model_validator(mode="after")
     def _check_variation(self) -> Self:

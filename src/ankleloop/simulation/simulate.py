@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
-from ankleloop.options import as_plain, check_memory, show_fields, show_value
+from ankleloop.errors import DataError
+from ankleloop.options import as_plain, as_real, check_memory, show_fields, show_value
 from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias, voluntary_filter
 from ankleloop.simulation.loop import run_loop
-from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.settings import DWELLS, SimulationSettings
 from ankleloop.simulation.trajectories import Course, draw_course, trajectories
 from ankleloop.trials.trial import new_trial
 
@@ -21,7 +23,13 @@ TRIAL_ARRAYS = 16  # arrays over all samples of a trial that are in memory at a 
 
 
 @show_fields(SimulationSettings)
-def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None = None, **settings: Any) -> xr.Dataset:
+def simulate(
+    *,
+    seed: int | np.random.SeedSequence,
+    load: Sequence[float] | None = None,
+    command: ArrayLike | None = None,
+    **settings: Any,
+) -> xr.Dataset:
     r"""Simulate a trial of the parallel-cascade joint against a compliant load.
 
     Position = servo(reference) − H_imp(s)·(intrinsic + reflex + voluntary + noise torque), Figure 2 and Section IV of
@@ -43,6 +51,9 @@ def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None
     load : sequence of float, optional
         Inertia [kg·m²], viscosity [N·m·s/rad] and stiffness [N·m/rad] of the load together, instead of the settings
         `load_inertia`, `load_viscosity` and `load_stiffness`.
+    command : array_like, shape (duration × recording_rate,), optional
+        A perturbation of one's own [rad] instead of one that is drawn. Its end also precedes the record: it is repeated
+        while the loop settles.
     **settings
         Settings by name; `SimulationSettings` describes each of them with its unit, default and bounds.
 
@@ -62,6 +73,8 @@ def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None
         For a name that is not a setting.
     ValueError
         For a value out of its bounds.
+    DataError
+        For a command of another length than the record, or that is no finite numbers.
 
     Examples
     --------
@@ -72,7 +85,8 @@ def simulate(*, seed: int | np.random.SeedSequence, load: Sequence[float] | None
     all_settings = SimulationSettings.parse("simulate", load=load, **settings)
     remedy = "take a shorter duration or settling, a lower recording_rate, or a higher voluntary_cutoff or noise_rate"
     check_memory("simulate", _count_bytes(all_settings), remedy)
-    return _simulate(all_settings, _check_seed(seed))
+    own = None if command is None else _check_command(command, all_settings)
+    return _simulate(all_settings, _check_seed(seed), own)
 
 
 def _count_bytes(settings: SimulationSettings) -> float:
@@ -89,16 +103,29 @@ def _count_bytes(settings: SimulationSettings) -> float:
     return 8.0 * samples
 
 
-def _simulate(settings: SimulationSettings, seed: int | np.random.SeedSequence) -> xr.Dataset:
+def _check_command(command: ArrayLike, settings: SimulationSettings) -> np.ndarray:
+    """A command over the record, with its end ahead of it [rad]."""
+    values, samples = as_real(command, "command"), round(settings.duration * settings.recording_rate)
+    if values.shape != (samples,) or not np.isfinite(values).all():
+        raise DataError(
+            f"simulate: command must be {samples} finite numbers [rad], for {settings.duration:g} s at "
+            f"{settings.recording_rate:g} Hz, got {values.size} of shape {values.shape}: give its duration."
+        )
+    return values.take(np.arange(-round(settings.settling * settings.recording_rate), samples), mode="wrap")
+
+
+def _simulate(
+    settings: SimulationSettings, seed: int | np.random.SeedSequence, own: np.ndarray | None = None
+) -> xr.Dataset:
     rate, settling = settings.recording_rate, round(settings.settling * settings.recording_rate)
     for_perturbation, for_voluntary, for_noise, for_course = _open_streams(seed)
     course = draw_course(settings, for_course)
     time = np.arange(-settling, round(settings.duration * rate)) / rate
     joint = trajectories(course, time + 0.5 / rate)
-    command = _draw_command(settings, for_perturbation, course, time)
+    command = _draw_command(settings, for_perturbation, course, time) if own is None else own
     voluntary = noise = np.zeros(time.size)
     response = run_loop(settings, joint, command, noise, voluntary)
-    deviation = float(np.std((response[1] + response[2])[settling:]))  # of the clean net torque
+    deviation = settings.torque_level or float(np.std((response[1] + response[2])[settling:]))
     if settings.voluntary > 0 or settings.locked_torque > 0:
         voluntary = deviation * _draw_voluntary(settings, for_voluntary, course, time)
     if settings.snr_db is not None:
@@ -107,6 +134,7 @@ def _simulate(settings: SimulationSettings, seed: int | np.random.SeedSequence) 
         command = command + course.movement(time)
     if voluntary.any() or noise.any() or settings.movement > 0:
         response = run_loop(settings, joint, command, noise, voluntary)
+    described = {} if own is None else {"perturbation": "command"}
     held, linear = (antialias(x, settings, "zoh") for x in (command, noise)), antialias(voluntary, settings, "foh")
     reference, noise = (x[settling:] for x in held)
     position, intrinsic, reflex, voluntary = (x[settling:] for x in (*response, linear))
@@ -122,7 +150,7 @@ def _simulate(settings: SimulationSettings, seed: int | np.random.SeedSequence) 
         **_describe_course(course, time[settling:]),
         # As text where the entropy is too long for an integer of a file.
         seed=seed if isinstance(seed, int) and seed < 2**63 else str(_seed_sequence(seed)),
-        **{name: _as_attribute(value) for name, value in settings},
+        **{name: _as_attribute(value) for name, value in dict(settings, **described).items()},
     )
 
 
@@ -172,13 +200,15 @@ def _open_streams(seed: int | np.random.SeedSequence) -> list[np.random.Generato
 
 
 def draw_perturbation(settings: SimulationSettings, rng: np.random.Generator, samples: int) -> np.ndarray:
-    """Draw a pseudorandom binary sequence, or short pulses of independent random sign with zeros in between [rad].
+    """Draw a pseudorandom binary sequence, steps after random times, or short pulses of independent random sign [rad].
 
     A pulse ends before its reflex begins, and its sign is independent of the next one. So the position and its
     derivatives are uncorrelated with the reflex torque, except for the smearing by the actuator.
 
     Shapes: returns (samples,).
     """
+    if settings.perturbation == "dwells":
+        return settings.amplitude * _draw_dwells(settings, rng, samples)
     interval = round(settings.switching_interval * settings.recording_rate)
     count = -(-samples // interval)
     if settings.perturbation == "prbs":
@@ -187,6 +217,15 @@ def draw_perturbation(settings: SimulationSettings, rng: np.random.Generator, sa
         levels = rng.choice([-0.5, 0.0, 0.0, 0.5], size=count)
         length = round(settings.pulse_length * settings.recording_rate)
     return settings.amplitude * np.outer(levels, np.arange(interval) < length).ravel()[:samples]
+
+
+def _draw_dwells(settings: SimulationSettings, rng: np.random.Generator, samples: int) -> np.ndarray:
+    """±½ in turn, each for a dwell time that is drawn by its weight; shape (samples,)."""
+    lengths = np.maximum(1, np.round(np.array(DWELLS) * settings.recording_rate).astype(int))
+    weights = np.array(settings.dwell_weights or np.ones(len(DWELLS)))
+    first = rng.choice([-0.5, 0.5])
+    dwells = rng.choice(lengths, size=-(-samples // lengths[0]), p=weights / weights.sum())
+    return np.repeat(np.resize([first, -first], dwells.size), dwells)[:samples]
 
 
 def _draw_command(

@@ -57,7 +57,7 @@ def test_every_setting_has_a_unit_and_a_description():
 
 def test_the_signature_shows_every_setting_with_its_default():
     parameters = inspect.signature(simulate).parameters
-    assert list(parameters)[2:] == list(SimulationSettings.model_fields)
+    assert list(parameters)[3:] == list(SimulationSettings.model_fields)
     for name, default in SimulationSettings.defaults().items():
         assert parameters[name].default == default
         assert parameters[name].kind is inspect.Parameter.KEYWORD_ONLY

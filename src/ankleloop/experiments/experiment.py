@@ -1,0 +1,114 @@
+"""What commands tell of a joint with its load before anything is recorded, all of them under the same disturbance."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ankleloop.assessment.cramer_rao import check_constant, disturbance_spectrum, fisher_information, invert_information
+from ankleloop.errors import DataError
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.methods.riv.equations import NOISE_RESOLUTION
+from ankleloop.options import show_value
+from ankleloop.signals.spectra import pass_band
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.simulate import draw_perturbation, simulate
+
+# Settings of a simulation by the parameters of an estimate.
+SETTINGS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}
+SETTINGS |= {name: name for name in ("omega_n", "zeta", "pole", "delay")}
+QUIET = {"snr_db": None, "voluntary": 0.0}
+RATE = 100.0  # Hz, of the identification
+LOST = 0.66  # s of a record: its ends, which the filters of the identification touch
+
+
+def describe_joint(owner: str, joint: Estimate | Mapping[str, Any], others: Mapping[str, Any]) -> SimulationSettings:
+    """Settings of a joint and its experiment; what an estimate does not hold (load, servo, recorder) is in `others`."""
+    if isinstance(joint, Estimate):
+        warn_of_pilot(owner, joint)
+        parameters = {**joint.stiffness, **joint.reflex}
+        values = {setting: parameters[name] for name, setting in SETTINGS.items() if name in parameters}
+    elif isinstance(joint, Mapping):
+        values = dict(joint)
+    else:
+        raise TypeError(f"{owner}: joint must be an estimate or settings of simulate by name, got {show_value(joint)}.")
+    settings = SimulationSettings.parse(owner, **{**values, **others})
+    check_constant(settings)
+    if isinstance(joint, Mapping) and settings.snr_db is None and settings.voluntary == 0:
+        raise ValueError(f"{owner}: without a disturbance every record is exact: set snr_db or voluntary.")
+    return settings
+
+
+def warn_of_pilot(owner: str, pilot: Estimate) -> None:
+    """Warn of what an estimate warns of: a plan is as good as its pilot."""
+    if found := pilot.diagnostics.get("warnings"):
+        text = " ".join(found)
+        warnings.warn(f"{owner}: the pilot has warnings; correct or repeat it first. {text}", UserWarning, stacklevel=4)
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A joint with its load and servo, the disturbance of its torque, and limits of the perturbation."""
+
+    settings: SimulationSettings  # without disturbances
+    # Power spectral density of the disturbance over frequency [(N·m)²/Hz]: it does not change with the perturbation.
+    spectrum: Callable[[np.ndarray], np.ndarray]
+    # Largest torque [N·m], largest velocity of the servo and mean velocity of the joint [rad/s], as far as limited.
+    limits: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, joint: Estimate | Mapping[str, Any], settings: SimulationSettings, limits: Mapping[str, float], seed: int
+    ) -> Experiment:
+        """The experiment, with voluntary torque and noise relative to the torque that its own perturbation causes."""
+        quiet = cls(settings.model_copy(update=QUIET), lambda frequency: np.ones_like(frequency), limits)
+        if isinstance(joint, Estimate):
+            if "noise_spectrum" not in joint.diagnostics:
+                raise DataError(f"{joint.method} estimates no spectrum of the noise: identify the pilot by riv.")
+            points, density = joint.diagnostics["noise_frequency"], joint.diagnostics["noise_spectrum"]
+            return replace(quiet, spectrum=lambda frequency: np.interp(frequency, points, density))
+        level = settings.torque_level
+        if level is None:
+            torques = [quiet.respond(command).samples("torque") for command in quiet.draw({}, seed)]
+            level = float(np.sqrt(np.mean(np.var(torques, axis=1))))
+        return replace(quiet, spectrum=partial(disturbance_spectrum, level=level, settings=settings))
+
+    def respond(self, command: np.ndarray) -> PreparedTrial:
+        """The trial of a command [rad] without disturbances."""
+        return prepare(simulate(seed=0, command=command, **dict(self.settings)))
+
+    def limit(self, command: np.ndarray) -> np.ndarray:
+        """A command within the limits: the loop is positively homogeneous, so a smaller command scales all signals."""
+        sizes: dict[str, float] = {}
+        if self.limits:
+            clean = self.respond(command)
+            sizes["torque"] = float(np.max(np.abs(clean.samples("torque"))))
+            sizes["joint_velocity"] = float(np.mean(np.abs(clean.velocity(0.0))))
+        if "servo_velocity" in self.limits:
+            servo = replace(self, settings=self.settings.model_copy(update={"closed_loop": False})).respond(command)
+            sizes["servo_velocity"] = float(np.max(np.abs(servo.velocity(0.0))))
+        return min([1.0, *(limit / sizes[name] for name, limit in self.limits.items())]) * command
+
+    def draw(self, perturbation: Mapping[str, Any], *seeds: int, count: int = 8) -> list[np.ndarray]:
+        """Commands of some settings of the perturbation, within the limits [rad]; shapes (samples,)."""
+        settings = self.settings.model_copy(update=perturbation)
+        samples = round(settings.duration * settings.recording_rate)
+        streams = [np.random.default_rng([*seeds, number]) for number in range(count)]
+        return [self.limit(draw_perturbation(settings, stream, samples)) for stream in streams]
+
+    def variances(self, commands: Iterable[np.ndarray]) -> dict[str, float]:
+        """Variance of every parameter by `riv` from a record with such a command: its noise spectrum is an estimate."""
+        clean = map(self.respond, commands)
+        parts = [
+            fisher_information(0, self.settings, fed_back=False, clean=trial, spectrum=self.spectrum) for trial in clean
+        ]
+        names, information = parts[0][0], np.mean([information for _, information in parts], axis=0)
+        band = pass_band(round((self.settings.duration - LOST) * RATE), RATE)
+        factor = 1.0 + 2.0 * band.smoothing_variance(NOISE_RESOLUTION)  # as in `asymptotic_covariance`
+        return dict(zip(names, (factor * np.diag(invert_information(information, names))).tolist(), strict=True))

@@ -1,0 +1,293 @@
+"""A perturbation for a joint and its load: steps after random times, whose weights are optimised."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy.io import savemat
+
+from ankleloop.errors import DataError, UnstableLoopError
+from ankleloop.experiments.experiment import LOST, Experiment, describe_joint
+from ankleloop.joint.estimate import Estimate
+from ankleloop.options import check_flag, check_integer, check_number, check_path
+from ankleloop.simulation.settings import DWELLS
+from ankleloop.trials.files import atomic_file
+
+PARAMETERS = ("K", "B", "G")
+PRBS = {"perturbation": "prbs", "switching_interval": 0.1}
+EVALUATED = 24.0  # s: length of the sequences by which perturbations are compared
+STEPS = 5  # of the integration in a recorded sample: 0.01 % of the variances
+GENERATIONS, CHILDREN, PARENTS, SEARCH_DRAWS = 25, 8, 4, 2
+TIE = 0.05  # share of the sum of the time ratios in the criterion, beside the largest of them
+LEAST_AMPLITUDE = 0.1  # of that which was asked for
+FACTORS = {"low": (0.8, 0.6, 0.4, 0.2), "high": (1.25, 1.6, 2.0, 2.5)}  # of K and G, for the range of the design
+
+
+@dataclass(frozen=True, eq=False)
+class PerturbationDesign:
+    """A random perturbation for a joint: steps between two positions, after dwell times that have weights.
+
+    Parameters
+    ----------
+    weights : dict
+        Share of each dwell time [s] among the dwells.
+    amplitude : float
+        Half of the steps [rad], the mean over sequences: each of them is within the limits by itself.
+    time_ratio : dict
+        Time for the same standard error of "K", "B" and "G" over that with a PRBS of 100 ms within the same limits.
+    standard_errors : dict
+        Standard error of every parameter that is expected from one record.
+    better_range : dict
+        Ranges of the true "K" and "G" within which none of the time ratios passes 1.
+    seconds : float
+        Length of the sequences [s].
+    """
+
+    weights: dict[float, float]
+    amplitude: float
+    time_ratio: dict[str, float]
+    standard_errors: dict[str, float]
+    better_range: dict[str, tuple[float, float]]
+    seconds: float
+    experiment: Experiment = field(repr=False)
+
+    def draw(self, seed: int) -> xr.DataArray:
+        """A new sequence: one that a subject meets again can be learnt, so take another seed for each trial.
+
+        Parameters
+        ----------
+        seed : int
+            Seed of the sequence.
+
+        Returns
+        -------
+        xarray.DataArray
+            Command [rad] over time [s], within the limits of the design.
+        """
+        seed = check_integer("draw", "seed", seed, ge=0)
+        settings = self.experiment.settings.model_copy(update={"duration": self.seconds})
+        [command] = replace(self.experiment, settings=settings).draw(_dwells(self.weights.values()), seed, count=1)
+        time = xr.Variable("time", np.arange(command.size) / settings.recording_rate, {"units": "s"})
+        attributes = {"units": "rad", "long_name": "command of the servo", "seed": seed}
+        return xr.DataArray(command, {"time": time}, name="command", attrs=attributes)
+
+    def save(self, path: str | os.PathLike[str], *, seed: int, overwrite: bool = False) -> None:
+        """Write a new sequence for the computer that commands the servo.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            A .csv file with the columns "time" [s] and "command" [rad], or a .mat file with these and the rate "fs".
+        seed : int
+            Seed of the sequence.
+        overwrite : bool
+            Replace a file that exists.
+
+        Raises
+        ------
+        DataError
+            For another suffix, or a file that exists or cannot be written.
+        """
+        target = check_path("save", "path", path)
+        if target.suffix not in (".csv", ".mat"):
+            raise DataError(f"{target}: a command is written as .csv or .mat: choose one of these suffixes.")
+        command = self.draw(seed)
+        columns = {"time": command["time"].values, "command": command.values}
+        with atomic_file(target, overwrite=overwrite) as partial:
+            if target.suffix == ".csv":
+                pd.DataFrame(columns).to_csv(partial, index=False)
+            else:
+                savemat(partial, {**columns, "fs": self.experiment.settings.recording_rate}, False, oned_as="column")
+
+
+def design_perturbation(
+    joint: Estimate | Mapping[str, Any],
+    seconds: float = 24.0,
+    amplitude: float = 0.02,
+    gentle: bool = False,
+    seed: int = 1,
+    *,
+    torque: float | None = None,
+    servo_velocity: float | None = None,
+    progress: Callable[[range], Iterable[int]] | None = None,
+    **settings: Any,
+) -> PerturbationDesign:
+    r"""Design a random perturbation that tells more of K, B and G in the same time.
+
+    The command is +A and −A in turn, each for a random time out of eleven from 20 to 600 ms. Their weights w are
+    searched by an evolution strategy, for
+
+    .. math:: \min_w \max_{\theta \in \{K, B, G\}} \frac{\mathrm{var}(\hat\theta; w)}{\mathrm{var}(\hat\theta;
+              \mathrm{PRBS})}
+
+    (plus 5 % of the sum of these ratios), the ratio of the times for the same standard error. The variances are
+    those of `riv`, from the information that `ankleloop.cramer_rao` counts without the fed-back torque, at the same
+    voluntary torque and noise [N·m] for every perturbation. A limit lowers the amplitude of every sequence that
+    exceeds it, of the PRBS as well. Limits are those of the torque and the movement that the perturbation alone causes.
+
+    Parameters
+    ----------
+    joint : Estimate or mapping
+        The joint: an estimate of a pilot by `riv`, which also tells the spectrum of the disturbance; or settings of
+        `simulate` by name, with `voluntary` and `snr_db` relative to the torque of a PRBS of 100 ms, or to
+        `torque_level`.
+    seconds : float
+        Length of the sequences [s].
+    amplitude : float
+        Largest deviation of the command [rad].
+    gentle : bool
+        Limit the mean speed of the joint to that which the PRBS causes.
+    seed : int
+        Seed of the search.
+    torque : float, optional
+        Largest torque [N·m].
+    servo_velocity : float, optional
+        Largest velocity of the servo [rad/s].
+    progress : callable, optional
+        Wraps the range of the generations of the search, as tqdm does.
+    **settings
+        Further settings of `simulate`; with an estimate, load, servo and recorder, which it does not hold.
+
+    Returns
+    -------
+    PerturbationDesign
+
+    Raises
+    ------
+    UnstableLoopError
+        If the joint is unstable with its load.
+    DataError
+        If the estimate has no spectrum of the noise, or the record would not tell the parameters apart.
+    TypeError, ValueError
+        For settings that `simulate` refuses, and for limits that leave less than a tenth of the amplitude.
+
+    Examples
+    --------
+    >>> design = design_perturbation({"load": (0.1, 10.0, 100.0), "voluntary": 0.3}, seconds=20.0)
+    >>> max(design.time_ratio.values()) < 0.85
+    True
+    >>> command = design.draw(seed=2)
+    >>> command.sizes["time"], command.attrs["units"]
+    (20000, 'rad')
+    >>> low, high = design.better_range["K"]
+    >>> low < 150.0 < high
+    True
+    """
+    owner = "design_perturbation"
+    seconds = check_number(owner, "seconds", seconds, "s", ge=1, le=3600)
+    amplitude = check_number(owner, "amplitude", amplitude, "rad", ge=1e-9, le=500)
+    seed = check_integer(owner, "seed", seed, ge=0)
+    given = {"torque": (torque, "N·m"), "servo_velocity": (servo_velocity, "rad/s")}
+    limits = {
+        name: check_number(owner, name, value, unit, gt=0) for name, (value, unit) in given.items() if value is not None
+    }
+    others = {**settings, **PRBS, "amplitude": 2 * amplitude, "duration": EVALUATED}
+    chosen = describe_joint(owner, joint, others)
+    coarse = min(chosen.integration_rate, STEPS * chosen.recording_rate)
+    experiment = Experiment.of(joint, chosen.model_copy(update={"integration_rate": coarse}), limits, seed)
+    prbs = experiment.draw(PRBS, seed)
+    if check_flag(owner, "gentle", gentle):
+        speed = np.mean([np.mean(np.abs(experiment.respond(command).velocity(0.0))) for command in prbs])
+        experiment = replace(experiment, limits={**limits, "joint_velocity": float(speed)})
+    reference = experiment.variances(prbs)
+    weights = _search(experiment, reference, seed, (progress or iter)(range(GENERATIONS)))
+    commands = experiment.draw(_dwells(weights), seed, GENERATIONS)
+    reached = float(np.mean([np.max(np.abs(command)) for command in commands]))
+    if reached < LEAST_AMPLITUDE * amplitude:
+        raise ValueError(
+            f"{owner}: the limits leave ±{reached:.2g} rad of ±{amplitude:g} rad: raise torque or servo_velocity, or "
+            "ask for a smaller amplitude."
+        )
+    variances, longer = experiment.variances(commands), (seconds - LOST) / (EVALUATED - LOST)
+    ratios = _ratios(variances, reference)
+    if max(ratios.values()) > 1.0:
+        text = (
+            f"{owner}: within these limits no dwell times were found that tell more than a PRBS of 100 ms: record that."
+        )
+        warnings.warn(text, UserWarning, stacklevel=2)
+    return PerturbationDesign(
+        weights=dict(zip(DWELLS, weights.tolist(), strict=True)),
+        amplitude=reached,
+        time_ratio=ratios,
+        standard_errors={name: (variance / longer) ** 0.5 for name, variance in variances.items()},
+        better_range=_find_range(experiment, commands, prbs),
+        seconds=seconds,
+        experiment=experiment,
+    )
+
+
+def _dwells(weights: Iterable[float]) -> dict[str, Any]:
+    """Settings of a perturbation with weights of its dwell times."""
+    return {"perturbation": "dwells", "dwell_weights": tuple(weights)}
+
+
+def _ratios(variances: Mapping[str, float], reference: Mapping[str, float]) -> dict[str, float]:
+    """Ratios of the times for the same standard errors, of the parameters that there are."""
+    return {name: variances[name] / reference[name] for name in PARAMETERS if np.isfinite(reference[name])}
+
+
+def _search(
+    experiment: Experiment, reference: Mapping[str, float], seed: int, generations: Iterable[int]
+) -> np.ndarray:
+    """Weights of the dwell times, by an evolution strategy with cumulative steps (Hansen and Ostermeier 2001).
+
+    All children of a generation have the same random numbers, and every generation has others.
+    """
+    rng = np.random.default_rng(seed)
+    size = len(DWELLS)
+    mean, path, spread = np.zeros(size), np.zeros(size), 1.0
+    shares = np.log(PARENTS + 0.5) - np.log(np.arange(1, PARENTS + 1))
+    shares /= shares.sum()
+    parents = 1.0 / np.sum(shares**2)
+    memory = (parents + 2.0) / (size + parents + 5.0)
+    for generation in generations:
+        steps = rng.standard_normal((CHILDREN, size))
+        costs = []
+        for step in steps:
+            commands = experiment.draw(_dwells(_normalise(mean + spread * step)), seed, generation, count=SEARCH_DRAWS)
+            ratios = [*_ratios(experiment.variances(commands), reference).values()]
+            costs.append(max(ratios) + TIE * sum(ratios))
+        step = shares @ steps[np.argsort(costs)[:PARENTS]]
+        mean = mean + spread * step
+        path = (1.0 - memory) * path + np.sqrt(memory * (2.0 - memory) * parents) * step
+        spread *= np.exp(memory / (1.0 + memory) * (np.linalg.norm(path) / np.sqrt(size) - 1.0))
+    return _normalise(mean)
+
+
+def _normalise(logarithms: np.ndarray) -> np.ndarray:
+    """Weights of unit sum from their logarithms."""
+    weights = np.exp(logarithms - logarithms.max())
+    return weights / weights.sum()
+
+
+def _find_range(
+    experiment: Experiment, commands: Sequence[np.ndarray], prbs: Sequence[np.ndarray]
+) -> dict[str, tuple[float, float]]:
+    """Ranges of the true K and G within which the commands tell more than the PRBS."""
+    ranges = {}
+    for name, setting in (("K", "stiffness"), ("G", "reflex_gain")):
+        nominal = getattr(experiment.settings, setting)
+        ends = dict.fromkeys(FACTORS, nominal)
+        for side, factors in FACTORS.items():
+            for value in (factor * nominal for factor in factors):
+                other = replace(experiment, settings=experiment.settings.model_copy(update={setting: value}))
+                if not _is_better(other, commands, prbs):
+                    break
+                ends[side] = value
+        ranges[name] = ends["low"], ends["high"]
+    return ranges
+
+
+def _is_better(experiment: Experiment, commands: Sequence[np.ndarray], prbs: Sequence[np.ndarray]) -> bool:
+    try:
+        ratios = _ratios(experiment.variances(commands), experiment.variances(prbs))
+    except UnstableLoopError:
+        return False
+    return max(ratios.values()) <= 1.0
