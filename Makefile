@@ -18,8 +18,12 @@ unexport PYTHONPATH PYTHONHOME
 LOCK_HINT := test -z "$$(ls .snakemake/locks 2>/dev/null)" || echo "If no other run is going on in this folder, one that \
 was killed has left its lock: make unlock, then the same command again. Nothing is lost."
 
+# One line for each step, which its job writes; Snakemake's own account of the run is in .snakemake/log.
+STEPS := --quiet rules progress host
+SHORT := sed -u -E '/^(Select jobs to execute|Execute [0-9]+ jobs|Using |Conda env|Assuming |\[IPKernelApp\]|$$)/d'
+
 all: setup ## Set up what is missing, then reproduce the paper (a few minutes).
-	snakemake --cores $(CORES) --quiet reason || { $(LOCK_HINT); exit 1; }
+	@set -o pipefail; snakemake --cores $(CORES) $(STEPS) 2>&1 | $(SHORT) || { $(LOCK_HINT); exit 1; }
 	@echo "Open results/index.html"
 
 # The texts behind ##, one for each target.
@@ -41,7 +45,7 @@ nightly: setup ## An hour: killed runs, full disks, damaged files, Slurm, memory
 	OMP_NUM_THREADS=1 python -m pytest tests/nightly -v --durations=10 $(ARGS)
 
 beyond: setup ## Reproduce the paper, and run the studies that go further.
-	snakemake --cores $(CORES) --quiet reason --configfile config/beyond.yaml || { $(LOCK_HINT); exit 1; }
+	@set -o pipefail; snakemake --cores $(CORES) $(STEPS) --configfile config/beyond.yaml 2>&1 | $(SHORT) || { $(LOCK_HINT); exit 1; }
 	@echo "Open results/index.html"
 
 # The peers that are measured against go into a folder of their own, behind the environment.

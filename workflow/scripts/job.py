@@ -1,7 +1,8 @@
-"""The log file of a job, and errors and failures in plain words."""
+"""The log file of a job; on the terminal one line of what it made, or why it failed."""
 
 import logging
 import sys
+import time
 from contextlib import contextmanager
 
 from ankleloop.errors import describe_error
@@ -15,8 +16,10 @@ def running(snakemake):
     logging.basicConfig(
         filename=str(snakemake.log), filemode="w", format="%(asctime)s %(message)s", level=logging.INFO, force=True
     )
+    start = time.monotonic()
     try:
         yield
+        print(f"{describe(snakemake)}, {time.monotonic() - start:.0f} s", file=sys.stderr)
     except Exception as error:
         wildcards = [f"{name} {value}" for name, value in snakemake.wildcards.items()]
         job = ", ".join([f"rule {snakemake.rule}", *wildcards])
@@ -24,3 +27,11 @@ def running(snakemake):
         message = f"{'; '.join([job, *places])}: {describe_error(error)}"
         log.error("%s", message, exc_info=error)
         sys.exit(f"{message} (The log has all details: {snakemake.log})")
+
+
+def describe(snakemake):
+    """Rule and wildcards of a job, and how many trials or recordings it takes."""
+    arguments, points = snakemake.params.get("arguments", {}), snakemake.params.get("points", {})
+    trials = sum(part["stop"] - part["first"] for part in arguments.get("conditions", {}).values())
+    counts = [f"{trials} trials"] * bool(trials) + [f"{len(points)} recordings"] * bool(points)
+    return ", ".join([" ".join([snakemake.rule.replace("_", " "), *snakemake.wildcards]), *counts])

@@ -75,7 +75,7 @@ def identify_recording(study: RecordedStudy, folder: Path, *, overwrite: bool) -
     overwrite = overwrite or _is_refusal(folder / f"{name}-parameters.csv")
     estimates = [f"{name}/{key}{suffix}" for key in usual_methods(reference=True, changing=True) for suffix in SUFFIXES]
     outputs = [f"{name}.html", f"{name}-parameters.csv", *estimates, *(f"{name}/figure-{kind}.csv" for kind in FIGURES)]
-    check_outputs(folder, outputs, REMEDY, overwrite=overwrite, inputs=inputs)
+    check_outputs(folder, outputs, REMEDY, overwrite=overwrite, inputs=map(Path, inputs))
     window = study.settings.figure.model_dump(include={"start", "length"})
     # In the same folder, so that what is complete only takes its name there.
     with tempfile.TemporaryDirectory(prefix=".ankleloop-", dir=folder) as temporary:
