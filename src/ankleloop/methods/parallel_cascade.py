@@ -102,9 +102,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     Parameters
     ----------
     trial : PreparedTrial
-        The trial.
     options : ParallelCascadeOptions
-        The options.
 
     Returns
     -------
@@ -112,11 +110,6 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
         `model` is None; the impulse responses and the history of passes are in `diagnostics`. K, B and I are those of
         the second-order model that explains the intrinsic torque best; G, ωn and ζ those of the low-pass that is
         closest to the reflex response.
-
-    Raises
-    ------
-    DataError
-        If the record is unusable or too short.
 
     Examples
     --------

@@ -65,20 +65,14 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     Parameters
     ----------
     trial : PreparedTrial
-        The trial; a reference is not used. ``simulate(perturbation="pulses")`` has a perturbation that decorrelates.
+        A reference is not used. ``simulate(perturbation="pulses")`` has a perturbation that decorrelates.
     options : RealTimeOptions
-        The options.
 
     Returns
     -------
     Estimate
         K, B, I and G are means of their traces; `diagnostics` holds the traces: "trace_time" [s], "trace_K",
         "trace_B", "trace_I", "trace_G". `model` is None.
-
-    Raises
-    ------
-    DataError
-        If the record is unusable, or not longer than the settling time and two seconds.
 
     References
     ----------

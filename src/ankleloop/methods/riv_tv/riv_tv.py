@@ -134,9 +134,7 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     Parameters
     ----------
     trial : PreparedTrial
-        The trial.
     options : RivTvOptions
-        The options.
 
     Returns
     -------
@@ -149,11 +147,6 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
         the 2nd to the 98th percentile; they count as its ends), freedom (effective number of parameters of each
         trajectory), excitation (information about each over its mean, at the places of the trajectories),
         torque_lag, and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
-
-    Raises
-    ------
-    DataError
-        If there are too few cycles, the perturbation is locked to the cycle, or the record is unusable.
 
     References
     ----------
