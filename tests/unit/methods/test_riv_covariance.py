@@ -84,8 +84,8 @@ def test_robust_errors_are_the_scatter_of_incomplete_models():
 def test_the_movement_decides():
     complete, incomplete = (solve_trial(simulate(seed=2, **settings)) for settings in ({}, INCOMPLETE))
     assert movement_p(complete.point) > 0.01 > movement_p(incomplete.point)
-    assert choose_covariance(complete.point, complete.free).description["intervals"] == "asymptotic"
-    _, quantile, description = choose_covariance(incomplete.point, incomplete.free)
+    assert choose_covariance(complete.point, complete.free, None)[2]["intervals"] == "asymptotic"
+    _, quantile, description = choose_covariance(incomplete.point, incomplete.free, None)
     assert (description["intervals"], quantile > 1.96) == ("robust", True)
     assert description["interval_segment"] == pytest.approx(1.0, rel=0.2)
 
