@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, Literal, Self
 
 import xarray as xr
+from pydantic import model_validator
 
 from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
@@ -44,14 +45,26 @@ def rectifier_option() -> Any:
     return option(None, "static nonlinearity; null for the method's own (rectifier), the only one that it has")
 
 
-def check_lags(name: str, length: float, rate: float, *, least: int = 1) -> None:
-    """Refuse impulse responses without a lag, and those of so many that a pass over them would take minutes."""
-    if not least <= round(length * rate) <= MOST_LAGS:
-        limits = describe_limits("samples", ge=least, le=MOST_LAGS)
-        raise ValueError(
-            f"{name} must be {limits} long at the identification_rate of {rate:g} Hz, got {length:g} s, which are "
-            f"{round(length * rate)}."
-        )
+class ResponseOptions(Options):
+    """Options of methods that estimate impulse responses, that of the reflex behind a rectifier."""
+
+    delay: float = delay_option()
+    basis: Literal["rectifier"] | None = rectifier_option()
+    identification_rate: float = rate_option()
+
+    @model_validator(mode="after")
+    def _check_lags(self) -> Self:
+        """Refuse responses without a lag, and those of so many that a pass over them would take minutes."""
+        rate = self.identification_rate
+        for name, least in (("intrinsic_lags", 0), ("reflex_lags", 1)):
+            length = getattr(self, name, 1.0 / rate)
+            if not least <= round(length * rate) <= MOST_LAGS:
+                limits = describe_limits("samples", ge=least, le=MOST_LAGS)
+                raise ValueError(
+                    f"{name} must be {limits} long at the identification_rate of {rate:g} Hz, got {length:g} s, which "
+                    f"are {round(length * rate)}."
+                )
+        return self
 
 
 @dataclass(frozen=True)
