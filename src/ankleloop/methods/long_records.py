@@ -56,16 +56,14 @@ def identify_file(
 ) -> Estimate:
     """Identify a record of any length by a member of the MOESP family, in constant memory.
 
-    In memory are the samples of a chunk and, while the basis is fitted, a million velocities at most.
-
-    The record is read five times: for the checks of the data, the basis, the projection, the regression, and the
-    torques. All of it is one identification: the result is that of `identify` on the whole record, up to rounding, but
-    for the spectrum that weighs the separation of the reflex path, which is that of the beginning of the record.
+    In memory are the samples of a chunk and, while the basis is fitted, a million velocities at most. The record is
+    read five times: for the checks of the data, the basis, the projection, the regression, and the torques. The result
+    is that of `identify` on the whole record, up to rounding, but for the spectrum that weighs the separation of the
+    reflex path, which is that of the beginning of the record.
 
     Parameters
     ----------
     record : LongRecord
-        The record.
     output : path-like
         NetCDF file to write: net, intrinsic and reflex torque [N·m] over time [s]. It is never the file of the record.
     method : str
@@ -91,8 +89,6 @@ def identify_file(
     DataError
         If the record is unusable, too short, or lacks what the method needs; if `output` exists, is the file of the
         record, or cannot be written, which is checked before the record is read.
-    TypeError, ValueError
-        For an option of another name or type, or out of its range.
 
     Examples
     --------

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, Literal, Self
 
 import xarray as xr
+from pydantic import model_validator
 
 from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
@@ -23,28 +24,12 @@ INPUTS = {"delay", "degree", "identification_rate"}  # options that regressors a
 
 
 def delay_option(default: float | None = NOMINAL_DELAY, *, estimated: bool = False) -> Any:
-    """Declare the reflex delay; a method that estimates it takes None.
-
-    Examples
-    --------
-    >>> class Fit(Options):
-    ...     delay: float = delay_option()
-    >>> Fit.defaults(), Fit.unit("delay")
-    ({'delay': 0.04}, 's')
-    """
+    """Declare the reflex delay; a method that estimates it takes None."""
     return option(default, "reflex delay" + ("; null estimates it" if estimated else ""), unit="s", ge=0, le=1)
 
 
 def rate_option() -> Any:
-    """Declare the identification rate.
-
-    Examples
-    --------
-    >>> class Fit(Options):
-    ...     identification_rate: float = rate_option()
-    >>> Fit.defaults(), Fit.unit("identification_rate")
-    ({'identification_rate': 100.0}, 'Hz')
-    """
+    """Declare the identification rate."""
     return option(
         100.0, "rate of the identification; the sampling rate has to be a multiple of it", unit="Hz", ge=1, le=10000
     )
@@ -60,28 +45,38 @@ def rectifier_option() -> Any:
     return option(None, "static nonlinearity; null for the method's own (rectifier), the only one that it has")
 
 
-def check_lags(name: str, length: float, rate: float, *, least: int = 1) -> None:
-    """Refuse impulse responses without a lag, and those of so many that a pass over them would take minutes."""
-    if not least <= round(length * rate) <= MOST_LAGS:
-        limits = describe_limits("samples", ge=least, le=MOST_LAGS)
-        raise ValueError(
-            f"{name} must be {limits} long at the identification_rate of {rate:g} Hz, got {length:g} s, which are "
-            f"{round(length * rate)}."
-        )
+class ResponseOptions(Options):
+    """Options of methods that estimate impulse responses, that of the reflex behind a rectifier."""
+
+    delay: float = delay_option()
+    basis: Literal["rectifier"] | None = rectifier_option()
+    identification_rate: float = rate_option()
+
+    @model_validator(mode="after")
+    def _check_lags(self) -> Self:
+        """Refuse responses without a lag, and those of so many that a pass over them would take minutes."""
+        rate = self.identification_rate
+        for name, least in (("intrinsic_lags", 0), ("reflex_lags", 1)):
+            length = getattr(self, name, 1.0 / rate)
+            if not least <= round(length * rate) <= MOST_LAGS:
+                limits = describe_limits("samples", ge=least, le=MOST_LAGS)
+                raise ValueError(
+                    f"{name} must be {limits} long at the identification_rate of {rate:g} Hz, got {length:g} s, which "
+                    f"are {round(length * rate)}."
+                )
+        return self
 
 
 @dataclass(frozen=True)
 class Method:
     """A method under its name.
 
-    Calling it with a trial and options by name identifies; see `ankleloop.identify`.
+    Calling it with a trial and options by name identifies; see `ankleloop.identify`, whose errors it raises.
 
     Parameters
     ----------
     name : str
-        Its name.
     options : type of Options
-        Its options.
     identify : callable
         ``identify(trial, options)`` gives the estimate of a prepared trial. For a method that merges,
         ``identify(trials, options)`` gives a list with an estimate for each of several prepared trials.
@@ -107,28 +102,7 @@ class Method:
     reference: Callable[[Any], str | None] = lambda options: getattr(options, "reference", None)
 
     def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Any:
-        """Identify a trial, or a list of trials that are merged.
-
-        Parameters
-        ----------
-        trial : xarray.Dataset or PreparedTrial, or list of those
-            The trial.
-        **options
-            Options by name.
-
-        Returns
-        -------
-        Estimate, or list of those
-            One for each trial of a list.
-
-        Raises
-        ------
-        TypeError, ValueError
-            For an option that the method does not have, or a value out of its range.
-        DataError
-            For a trial that the method cannot use, or that says nothing
-            (`ankleloop.checks.data.check_data`), and for a list that has a record twice.
-        """
+        """Identify a trial, or a list of trials that are merged: an estimate, or a list with one for each of them."""
         chosen = self.options.parse(f"method {self.name!r}", **options)
         merged = isinstance(trial, (list, tuple))
         parts: Any = trial if merged else [trial]

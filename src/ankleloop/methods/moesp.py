@@ -130,7 +130,6 @@ def identify_moesp(
     trials : sequence of PreparedTrial
         One trial, or several of one joint: they are merged, with an initial state of their own each.
     options : MoespOptions
-        The options.
     member : {"pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp"}
         Past reference (Zhao, Ludvig and Kearney, ACC 2008), past input and output in correlation form (Chou and
         Verhaegen 1997), past input (Verhaegen 1993), past input and output (Verhaegen 1994), or no instruments
@@ -140,11 +139,6 @@ def identify_moesp(
     -------
     list of Estimate
         One for each trial.
-
-    Raises
-    ------
-    DataError
-        If a record is unusable, too short, or lacks the reference that the method needs.
 
     Examples
     --------

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple, Self
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from pydantic import model_validator
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
@@ -15,18 +14,15 @@ from ankleloop.joint.hammerstein import DriveSpectra, separate_response
 from ankleloop.joint.models import ModelInputs, ResponseModel
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import INPUTS, Method, check_lags, delay_option, rate_option, rectifier_option
-from ankleloop.options import Options, option
+from ankleloop.methods.method import INPUTS, Method, ResponseOptions
+from ankleloop.options import option
 
 PASS_CEILING = 10_000  # beyond any loop that converges at all
 
 
-class ParallelCascadeOptions(Options):
+class ParallelCascadeOptions(ResponseOptions):
     """Options of the parallel cascade."""
 
-    delay: float = delay_option()
-    basis: Literal["rectifier"] | None = rectifier_option()
-    identification_rate: float = rate_option()
     max_passes: int | None = option(
         None, "most passes; 1 is the method as published, null runs to convergence", ge=1, le=PASS_CEILING
     )
@@ -44,12 +40,6 @@ class ParallelCascadeOptions(Options):
     rank_tolerance: float = option(
         1e-6, "singular values of the lagged inputs below this fraction of the largest count as zero", ge=0, lt=1
     )
-
-    @model_validator(mode="after")
-    def _check_lags(self) -> Self:
-        check_lags("intrinsic_lags", self.intrinsic_lags, self.identification_rate, least=0)
-        check_lags("reflex_lags", self.reflex_lags, self.identification_rate)
-        return self
 
 
 class _Path(NamedTuple):
@@ -102,9 +92,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     Parameters
     ----------
     trial : PreparedTrial
-        The trial.
     options : ParallelCascadeOptions
-        The options.
 
     Returns
     -------
@@ -112,11 +100,6 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
         `model` is None; the impulse responses and the history of passes are in `diagnostics`. K, B and I are those of
         the second-order model that explains the intrinsic torque best; G, ωn and ζ those of the low-pass that is
         closest to the reflex response.
-
-    Raises
-    ------
-    DataError
-        If the record is unusable or too short.
 
     Examples
     --------

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
-
 import numpy as np
-from pydantic import model_validator
 from scipy import linalg
 
 from ankleloop.errors import DataError
@@ -13,20 +10,17 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import sum_paths
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import INTRINSIC_NAMES, torque_dataset
-from ankleloop.methods.method import INPUTS, Method, check_lags, delay_option, rate_option, rectifier_option
-from ankleloop.options import Options, option
+from ankleloop.methods.method import INPUTS, Method, ResponseOptions
+from ankleloop.options import option
 
 UPDATE_RATE = 10.0  # Hz at which parameters are solved for and traced
 SHORTEST_LEVEL = 1.0  # s over which position and torque are averaged, at least
 RIDGE = 1e-9  # of the mean information: it only keeps directions solvable that nothing has excited
 
 
-class RealTimeOptions(Options):
+class RealTimeOptions(ResponseOptions):
     """Options of the real-time algorithm."""
 
-    delay: float = delay_option()
-    basis: Literal["rectifier"] | None = rectifier_option()
-    identification_rate: float = rate_option()
     memory: float = option(10.0, "time constant of forgetting", unit="s", ge=0.1, le=1e6)
     settling: float | None = option(
         None,
@@ -36,11 +30,6 @@ class RealTimeOptions(Options):
         le=1e6,
     )
     reflex_lags: float = option(0.4, "length of the reflex impulse response", unit="s", ge=0.001, le=5)
-
-    @model_validator(mode="after")
-    def _check_lags(self) -> Self:
-        check_lags("reflex_lags", self.reflex_lags, self.identification_rate)
-        return self
 
 
 def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estimate:
@@ -65,20 +54,14 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     Parameters
     ----------
     trial : PreparedTrial
-        The trial; a reference is not used. ``simulate(perturbation="pulses")`` has a perturbation that decorrelates.
+        A reference is not used. ``simulate(perturbation="pulses")`` has a perturbation that decorrelates.
     options : RealTimeOptions
-        The options.
 
     Returns
     -------
     Estimate
         K, B, I and G are means of their traces; `diagnostics` holds the traces: "trace_time" [s], "trace_K",
         "trace_B", "trace_I", "trace_G". `model` is None.
-
-    Raises
-    ------
-    DataError
-        If the record is unusable, or not longer than the settling time and two seconds.
 
     References
     ----------
@@ -110,7 +93,9 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     motion, torque = regressors.inputs[:, : len(INTRINSIC_NAMES)].copy(), torque - torque[known].mean()
     motion[:, 0] -= motion[known, 0].mean()
     intrinsic, stiffness = _track(motion, torque, forgetting, chunk, first)
-    lagged = _lag_input(regressors.inputs[:, -1], round(options.reflex_lags * rate))
+    drive, longest = regressors.inputs[:, -1], round(options.reflex_lags * rate)
+    padded = np.concatenate((np.full(longest, drive[0]), drive))  # before the record it has its first value
+    lagged = np.lib.stride_tricks.sliding_window_view(padded, longest + 1)[:, ::-1]
     reflex, responses = _track(lagged, torque - intrinsic, forgetting, chunk, first)
     traces = dict(zip(("K", "B", "I", "G"), [*stiffness.T, responses.sum(axis=1)], strict=True))
     time = regressors.time[::chunk]
@@ -122,19 +107,12 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
         stiffness={name: means[name] for name in "KBI"},
         reflex={"delay": options.delay, "G": means["G"]},
         diagnostics={
-            "memory": options.memory,
             "settling": settling,
             "trace_time": time,
             **{f"trace_{name}": trace for name, trace in traces.items()},
             "warnings": [],
         },
     )
-
-
-def _lag_input(x: np.ndarray, longest: int) -> np.ndarray:
-    """Lags 0 … `longest` of an input, which has its first value before the record begins."""
-    padded = np.concatenate((np.full(longest, x[0]), x))
-    return np.lib.stride_tricks.sliding_window_view(padded, longest + 1)[:, ::-1]
 
 
 def _track(

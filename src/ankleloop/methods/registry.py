@@ -41,22 +41,6 @@ def find_method(name: str) -> Method:
 def method_options(method: str) -> dict[str, Any]:
     """Options of a method with their defaults.
 
-    Parameters
-    ----------
-    method : str
-        One of `METHODS`.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    ValueError
-        For an unknown method.
-
-    Examples
-    --------
     >>> method_options("parallel-cascade")["tolerance"]
     0.001
     """
@@ -102,14 +86,12 @@ def identify(
 
     Raises
     ------
-    ValueError
-        For an unknown method, or an option outside its range.
-    TypeError
-        For an option that the method does not have, or one that is both an option and to be selected.
+    ValueError, TypeError
+        For an unknown method or option, or one outside its range.
     DataError
-        Without a method, for a trial without a reference; for a trial that the method cannot use, or that says nothing,
-        such as one whose reference explains nothing of the position; and for a list that has a record twice. Faults
-        that leave an estimate are in ``diagnostics["warnings"]`` (`ankleloop.checks.data.check_data`).
+        For a trial that the method cannot use, or that says nothing, such as one whose reference explains nothing of
+        the position; and for a list that has a record twice. Faults that leave an estimate are in
+        ``diagnostics["warnings"]`` (`ankleloop.checks.data.check_data`).
 
     Examples
     --------

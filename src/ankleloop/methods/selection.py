@@ -33,22 +33,13 @@ LEADS = 0.05  # s of the position, either way
 
 @dataclass(frozen=True)
 class Selection:
-    """Candidates, their scores, and the choice.
+    """Candidates, their scores, and the choice."""
 
-    Parameters
-    ----------
-    criterion : {"instrumental", "cross-validation"}
-        Criterion of the choice.
-    candidates : list of dict
-        Options of each candidate, its `scores` [%] on the data that it was not fitted to, by every criterion that the
-        record allows, and the `warnings` of its fits; or the `error` where it could not be fitted.
-    chosen : dict
-        Options of the chosen candidate.
-    """
-
-    criterion: str
+    criterion: str  # of the choice
+    # Options of each candidate, its `scores` [%] on the data that it was not fitted to, by every criterion that the
+    # record allows, and the `warnings` of its fits; or the `error` where it could not be fitted.
     candidates: list[dict[str, Any]]
-    chosen: dict[str, Any]
+    chosen: dict[str, Any]  # options of the chosen candidate
 
 
 # A half of a record to fit to, the other one to test on, and times of the latter with instruments at them.
@@ -84,30 +75,21 @@ def select_options(
     Parameters
     ----------
     trial : xarray.Dataset or PreparedTrial
-        The trial.
     fit : callable
         ``fit(trial, **options)`` gives an `Estimate` that can predict.
     candidates : dict of str to sequence
         Values of each option; all combinations are tried, the last option varying fastest.
     criterion : {"instrumental", "cross-validation"}, optional
         "instrumental" by default if the trial has the reference, and it is not the position.
-    reference : str
-        Variable that serves as reference.
-    delay : float or None
-        Reflex delay for the instruments [s]; None for 40 ms.
-    identification_rate : float
-        Rate of the identification [Hz].
+    reference, delay, identification_rate
+        Variable that serves as reference, reflex delay of the instruments [s] (None for 40 ms) and their rate [Hz].
     cycle_onsets : str or sequence of float, optional
         Start of every cycle of the trial [s], or the variable that holds the phase, for a joint that changes with it.
 
     Returns
     -------
     Selection
-
-    Raises
-    ------
-    DataError
-        If no candidate can be fitted, or the halves are too short to be scored.
+        Of a record whose halves are long enough, and of which a candidate can be fitted; others raise a `DataError`.
 
     Examples
     --------

@@ -19,24 +19,16 @@ class LaggedInputs:
 
     def __init__(self, trial):
         regressors = prepare(trial).regressors(delay=0.04, basis="rectifier", identification_rate=100.0)
-        position, rectified, torque = regressors.inputs[:, 0], regressors.inputs[:, 3], regressors.torque
-        self.rows = range(LAGS, torque.size - LEADS)
-        self.time = regressors.time[LAGS : torque.size - LEADS]
-        self.intrinsic = self.centred([[position[t - lag] for lag in range(-LEADS, LEADS + 1)] for t in self.rows])
-        self.reflex = self.centred([[rectified[t - lag] for lag in range(LAGS + 1)] for t in self.rows])
-        self.torque = self.centred(torque[self.rows])
-
-    @staticmethod
-    def centred(x):
-        return np.asarray(x) - np.mean(x, axis=0)
+        rows = range(LAGS, regressors.torque.size - LEADS)
+        shifts = np.arange(-LEADS, LEADS + 1), np.arange(LAGS + 1), np.zeros(1, dtype=int)
+        signals = zip((*regressors.inputs.T[[0, 3]], regressors.torque), shifts, strict=True)
+        lagged = [np.array([signal[t - lags] for t in rows]) for signal, lags in signals]
+        self.intrinsic, self.reflex, torque = (part - part.mean(axis=0) for part in lagged)
+        self.torque, self.time = torque[:, 0], regressors.time[rows]
 
     @staticmethod
     def fit(lags, target):
         return np.linalg.lstsq(lags, target, rcond=None)[0]
-
-    def fit_jointly(self):
-        """Both impulse responses in one fit, without alternation."""
-        return np.split(self.fit(np.hstack([self.intrinsic, self.reflex]), self.torque), [2 * LEADS + 1])
 
     def net_vaf(self, residual):
         return 100 * (1 - residual @ residual / (self.torque @ self.torque))
@@ -50,7 +42,8 @@ def cascades(clean, noisy):
 @pytest.mark.parametrize("record", ["clean", "noisy"])
 def test_the_parallel_cascade_converges_to_joint_least_squares(cascades, record):
     trial, lagged = cascades[record]
-    intrinsic, reflex = lagged.fit_jointly()
+    both = lagged.fit(np.hstack([lagged.intrinsic, lagged.reflex]), lagged.torque)  # without alternation
+    intrinsic, reflex = np.split(both, [2 * LEADS + 1])
     best = lagged.net_vaf(lagged.torque - lagged.intrinsic @ intrinsic - lagged.reflex @ reflex)
     estimate = identify(trial, "parallel-cascade")
     assert estimate.diagnostics["converged"]

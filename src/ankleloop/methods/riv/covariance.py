@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy import special
@@ -24,26 +24,18 @@ LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters the logarithms of which 
 WIDEST = 50.0  # of such a logarithm
 
 
-class Covariance(NamedTuple):
-    """Covariance of unknowns, and what intervals are made of it."""
+def choose_covariance(point: Point, free: np.ndarray, kind: str | None) -> tuple[np.ndarray, float, dict[str, Any]]:
+    """Covariance of a kind, half of a 95 % interval over its standard error, and how it was computed, as diagnostics.
 
-    matrix: np.ndarray  # shape (unknowns, unknowns): the covariance
-    quantile: float  # half of a 95 % interval over its standard error
-    description: dict[str, Any]  # how it was computed, as diagnostics
-
-
-def choose_covariance(
-    point: Point, free: np.ndarray, kind: Literal["asymptotic", "robust"] | None = None
-) -> Covariance:
-    """Covariance of a kind; by default the robust one if the residual depends on the movement."""
+    By default it is the robust one if the residual depends on the movement.
+    """
     p = movement_p(point)
     if kind == "asymptotic" or (kind is None and p >= LEVEL):
-        description = {"intervals": "asymptotic", "movement_p": p}
-        return Covariance(asymptotic_covariance(point, free), TWO_SIDED, description)
+        return asymptotic_covariance(point, free), TWO_SIDED, {"intervals": "asymptotic", "movement_p": p}
     matrix, freedom = robust_covariance(point, free)
     segment = point.equations.band.samples / point.equations.band.rate / freedom
     description = {"intervals": "robust", "movement_p": p, "interval_segment": segment}
-    return Covariance(matrix, float(special.stdtrit(freedom, 0.975)), description)
+    return matrix, float(special.stdtrit(freedom, 0.975)), description
 
 
 def movement_p(point: Point) -> float:
@@ -91,17 +83,12 @@ def robust_covariance(point: Point, free: np.ndarray) -> tuple[np.ndarray, int]:
     instruments, and s(t) the contribution of a time to their left side, see `time_scores`. A residual that depends on
     the movement correlates these contributions over time. Their spectrum at low frequencies is the variance of their
     sum: the mean of the squares of their first cosine transforms is it, from as many as there are segments of one
-    second in the record (Müller 2007; Lazarus, Lewis, Stock and Watson 2018). The estimate has as many degrees of
-    freedom. The first two cosines are left out: they hold what drifts over the record, which the same record, repeated,
-    would do again.
+    second in the record (Müller, Journal of Econometrics 141(2), 1331-1352, 2007; Lazarus, Lewis, Stock and Watson,
+    Journal of Business & Economic Statistics 36(4), 541-559, 2018). The estimate has as many degrees of freedom. The
+    first two cosines are left out: they hold what drifts over the record, which the same record, repeated, would do
+    again.
 
     Shapes: returns covariance (free, free).
-
-    References
-    ----------
-    U. K. Müller, "A theory of robust long-run variance estimation", Journal of Econometrics 141(2), 1331-1352, 2007.
-    E. Lazarus, D. J. Lewis, J. H. Stock, M. W. Watson, "HAR inference: recommendations for practice", Journal of
-    Business & Economic Statistics 36(4), 541-559, 2018.
     """
     band = point.equations.band
     scores = time_scores(point)[free]
@@ -135,24 +122,21 @@ def time_scores(point: Point) -> np.ndarray:
 
 def estimate_deviations(point: Point, covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
     """Standard deviations of the physical parameters, or of their logarithms; those of the reflex by differences."""
-    names, p = np.array(point.names)[free].tolist(), point.parameters
-    deviations = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    nonlinearity, reflex = point.path.nonlinearity, slice(MOTION, p.linear.size)
-    values, slopes = np.array(nonlinearity.fit_rectifier()[:2]), []
-    for step in np.diag(0.1 * np.sqrt(np.diag(covariance)[reflex])):
+    nonlinearity, reflex, slopes = point.path.nonlinearity, slice(MOTION, point.parameters.linear.size), []
+    values, deviations = np.array(nonlinearity.fit_rectifier()[:2]), np.sqrt(np.diag(covariance))
+    for step in np.diag(0.1 * deviations[reflex]):
         shifted = replace(nonlinearity, coefficients=nonlinearity.coefficients + step).fit_rectifier()[:2]
         slopes.append((np.array(shifted) - values) / step.sum())
-    slope = np.array(slopes)
-    gain, threshold = np.sqrt(np.diag(slope.T @ covariance[reflex, reflex] @ slope)).tolist()
-    stiffness, others = ({name: deviations[name] for name in part if name in names} for part in ("KBI", p.unknowns))
-    return {**stiffness, "G": gain, "threshold": threshold, **others}
+    gain, threshold = np.sqrt(np.diag(np.transpose(slopes) @ covariance[reflex, reflex] @ slopes)).tolist()
+    names = np.array(point.names)[free].tolist()
+    return dict(zip(names, deviations.tolist(), strict=True)) | {"G": gain, "threshold": threshold}
 
 
 def estimate_intervals(
     values: Mapping[str, float], deviations: Mapping[str, float], quantile: float
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
     """Standard errors and intervals of parameters, some of which have the deviations of their logarithms."""
-    factors = {name: values[name] if name in LOGARITHMIC else 1.0 for name in deviations if name in values}
+    factors = {name: values[name] if name in LOGARITHMIC else 1.0 for name in values if name in deviations}
     errors, intervals = {name: factor * deviations[name] for name, factor in factors.items()}, {}
     for name, error in errors.items():
         value, margin = values[name], quantile * error
@@ -161,9 +145,3 @@ def estimate_intervals(
             ratio = float(np.exp(min(margin / value, WIDEST)))
             intervals[name] = value / ratio, value * ratio
     return errors, intervals
-
-
-def smallest_correlation(instruments: np.ndarray, regressors: np.ndarray, weight: np.ndarray | float = 1.0) -> float:
-    """Smallest canonical correlation of the rows of instruments and regressors, of which each may be complex."""
-    z, x = (np.linalg.qr((rows * weight).view(float).T)[0] for rows in (instruments, regressors))
-    return float(np.linalg.svd(z.T @ x, compute_uv=False)[-1])

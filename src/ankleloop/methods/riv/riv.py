@@ -78,9 +78,8 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     Parameters
     ----------
     trial : PreparedTrial
-        The trial.
     options : RivOptions
-        The options. A delay that is not given is estimated where the record shows it within a few milliseconds;
+        A delay that is not given is estimated where the record shows it within a few milliseconds;
         elsewhere it is assumed to be 40 ms.
 
     Returns
@@ -94,11 +93,6 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
         alternatives: effects of the instruments or of the joint that the record shows and the model does not have, with
         their scores (size over standard error) and the relative shifts of K, B, I and G
         (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them.
-
-    Raises
-    ------
-    DataError
-        If the record is unusable, or the reference too weak an instrument.
 
     References
     ----------

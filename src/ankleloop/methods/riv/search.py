@@ -71,9 +71,13 @@ class Search:
     held: set[str] = field(default_factory=set)  # names of the unknowns that are held at a limit
     damping: float = 0.0
     finished: bool = False  # whether the last step was within the tolerance
-    converged: bool = False  # whether it was, and no delay is held at its limit
     # Where the search did not converge, the unknowns a common change of which the record shows least.
     flat: tuple[str, ...] = ()
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search has finished, and no delay is held at its limit."""
+        return self.finished and "delay" not in self.held
 
     def accept(self, point: Point) -> None:
         """Add a point to the path."""
@@ -160,7 +164,7 @@ class Search:
         if not self.equations.open_loop or self._directions()[1][0] > FLAT:
             candidate = Point(self.equations, self.point.parameters.add(step))
             self.accept(candidate if candidate.merit(self.free) <= self.merits[-1] else self.point)
-            self.finished, self.converged = True, "delay" not in self.held
+            self.finished = True
         return True
 
     def _length(self, step: np.ndarray) -> float:

@@ -147,10 +147,10 @@ def _predict_folds(lagged: np.ndarray, y: np.ndarray, source: np.ndarray) -> np.
     return np.concatenate([response @ part for response, part in zip(responses, parts[2], strict=True)])
 
 
-def check_perturbation(inputs: TimeVaryingInputs) -> float:
-    """Share of the power of the perturbation that does not repeat with the cycle; one that does is refused."""
+def check_perturbation(inputs: TimeVaryingInputs) -> None:
+    """Refuse a perturbation most of whose power repeats with the cycle."""
     if not inputs.course.periodic:
-        return 1.0
+        return
     since, rows, signal = inputs.course.since, inputs.course.rows, inputs.reference
     count, repeated = np.bincount(since), np.zeros(signal.size)
     # The movement is a function of the phase, and a locked perturbation one of the time since the onset: each is fitted
@@ -167,7 +167,6 @@ def check_perturbation(inputs: TimeVaryingInputs) -> float:
             "perturbation is locked to it, so its effect cannot be told from the torque of the movement. Draw a new "
             "pseudorandom sequence for every cycle, independent of its phase."
         )
-    return share
 
 
 def check_course(inputs: TimeVaryingInputs) -> list[str]:

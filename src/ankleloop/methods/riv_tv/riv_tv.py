@@ -15,7 +15,7 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import Splines, describe_schedule, make_course, trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option, rectifier_option
 from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
-from ankleloop.methods.riv.covariance import estimate_intervals, smallest_correlation
+from ankleloop.methods.riv.covariance import estimate_intervals
 from ankleloop.methods.riv.equations import DELAY_LIMITS
 from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
 from ankleloop.methods.riv_tv.inputs import TimeVaryingInputs, check_course, check_perturbation
@@ -134,9 +134,7 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     Parameters
     ----------
     trial : PreparedTrial
-        The trial.
     options : RivTvOptions
-        The options.
 
     Returns
     -------
@@ -149,11 +147,6 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
         the 2nd to the 98th percentile; they count as its ends), freedom (effective number of parameters of each
         trajectory), excitation (information about each over its mean, at the places of the trajectories),
         torque_lag, and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
-
-    Raises
-    ------
-    DataError
-        If there are too few cycles, the perturbation is locked to the cycle, or the record is unusable.
 
     References
     ----------
@@ -201,9 +194,10 @@ def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
 def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions) -> Estimate:
     """Torques, trajectories with their bands, and means over the record."""
     equations, inputs, parameters = solution.equations, solution.equations.inputs, solution.parameters
-    bases, course, system = equations.bases, inputs.course, solution.system
+    bases, course = equations.bases, inputs.course
     places = np.linspace(0.0, 1.0, PLACES)
     curves, excitation = solution.find_trajectories(places)
+    schedule = describe_schedule(trial.trial, options.schedule)
     coordinate = course.limits[0] + (course.limits[1] - course.limits[0]) * places
     delay, dynamics, means = solution.delay, parameters.dynamics, solution.means
     stiffness, viscosity, gain, inertia = (parameters.linear[block] for block in bases.blocks)
@@ -221,9 +215,6 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     )
     reflex = {"delay": delay, "G": means.pop("G"), **dynamics.values}
     intervals = estimate_intervals(means | reflex, solution.deviations, solution.quantile)[1]
-    strength = 1.0
-    if not equations.own_instruments:
-        strength = smallest_correlation(system.instruments[: bases.size], system.regressors[: bases.size])
     return Estimate(
         method="riv-tv",
         torque=model.simulate(trial, inputs.grid, course.place),
@@ -238,26 +229,22 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
             "variation_p": solution.variation_p,
-            "instrument_strength": strength,
+            "instrument_strength": solution.strength,
             "outside": course.outside,
             "freedom": solution.freedom,
             "excitation": excitation,
             "torque_lag": parameters.lag,
             "reference": options.reference,
-            "warnings": _warnings(solution, strength, coordinate, curves),
+            "warnings": _warnings(solution, coordinate, curves),
         },
         predictor=model,
-        trajectories=trajectory_dataset(
-            course.dimension, coordinate, curves, **describe_schedule(trial.trial, options.schedule)
-        ),
+        trajectories=trajectory_dataset(course.dimension, coordinate, curves, **schedule),
     )
 
 
-def _warnings(
-    solution: TimeVaryingSolution, strength: float, coordinate: np.ndarray, curves: dict[str, np.ndarray]
-) -> list[str]:
+def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dict[str, np.ndarray]) -> list[str]:
     """What the record does not show, or the search did not reach."""
-    equations, course = solution.equations, solution.equations.inputs.course
+    equations, course, strength = solution.equations, solution.equations.inputs.course, solution.strength
     warnings = check_course(equations.inputs)
     if course.periodic and course.segments < FEW_CYCLES:
         warnings.append(f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}.")

@@ -87,6 +87,15 @@ class TimeVaryingSolution:
         """Half of a 95 % interval over its standard error."""
         return float(special.stdtrit(self.equations.inputs.course.segments - 1, 0.975))
 
+    @cached_property
+    def strength(self) -> float:
+        """Smallest canonical correlation of instruments and regressors."""
+        system, size = self.system, self.equations.bases.size
+        if self.equations.own_instruments:
+            return 1.0
+        z, x = (np.linalg.qr(rows[:size].T)[0] for rows in (system.instruments, system.regressors))
+        return float(np.linalg.svd(z.T @ x, compute_uv=False)[-1])
+
     @property
     def deviations(self) -> dict[str, float]:
         """Standard deviations of the means of K, B, G and I, and of the other unknowns."""
