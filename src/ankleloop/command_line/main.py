@@ -26,6 +26,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 VERBS = {
     "check": "Check what can be identified from a recording.",
     "identify": "Identify a recording: page, table and estimates.",
+    "plan": "Plan how long to record, from a pilot.",
     "study": "Write a commented configuration of a study.",
     "demo": "Simulate a trial, write it in every file format, and identify it.",
 }
