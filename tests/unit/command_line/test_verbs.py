@@ -76,7 +76,7 @@ def test_plan(run, recording, trial):
     expected = plan_duration(identify(trial, "riv"), {"K": 0.05, "G": 0.5})
     assert f"Record {expected.seconds:.0f} s (" in result.out
     assert result.out.endswith("K decides.\n")
-    assert re.search(rf"^K \[N·m/rad\] .* ±5 % +{expected.needed['K']:.0f} s$", result.out, re.MULTILINE)
+    assert f"\nK within ±5 %: {expected.needed['K']:.0f} s\n" in result.out
 
 
 def test_plan_refuses_what_it_cannot_plan(run, recording, trial, tmp_path):
@@ -84,9 +84,7 @@ def test_plan_refuses_what_it_cannot_plan(run, recording, trial, tmp_path):
     assert result.status == 1
     assert "K within 0.01 % would take" in result.err
     assert "such as K=5%" in run("plan", recording, "--width", "K").err
-    result = run("plan", recording, "--width", "k=5%")
-    assert result.status == 2
-    assert "there is no parameter 'k'" in result.err
+    assert run("plan", recording, "--width", "K=5000%").status == 2
     result = run("plan", turned(trial, tmp_path / "turned.h5"), "--width", "K=5%")
     assert result.status == 1
     assert "--torque-sign" in result.err
