@@ -95,7 +95,8 @@ ROWS = [
     row(
         "a width of an unknown parameter",
         lambda: plan_duration(_pilot(), {"k": 0.1}),
-        "no parameter 'k'; there are K, B",
+        "no parameter 'k' to plan for; there are K, B",
+        error=DataError,
     ),
     row("no widths", lambda: plan_duration(_pilot(), {}), "such as {'K': 0.05}", error=TypeError),
     row(
@@ -116,6 +117,6 @@ ROWS = [
         lambda: _simulate(dwell_weights=[1.0, 2.0]),
         "dwell_weights must be 11 numbers",
     ),
-    row("weights of zero", lambda: _simulate(dwell_weights=[0.0] * 11), "one of them above it"),
+    row("weights of zero", lambda: _simulate(dwell_weights=[0.0] * 11), "not all 0"),
     row("a level of the torque of zero", lambda: _simulate(torque_level=0.0), "torque_level must be above 0"),
 ]

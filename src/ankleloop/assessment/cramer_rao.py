@@ -96,26 +96,9 @@ def cramer_rao(
     check_flag("cramer_rao", "fed_back", fed_back)
     check_flag("cramer_rao", "known_delay", known_delay)
     values = SimulationSettings.parse("cramer_rao", **settings)
-    check_constant(values)
     names, information = fisher_information(seed, values, rate, fed_back=fed_back, known_delay=known_delay)
     deviations = np.sqrt(np.diag(invert_information(information, names)))
     return dict(zip(names, deviations.tolist(), strict=True))
-
-
-def check_constant(settings: SimulationSettings) -> None:
-    """Refuse settings for which the bound of constant parameters is not derived."""
-    for name in ("stiffness_drift", "reflex_threshold"):
-        value = getattr(settings, name)
-        if value != 0:
-            raise ValueError(
-                f"the bound is derived for constant parameters and a rectifier at zero velocity: {name} must be 0, got "
-                f"{value:g}."
-            )
-    if settings.variation is not None or settings.movement > 0 or settings.locked_torque > 0:
-        raise ValueError(
-            "the bound is derived for constant parameters and random disturbances: variation must be null, movement "
-            "and locked_torque must be 0."
-        )
 
 
 def invert_information(information: np.ndarray, names: Sequence[str] | None = None) -> np.ndarray:
@@ -159,6 +142,18 @@ def fisher_information(
 
     Shapes: returns information (parameters, parameters).
     """
+    for name in ("stiffness_drift", "reflex_threshold"):
+        value = getattr(settings, name)
+        if value != 0:
+            raise ValueError(
+                f"the bound is derived for constant parameters and a rectifier at zero velocity: {name} must be 0, got "
+                f"{value:g}."
+            )
+    if settings.variation is not None or settings.movement > 0 or settings.locked_torque > 0:
+        raise ValueError(
+            "the bound is derived for constant parameters and random disturbances: variation must be null, movement "
+            "and locked_torque must be 0."
+        )
     clean = clean or prepare(_simulate_clean(seed, settings))
     regressors = clean.regressors(delay=settings.delay, basis="rectifier", identification_rate=rate)
     band = pass_band(regressors.torque.size, regressors.rate)

@@ -27,6 +27,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 VERBS = {
     "check": "Check what can be identified from a recording.",
     "identify": "Identify recordings: pages, a table and the estimates.",
+    "plan": "Plan how long to record, from a pilot.",
     "study": "Write a commented configuration of a study.",
     "demo": "Simulate a trial, write it in every file format, and identify it.",
 }

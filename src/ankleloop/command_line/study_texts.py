@@ -12,7 +12,7 @@ import yaml
 
 from ankleloop.command_line.reading import Reading, name_recording
 from ankleloop.recordings.validity import usual_methods
-from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.settings import DWELLS, SimulationSettings
 from ankleloop.studies.recording_settings import Recording
 
 if TYPE_CHECKING:
@@ -162,6 +162,8 @@ def _propose_values(name: str) -> Any:
     if name in TABLES:
         mean = SimulationSettings.model_fields[TABLES[name]].get_default()
         return [", ".join(f"{factor * mean:g}" for factor in factors) for factors in ((0.8, 1.2), (0.5, 1.5))]
+    if name == "dwell_weights":
+        return [None, ", ".join(f"{weight:g}" for weight in DWELLS)]
     if isinstance(default, bool):
         return [True, False]
     if not default:

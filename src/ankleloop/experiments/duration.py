@@ -13,6 +13,7 @@ from ankleloop.experiments.experiment import LOST, SETTINGS, Experiment, describ
 from ankleloop.experiments.perturbation import PerturbationDesign
 from ankleloop.joint.estimate import Estimate
 from ankleloop.options import check_number, show_value
+from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.vaf import TWO_SIDED
 
 LONGEST = 3600.0  # s
@@ -34,12 +35,24 @@ class DurationPlan:
         Name of the parameter that decides: it takes longest.
     needed : dict
         Time for each parameter [s].
+    widths : dict
+        Half-widths that were asked for, over the values.
     """
 
     seconds: float
     interval: tuple[float, float]
     parameter: str
     needed: dict[str, float]
+    widths: dict[str, float]
+
+    def __str__(self) -> str:
+        lines = [
+            f"{QUANTITIES[name].symbol} within ±{100 * self.widths[name]:g} %: {seconds:.0f} s"
+            for name, seconds in self.needed.items()
+        ]
+        low, high = self.interval
+        decides = QUANTITIES[self.parameter].symbol
+        return "\n".join([*lines, f"Record {self.seconds:.0f} s ({low:.0f} … {high:.0f} s): {decides} decides."])
 
 
 def plan_duration(
@@ -68,9 +81,9 @@ def plan_duration(
     Raises
     ------
     DataError
-        If the pilot has no standard error of a parameter, or no record of an hour reaches the width.
+        If there is no such parameter or no standard error of it, or no record of an hour reaches the width.
     TypeError, ValueError
-        For a parameter that there is not, or a width that is no number between 0.0001 and 10.
+        For a width that is no number between 0.0001 and 10.
 
     Examples
     --------
@@ -86,7 +99,7 @@ def plan_duration(
     needed = {}
     for name, width in widths.items():
         if name not in values:
-            raise ValueError(f"plan_duration: there is no parameter {name!r}; there are {', '.join(values)}.")
+            raise DataError(f"there is no parameter {name!r} to plan for; there are {', '.join(values)}.")
         width = check_number("plan_duration", f"widths: {name}", width, ge=1e-4, le=10)
         error = errors.get(name, np.nan)
         if not (np.isfinite(error) and values[name] != 0):
@@ -106,7 +119,7 @@ def plan_duration(
     reliable = used if isinstance(joint, Estimate) else seconds - LOST  # s of record that the standard error is of
     ratio = float(np.exp(TWO_SIDED * UNCERTAINTY / np.sqrt(reliable)))
     interval = (seconds - LOST) / ratio + LOST, (seconds - LOST) * ratio + LOST
-    return DurationPlan(seconds, interval, parameter, needed)
+    return DurationPlan(seconds, interval, parameter, needed, dict(widths))
 
 
 def _expect(

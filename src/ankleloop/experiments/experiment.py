@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ankleloop.assessment.cramer_rao import check_constant, disturbance_spectrum, fisher_information, invert_information
+from ankleloop.assessment.cramer_rao import disturbance_spectrum, fisher_information, invert_information
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
@@ -39,7 +39,6 @@ def describe_joint(owner: str, joint: Estimate | Mapping[str, Any], others: Mapp
     else:
         raise TypeError(f"{owner}: joint must be an estimate or settings of simulate by name, got {show_value(joint)}.")
     settings = SimulationSettings.parse(owner, **{**values, **others})
-    check_constant(settings)
     if isinstance(joint, Mapping) and settings.snr_db is None and settings.voluntary == 0:
         raise ValueError(f"{owner}: without a disturbance every record is exact: set snr_db or voluntary.")
     return settings

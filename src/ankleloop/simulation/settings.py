@@ -144,8 +144,7 @@ class SimulationSettings(Options):
     )
     dwell_weights: tuple[float, ...] | str | None = option(
         None,
-        f"weights of the dwell times {', '.join(f'{1000 * dwell:g}' for dwell in DWELLS)} ms between the steps, as a "
-        "table; null for equal ones",
+        f"weights of the dwell times {', '.join(f'{1000 * dwell:g}' for dwell in DWELLS)} ms; null for equal ones",
     )
     amplitude: float = option(0.04, "peak-to-peak amplitude of the position command", unit="rad", ge=1e-9, le=1000)
     perturbation_locked: bool = option(
@@ -164,12 +163,7 @@ class SimulationSettings(Options):
 
     # Disturbances, both of which are fed back through the load. The clean net torque is that of the perturbation alone.
     torque_level: float | None = option(
-        None,
-        "torque to which voluntary torque and noise are relative; null for the standard deviation of the clean net "
-        "torque of the trial",
-        unit="N·m",
-        gt=0,
-        le=1e6,
+        None, "torque that stands for the deviation of the clean net torque; null for that", unit="N·m", gt=0, le=1e6
     )
     voluntary: float = option(
         0.05, "standard deviation of the voluntary torque over that of the clean net torque; assumed", ge=0, le=1e6
@@ -241,9 +235,7 @@ class SimulationSettings(Options):
         """Each dwell time has a weight, and one of them is above zero."""
         weights = self.dwell_weights
         if isinstance(weights, tuple) and (len(weights) != len(DWELLS) or min(weights) < 0 or max(weights) == 0):
-            raise ValueError(
-                f"dwell_weights must be {len(DWELLS)} numbers of at least 0, one of them above it, got {weights}."
-            )
+            raise ValueError(f"dwell_weights must be {len(DWELLS)} numbers of at least 0, not all 0, got {weights}.")
         return self
 
     @model_validator(mode="after")

@@ -85,8 +85,10 @@ def simulate(
     all_settings = SimulationSettings.parse("simulate", load=load, **settings)
     remedy = "take a shorter duration or settling, a lower recording_rate, or a higher voluntary_cutoff or noise_rate"
     check_memory("simulate", _count_bytes(all_settings), remedy)
-    own = None if command is None else _check_command(command, all_settings)
-    return _simulate(all_settings, _check_seed(seed), own)
+    if command is None:
+        return _simulate(all_settings, _check_seed(seed))
+    own = _check_command(command, all_settings)
+    return _simulate(all_settings, _check_seed(seed), own).assign_attrs(perturbation="command")
 
 
 def _count_bytes(settings: SimulationSettings) -> float:
@@ -108,8 +110,7 @@ def _check_command(command: ArrayLike, settings: SimulationSettings) -> np.ndarr
     values, samples = as_real(command, "command"), round(settings.duration * settings.recording_rate)
     if values.shape != (samples,) or not np.isfinite(values).all():
         raise DataError(
-            f"simulate: command must be {samples} finite numbers [rad], for {settings.duration:g} s at "
-            f"{settings.recording_rate:g} Hz, got {values.size} of shape {values.shape}: give its duration."
+            f"simulate: command must be {samples} finite numbers [rad], got shape {values.shape}: give its duration."
         )
     return values.take(np.arange(-round(settings.settling * settings.recording_rate), samples), mode="wrap")
 
@@ -134,7 +135,6 @@ def _simulate(
         command = command + course.movement(time)
     if voluntary.any() or noise.any() or settings.movement > 0:
         response = run_loop(settings, joint, command, noise, voluntary)
-    described = {} if own is None else {"perturbation": "command"}
     held, linear = (antialias(x, settings, "zoh") for x in (command, noise)), antialias(voluntary, settings, "foh")
     reference, noise = (x[settling:] for x in held)
     position, intrinsic, reflex, voluntary = (x[settling:] for x in (*response, linear))
@@ -150,7 +150,7 @@ def _simulate(
         **_describe_course(course, time[settling:]),
         # As text where the entropy is too long for an integer of a file.
         seed=seed if isinstance(seed, int) and seed < 2**63 else str(_seed_sequence(seed)),
-        **{name: _as_attribute(value) for name, value in dict(settings, **described).items()},
+        **{name: _as_attribute(value) for name, value in settings},
     )
 
 

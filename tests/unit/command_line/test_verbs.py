@@ -1,4 +1,4 @@
-"""`check`, `identify`, `study` and `demo` with real files."""
+"""`check`, `identify`, `plan`, `study` and `demo` with real files."""
 
 import logging
 import os
@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from ankleloop import load_estimate, new_trial, save_trial, simulate
+from ankleloop import identify, load_estimate, new_trial, plan_duration, save_trial, simulate
 from ankleloop.command_line.analysis import make_study
 from ankleloop.command_line.identify import METHODS
 from ankleloop.command_line.main import MISTAKE
@@ -67,6 +67,29 @@ def test_check_refuses_a_file_that_is_damaged(run, tmp_path):
     result = run("check", tmp_path / "a.mat")
     assert result.status == 1
     assert result.err.startswith("error: a.mat: cannot be read as .mat")
+
+
+# --- plan
+
+
+def test_plan(run, recording, trial):
+    result = run("plan", recording, "--width", "K=5%", "--width", "G=0.5")
+    assert result.status == 0
+    expected = plan_duration(identify(trial, "riv"), {"K": 0.05, "G": 0.5})
+    assert f"Record {expected.seconds:.0f} s (" in result.out
+    assert result.out.endswith("K decides.\n")
+    assert f"\nK within ±5 %: {expected.needed['K']:.0f} s\n" in result.out
+
+
+def test_plan_refuses_what_it_cannot_plan(run, recording, trial, tmp_path):
+    result = run("plan", recording, "--width", "K=0.01%")
+    assert result.status == 1
+    assert "K within 0.01 % would take" in result.err
+    assert "such as K=5%" in run("plan", recording, "--width", "K").err
+    assert run("plan", recording, "--width", "K=5000%").status == 2
+    result = run("plan", turned(trial, tmp_path / "turned.h5"), "--width", "K=5%")
+    assert result.status == 1
+    assert "--torque-sign" in result.err
 
 
 # --- identify

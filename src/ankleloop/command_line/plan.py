@@ -1,0 +1,62 @@
+"""`ankleloop plan`: how long to record, from a pilot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ankleloop.command_line.check import check_file, show_reading
+from ankleloop.command_line.reading import map_file, reading_options
+from ankleloop.command_line.terminal import echo, show_error
+from ankleloop.options import check_number
+
+HELP = "Half-width of a 95 % interval over the value: of K, B, I, G, omega_n or zeta; several times for several."
+EPILOG = """\b
+Examples:
+  ankleloop plan pilot.csv --width K=5%
+  ankleloop plan pilot.mat --torque-sign -1 --width K=5% --width G=20%
+
+Exit status: 0 done; 1 the pilot is refused, or no record reaches a width; 2 wrong usage.
+"""
+
+
+def _parse_widths(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, float]:
+    """Half-widths as shares, by parameter."""
+    widths = {}
+    for text in texts:
+        try:
+            name, share = text.split("=")
+            number = float(share.rstrip("% ")) / (100.0 if share.endswith("%") else 1.0)
+            widths[name] = check_number("plan", name, number, ge=1e-4, le=10)
+        except ValueError:
+            raise click.BadParameter(f"{text!r} is no parameter with a width, such as K=5% or K=0.05.") from None
+    return widths
+
+
+@click.command(epilog=EPILOG)
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option(
+    "--width", "widths", multiple=True, required=True, callback=_parse_widths, metavar="NAME=SHARE", help=HELP
+)
+@reading_options
+def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
+    """Plan how long to record for intervals of a width, from a pilot of 10 to 20 s.
+
+    FILE is a pilot with the perturbation, the load and the task of the recording. It is checked as `ankleloop check`
+    does, and identified by riv.
+    """
+    from ankleloop.experiments.duration import plan_duration
+    from ankleloop.methods.registry import identify
+
+    reading = map_file(file, **values)
+    trial, result = check_file(file, reading)
+    show_reading(file, reading, trial)
+    if trial is None or result.verdict == "refused" or "riv" not in result.methods:
+        text = " ".join(result.reasons) or "riv is not valid for this recording: record the command of the servo."
+        show_error(text, click.get_current_context().obj)
+        return 1
+    pilot = identify(trial, "riv", **result.methods["riv"])
+    echo(f"\n{pilot!r}\n\n{plan_duration(pilot, widths)}")
+    return 0
