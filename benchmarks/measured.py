@@ -3,8 +3,6 @@
 Run by `make benchmark`; the arguments are names of pages (all by default).
 """
 
-import argparse
-import json
 import os
 import subprocess
 import sys
@@ -16,8 +14,9 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 
 import faults
 import interval_coverage
+import long_record
 import numpy as np
-import pandas as pd
+import peers
 import scaling
 import time_varying
 from scipy import signal
@@ -26,45 +25,33 @@ from tools import ROOT, format_table
 from ankleloop import METHODS, cramer_rao, identify, simulate
 from ankleloop.subspace import moesp
 
-FOLDER = ROOT / "docs" / "measured"
 TRIALS = 300  # of each setting, for the intervals and errors of riv
-CASES = ("light, 30 %, 40 cycles", "light, 100 %, 100 cycles", "moderate, 30 %, 40 cycles")
 
 
 def measure_speed():
     """Processor time of identifications and of a simulation, and the comparison with other programs."""
-    subprocess.run([sys.executable, ROOT / "benchmarks" / "peers.py"], check=True)
+    trials = [simulate(seed=seed) for seed in range(12)]
+    calls = {name: lambda seed, name=name: identify(trials[seed], name) for name in METHODS}
+    calls["simulate"] = lambda seed: simulate(seed=seed)
     rows = []
-    for name in METHODS:
+    for name, call in calls.items():
         times = []
-        for seed in range(12):
-            trial = simulate(seed=seed)
+        for seed in range(len(trials)):
             start = time.process_time()
-            identify(trial, name)
+            call(seed)
             times.append(time.process_time() - start)
         rows.append({"method": f"`{name}`", "trial of 50 s at 1 kHz [ms]": f"{1e3 * median(times[2:]):.0f}"})
-    start = time.process_time()
-    for seed in range(10):
-        simulate(seed=seed)
-    rows.append({"method": "`simulate`", "": f"{100 * (time.process_time() - start):.0f}"})
-    peers = (ROOT / "results" / "benchmarks" / "peers.md").read_text(encoding="utf-8")
     return {
         "One identification": "Median time of the processor on one thread, checks of the data included, without those "
         f"of the first call.\n\n{format_table(rows)}",
         "Other programs": "All steps (A, B, C, D and initial state) in the same rounds, on one thread; the column "
-        f"*over ankleloop* has the median of the ratios of the same round.\n\n{peers}",
+        f"*over ankleloop* has the median of the ratios of the same round.\n\n{peers.compare_all()}",
     }
 
 
 def measure_scaling():
     """Dry runs of large studies, one and two cores, and long records."""
-    records = []
-    for samples in (360_000, 3_600_000):
-        command = [sys.executable, ROOT / "benchmarks" / "long_record.py", "--samples", str(samples)]
-        output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-        result = json.loads(output.splitlines()[-1])
-        row = {"hours": f"{result['hours']:.0f}", "samples": f"{samples:,}", "seconds": f"{result['seconds']:.1f}"}
-        records.append(row | {"peak memory [MiB]": f"{result['mib']:.0f}"})
+    records = [long_record.measure_record(samples) for samples in (360_000, 3_600_000)]
     return {
         "The list of jobs": f"Dry runs, time of the processor.\n\n{format_table(scaling.measure_dry_runs(1000))}",
         "Cores": "A sweep over two settings and an option, by two methods, with the start of Snakemake and of all "
@@ -99,58 +86,43 @@ def measure_accuracy():
     """Errors of riv and riv-tv beside the bound, and of the forms of the projection."""
     points = interval_coverage.read_points()
     truths, rows = interval_coverage.read_truths(points), []
-    estimates = interval_coverage.estimate_points(points, TRIALS, os.cpu_count())
-    for name, settings in points.items():
-        part, bound = estimates[estimates["point"] == name], cramer_rao(seed=1, **settings)
-        row = {"setting": name}
+    for name, part in interval_coverage.estimate_points(points, TRIALS).groupby("point", sort=False):
+        row, bound = {"setting": name}, cramer_rao(seed=1, **points[name])
         for key, truth in truths[name].items():
             error = part[key] - truth
             ratio = np.sqrt(np.mean(error**2)) / bound[key]
             row[key] = f"{100 * error.mean() / truth:+.1f} ± {100 * error.std() / truth:.1f} ({ratio:.2f})"
         rows.append(row)
-    changing = []
-    for case in CASES:
-        table = pd.DataFrame(
-            [row for seed in range(20) for row in time_varying.run_trial(time_varying.CASES[case], seed, METHODS_TV)]
-        )
-        for method, part in table.groupby("method", sort=False):
-            errors = " / ".join(f"{part[f'{key}_nrmse'].mean():.1f}" for key in "KBG")
-            covered = " / ".join(f"{part[f'{key}_covered'].mean():.0f}" for key in "KBG")
-            changing.append({"case": case, "method": method, "error K/B/G [%]": errors, "held by bands [%]": covered})
     return {
         "Constant joints": f"`riv`, {TRIALS} trials of 50 s at 10 dB in each setting of the study `efficiency`: mean "
         "error ± standard deviation [%], and in brackets the root mean square error over the Cramér-Rao bound.\n\n"
         + format_table(rows),
         "Joints that change in time": "20 trials each; root mean square error over the trajectory, over the mean of "
-        f"the truth, and the share of places at which the 95 % band holds it.\n\n{format_table(changing)}",
+        "the truth, and the share of places at which the 95 % band holds it.\n\n"
+        + format_table(time_varying.measure_errors(20)),
         "Forms of the projection": "One input, poles 0.75 ± 0.37j, coloured noise, 40,000 samples, 10 records; past "
         f"reference, with leads past and future.\n\n{format_table(measure_forms())}",
     }
 
 
-METHODS_TV = ("riv-tv", "least squares", "short segments")
+def describe_intervals(target, points, truths):
+    """Share of intervals that hold what they are for, as text and table."""
+    table = interval_coverage.compute_coverage(interval_coverage.estimate_points(points, TRIALS), truths)
+    rows = table.map("{:.1f}".format).rename_axis("point").reset_index()
+    return (
+        f"Share of the 95 % intervals of `riv`, the delay being known, that hold {target}. {TRIALS} trials of 50 s in "
+        f"each setting; the last column is the share of robust intervals. All in %.\n\n{format_table(rows)}"
+    )
 
 
 def measure_coverage():
     """How often the intervals of riv hold what they are for."""
     points, incomplete = interval_coverage.read_points(), interval_coverage.INCOMPLETE
-    sections = {}
-    for title, settings, truths in (
-        ("Complete models", points, interval_coverage.read_truths(points)),
-        ("Incomplete models", incomplete, interval_coverage.estimate_truths(incomplete)),
-    ):
-        estimates = interval_coverage.estimate_points(settings, TRIALS, os.cpu_count())
-        wide = interval_coverage.compute_coverage(estimates, truths)[1]
-        sections[title] = format_table(wide.to_dict("records"))
-    note = f"{TRIALS} trials of 50 s in each setting; the last column is the share of robust intervals. All in %."
-    target = {
-        "Complete models": "the truth",
-        "Incomplete models": "what the same fit gives on a record 100 times as long",
-    }
+    truths, limits = interval_coverage.read_truths(points), interval_coverage.estimate_truths(incomplete)
+    long = "what the same fit gives on a record 100 times as long"
     return {
-        title: "Share of the 95 % intervals of `riv`, the delay being known, that hold "
-        f"{target[title]}. {note}\n\n{table}"
-        for title, table in sections.items()
+        "Complete models": describe_intervals("the truth", points, truths),
+        "Incomplete models": describe_intervals(long, incomplete, limits),
     }
 
 
@@ -161,7 +133,7 @@ def measure_faults():
     return {
         "Faults": "24 records of 50 s for each fault: warned / held / wrong without a warning, by more than 15 % of K, "
         "B, I or G, or by three half-widths of its interval. PR-MOESP has a rectifier.\n\n"
-        + format_table(cells.reset_index().to_dict("records")),
+        + format_table(cells.reset_index()),
         "Warnings without a fault": "Of 400 records (two loads, five levels of noise, both loops) these methods warned "
         f"although every parameter was within 15 %: {counts}.",
     }
@@ -182,16 +154,13 @@ def write_page(name):
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout
     stamp = f"Written by `make benchmark` on {datetime.now(UTC):%Y-%m-%d}, commit {commit.strip()}."
     sections = [f"## {heading}\n\n{text.strip()}" for heading, text in measure().items()]
-    FOLDER.mkdir(exist_ok=True)
     text = "\n\n".join([f"# {title}", f"{stamp} Times depend on the machine.", *sections])
-    (FOLDER / f"{name}.md").write_text(f"{text}\n", encoding="utf-8")
+    (ROOT / "docs" / "measured" / f"{name}.md").write_text(f"{text}\n", encoding="utf-8")
 
 
 def main():
     """Write the pages that are named, or all."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("pages", nargs="*", help=f"of {', '.join(PAGES)}; all by default")
-    for name in parser.parse_args().pages or PAGES:
+    for name in sys.argv[1:] or PAGES:
         print(f"{name} …", flush=True)
         write_page(name)
 

@@ -2,7 +2,7 @@
 
 import re
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -32,20 +32,17 @@ class Block:
 
 def documentation_pages():
     """All pages with text of ours, relative to the repository."""
-    pages = [page for page in OUTSIDE if (ROOT / page).exists()]
-    pages += [path.relative_to(ROOT).as_posix() for path in sorted((ROOT / "docs").rglob("*.md"))]
-    return pages
+    return [*OUTSIDE, *(path.relative_to(ROOT).as_posix() for path in sorted((ROOT / "docs").rglob("*.md")))]
 
 
-def read_blocks(page, text=None):
+def read_blocks(page):
     """The blocks of a page; a block `text` that follows another one is its output."""
-    text = (ROOT / page).read_text(encoding="utf-8") if text is None else text
+    text = (ROOT / page).read_text(encoding="utf-8")
     blocks, end = [], 0
     for match in FENCE.finditer(text):
         language, code = match["language"].strip(), textwrap.dedent(match["code"])
         if language == "text" and blocks and not text[end : match.start()].strip() and blocks[-1].output is None:
-            last = blocks.pop()
-            blocks.append(Block(last.page, last.line, last.language, last.code, last.tags, code))
+            blocks[-1] = replace(blocks[-1], output=code)
         else:
             tags = re.match(r":tags: \[(.*)\]\n", code)
             code = code[tags.end() :] if tags else code

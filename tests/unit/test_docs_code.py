@@ -2,11 +2,12 @@
 
 import contextlib
 import io
+import itertools
 import re
 import shutil
-from functools import cache
 from pathlib import Path
 
+import h5py
 import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
@@ -17,8 +18,8 @@ import ankleloop
 from ankleloop.studies.config import SimulationStudy
 from ankleloop.studies.run_config import read_run
 
-PAGES = documentation_pages()
-BLOCKS = [block for page in PAGES for block in read_blocks(page)]
+BLOCKS = [block for page in documentation_pages() for block in read_blocks(page)]
+CONFIG = ROOT / "config" / "config.yaml"
 ERROR = re.compile(r"\w+Error: ")
 
 # What a page takes for granted: files of the reader (the fixture `folder`), and names of an earlier page.
@@ -31,13 +32,8 @@ BEFORE = {
 }
 
 
-def of_language(language, without=None):
-    blocks = [block for block in BLOCKS if block.language == language and block.page != without]
-    return pytest.mark.parametrize("block", blocks, ids=[block.place for block in blocks])
-
-
-def pages_with(language):
-    return [page for page in PAGES if any(block.page == page and block.language == language for block in BLOCKS)]
+# tests/nightly adds the method of that page, and runs its study.
+YAML = [block for block in BLOCKS if block.language == "yaml" and block.page != "docs/tutorials/add-a-method.md"]
 
 
 @pytest.fixture(scope="module")
@@ -58,35 +54,22 @@ def files(tmp_path_factory):
     for number in range(1, 4):
         part = table[(number - 1) * 10_000 : number * 10_000]
         part.assign(time=part["time"] - part["time"].iloc[0]).to_csv(folder / f"part{number}.csv", index=False)
-    write_long_record(folder / "long.h5", table)
+    with h5py.File(folder / "long.h5", "w") as file:
+        for name, values in (("angle", table.position), ("moment", -table.torque), ("command", table.reference)):
+            file[name] = values.to_numpy()[::10]
     write_sweep(folder / "results" / "tables" / "sweep-trials.parquet")
     (folder / "sweep.csv").write_text("reflex_gain\n8.0\n12.0\n", encoding="utf-8")
     return folder
 
 
-def write_long_record(path, table):
-    import h5py
-
-    every = slice(None, None, 10)
-    with h5py.File(path, "w") as file:
-        file["angle"] = table["position"].to_numpy()[every]
-        file["moment"] = -table["torque"].to_numpy()[every]
-        file["command"] = table["reference"].to_numpy()[every]
-
-
 def write_sweep(path):
     """A table of trials over two settings, as the workflow writes it."""
     path.parent.mkdir(parents=True)
-    rows = [
-        {"study": "s", "point": f"g={gain},v={voluntary}", "reflex_gain": gain, "voluntary": voluntary}
-        | {"method": method, "trial": trial, "vaf_reflex_true": 99.0 - voluntary - trial / 10}
-        | {"failure": None, "warnings": ""}
-        for gain in (8.0, 13.0)
-        for voluntary in (0.1, 0.5)
-        for method in ("riv", "pr-moesp")
-        for trial in range(3)
-    ]
-    table = pd.DataFrame(rows)
+    rows = itertools.product((8.0, 13.0), (0.1, 0.5), ("riv", "pr-moesp"), range(3))
+    table = pd.DataFrame(rows, columns=["reflex_gain", "voluntary", "method", "trial"])
+    table["point"] = [f"g={row.reflex_gain},v={row.voluntary}" for row in table.itertuples()]
+    table["vaf_reflex_true"] = 99.0 - table["voluntary"] - table["trial"] / 10
+    table = table.assign(study="s", failure=None, warnings="")
     table.astype(dict.fromkeys(("study", "point", "method"), "category")).to_parquet(path)
 
 
@@ -116,20 +99,15 @@ def run_python(block, names):
     assert expected is None or as_words(printed.getvalue()) == expected, block.place
 
 
-@pytest.mark.parametrize("page", pages_with("python"))
+@pytest.mark.parametrize("page", sorted({block.page for block in BLOCKS if block.language == "python"}))
 def test_python_runs_and_prints_what_the_page_shows(page, folder):
     names = {"__name__": "__main__"}
     with plt.rc_context({"backend": "Agg"}):
         exec(BEFORE.get(page, ""), names)
-        for block in read_blocks(page):
-            if block.language == "python":
+        for block in BLOCKS:
+            if (block.page, block.language) == (page, "python"):
                 run_python(block, names)
         plt.close("all")
-
-
-@cache
-def config_text():
-    return (ROOT / "config" / "config.yaml").read_text(encoding="utf-8")
 
 
 def merge(base, changes):
@@ -141,18 +119,18 @@ def merge(base, changes):
 
 def check_config(text):
     Path("mine.yaml").write_text(text, encoding="utf-8")
-    config = merge(yaml.safe_load(config_text()), yaml.safe_load(text))
-    read_run(config, [str(ROOT / "config" / "config.yaml"), "mine.yaml"])
+    config = merge(yaml.safe_load(CONFIG.read_text(encoding="utf-8")), yaml.safe_load(text))
+    read_run(config, [str(CONFIG), "mine.yaml"])
 
 
 def check_part(part):
-    """A part of a study: keys that stand below its name."""
+    """Check keys that stand below the name of a study."""
     study = {"trials": 1, "seed": 1, "methods": {name: {"method": name} for name in ("riv", "pr-moesp")}}
     SimulationStudy(**{**study, **part})
 
 
-@of_language("yaml", without="docs/tutorials/add-a-method.md")  # test_docs_tutorial.py adds its method, and runs it
-def test_yaml_is_what_the_models_of_the_configuration_take(block, folder, monkeypatch):
+@pytest.mark.parametrize("block", YAML, ids=lambda block: block.place)
+def test_yaml_is_what_the_models_of_the_configuration_take(block, folder):
     keys = set(yaml.safe_load(top_level_parts(block.code)[0]))
     if block.page == "docs/how-to/clusters.md":
         profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8"))

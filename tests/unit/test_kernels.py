@@ -6,8 +6,6 @@ import sys
 import numpy as np
 import pytest
 
-from ankleloop.kernels import NO_FOLDER, _warn_once
-
 SOURCE = """
 from ankleloop.kernels import kernel
 
@@ -44,16 +42,6 @@ def files(tmp_path, pattern="*"):
 
 def hits(total):
     return sum(total.stats.cache_hits.values())
-
-
-def test_another_process_takes_the_compiled_code(load, tmp_path):
-    values = np.arange(5.0)
-    first = load()
-    assert first(values) == 10.0
-    assert hits(first) == 0
-    second = load()
-    assert second(values) == 10.0
-    assert hits(second) == 1
 
 
 def test_processes_that_compile_at_once_for_other_types_never_take_code_of_each_other(load, tmp_path, monkeypatch):
@@ -105,15 +93,3 @@ def test_without_space_the_function_still_runs(load, tmp_path, monkeypatch):
     monkeypatch.setattr(total._cache._cache_file, "_open_for_write", fail)
     assert total(np.arange(5.0)) == 10.0
     assert not files(tmp_path)
-
-
-def test_where_no_folder_can_be_written_it_says_so_and_the_function_still_runs(load, monkeypatch):
-    def refuse(dir):
-        raise PermissionError(13, "Permission denied", dir)
-
-    monkeypatch.setattr("numba.core.caching.tempfile.TemporaryFile", refuse)
-    _warn_once.cache_clear()
-    with pytest.warns(UserWarning, match="NUMBA_CACHE_DIR") as records:
-        functions = [load(), load()]
-    assert [str(record.message) for record in records] == [NO_FOLDER]
-    assert [function(np.arange(5.0)) for function in functions] == [10.0, 10.0]

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from ankleloop import (
     METHODS,
-    LongRecord,
     check_trial,
     identify,
     method_options,
@@ -20,8 +19,6 @@ from ankleloop import (
     segment,
     simulate,
 )
-from ankleloop.signals.decimation import decimate, decimation_margin
-from ankleloop.trials.trial import remove_drift
 
 RATE = 500.0
 SAMPLES = 400
@@ -86,49 +83,6 @@ def test_segments_side_by_side_are_the_segment_of_both(seed, edges):
     assert segment(whole, middle / RATE, 1e9).equals(parts[1])
 
 
-# --- signals
-
-
-@few
-@given(seeds, st.integers(2, 6), st.integers(0, 2), st.integers(0, 30))
-def test_decimated_channels_are_those_of_each_alone_and_of_a_record_that_starts_later(seed, factor, derivative, shift):
-    x = draw_signals(seed, 3, 2000)
-    first = decimation_margin(factor) + shift
-    options = {"rate": RATE, "derivative": derivative}
-    together = decimate(x, factor, first, 20, **options)
-    scale = np.abs(together).max()
-    for row, channel in zip(together, x, strict=True):
-        np.testing.assert_allclose(decimate(channel, factor, first, 20, **options), row, atol=1e-12 * scale)
-    np.testing.assert_allclose(
-        decimate(x[:, shift:], factor, first - shift, 20, **options), together, atol=1e-8 * scale
-    )
-
-
-@few
-@given(seeds, st.integers(2, 6), st.integers(0, 2))
-def test_decimation_has_no_phase(seed, factor, derivative):
-    """The record read backwards gives the samples backwards; a velocity changes its sign."""
-    x = draw_signals(seed, 1, 1000)[0]
-    first, count = decimation_margin(factor), 20
-    last = x.size - 1 - (first + factor * (count - 1))
-    forward, backward = (
-        decimate(signal, factor, start, count, derivative=derivative) for signal, start in ((x, first), (x[::-1], last))
-    )
-    np.testing.assert_allclose(backward[::-1], (-1) ** derivative * forward, atol=1e-9 * np.abs(forward).max())
-
-
-@few
-@given(seeds, st.integers(0, 5), st.lists(st.floats(-10, 10), min_size=1, max_size=6))
-def test_drift_of_a_torque_is_removed_whatever_it_was(seed, degree, coefficients):
-    position, torque = draw_signals(seed, 2)
-    grid = np.linspace(-1.0, 1.0, SAMPLES)
-    polynomial = np.polynomial.Polynomial(coefficients[: degree + 1])(grid)
-    clean = remove_drift(new_trial(position, torque, RATE), degree)
-    drifting = remove_drift(new_trial(position, torque + polynomial, RATE), degree)
-    np.testing.assert_allclose(drifting["torque"], clean["torque"], atol=1e-11)
-    np.testing.assert_allclose(remove_drift(clean, degree)["torque"], clean["torque"], atol=1e-13)
-
-
 # --- files
 
 
@@ -154,21 +108,6 @@ def test_a_record_is_the_same_trial_in_every_file_format(tmp_path_factory, seed)
     assert len(paths) == 7
     for path in paths:
         assert read_trial(path, reference="command", sampling_rate=RATE).equals(expected), path.name
-
-
-@settings(max_examples=10, deadline=None)
-@given(seeds, st.integers(0, SAMPLES - 2), st.integers(2, SAMPLES))
-def test_a_piece_of_a_long_record_is_that_of_the_trial(tmp_path_factory, seed, start, length):
-    path = tmp_path_factory.mktemp("record") / "a.h5"
-    position, torque = draw_signals(seed, 2)
-    with h5py.File(path, "w") as file:
-        file["position"], file["torque"] = np.rad2deg(position), torque
-    options = {"position_unit": "deg", "torque_sign": -1, "sampling_rate": RATE}
-    stop = min(start + length, SAMPLES)
-    piece = LongRecord(path, reference=None, **options).read(start, stop)
-    whole = read_trial(path, **options)
-    for name in ("time", "position", "torque"):
-        np.testing.assert_array_equal(piece[name], whole[name][start:stop])
 
 
 # --- identification and scores

@@ -39,7 +39,6 @@ LINKS = {
     "Ledger as CSV": "verification.csv",
     "Configuration with all defaults": "configuration.json",
     "Metadata of the run (RO-Crate)": "ro-crate-metadata.json",
-    "Comparison with other programs": "benchmarks/peers.md",
 }
 OF_ARTICLE = {"article.html", "ledger.html", "verification.csv"}
 MADE_WITH_INDEX = {"ledger.html", "tables.html"}
