@@ -138,9 +138,9 @@ def estimate_deviations(point: Point, covariance: np.ndarray, free: np.ndarray) 
     names, p = np.array(point.names)[free].tolist(), point.parameters
     deviations = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
     nonlinearity, reflex = point.path.nonlinearity, slice(MOTION, p.linear.size)
-    values, slopes = np.array(nonlinearity.fit_rectifier()[:2]), []
+    values, slopes = np.array(nonlinearity.rectifier[:2]), []
     for step in np.diag(0.1 * np.sqrt(np.diag(covariance)[reflex])):
-        shifted = replace(nonlinearity, coefficients=nonlinearity.coefficients + step).fit_rectifier()[:2]
+        shifted = replace(nonlinearity, coefficients=nonlinearity.coefficients + step).rectifier[:2]
         slopes.append((np.array(shifted) - values) / step.sum())
     slope = np.array(slopes)
     gain, threshold = np.sqrt(np.diag(slope.T @ covariance[reflex, reflex] @ slope)).tolist()
