@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection
-from functools import cache
 from types import NoneType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
@@ -30,7 +29,6 @@ def as_variable(value: Any, *dimensions: str, unit: str = "") -> xr.Variable:
     return xr.Variable(dimensions, value, {"units": unit} if unit else {})
 
 
-@cache
 def _list_fields(kind: type) -> list[tuple[str, Any, Stored | None]]:
     """Name, type and declaration, None for a dataclass, of each field that is stored."""
     types, fields = get_type_hints(kind, include_extras=True), []

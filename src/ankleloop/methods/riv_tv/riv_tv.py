@@ -223,13 +223,17 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     coordinate = course.limits[0] + (course.limits[1] - course.limits[0]) * places
     schedule = describe_schedule(trial.trial, options.schedule)
     delay = equations.delay + parameters.shift
+    stiffness, viscosity, gain, inertia = (parameters.linear[block] for block in bases.blocks)
     model = TimeVaryingModel(
         ModelInputs(fit_basis(trial.velocity(delay), "rectifier", 1), delay, inputs.rate, trial.rate),
         course.dimension,
         options.schedule or (options.cycle_onsets if isinstance(options.cycle_onsets, str) else None),
         np.array(course.limits),
         bases.all[0].degree,
-        *(parameters.linear[block] for block in bases.blocks),
+        stiffness,
+        viscosity,
+        gain,
+        inertia,
         parameters.dynamics,
         parameters.lag,
         options.rest_position,
