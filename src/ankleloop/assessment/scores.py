@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from itertools import permutations
 from typing import Any, Literal
 
@@ -23,6 +22,7 @@ CORRELATED = 1.0  # s: over this the squares of torques may be correlated
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
 DIAGNOSTICS = ("order", "spectral_radius", "passes", "converged", "stable", "reference", "cycles")
 TRAJECTORY_TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}  # variables of a trial
+TORQUE_TRUTHS = {"torque_intrinsic", "torque_reflex", "torque_noise"}
 DIMENSIONS = {"cycle": "phase", "time": "time", "schedule": "schedule"}  # by the setting `variation`
 PLACES = 101  # at which parameters that an estimate takes as constant are scored
 LEVELS = (0.1, 0.9)  # shares of a step between which its rise is timed
@@ -134,21 +134,15 @@ def _targets(
     return targets + [(part, "measured", measured) for part in ("intrinsic", "reflex")]
 
 
-def in_band_snr(trial: xr.Dataset | PreparedTrial, estimate: Estimate, *, trim: float = TRIM) -> float:
-    """Signal-to-noise ratio of the torque within the band of the identification.
+def in_band_snr(trial: PreparedTrial, estimate: Estimate) -> float:
+    """Signal-to-noise ratio of the torque within the band of the identification; of a trial with noise.
 
     Decimation removes more of the noise than of the torque, so this ratio is above that of the recorded signal.
     """
-    prepared = prepare(trial)
-    missing = {"torque_intrinsic", "torque_reflex", "torque_noise"} - set(prepared.trial.data_vars)
-    if missing:
-        raise DataError(f"the trial has no {sorted(missing)[0]!r}: an in-band SNR needs the truths of a simulation.")
-    inside, time, rate = _scored_samples(estimate, trim)
-    intrinsic, reflex, noise = (
-        prepared.channel_at(f"torque_{part}", time, rate)[inside] for part in ("intrinsic", "reflex", "noise")
-    )
-    power = np.var(noise)
-    return float(10 * np.log10(np.var(intrinsic + reflex) / power)) if power > 0 else float("inf")
+    inside, time, rate = _scored_samples(estimate, TRIM)
+    parts = (trial.channel_at(f"torque_{part}", time, rate)[inside] for part in ("intrinsic", "reflex", "noise"))
+    intrinsic, reflex, noise = parts
+    return float(10 * np.log10(np.var(intrinsic + reflex) / np.var(noise)))
 
 
 def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict[str, Any]:
@@ -157,7 +151,7 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
     row: dict[str, Any] = _list_parameters(estimate)
     if estimate.intervals and estimate.diagnostics.get("intervals"):
         row["intervals"] = estimate.diagnostics["intervals"]
-    if "torque_noise" in prepared.trial and np.ptp(prepared.samples("torque_noise")) > 0:
+    if set(prepared.trial.data_vars) >= TORQUE_TRUTHS and np.ptp(prepared.samples("torque_noise")) > 0:
         row["in_band_snr_db"] = in_band_snr(prepared, estimate)
     row |= {name: estimate.diagnostics[name] for name in DIAGNOSTICS if name in estimate.diagnostics}
     if "torque_reflex" in prepared.trial and "poles" in estimate.diagnostics:
@@ -185,23 +179,15 @@ def _pole_error(poles: np.ndarray, estimate: Estimate, settings: Mapping[str, An
     """Largest distance between a pole and the true one that it stands for; none for a model of another order."""
     if not {"omega_n", "zeta"} <= set(settings):
         return {}
-    rate = estimate.torque.attrs["identification_rate"]
-    truth = _true_poles(settings["omega_n"], settings["zeta"], settings.get("pole"), rate)
+    dynamics = ReflexDynamics(settings["omega_n"], settings["zeta"], settings.get("pole"))
+    truth = np.linalg.eigvals(dynamics.matrices(estimate.torque.attrs["identification_rate"])[0])
     if poles.size != truth.size:
         return {}
     return {"pole_error": min(float(np.abs(poles - order).max()) for order in map(np.array, permutations(truth)))}
 
 
-@lru_cache
-def _true_poles(omega_n: float, zeta: float, pole: float | None, rate: float) -> np.ndarray:
-    return np.linalg.eigvals(ReflexDynamics(omega_n, zeta, pole).matrices(rate)[0])
-
-
 def summarise(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Mean and standard deviation of the VAF over trials."""
-    if not isinstance(by, (list, tuple)) or not all(isinstance(name, str) and name in scores for name in by):
-        known = ", ".join(map(str, scores.columns))
-        raise ValueError(f"summarise: by must be a list of columns of the scores ({known}), got {show_value(by)}.")
     return scores.groupby(list(by), sort=False)["vaf"].agg(mean="mean", sd="std", n="count").reset_index()
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Annotated
 
 import numpy as np
 
+from ankleloop.joint.model_fields import Stored
 from ankleloop.signals.statespace import companion, lowpass_denominator, step_matrices
 
 STARTS = [(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]
@@ -20,9 +22,9 @@ LARGEST = 1e4  # rad/s, or 1: no reflex is as fast, or as damped
 class ReflexDynamics:
     """Low-pass of unit gain, ωn² / (s² + 2ζωn s + ωn²), and p / (s + p) after it where there is a third pole."""
 
-    omega_n: float  # natural frequency [rad/s]
-    zeta: float  # damping [1]
-    pole: float | None = None  # third pole p [rad/s]
+    omega_n: Annotated[float, Stored(unit="rad/s")]  # natural frequency
+    zeta: Annotated[float, Stored()]  # damping [1]
+    pole: Annotated[float | None, Stored(unit="rad/s")] = None  # third pole p
 
     @property
     def values(self) -> dict[str, float]:

@@ -17,7 +17,7 @@ from pyarrow import parquet
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.models import Model, model_fields, model_from_fields
+from ankleloop.joint.models import model_dataset, read_model
 from ankleloop.joint.regressors import TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
 from ankleloop.options import check_flag, check_path, show_value
@@ -35,10 +35,8 @@ JSON = "json"  # the diagnostics
 
 MEMORY = 2**21  # bytes of a table that are in memory before they go to a temporary file
 ROWS = 25  # estimates of a row group
-# Columns of a table that hold groups as JSON.
-COLUMNS = {"reflex_parameters": "reflex"} | {
-    name: name for name in ("stiffness", "intervals", "diagnostics", "model", "trajectories")
-}
+# Groups that a table holds as JSON, by their columns.
+COLUMNS = {"reflex": "reflex_parameters"} | {name: name for name in ("stiffness", "intervals", "model", "trajectories")}
 
 ARRAY, COMPLEX = "$array", "$complex"  # keys that mark them
 
@@ -85,16 +83,24 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite
     groups = {
         "": xr.Dataset(attrs=attributes),
         "torque": estimate.torque[[*TORQUES]],
+        **_make_groups(estimate, complete=True),
+        "diagnostics": xr.Dataset(attrs={JSON: dump_values(estimate.diagnostics)}),
+    }
+    write_groups(groups, path, VARIABLE, overwrite=overwrite)
+
+
+def _make_groups(estimate: Estimate, *, complete: bool) -> dict[str, xr.Dataset]:
+    """Parameters, model and trajectories, as a file or a row of a table holds them."""
+    groups = {
         "stiffness": _parameter_dataset(estimate.stiffness),
         "reflex": _parameter_dataset(estimate.reflex),
         "intervals": _parameter_dataset(estimate.intervals, "end"),
-        "diagnostics": xr.Dataset(attrs={JSON: dump_values(estimate.diagnostics)}),
     }
     if estimate.predictor is not None:
-        groups["model"] = _model_dataset(estimate.predictor)
+        groups["model"] = model_dataset(estimate.predictor, complete=complete)
     if estimate.trajectories is not None:
         groups["trajectories"] = estimate.trajectories
-    write_groups(groups, path, VARIABLE, overwrite=overwrite)
+    return groups
 
 
 def _parameter_dataset(values: Mapping[str, Any], *dimensions: str) -> xr.Dataset:
@@ -102,16 +108,6 @@ def _parameter_dataset(values: Mapping[str, Any], *dimensions: str) -> xr.Datase
     for name in values.keys() & QUANTITIES.keys():
         data[name].attrs = {"units": QUANTITIES[name].unit, "long_name": QUANTITIES[name].name}
     return data
-
-
-def _model_dataset(model: Model) -> xr.Dataset:
-    """Fields of a model, and the kernels that other programs need to compute its torques."""
-    fields = model_fields(model) | model.inputs.kernels()
-    texts = {name: value for name, value in fields.items() if isinstance(value, str)}
-    names = {"basis_function": list(model.inputs.basis.names)}
-    if model.matrices is not None and model.matrices.names is not None:
-        names |= dict(zip(("input", "output"), map(list, model.matrices.names), strict=True))
-    return xr.Dataset({name: value for name, value in fields.items() if name not in texts}, names, texts)
 
 
 def load_estimate(path: str | os.PathLike[str]) -> Estimate:
@@ -153,41 +149,33 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
                 f"{file.source}: version {version:g} of the format, of which this library knows versions up to "
                 f"{VERSION}: install the newest ankleloop."
             )
-        for name in ("diagnostics", "reflex", "stiffness", "torque"):
-            if name not in groups:
-                raise DataError(
-                    f"{file.source}: there is no group {name!r}: the file is damaged, or of another origin."
-                )
-        diagnostics = groups["diagnostics"]
-        return _read_estimate(groups, load_values(diagnostics.text(JSON), diagnostics.source))
+        return _read_estimate(groups)
 
 
-def _read_estimate(groups: Mapping[str, Fields], diagnostics: dict[str, Any]) -> Estimate:
+def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
     """The estimate whose groups a file or a row of a table holds."""
-    torque = groups["torque"]
+    torque, trajectories = groups["torque"], groups.get("trajectories")
     time, rate = torque.array("time"), torque.number("identification_rate")
     check_same_rate(rate, compute_rate(time, source=torque.source), source=torque.source)
     torques = {name: torque.array(name, time.size, finite=False) for name in TORQUES}
-    attributes = {name: value for name, value in torque.values.items() if name not in ("time", *TORQUES)}
-    model = model_from_fields(groups["model"]) if "model" in groups else None
-    stiffness, reflex = (
-        {name: float(fields.array(name, 1, finite=False)[0]) for name in fields.values}
-        for fields in (groups["stiffness"], groups["reflex"])
+    attributes = {name: torque.values[name] for name in torque.values.keys() - {"time", *TORQUES}}
+    model = read_model(groups["model"]) if "model" in groups else None
+    stiffness, reflex, intervals = (
+        {name: group.array(name, finite=False).tolist() for name in group.values}
+        for group in (groups["stiffness"], groups["reflex"], groups.get("intervals", Fields("", {})))
     )
-    intervals = groups.get("intervals", Fields("", {}))
-    ends = {name: intervals.array(name, 2, finite=False).tolist() for name in intervals.values}
     return Estimate(
         method=groups[""].text("method"),
         torque=torque_dataset(time, rate, **torques).assign_attrs(
             {name: value if isinstance(value, str) else np.asarray(value).item() for name, value in attributes.items()}
         ),
         matrices=None if model is None else model.matrices,
-        stiffness=stiffness,
-        reflex=reflex,
-        intervals={name: (low, high) for name, (low, high) in ends.items()},
-        diagnostics=diagnostics,
+        stiffness={name: value for name, (value,) in stiffness.items()},
+        reflex={name: value for name, (value,) in reflex.items()},
+        intervals={name: (low, high) for name, (low, high) in intervals.items()},
+        diagnostics=load_values(groups["diagnostics"].text(JSON)),
         predictor=model,
-        trajectories=read_trajectories(groups["trajectories"]) if "trajectories" in groups else None,
+        trajectories=None if trajectories is None else read_trajectories(trajectories),
     )
 
 
@@ -211,7 +199,7 @@ class EstimateTable:
         torque = pa.list_(pa.from_numpy_dtype(np.dtype(parse_precision(precision))))
         self._schema = pa.schema(
             {
-                **dict.fromkeys(("point", "name", "method", *COLUMNS), pa.string()),
+                **dict.fromkeys(("point", "name", "method", "diagnostics", *COLUMNS.values()), pa.string()),
                 "number": pa.int64(),
                 "identification_rate": pa.float64(),
                 "time": pa.list_(pa.float64()),
@@ -224,18 +212,11 @@ class EstimateTable:
 
     def add(self, estimate: Estimate, *, point: str, name: str, number: int) -> None:
         """Add the estimate of a trial, by a name of its method, at a point of a study."""
-        model, curves, torque = estimate.predictor, estimate.trajectories, estimate.torque
-        groups: dict[str, Any] = {
-            "stiffness": estimate.stiffness,
-            "reflex": estimate.reflex,
-            "intervals": estimate.intervals,
-            "diagnostics": estimate.diagnostics,
-            "model": None if model is None else model_fields(model),
-            "trajectories": None if curves is None else {**curves.variables, **curves.attrs},
-        }
+        torque, groups = estimate.torque, _make_groups(estimate, complete=False)
         row = {"point": point, "name": name, "method": estimate.method, "number": number, **torque.attrs}
         row |= {signal: torque.variables[signal].values for signal in ("time", *TORQUES)}
-        row |= {column: dump_values(groups[group]) for column, group in COLUMNS.items()}
+        row |= {"diagnostics": dump_values(estimate.diagnostics)}
+        row |= {COLUMNS[group]: dump_values({**data.variables, **data.attrs}) for group, data in groups.items()}
         pickle.dump(row, self._rows, pickle.HIGHEST_PROTOCOL)
         self._count += 1
 
@@ -265,12 +246,14 @@ def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int
             table = parquet.read_table(path, filters=filters, page_checksum_verification=True)
             for row in table.to_pylist():
                 source = f"{path}, row {row['number']}"
-                values = {group: load_values(row[column], source) for column, group in COLUMNS.items()}
-                diagnostics = values.pop("diagnostics")
-                values["torque"] = {key: row[key] for key in ("identification_rate", "time", *TORQUES)}
-                values[""] = {"method": row["method"]}
-                groups = {group: Fields(source, fields) for group, fields in values.items() if fields is not None}
-                estimates[row["number"]] = _read_estimate(groups, diagnostics)
+                groups = {
+                    "": {"method": row["method"]},
+                    "torque": {key: row[key] for key in ("identification_rate", "time", *TORQUES)},
+                    "diagnostics": {JSON: row["diagnostics"]},
+                    **{group: load_values(row[name]) for group, name in COLUMNS.items() if row[name]},
+                }
+                estimate = _read_estimate({group: Fields(source, values) for group, values in groups.items()})
+                estimates[row["number"]] = estimate
     return dict(sorted(estimates.items()))
 
 
@@ -279,18 +262,15 @@ def dump_values(values: Any) -> str:
     return json.dumps(values, default=_mark)
 
 
-def load_values(text: str, source: str) -> Any:
+def load_values(text: str) -> Any:
     """Values that `dump_values` wrote."""
-    try:
-        return json.loads(text, object_hook=_restore)
-    except (KeyError, RecursionError, TypeError, ValueError) as cause:
-        raise DataError(f"{source}: the values cannot be read ({cause}): the file is damaged.") from cause
+    return json.loads(text, object_hook=_restore)
 
 
 def _mark(value: Any) -> Any:
     """What takes the place of a value that JSON does not have."""
-    if isinstance(value, xr.Variable):
-        return value.values if value.ndim else value.values.item()
+    if isinstance(value, xr.Variable):  # of a group, whose fields are read as numbers of a shape
+        return value.values.tolist()
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in "biufc":
             raise TypeError(f"an array of type {value.dtype} cannot be kept in diagnostics")

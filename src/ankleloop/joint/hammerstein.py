@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics, fit_dynamics
+from ankleloop.joint.model_fields import Stored
 from ankleloop.signals.spectra import pass_band
 from ankleloop.subspace.matrices import Matrices
 
@@ -41,8 +42,9 @@ class StaticNonlinearity:
         velocity = self.basis.quantiles
         return {"velocity": velocity, "torque": self(velocity)}
 
-    def fit_rectifier(self) -> tuple[float, float, float]:
-        r"""Gain and threshold of the half-wave rectifier that is closest, over the velocities of the record.
+    @cached_property
+    def rectifier(self) -> tuple[float, float, float]:
+        r"""Gain and threshold of the half-wave rectifier that is closest, over the velocities of the record; its share.
 
         .. math:: \min_{G, v_0, c} \sum_q \left[f(v_q) - c - G \max(0, v_q - v_0)\right]^2
         """
@@ -75,13 +77,9 @@ class ReflexPath:
     low_pass: float = 1.0  # share of that system's response that the low-pass explains
 
     @cached_property
-    def _rectifier(self) -> tuple[float, float, float]:
-        return self.nonlinearity.fit_rectifier()
-
-    @cached_property
     def fault(self) -> str | None:
         """Why the path is no ramp with a low-pass behind it, so that G, ωn and ζ mean nothing; None if it is one."""
-        _, threshold, ramp = self._rectifier
+        _, threshold, ramp = self.nonlinearity.rectifier
         if ramp < LEAST_RAMP:
             return f"a ramp explains {ramp:.2f} of the curve of torque over velocity ({LEAST_RAMP:g} are needed)"
         if self.nonlinearity.basis.kind != "rectifier":
@@ -99,7 +97,7 @@ class ReflexPath:
     @property
     def parameters(self) -> dict[str, float]:
         """G [N·m·s/rad], threshold [rad/s] of a basis that can have one, ωn [rad/s], ζ, and the pole p [rad/s]."""
-        gain, threshold, _ = self._rectifier
+        gain, threshold, _ = self.nonlinearity.rectifier
         rectifier = {"G": gain} if self.nonlinearity.basis.kind == "rectifier" else {"G": gain, "threshold": threshold}
         return {**rectifier, **{name: float(value) for name, value in self.dynamics.values.items()}}
 
@@ -111,7 +109,7 @@ class ReflexPath:
     @property
     def diagnostics(self) -> dict[str, Any]:
         """Curve of the nonlinearity, how well the separation describes the model, and what is therefore missing."""
-        shares = {"ramp": self._rectifier[2], "rank_one": self.rank_one, "low_pass": self.low_pass}
+        shares = {"ramp": self.nonlinearity.rectifier[2], "rank_one": self.rank_one, "low_pass": self.low_pass}
         missing = {"missing": [f"G, ωn and ζ: {self.fault}."]} if self.fault else {}
         return {"nonlinearity": self.nonlinearity.curve(), "separation": shares, **missing}
 
@@ -195,11 +193,12 @@ def separate_response(response: np.ndarray, spectra: DriveSpectra, rate: float, 
 class Basis:
     """Basis functions with fixed scale or knots, which serve any other record as well."""
 
-    kind: str  # "chebyshev", "rectifier" or "spline"
-    degree: int  # number of terms
-    scale: float = 1.0  # largest velocity magnitude [rad/s]; the Chebyshev polynomials take the velocity divided by it
-    knots: np.ndarray = field(default_factory=lambda: np.empty(0))  # knots of the cubic spline [rad/s]
-    # Velocities of the record that are equally frequent [rad/s].
+    kind: Annotated[str, Stored(name="basis", known=BASES)]
+    degree: Annotated[int, Stored()]  # number of terms
+    # Largest velocity magnitude: the Chebyshev polynomials take the velocity divided by it.
+    scale: Annotated[float, Stored(name="basis_scale", unit="rad/s")]
+    knots: Annotated[np.ndarray, Stored("knot", name="basis_knots", unit="rad/s")]  # knots of the cubic spline
+    # Velocities of the record that are equally frequent [rad/s]; they only serve pictures.
     quantiles: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property

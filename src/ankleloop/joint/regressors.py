@@ -105,15 +105,9 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
     >>> torque["net"].attrs["units"], torque.attrs["identification_rate"]
     ('N·m', 100.0)
     """
-    template = _template(np.asarray(time, dtype=float).tobytes(), float(rate), tuple(torques))
-    return template.copy(data=torques)
-
-
-@lru_cache(maxsize=2)
-def _template(times: bytes, rate: float, names: tuple[str, ...]) -> xr.Dataset:
-    """Torques of zero: estimates that follow each other share their times, and a copy takes less than a new dataset."""
-    time = np.frombuffer(times)
-    zeros = np.broadcast_to(0.0, time.size)
-    variables = {name: ("time", zeros, {"units": "N·m", "long_name": f"estimated {name} torque"}) for name in names}
-    coordinate = ("time", time, {"units": "s", "long_name": "time"})
-    return xr.Dataset(variables, coords={"time": coordinate}, attrs={"identification_rate": rate})
+    variables = {
+        name: ("time", torque, {"units": "N·m", "long_name": f"estimated {name} torque"})
+        for name, torque in torques.items()
+    }
+    coordinate = ("time", np.asarray(time, dtype=float), {"units": "s", "long_name": "time"})
+    return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": float(rate)})

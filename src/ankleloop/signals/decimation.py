@@ -19,7 +19,6 @@ from ankleloop.kernels import kernel
 # Fractions of the identification rate: for 100 Hz data, flat to 38 Hz and zero from the Nyquist frequency of 50 Hz on.
 PASSBAND, STOPBAND = 0.38, 0.50
 ATTENUATION_DB = 90.0
-LARGEST_FACTOR = 10_000  # of the decimation: the design of its kernel takes memory in proportion, 10 kB each
 # Band of the velocity at the input of the static nonlinearity [Hz]; less where the sampling rate is low.
 VELOCITY_PASSBAND, VELOCITY_STOPBAND = 150.0, 250.0
 
@@ -27,12 +26,6 @@ VELOCITY_PASSBAND, VELOCITY_STOPBAND = 150.0, 250.0
 def decimation_factor(sampling_rate: float, identification_rate: float) -> int:
     """Number of recorded samples per identified sample."""
     ratio = sampling_rate / identification_rate
-    if ratio > LARGEST_FACTOR + 0.5:
-        raise DataError(
-            f"the sampling rate ({sampling_rate:g} Hz) is {ratio:.6g} times the identification rate "
-            f"({identification_rate:g} Hz), but must be at most {LARGEST_FACTOR} times: raise identification_rate, for "
-            f"example {sampling_rate / LARGEST_FACTOR:.12g} Hz, or resample the record."
-        )
     factor = round(ratio)
     if factor < 1 or abs(ratio - factor) > 1e-6 * factor:
         raise DataError(

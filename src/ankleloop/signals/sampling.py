@@ -82,10 +82,8 @@ def _check_steps(
     parts: Callable[[], Iterable[np.ndarray]], size: int, tolerance: float, source: str, name: str
 ) -> None:
     """Refuse times of which a step differs from their median by more than a tolerance."""
-    # Every so many steps, whatever the parts; the first step of a part ends at its first sample, but for the first one.
     stride = -(-size // MOST_STEPS)
-    chosen = [steps[min(1 - start, 0) % stride :: stride] for start, _, steps in _generate_steps(parts())]
-    median = float(np.median(np.concatenate(chosen)))
+    median = float(np.median(np.concatenate([steps[::stride] for _, _, steps in _generate_steps(parts())])))
     faults, first = 0, ""
     for start, times, steps in _generate_steps(parts()):
         bad = np.flatnonzero((np.abs(steps - median) > tolerance * abs(median)) | (steps <= 0))

@@ -55,11 +55,7 @@ def vaf(measured: ArrayLike, estimated: ArrayLike) -> float:
 
 
 def _variances(measured: ArrayLike, estimated: ArrayLike, width: int) -> tuple[float, float, float]:
-    """Variances of the error and of the measured signal, and the long-run variance of the influence on their ratio.
-
-    Signals are divided by a power of two first: the VAF does not depend on the unit, and squares neither overflow nor
-    vanish.
-    """
+    """Variances of the error and of the measured signal, and the long-run variance of the influence on their ratio."""
     signals = {"measured": as_real(measured, "measured signal"), "estimated": as_real(estimated, "estimated signal")}
     y, estimate = signals.values()
     if y.ndim != 1 or y.shape != estimate.shape:
@@ -73,20 +69,14 @@ def _variances(measured: ArrayLike, estimated: ArrayLike, width: int) -> tuple[f
         faults = np.flatnonzero(~np.isfinite(signal))
         if faults.size:
             raise DataError(f"the {name} signal is not finite at sample {faults[0]} ({faults.size} samples in all).")
-    size = float(np.max(np.abs(y)))
-    scale = 2.0 ** -np.floor(np.log2(size)) if size > 0.0 else 1.0
-    y, estimate = scale * y, scale * estimate
-    with np.errstate(all="ignore"):  # of signals that are refused
-        signal, error = y - y.mean(), y - estimate
-        error = error - error.mean()
-        variances = error @ error / error.size, signal @ signal / signal.size
-        spread = _sum_covariances(error**2 / variances[0] - signal**2 / variances[1], min(width, y.size))
-    if not np.isfinite(variances[0]):
-        raise DataError("the estimated signal is 1e150 times as large as the measured one: check its unit.")
+    signal, error = y - y.mean(), y - estimate
+    error = error - error.mean()
+    variances = error @ error / error.size, signal @ signal / signal.size
     # A constant differs from its mean by rounding only, so its variance is compared with the size of the signal.
-    if not variances[1] > (np.finfo(float).eps * scale * size) ** 2:
+    if not variances[1] > (np.finfo(float).eps * np.max(np.abs(y))) ** 2:
         raise DataError("the measured signal is constant, so it has no variance to account for.")
-    return *variances, spread
+    with np.errstate(invalid="ignore"):  # of an estimate without an error
+        return *variances, _sum_covariances(error**2 / variances[0] - signal**2 / variances[1], min(width, y.size))
 
 
 def _sum_covariances(x: np.ndarray, width: int) -> float:

@@ -66,14 +66,6 @@ def test_an_unknown_delay_raises_the_bound_of_the_dynamics():
     known, unknown = (cramer_rao(seed=1, duration=25.0, known_delay=known_delay) for known_delay in (True, False))
     assert unknown["omega_n"] > 1.5 * known["omega_n"]
     assert unknown["K"] < 1.2 * known["K"]
-    delays = [identify(simulate(seed=seed), "riv", delay=None).reflex["delay"] for seed in range(25)]
-    bound = cramer_rao(seed=1, known_delay=False)["delay"]
-    assert 0.6 * bound < np.std(delays) < 1.6 * bound
-
-
-def test_open_loop_has_no_information_in_the_fed_back_torque():
-    bounds = [cramer_rao(seed=1, duration=20.0, closed_loop=False, fed_back=fed_back) for fed_back in (True, False)]
-    assert bounds[0] == bounds[1]
 
 
 def test_spectra_of_simulated_disturbances():
@@ -122,26 +114,11 @@ def test_without_a_reflex_its_dynamics_have_no_bound():
         assert 0 < bound[name] <= fixed[name]
 
 
-def test_the_bound_without_a_reflex_is_that_of_known_dynamics():
-    """Independent of their derivatives: the inverse of the block of K, B, I and G."""
-    names, information = information_of(seed=1, duration=20.0, reflex_gain=0.0)
-    block = np.sqrt(np.diag(np.linalg.inv(information[:4, :4])))
-    bound = cramer_rao(seed=1, duration=20.0, reflex_gain=0.0)
-    assert [bound[name] for name in names[:4]] == pytest.approx(block, rel=1e-9)
-
-
 def test_the_bound_of_a_record_without_disturbance_is_zero():
     exact = cramer_rao(seed=1, duration=20.0, snr_db=None, voluntary=0.0)
     assert set(exact.values()) == {0.0}
     bound = cramer_rao(seed=1, duration=20.0, snr_db=None, voluntary=0.0, reflex_gain=0.0)
     assert bound == {"K": 0.0, "B": 0.0, "I": 0.0, "G": 0.0, "omega_n": np.inf, "zeta": np.inf}
-    almost = cramer_rao(seed=1, duration=20.0, snr_db=200.0, voluntary=0.0, fed_back=False)
-    assert max(almost.values()) < 1e-6
-
-
-def test_a_load_that_does_not_give_way_is_an_open_loop():
-    stiff = cramer_rao(seed=1, duration=20.0, load_stiffness=1e12)
-    assert stiff == pytest.approx(cramer_rao(seed=1, duration=20.0, closed_loop=False), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -160,8 +137,6 @@ def test_parameters_that_the_record_does_not_tell_apart_are_named():
     information = np.array([[1.0, 0.0, 2.0], [0.0, 3.0, 0.0], [2.0, 0.0, 4.0]])
     with pytest.raises(DataError, match="does not tell K, I apart: their information is singular"):
         invert_information(information, ["K", "B", "I"])
-    regular = information + np.diag([0.0, 0.0, 1.0])
-    np.testing.assert_allclose(invert_information(regular), np.linalg.inv(regular), rtol=1e-12, atol=1e-15)
 
 
 def test_the_noise_of_a_recorder_without_a_filter_is_held_white_noise():

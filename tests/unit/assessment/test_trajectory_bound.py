@@ -106,13 +106,6 @@ def test_bounds_shrink_with_the_noise_and_grow_with_the_knots(variation):
         assert float(loud[f"{name}_mean"]) < float(loud[name].mean())
 
 
-def test_disturbances_are_those_of_a_perturbation_without_movement():
-    """A movement changes the torque, but not the level of the noise, and hardly what the record tells about K."""
-    settings = {"seed": 2, "variation": "cycle", "duration": 30.0, "load": LIGHT, "stiffness_variation": 0.3}
-    still, moving = (trajectory_bound(movement=movement, **settings) for movement in (0.0, 0.1))
-    np.testing.assert_allclose(moving["K"], still["K"], rtol=0.3)
-
-
 def test_without_a_reflex_its_dynamics_have_no_bound():
     bound = trajectory_bound(seed=1, variation="cycle", duration=30.0, reflex_gain=0.0)
     assert float(bound["omega_n"]) == float(bound["zeta"]) == np.inf

@@ -75,7 +75,7 @@ def test_gain_and_threshold_of_a_rectifier(threshold, sign):
     torque = sign * 5.0 * np.maximum(velocity - threshold, 0.0)
     design = basis(velocity)
     coefficients = np.linalg.lstsq(design.T - design.mean(axis=1), torque - torque.mean(), rcond=None)[0]
-    gain, fitted, share = StaticNonlinearity(basis, coefficients).fit_rectifier()
+    gain, fitted, share = StaticNonlinearity(basis, coefficients).rectifier
     assert gain == pytest.approx(5.0 * sign, rel=0.02)
     assert fitted == pytest.approx(threshold, abs=0.03)
     assert share > 0.999

@@ -2,15 +2,13 @@
 
 import gc
 import weakref
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-from ankleloop import METHODS, DataError, evaluate, identify, simulate
+from ankleloop import METHODS, evaluate, identify, simulate
 from ankleloop.joint import prepared as module
 from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, once, prepare
-from ankleloop.joint.regressors import torque_dataset
 
 OPTIONS = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0}
 SHORT = {"real-time": {"memory": 2.0}}  # options that a short trial needs
@@ -143,34 +141,6 @@ def test_a_trial_is_validated_once(trials, monkeypatch):
     assert len(count) == 1
 
 
-def test_an_invalid_trial_is_refused(trials):
-    broken = trials[0].copy(deep=True)
-    broken["torque"][777] = np.nan
-    with pytest.raises(DataError, match="torque is not finite at sample 777"):
-        prepare(broken)
-
-
-def test_a_plain_trial_may_change_between_two_identifications():
-    trial = simulate(seed=1, duration=8.0)
-    before = prepare(trial).regressors(**OPTIONS).torque
-    stiffness = identify(trial, "pr-moesp", basis="rectifier").stiffness["K"]
-    trial["torque"] = 2.0 * trial["torque"]
-    np.testing.assert_allclose(prepare(trial).regressors(**OPTIONS).torque, 2.0 * before)
-    assert identify(trial, "pr-moesp", basis="rectifier").stiffness["K"] == pytest.approx(2.0 * stiffness, rel=1e-9)
-
-
-def test_two_threads_give_the_results_of_one(trials):
-    def results(trial):
-        shared = prepare(trial)
-        return [identify_by(shared, name) for _ in range(2) for name in METHODS]
-
-    with ThreadPoolExecutor(2) as pool:
-        concurrent = list(pool.map(results, trials))
-    for trial, estimates in zip(trials, concurrent, strict=True):
-        for estimate, expected in zip(estimates, results(trial), strict=True):
-            assert_same_estimate(estimate, expected)
-
-
 def test_merged_trials_share_a_basis(trials):
     prepared = [prepare(trial) for trial in trials]
     basis = fit_shared_basis(prepared, 0.04, "chebyshev", 4)
@@ -181,16 +151,3 @@ def test_merged_trials_share_a_basis(trials):
         assert regressors.inputs.shape[1] == 3 + 4
     for alone, together in zip(identify(trials, "pr-moesp"), identify(prepared, "pr-moesp"), strict=True):
         assert_same_estimate(together, alone)
-
-
-def test_torques_on_one_grid_share_nothing_that_can_change():
-    time = np.arange(5) / 100.0
-    first, second = (torque_dataset(time, 100.0, net=np.full(5, value)) for value in (1.0, 2.0))
-    first["net"][:] = 7.0
-    first["net"].attrs["units"] = "none"
-    first["time"].attrs["units"] = "none"
-    first.attrs["identification_rate"] = 0.0
-    third = torque_dataset(time, 100.0, net=np.full(5, 2.0))
-    assert second.identical(third)
-    assert third["net"].attrs == {"units": "N·m", "long_name": "estimated net torque"}
-    assert third.attrs == {"identification_rate": 100.0}

@@ -4,18 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from value_comparison import assert_same_estimate
 
-from ankleloop import identify, load_estimate, load_trial, new_trial, save_estimate, save_trial, simulate
+from ankleloop import identify, load_estimate, save_estimate, simulate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable, load_estimates
 from ankleloop.joint.regressors import TORQUES, torque_dataset
-from ankleloop.trials.group_files import read_groups, write_groups
-from ankleloop.trials.trial_files import load_trials, save_trials
 
 EXAMPLES = settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -26,74 +23,8 @@ names = st.from_regex(r"[a-z][a-z0-9_]{0,12}", fullmatch=True)
 texts = st.text(st.characters(codec="utf-8", exclude_characters="\0", max_codepoint=0xD7FF), max_size=20)
 
 
-def bits(array):
-    return np.asarray(array, dtype=float).tobytes()
-
-
 def arrays(elements=numbers, **options):
     return hnp.arrays(float, hnp.array_shapes(max_dims=2, min_side=1, max_side=4), elements=elements, **options)
-
-
-@st.composite
-def groups(draw):
-    """Groups of variables and attributes; names do not serve twice in a group."""
-    contents = {}
-    for group in draw(st.lists(names, max_size=2, unique=True)):
-        values = draw(st.dictionaries(names, st.one_of(arrays(), numbers, texts), max_size=4))
-        variables = {
-            name: (tuple(f"{name}_{axis}" for axis in range(np.ndim(value))), value)
-            for name, value in values.items()
-            if not isinstance(value, str)
-        }
-        attributes = {name: value for name, value in values.items() if isinstance(value, str)}
-        contents[group] = xr.Dataset(variables, attrs=attributes)
-    return contents
-
-
-@EXAMPLES
-@given(contents=groups())
-@pytest.mark.parametrize("suffix", [".nc", ".mat"])
-def test_groups(tmp_path, suffix, contents):
-    path = tmp_path / f"x{suffix}"
-    write_groups({"": xr.Dataset(attrs={"kind": "k"})} | contents, path, "v", overwrite=True)
-    read = read_groups(path, "v")
-    assert read[""].text("kind") == "k"
-    for group, data in contents.items():
-        for name, variable in data.data_vars.items():
-            assert bits(read[group].array(name, *variable.shape, finite=False)) == bits(variable.values)
-        for name, text in data.attrs.items():
-            assert read[group].text(name) == text
-
-
-@st.composite
-def trials_of(draw):
-    """Trials of equal length, some of whose extra channels are constant."""
-    size, count = draw(st.integers(8, 20)), draw(st.integers(1, 4))
-    rate = draw(st.sampled_from([100.0, 333.3, 1000.0]))
-    trials = []
-    for number in range(count):
-        torque = draw(hnp.arrays(float, size, elements=st.floats(-1e6, 1e6)))
-        torque[:2] = 0.0, 1.0  # it is not constant
-        extra = draw(st.one_of(st.just(np.zeros(size)), hnp.arrays(float, size, elements=finite)))
-        position = 1e-3 * np.arange(size) / rate * draw(st.floats(0.5, 2.0))
-        trials.append(new_trial(position, torque, rate, emg=extra, seed=number, note=draw(texts)))
-    return trials
-
-
-@EXAMPLES
-@given(trials=trials_of())
-def test_trials(tmp_path, trials):
-    save_trials(trials, tmp_path / "x.nc", overwrite=True)
-    loaded = list(load_trials(tmp_path / "x.nc"))
-    assert len(loaded) == len(trials)
-    for before, after in zip(trials, loaded, strict=True):
-        assert after.attrs == before.attrs
-        for name in before.variables:
-            values = before[name].values
-            # A constant channel is kept as one number, which is its first one: 0.0 equals -0.0.
-            assert bits(after[name].values) == bits(values) or (after[name] == values[0]).all()
-    save_trial(trials[0], tmp_path / "y.nc", overwrite=True)
-    assert load_trial(tmp_path / "y.nc").identical(trials[0])
 
 
 values_of_diagnostics = st.recursive(

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop import DataError
-from ankleloop.signals import sampling
 from ankleloop.signals.sampling import compute_rate, compute_rate_of_parts
 
 
@@ -40,15 +39,6 @@ def test_parts_have_the_rate_and_the_faults_of_the_whole(size, faults, gap, cuts
         for sample, value in faults:
             time[sample % size] += value
         assert in_parts(time, sorted(cuts)) == outcome(lambda: compute_rate(time, source="x"))
-
-
-def test_the_usual_step_of_very_many_times_is_that_of_a_choice(monkeypatch):
-    time = np.arange(10_000) / 100.0
-    time[5_000:] += 0.2
-    whole = in_parts(time, [100, 4_000])
-    assert "irregular at sample 5000 (50.2 s): it steps by 0.21 s where 0.01 s is usual (1 sample in all)" in whole
-    monkeypatch.setattr(sampling, "MOST_STEPS", 37)
-    assert in_parts(time, [100, 4_000]) == in_parts(time, []) == whole
 
 
 def test_all_parts_are_read_once_where_the_times_are_regular():

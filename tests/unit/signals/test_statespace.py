@@ -20,14 +20,6 @@ def test_the_companion_form_has_the_transfer_function(pole):
     np.testing.assert_allclose(response, denominator[-1] / np.polyval(denominator, s), rtol=1e-12)
 
 
-def test_the_state_of_the_companion_form_is_the_output_with_its_derivatives():
-    A, B, C = companion(lowpass_denominator(40.0, 0.8, 30.0))
-    state = np.array([0.3, -2.0, 5.0])
-    assert C @ state == state[0]
-    np.testing.assert_array_equal((A @ state)[:-1], state[1:])
-    np.testing.assert_array_equal(B[:-1], 0.0)
-
-
 def test_one_step_against_an_adaptive_solver():
     A, B = np.array([[0.0, 1.0], [-900.0, -20.0]]), np.array([[0.0], [900.0]])
     F, before, after = step_matrices(A, B, 0.02)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -36,15 +36,6 @@ def test_a_common_scale_does_not_change_the_vaf_and_a_gain_does(signal, scale, g
     assert vaf(signal, gain * signal) == pytest.approx(100 * (1 - (1 - gain) ** 2), abs=1e-6)
 
 
-@given(st.data())
-def test_at_most_hundred_and_less_for_any_other_shape(data):
-    signal = data.draw(signals)
-    other = data.draw(hnp.arrays(float, signal.size, elements=numbers))
-    assert vaf(signal, other) <= 100.0
-    assume(np.std(signal - other) > 1e-3)
-    assert vaf(signal, other) < 100.0
-
-
 @pytest.mark.parametrize(
     ("measured", "estimated", "message"),
     [
@@ -73,19 +64,6 @@ def test_the_interval_holds_the_value(data, lags):
 def test_a_perfect_estimate_has_no_interval():
     measured = np.array([0.0, 1.0, 3.0])
     assert vaf_with_interval(measured, measured + 2.0, 5) == (100.0, 100.0, 100.0)
-
-
-@pytest.mark.parametrize("scale", [1e-300, 1e-160, 1e-80, 1e80, 1e160, 1e300])
-def test_a_scale_at_which_squares_overflow_or_vanish_does_not_change_the_vaf(scale):
-    signal, error = np.random.default_rng(0).standard_normal((2, 1000))
-    expected = vaf_with_interval(signal, signal + 0.3 * error, 20)
-    assert vaf(scale * signal, scale * (signal + 0.3 * error)) == pytest.approx(expected[0], rel=1e-12)
-    assert vaf_with_interval(scale * signal, scale * (signal + 0.3 * error), 20) == pytest.approx(expected, rel=1e-9)
-
-
-def test_an_estimate_of_another_scale_has_no_vaf():
-    with pytest.raises(DataError, match="1e150 times as large as the measured one: check its unit"):
-        vaf([1.0, 2.0, 4.0], [1e300, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("signal", ["no", [True, False], [1j, 2.0], [[1.0], [1.0, 2.0]], None])

@@ -123,9 +123,9 @@ def time_scores(point: Point) -> np.ndarray:
 def estimate_deviations(point: Point, covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
     """Standard deviations of the physical parameters, or of their logarithms; those of the reflex by differences."""
     nonlinearity, reflex, slopes = point.path.nonlinearity, slice(MOTION, point.parameters.linear.size), []
-    values, deviations = np.array(nonlinearity.fit_rectifier()[:2]), np.sqrt(np.diag(covariance))
+    values, deviations = np.array(nonlinearity.rectifier[:2]), np.sqrt(np.diag(covariance))
     for step in np.diag(0.1 * deviations[reflex]):
-        shifted = replace(nonlinearity, coefficients=nonlinearity.coefficients + step).fit_rectifier()[:2]
+        shifted = replace(nonlinearity, coefficients=nonlinearity.coefficients + step).rectifier[:2]
         slopes.append((np.array(shifted) - values) / step.sum())
     gain, threshold = np.sqrt(np.diag(np.transpose(slopes) @ covariance[reflex, reflex] @ slopes)).tolist()
     names = np.array(point.names)[free].tolist()
