@@ -81,7 +81,7 @@ def identify_recording(
 ) -> tuple[pd.DataFrame, Path]:
     """Analyse a recording as the workflow does, and write its page, its table and its estimates."""
     from ankleloop.studies.recordings import analyse_recordings
-    from ankleloop.trials.csv_output import write_csv
+    from ankleloop.trials.files import write_csv
 
     name = name_recording(path)
     study = _make_study(path, reading, name, tuple(methods))

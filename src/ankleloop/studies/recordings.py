@@ -21,8 +21,7 @@ from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.studies.failures import locate_errors
-from ankleloop.trials.csv_output import write_csv
-from ankleloop.trials.files import atomic_file
+from ankleloop.trials.files import atomic_file, write_csv
 
 log = logging.getLogger(__name__)
 

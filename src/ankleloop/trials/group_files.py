@@ -71,9 +71,7 @@ def write_groups(
         _write_mat(groups, path, variable, overwrite)
         return
     datasets = {f"/{group}": _split_complex(data.drop_encoding()) for group, data in groups.items()}
-    # Fill values would change numbers.
-    encoding = {group: {name: {"_FillValue": None} for name in data.variables} for group, data in datasets.items()}
-    write_netcdf(xr.DataTree.from_dict(datasets), path, encoding, overwrite=overwrite)
+    write_netcdf(xr.DataTree.from_dict(datasets), path, overwrite=overwrite)
 
 
 def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields]:

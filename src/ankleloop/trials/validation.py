@@ -19,11 +19,15 @@ MAX_SPEED = 20.0  # rad/s: no joint moves faster; a position that does is usuall
 
 
 def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
-    """Check that a data set keeps the contract of a trial."""
+    """Check that a data set keeps the contract of a trial; it gets the sampling rate of its times if it has none."""
     _check_form(trial, source)
     _check_units(trial, source)
-    time, rate = trial.variables["time"].values, parse_rate(trial.attrs["sampling_rate"], source=source)
-    check_same_rate(rate, compute_rate(time, source=source), source=source)
+    time = trial.variables["time"].values
+    measured = compute_rate(time, source=source)
+    if "sampling_rate" not in trial.attrs:
+        trial = trial.assign_attrs(sampling_rate=measured)
+    rate = parse_rate(trial.attrs["sampling_rate"], source=source)
+    check_same_rate(rate, measured, source=source)
     check_samples([{str(name): trial.variables[name].values for name in trial.data_vars}], rate, time[0], source=source)
     return trial
 
@@ -38,8 +42,6 @@ def _check_form(trial: xr.Dataset, source: str) -> None:
                 f"{source}: there is no variable {name} among {sorted(map(str, trial.data_vars))}: make the trial with "
                 "new_trial, or name the variable in read_trial."
             )
-    if "sampling_rate" not in trial.attrs:
-        raise DataError(f"{source}: the attribute sampling_rate is missing: set trial.attrs['sampling_rate'] in Hz.")
     if "time" not in trial.coords:
         raise DataError(f"{source}: there is no coordinate time: make the trial with new_trial.")
     for name in (*trial.data_vars, "time"):

@@ -7,8 +7,8 @@ import scipy.io
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channel_files import decode
 from ankleloop.trials.channels import check_unit, find_unit_in_name, time_factor
+from ankleloop.trials.containers import decode
 from ankleloop.trials.readers import read_trial
 
 RATE = 500.0

@@ -161,7 +161,7 @@ def test_files_that_cannot_be_opened(tmp_path):
     for name in {*names} - {"whole.h5"}:
         assert isinstance(compare(tmp_path / name), str)
     assert not isinstance(compare(tmp_path / "whole.h5"), str)
-    with pytest.raises(DataError, match=r"read from \.h5, \.hdf5, \.nc; convert it first"):
+    with pytest.raises(DataError, match=r"read from \.h5, \.hdf5, \.nc, \.flb; convert it first"):
         LongRecord(tmp_path / "x.csv")
 
 

@@ -106,7 +106,7 @@ def test_csv_gz_of_raw_text(tmp_path):
     lines = [f"{t:.3f},{p!r},{tq!r}" for t, p, tq in zip(T, P.tolist(), TQ.tolist(), strict=True)]
     with gzip.open(tmp_path / "a.csv.gz", "wt", encoding="utf-8") as file:
         file.write("\n".join(["time_s,position_rad,torque_nm", *lines]) + "\n")
-    assert_signals(read_trial(str(tmp_path / "a.csv.gz"), position="position_rad", torque="torque_nm"))
+    assert_signals(read_trial(str(tmp_path / "a.csv.gz")))  # by their names
 
 
 def test_csv_with_blanks_empty_lines_and_byte_order_mark(tmp_path):
@@ -148,10 +148,9 @@ def test_mat_v5_struct(tmp_path):
 def test_mat_v73_struct(tmp_path):
     path = write_v73(tmp_path / "a.mat", {"rec": {"ankle": {"pos": P, "tq": TQ}, "Fs": RATE}, "fs": 1.0})
     assert_signals(read_trial(path, position="rec.ankle.pos", torque="rec.ankle.tq"))
-    with pytest.raises(
-        DataError, match=r"no variable 'position'; the file has: fs, rec.Fs, rec.ankle.pos, rec.ankle.tq\."
-    ):
-        read_trial(path)
+    assert_signals(read_trial(path))  # by their names
+    with pytest.raises(DataError, match=r"no variable 'pos'; the file has: fs, rec.Fs, rec.ankle.pos, rec.ankle.tq\."):
+        read_trial(path, position="pos")
 
 
 def test_mat_v73_empty_array_is_not_its_size(tmp_path):
@@ -267,7 +266,8 @@ def test_attributes_record_the_options(tmp_path):
         "source": "a.csv",
         "position_variable": "angle",
         "torque_variable": "torque",
-        "position_unit": "deg",
+        "position_unit": "rad",
+        "position_unit_of_file": "deg",
         "position_sign": -1,
         "torque_sign": -1,
     }
