@@ -86,7 +86,7 @@ def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path | io.
             yield path
             return
         answer = _answer_of(path, "copy", lambda reason: describe_damage(path, kind, remedy, reason), {})
-        yield io.BytesIO(answer["copy"].values)
+        yield io.BytesIO(np.asarray(answer["copy"].values).tobytes())
 
 
 @contextmanager
@@ -135,11 +135,12 @@ class _Reader:
         # -P: files of the current folder that have the name of a module are not imported.
         command = [sys.executable, "-P", "-c", PROGRAM, str(Path(__file__).parents[2]), str(end.fileno())]
         threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+        nothing = subprocess.DEVNULL
         with end:
             self.process = subprocess.Popen(
-                command, env={**os.environ, **threads}, pass_fds=[end.fileno()], start_new_session=True, **quiet
-            )
+                command, stdin=nothing, stdout=nothing, stderr=nothing, env={**os.environ, **threads},
+                pass_fds=[end.fileno()], start_new_session=True,
+            )  # fmt: skip
         atexit.register(self.stop)
 
     def stop(self) -> None:
@@ -244,7 +245,8 @@ def main() -> None:
 
 def _answer(pipe: Connection, task: str, name: str, seconds: float, memory: float, wanted: Any) -> dict[str, Any]:
     """Do a task with a file; the last message, without `warnings` if a library failed."""
-    path, end = Path(name), {}
+    path = Path(name)
+    end: dict[str, Any] = {}
     container, stamp = choose_container(path), stamp_file(path)  # a library is imported without limits
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -255,7 +257,7 @@ def _answer(pipe: Connection, task: str, name: str, seconds: float, memory: floa
                 message = {"role": role, "name": channel.name, "unit": channel.unit, "shape": channel.shape}
                 message |= {"type": values.dtype.str, "samples": values.shape}
                 pipe.send_bytes(json.dumps(message).encode())
-                pipe.send_bytes(memoryview(values.reshape(-1)).cast("B"))
+                pipe.send_bytes(values.tobytes())
         except DataError as error:
             end = {"refusal": str(error)}
         except MemoryError:
