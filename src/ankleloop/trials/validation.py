@@ -78,12 +78,16 @@ def check_samples(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start
     The samples come in one block or several, of which the first one begins at `start` [s].
     """
     channels: dict[str, _Channel] = {}
-    fastest = _Fastest(rate)
+    fastest, fastest_sample, before = 0.0, 0, np.empty(0)
     for block in blocks:
+        position = np.concatenate([before, block["position"]]) if before.size else block["position"]
         for name, values in block.items():
             channels.setdefault(name, _Channel()).add(values)
         if not channels["position"].missing:
-            fastest.add(block["position"])
+            sample, speed = peak_speed(position, rate)
+            if not speed <= fastest:
+                fastest, fastest_sample = speed, channels["position"].samples - position.size + sample
+        before = position[-2 * _speed_margin(rate) :].copy()
     for name, channel in channels.items():
         if channel.missing:
             raise DataError(
@@ -93,10 +97,10 @@ def check_samples(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start
     for name in CHANNELS:
         if name in channels:
             _check_spread(name, channels[name], source)
-    if not fastest.speed <= MAX_SPEED:
+    if not fastest <= MAX_SPEED:
         raise DataError(
-            f"{source}: position moves at {fastest.speed:.4g} rad/s at sample {fastest.sample} "
-            f"({start + fastest.sample / rate:g} s), above {MAX_SPEED:g} rad/s: is the position in degrees? pass "
+            f"{source}: position moves at {fastest:.4g} rad/s at sample {fastest_sample} "
+            f"({start + fastest_sample / rate:g} s), above {MAX_SPEED:g} rad/s: is the position in degrees? pass "
             "position_unit='deg', or convert it to rad; otherwise look for a spike there."
         )
 
@@ -117,23 +121,6 @@ class _Channel:
         self.first = values[0] if not self.samples else self.first
         self.low, self.high = min(self.low, values.min()), max(self.high, values.max())
         self.samples += values.size
-
-
-class _Fastest:
-    """Largest speed of the position, and its sample."""
-
-    def __init__(self, rate: float) -> None:
-        self.rate, self.samples, self.sample, self.speed = rate, 0, 0, 0.0
-        self._last = np.empty(0)
-
-    def add(self, position: np.ndarray) -> None:
-        """Take in the next samples."""
-        joined = np.concatenate([self._last, position]) if self._last.size else position
-        sample, speed = peak_speed(joined, self.rate)
-        if not speed <= self.speed:
-            self.sample, self.speed = self.samples - self._last.size + sample, speed
-        self.samples += position.size
-        self._last = joined[-2 * _speed_margin(self.rate) :].copy()
 
 
 def _speed_margin(rate: float) -> int:

@@ -1,7 +1,6 @@
 """Nothing is overwritten unasked, and a writer that fails or is killed leaves nothing behind."""
 
 import errno
-import io
 import os
 import signal
 import subprocess
@@ -29,7 +28,6 @@ from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.paper.tables import write_table
 from ankleloop.recordings.files import export_estimate
 from ankleloop.trials.files import (
-    Sink,
     _partial_path,
     atomic_file,
     atomic_netcdf,
@@ -267,17 +265,6 @@ def test_a_full_disk_leaves_the_good_file_and_nothing_else(tmp_path):
         assert items == (f"['{name}']" if exists == "True" else "[]"), writer
         assert exists == "False" or path.read_text() == "good"
         assert f"{path}: the file cannot be written (File too large): free space in the folder {path.parent}" in message
-
-
-def test_a_full_device():
-    """/dev/full refuses all that is written."""
-    sink = Sink.__new__(Sink)
-    io.FileIO.__init__(sink, "/dev/full", "rb+")
-    sink._failure = None
-    with pytest.raises(OSError, match="No space left") as failure, sink:  # noqa: PT012
-        assert sink.write(b"lost") == 4
-        raise RuntimeError("that follows from it")
-    assert failure.value.errno == errno.ENOSPC
 
 
 def test_a_folder_that_is_read_only(trial):
