@@ -18,8 +18,7 @@ from ankleloop.paper.economy import measure_economy
 from ankleloop.paper.evidence import StudyResults
 from ankleloop.paper.ledger import format_ledger, verify
 from ankleloop.paper.trial_tables import read_results
-from ankleloop.trials.csv_output import write_csv
-from ankleloop.trials.files import atomic_file
+from ankleloop.trials.files import atomic_file, write_csv
 from ankleloop.trials.trial_files import load_trials
 
 from job import running

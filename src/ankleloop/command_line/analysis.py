@@ -27,7 +27,7 @@ from ankleloop.studies.config import RecordingsStudy
 from ankleloop.studies.recording_settings import Recording
 from ankleloop.studies.recordings import analyse_recordings
 from ankleloop.studies.study import RecordedStudy
-from ankleloop.trials.csv_output import write_csv
+from ankleloop.trials.files import write_csv
 
 COLUMNS = ("vaf_unseen", "K", "B", "I", "G")  # of the tables on the terminal
 TABLE, FIGURE = "recordings.csv", "recordings-figure"  # of several recordings

@@ -34,9 +34,9 @@ Exit status: 0 the recording can be identified, perhaps with warnings; 1 it is r
 def check(file: Path, **values: Any) -> int:
     """Check what can be identified from a recording, before anything is fitted to it.
 
-    FILE is a CSV (also .csv.gz), MATLAB (.mat), HDF5 (.h5) or NetCDF (.nc) file. Length, clipping, spikes, sign of the
-    torque, coherence, excitation and drift are checked, and whether the loop is closed, which decides which methods are
-    valid.
+    FILE is a CSV (also .csv.gz), MATLAB (.mat), HDF5 (.h5), NetCDF (.nc) or FLB (.flb) file. If an FLB file has several
+    cases, they are listed. Length, clipping, spikes, sign of the torque, coherence, excitation and drift are checked,
+    and whether the loop is closed, which decides which methods are valid.
     """
     reading = map_file(file, **values)
     trial, result = check_file(file, reading)

@@ -59,7 +59,7 @@ Exit status: 0 done; 1 a recording is refused, or no method is valid for it (the
 @click.option(
     "--delay",
     metavar="S|estimate",
-    help="Reflex delay of every method [s]; `estimate` for the methods that can.  [default: 0.04]",
+    help="Reflex delay of every method [s]; `estimate` for the methods that can.  [default: that of each method]",
 )
 @click.option(
     "--option",

@@ -78,7 +78,7 @@ def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Readin
     if no_reference and "reference" in stated:
         raise click.UsageError("--reference and --no-reference exclude each other.")
     reasons = {name: "by its option" for name in (*GUESSED, "position_unit") if name in stated}
-    variables = list_variables(path)
+    variables = list_variables(path, stated.get("case"))
     for channel in GUESSED:
         if channel in stated or (channel == "reference" and no_reference):
             continue
@@ -123,7 +123,7 @@ def name_recordings(files: Iterable[Path]) -> dict[str, Path]:
 
 def name_recording(path: Path) -> str:
     """Name of a recording, which is part of the names of its files, by the name of its file."""
-    from ankleloop.trials.file_formats import find_suffix
+    from ankleloop.trials.containers import find_suffix
 
     stem = path.name[: len(path.name) - len(find_suffix(path) or path.suffix)]
     name = re.sub(r"[^A-Za-z0-9_.-]+", "-", stem)

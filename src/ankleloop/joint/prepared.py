@@ -49,7 +49,7 @@ class PreparedTrial:
 
     def __init__(self, trial: xr.Dataset, *, validated: bool = False) -> None:
         self.trial = trial if validated else validate(trial)
-        self.rate = float(trial.attrs["sampling_rate"])
+        self.rate = float(self.trial.attrs["sampling_rate"])
         self.time: np.ndarray = trial.variables["time"].values  # of every sample [s], shape (samples,)
         self.computed: dict[Hashable, Any] = {}  # values by what they were computed of; they must not be changed
 

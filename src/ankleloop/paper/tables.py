@@ -13,8 +13,7 @@ import pandas as pd
 from ankleloop.paper.results import format_pairs
 from ankleloop.paper.trial_counts import COUNTS, count_outcomes, summarise_scores
 from ankleloop.signals.vaf import confidence_margin
-from ankleloop.trials.csv_output import write_csv
-from ankleloop.trials.files import atomic_file
+from ankleloop.trials.files import atomic_file, write_csv
 
 
 def compare_with_published(

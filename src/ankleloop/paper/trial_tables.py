@@ -22,8 +22,7 @@ from ankleloop.options import Options
 from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
 from ankleloop.quantities import QUANTITIES, Quantity
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.trials.csv_output import write_csv
-from ankleloop.trials.files import atomic_file, check_readable
+from ankleloop.trials.files import atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
 
 PathLike = str | os.PathLike[str]

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from ankleloop.trials.csv_output import quote_formulas
-from ankleloop.trials.files import atomic_file
+from ankleloop.trials.files import atomic_file, quote_formulas
 
 if TYPE_CHECKING:
     import pandas as pd

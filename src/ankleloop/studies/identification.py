@@ -18,7 +18,7 @@ from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.registry import identify
 from ankleloop.paper.trial_tables import ENDS, ESTIMATED, as_table, save_table
-from ankleloop.trials.trial_files import FailedTrial, load_chunks
+from ankleloop.trials.trial_files import FailedTrial, load_rows
 
 log = logging.getLogger(__name__)
 
@@ -32,14 +32,8 @@ Trials = Iterator[tuple[str, int, xr.Dataset | FailedTrial]]  # condition and nu
 
 def read_trials(path: PathLike, conditions: Points) -> Trials:
     """Trials of a file, those of each condition from `first` to `stop` without it."""
-    ranks = {condition: rank for rank, condition in enumerate(conditions)}
-    numbers = {condition: (part["first"], part["stop"]) for condition, part in conditions.items()}
     with locate_errors(str(path)):
-        for chunk in load_chunks(path, numbers):
-            rows: list[tuple[str, int, xr.Dataset | FailedTrial]]
-            rows = list(zip(chunk.points, chunk.numbers, chunk.trials, strict=True))
-            rows += [(failure.point, failure.number, failure) for failure in chunk.failures]
-            yield from sorted(rows, key=lambda row: (ranks[row[0]], row[1]))
+        yield from load_rows(path, {condition: (part["first"], part["stop"]) for condition, part in conditions.items()})
 
 
 def identify_trials(

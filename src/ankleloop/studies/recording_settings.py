@@ -9,14 +9,14 @@ from typing import Any, Self
 from pydantic import field_validator, model_validator
 
 from ankleloop.options import option
-from ankleloop.trials.reading_options import ReadingOptions
+from ankleloop.trials.channels import ReadingOptions
 
 
 class Recording(ReadingOptions):
     """A recording: its file, how it is read, and which part of it is used."""
 
     file: str = option(
-        description="path of the file below the folder of the study (.csv, .csv.gz, .mat, .h5, .nc)", min_length=1
+        description="path of the file below the folder of the study (.csv, .csv.gz, .mat, .h5, .nc, .flb)", min_length=1
     )
     subject: str = option("", "subject; groups the figures")
     condition: str = option("", "condition; groups the figures")

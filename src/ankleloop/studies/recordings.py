@@ -20,8 +20,7 @@ from ankleloop.errors import NUMERICAL_ERRORS, ResourceError, locate_errors
 from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.trials.csv_output import write_csv
-from ankleloop.trials.files import atomic_file
+from ankleloop.trials.files import atomic_file, write_csv
 
 log = logging.getLogger(__name__)
 

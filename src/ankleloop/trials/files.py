@@ -8,19 +8,17 @@ checksum any more, and no wrong one.
 from __future__ import annotations
 
 import errno
+import glob
 import hashlib
 import io
 import os
 import platform
-import re
 import stat
-import time
 import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +26,7 @@ from ankleloop.errors import DataError, ResourceError
 
 if TYPE_CHECKING:
     import h5netcdf
+    import pandas as pd
     import xarray as xr
 
 PathLike = str | os.PathLike[str]
@@ -35,8 +34,8 @@ PathLike = str | os.PathLike[str]
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
 
-NAME_BYTES = 200  # of the name of the file in the name of its partial file; file systems allow 255 in all
-ABANDONED = 7 * 86400.0  # s without writing, after which a partial file of another computer has no writer
+NAME_BYTES, NODE_CHARACTERS = 180, 32  # in the name of a partial file; file systems allow 255 bytes in all
+FORMULA = ("=", "+", "-", "@")  # with which a spreadsheet begins a formula
 
 MARK = b"\nankleloop: SHA-256 of all before this line: "
 LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size + 1
@@ -61,7 +60,7 @@ def check_output(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pa
         if not os.access(path.parent, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         with suppress(FileNotFoundError):
-            _check_existing(path, path.lstat(), overwrite, inputs)
+            _check_existing(path, path.lstat().st_mode, overwrite, inputs)
     except OSError as cause:
         raise _write_error(path, cause) from cause
     except DataError:
@@ -71,13 +70,13 @@ def check_output(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pa
     return path
 
 
-def _check_existing(path: Path, status: os.stat_result, overwrite: bool, inputs: Iterable[PathLike]) -> None:
+def _check_existing(path: Path, kind: int, overwrite: bool, inputs: Iterable[PathLike]) -> None:
     for source in inputs:
         if path.exists() and os.path.exists(source) and path.samefile(source):
             raise DataError(f"{path}: the file is being read ({source}): write to another name.")
     if path.is_dir():
         raise DataError(f"{path}: this is a folder: write to a file in it.")
-    if not (stat.S_ISREG(status.st_mode) or stat.S_ISLNK(status.st_mode)):
+    if not (stat.S_ISREG(kind) or stat.S_ISLNK(kind)):
         raise DataError(f"{path}: this is a device, no file: write to a file.")
     if not overwrite and holds_content(path):
         raise DataError(f"{path}: the file exists already: write to another name, or replace it by overwrite=True.")
@@ -106,42 +105,25 @@ def _write_error(path: Path, cause: OSError) -> DataError | ResourceError:
 
 def _partial_path(path: Path) -> Path:
     """Hidden name beside a file under which it is written: it states the computer and the process."""
-    return path.with_name(f"{_prefix(path)}{_computer()}-{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
+    return path.with_name(f"{_partial_start(path)}{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
 
 
-def _prefix(path: Path) -> str:
-    return f".{os.fsencode(path.name)[:NAME_BYTES].decode(errors='ignore')}."
-
-
-@cache
-def _computer() -> str:
-    """Digest of the computer, with its space of process numbers (of a container)."""
-    processes = ""
-    with suppress(OSError):  # Linux only
-        processes = os.readlink("/proc/self/ns/pid")
-    return hashlib.sha256(f"{platform.node()} {processes}".encode()).hexdigest()[:8]
+def _partial_start(path: Path) -> str:
+    name = os.fsencode(path.name)[:NAME_BYTES].decode(errors="ignore")
+    return f".{name}.{platform.node()[:NODE_CHARACTERS]}-"
 
 
 def _remove_stale(path: Path) -> None:
-    """Remove the partial files of a file whose process no longer lives; those of another computer after a week."""
-    pattern = re.compile(rf"{re.escape(_prefix(path))}([0-9a-f]{{8}})-(\d+)-[0-9a-f]{{8}}\.part")
-    with suppress(OSError):  # the writer reports a folder that cannot be used
-        for match in map(pattern.fullmatch, os.listdir(path.parent)):
-            with suppress(OSError):  # another writer removes it at the same time
-                if match and _is_stale(path.with_name(match[0]), match[1], int(match[2])):
-                    path.with_name(match[0]).unlink()
-
-
-def _is_stale(partial: Path, computer: str, process: int) -> bool:
-    if computer != _computer() or os.name != "posix":  # elsewhere than on POSIX, signal 0 ends the process
-        return time.time() - partial.stat().st_mtime > ABANDONED
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return True
-    except PermissionError:  # it is another user's
-        return False
-    return False
+    """Remove the partial files of a file whose process, on this computer, no longer lives."""
+    start = _partial_start(path)
+    for partial in path.parent.glob(f"{glob.escape(start)}*.part"):
+        process = partial.name.removeprefix(start).partition("-")[0]
+        try:
+            os.kill(int(process), 0)
+        except (ProcessLookupError, OverflowError):
+            partial.unlink(missing_ok=True)
+        except (OSError, ValueError):  # it is another user's, or no file of this library
+            continue
 
 
 @contextmanager
@@ -153,30 +135,20 @@ def atomic_file(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pat
     """
     inputs = [*inputs]
     path = check_output(path, overwrite=overwrite, inputs=inputs)
-    _remove_stale(path)
     partial = _partial_path(path)
     try:
+        _remove_stale(path)
         yield partial
         with open(partial, "rb+") as file:  # a power cut must not leave the name without the content
             os.fsync(file.fileno())
         check_output(path, overwrite=overwrite, inputs=inputs)  # others may have written it meanwhile
-        _publish(partial, path, overwrite)
+        os.replace(partial, path)
     except OSError as cause:
         if cause.filename is not None and Path(os.fsdecode(cause.filename)) != partial:  # of another file
             raise
         raise _write_error(path, cause) from cause
     finally:
         partial.unlink(missing_ok=True)
-
-
-def _publish(partial: Path, path: Path, overwrite: bool) -> None:
-    if not overwrite and not os.path.lexists(path):
-        try:
-            os.link(partial, path)  # unlike a renaming it fails where another writer was first
-            return
-        except OSError:  # another writer was first, or a file system without hard links
-            check_output(path)
-    os.replace(partial, path)
 
 
 class Sink(io.FileIO):
@@ -220,26 +192,32 @@ class Sink(io.FileIO):
 
 
 @contextmanager
+def _netcdf_sink(path: PathLike, overwrite: bool, inputs: Iterable[PathLike]) -> Iterator[Sink]:
+    with atomic_file(path, overwrite=overwrite, inputs=inputs) as partial:
+        with Sink(partial) as sink:
+            yield sink
+        append_checksum(partial)
+
+
+@contextmanager
 def atomic_netcdf(
     path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()
 ) -> Iterator[tuple[h5netcdf.File, Sink]]:
     """Open a NetCDF-4 file to be filled piece by piece, which appears when it is complete, with its checksum."""
     import h5netcdf  # here, with h5py: few jobs write such files
 
-    with atomic_file(path, overwrite=overwrite, inputs=inputs) as partial:
-        with Sink(partial) as sink, h5netcdf.File(sink, "w") as file:
-            yield file, sink
-        append_checksum(partial)
+    with _netcdf_sink(path, overwrite, inputs) as sink, h5netcdf.File(sink, "w") as file:
+        yield file, sink
 
 
-def write_netcdf(
-    data: xr.Dataset | xr.DataTree, path: PathLike, encoding: dict[str, Any] | None = None, *, overwrite: bool = False
-) -> None:
+def write_netcdf(data: xr.Dataset | xr.DataTree, path: PathLike, *, overwrite: bool = False) -> None:
     """Write a data set or a tree of them as a NetCDF-4 file, which appears when it is complete, with its checksum."""
-    with atomic_file(path, overwrite=overwrite, inputs=source_files(data)) as partial:
-        with Sink(partial) as sink:
-            data.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
-        append_checksum(partial)
+    if hasattr(data, "subtree"):
+        encoding: Any = {node.path: {name: {"_FillValue": None} for name in node.variables} for node in data.subtree}
+    else:
+        encoding = {name: {"_FillValue": None} for name in data.variables}  # fill values would change numbers
+    with _netcdf_sink(path, overwrite, source_files(data)) as sink:
+        data.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
 
 
 def source_files(data: xr.Dataset | xr.DataTree) -> set[str]:
@@ -279,29 +257,46 @@ def stamp_file(path: PathLike) -> tuple[int, ...]:
 
 def append_checksum(path: PathLike) -> None:
     """Append the checksum of its content to a file."""
-    with open(path, "rb+") as file:
-        line = _compute_line(file, os.fstat(file.fileno()).st_size)
+    line = _checksum_line(path, os.stat(path).st_size)
+    with open(path, "ab") as file:
         file.write(line)
 
 
 def has_right_checksum(path: PathLike) -> bool | None:
     """Whether the content of a file is the one that was written; None for a file without a checksum."""
+    size = os.stat(path).st_size - LENGTH
+    if size < 0:
+        return None
     with open(path, "rb") as file:
-        size = os.fstat(file.fileno()).st_size - LENGTH
-        if size < 0:
-            return None
         file.seek(size)
         line = file.read(LENGTH)
-        if not line.startswith(MARK):
-            return None
-        file.seek(0)
-        return line == _compute_line(file, size)
+    return line == _checksum_line(path, size) if line.startswith(MARK) else None
 
 
-def _compute_line(file: BinaryIO, size: int) -> bytes:
-    """Line with the checksum of the first bytes of a file, which is read as far as these bytes."""
+def _checksum_line(path: PathLike, size: int) -> bytes:
+    """Line with the checksum of the first bytes of a file."""
     checksum = hashlib.sha256()
-    while size > 0 and (piece := file.read(min(size, PIECE))):
-        checksum.update(piece)
-        size -= len(piece)
+    with open(path, "rb") as file:
+        while size > 0 and (piece := file.read(min(size, PIECE))):
+            checksum.update(piece)
+            size -= len(piece)
     return MARK + checksum.hexdigest().encode() + b"\n"
+
+
+# --- Tables for people, as CSV
+
+
+def write_csv(table: pd.DataFrame, path: PathLike, *, overwrite: bool = False) -> None:
+    """Write a table; text in it that begins like a formula gets a quote in front."""
+    with atomic_file(path, overwrite=overwrite) as partial:
+        quote_formulas(table).to_csv(partial, index=False, lineterminator="\n")
+
+
+def quote_formulas(table: pd.DataFrame) -> pd.DataFrame:
+    """A table with a quote in front of text that a spreadsheet would take for a formula."""
+    texts = table.select_dtypes(exclude=["number", "bool"]).columns
+    return table.assign(**{name: table[name].map(_quote) for name in texts})
+
+
+def _quote(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value

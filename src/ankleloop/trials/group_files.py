@@ -71,9 +71,7 @@ def write_groups(
         _write_mat(groups, path, variable, overwrite)
         return
     datasets = {f"/{group}": _split_complex(data.drop_encoding()) for group, data in groups.items()}
-    # Fill values would change numbers.
-    encoding = {group: {name: {"_FillValue": None} for name in data.variables} for group, data in datasets.items()}
-    write_netcdf(xr.DataTree.from_dict(datasets), path, encoding, overwrite=overwrite)
+    write_netcdf(xr.DataTree.from_dict(datasets), path, overwrite=overwrite)
 
 
 def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields]:
@@ -112,11 +110,14 @@ def _read_netcdf(readable: Path | io.BytesIO) -> dict[str, dict[str, Any]]:
     import h5netcdf  # here, because its import takes time and workflow jobs do not need it
 
     with h5netcdf.File(readable, "r", phony_dims="access") as file:
-        contents = {}
-        for group, node in {"": file, **file.groups}.items():
-            values = {name: variable[...] for name, variable in node.variables.items()}
-            contents[group] = {name: _as_value(value) for name, value in {**node.attrs, **values}.items()}
-    return contents
+        return {
+            group: {name: _as_value(value) for name, value in {**node.attrs, **_read_variables(node)}.items()}
+            for group, node in {"": file, **file.groups}.items()
+        }
+
+
+def _read_variables(node: Any) -> dict[str, Any]:
+    return {name: variable[...] for name, variable in node.variables.items()}
 
 
 def _write_mat(groups: Mapping[str, xr.Dataset], path: Path, variable: str, overwrite: bool) -> None:
@@ -145,20 +146,14 @@ def _as_struct(data: xr.Dataset) -> dict[str, Any]:
 def _read_mat(readable: Path | io.BytesIO, variable: str, source: str) -> dict[str, dict[str, Any]]:
     import scipy.io
 
-    workspace = scipy.io.loadmat(readable)
-    if variable not in workspace or workspace[variable].dtype.names is None:
+    struct = scipy.io.loadmat(readable, simplify_cells=True).get(variable)
+    if not isinstance(struct, dict):
         raise DataError(f"{source}: there is no struct {variable!r}: the file is of another origin.")
-    contents: dict[str, dict[str, Any]] = {"": {}}
-    for name, value in _read_struct(workspace[variable]).items():
-        if value.dtype.names is None:
-            contents[""][name] = _as_value(value)
-        else:
-            contents[name] = {field: _as_value(inner) for field, inner in _read_struct(value).items()}
-    return contents
-
-
-def _read_struct(struct: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: struct[name].item() for name in struct.dtype.names or ()}
+    groups = {"": struct, **{name: value for name, value in struct.items() if isinstance(value, dict)}}
+    return {
+        group: {name: _as_value(value) for name, value in fields.items() if not isinstance(value, dict)}
+        for group, fields in groups.items()
+    }
 
 
 def _as_value(value: Any) -> Any:

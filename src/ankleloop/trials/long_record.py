@@ -3,33 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache, partial
-from pathlib import Path
+import os
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
+from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import compute_rate, compute_rate_of_parts
-from ankleloop.trials.channel_files import TIME
-from ankleloop.trials.channels import Channel
-from ankleloop.trials.file_formats import find_suffix
+from ankleloop.trials.channels import ReadingOptions
+from ankleloop.trials.containers import TIME, find_suffix
 from ankleloop.trials.files import stamp_file
 from ankleloop.trials.readers import choose_rate, parse_options
-from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial import check_sizes
 from ankleloop.trials.validation import check_samples
 
-SUFFIXES = (".h5", ".hdf5", ".nc")
+SUFFIXES = (".h5", ".hdf5", ".nc", ".flb")
 BLOCK = 250_000  # samples read at a time: each access to the file costs more than so many numbers
 
 
-@dataclass(frozen=True)
 class LongRecord:
-    """A recording that stays in its HDF5 or NetCDF file, read as `ankleloop.read_trial` reads a short one.
+    """A recording that stays in its HDF5, NetCDF or FLB file, read as `ankleloop.read_trial` reads a short one.
 
     When the record is made, all of its samples are read and checked: one pass more than those of an identification.
     This and all other reading is left to another process with limits of time and memory, because a damaged file can
@@ -50,6 +48,8 @@ class LongRecord:
         Unit of position and reference.
     position_sign, torque_sign : {1, -1}
         Factors that make the torque oppose stretch.
+    case : int, optional
+        The trial of an FLB file that has several, counted from 1.
     variables : mapping of str to str, optional
         Further variables, read as the file has them: the name in the pieces that `read` gives, and that in the file.
 
@@ -69,37 +69,32 @@ class LongRecord:
     3 100.0 [1. 2.]
     """
 
-    path: Path
-    sampling_rate: float | None = None
-    position: str = "position"
-    torque: str = "torque"
-    reference: str | None = "reference"
-    position_unit: str = "rad"
-    position_sign: int = 1
-    torque_sign: int = 1
-    variables: Mapping[str, str] | None = field(default=None, hash=False)
-    options: ReadingOptions = field(init=False, repr=False)
-    rate: float = field(init=False, repr=False)
-    samples: int = field(init=False, repr=False)
-    _stamp: tuple[int, ...] = field(init=False, repr=False, compare=False)
-    _block: Callable[[tuple[str, ...], int], dict[str, np.ndarray]] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        path = Path(self.path)
-        values = {name: getattr(self, name) for name in ReadingOptions.model_fields}
-        self._set(path=path, options=parse_options(path.name, **values))
-        if find_suffix(path) not in SUFFIXES:
-            raise DataError(f"{path.name}: long records are read from {', '.join(SUFFIXES)}; convert it first.")
-        channels = read_channels(path, self.options, with_samples=False)
-        self._set(_stamp=stamp_file(path), _block=lru_cache(2)(self._read_block))
-        self._fetch([*channels], 0, 1)  # refuses samples that are no numbers
-        rate = choose_rate(channels, self.options, partial(self._measure_rate, channels), source=path.name)
-        sizes = {role: math.prod(channels[role].shape) for role in self._roles}
-        check_sizes(sizes, source=path.name)
-        compute_rate(np.arange(min(sizes["position"], 2)) / rate, source=path.name)  # a single sample is no record
-        self._set(rate=rate, sampling_rate=rate, samples=sizes["position"])
+    @show_fields(ReadingOptions)
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        sampling_rate: float | None = None,
+        *,
+        reference: str | None = "reference",
+        **mapping: Any,
+    ) -> None:
+        self.path = check_path("LongRecord", "path", path)
+        source = self.path.name
+        ReadingOptions.check_names("LongRecord", mapping)
+        self.options = parse_options(source, sampling_rate=sampling_rate, reference=reference, **mapping)
+        self.reference = self.options.reference
+        if find_suffix(self.path) not in SUFFIXES:
+            raise DataError(f"{source}: long records are read from {', '.join(SUFFIXES)}; convert it first.")
+        self._channels = read_channels(self.path, self.options, part=(0, 1))
+        self._stamp = stamp_file(self.path)
+        self._block = lru_cache(2)(self._read_block)
+        self.rate = choose_rate(self._channels, self.options, self._measure_rate, source=source)
+        sizes = {role: math.prod(self._channels[role].shape) for role in self._roles}
+        check_sizes(sizes, source=source)
+        self.samples = sizes["position"]
+        compute_rate(np.arange(min(self.samples, 2)) / self.rate, source=source)  # a single sample is no record
         starts = range(0, self.samples, BLOCK)
-        check_samples((self._block(self._roles, start) for start in starts), rate, source=path.name)
+        check_samples((self._block(self._roles, start) for start in starts), self.rate, source=source)
 
     def read(self, start: int, stop: int, channels: Sequence[str] | None = None) -> xr.Dataset:
         """A piece of the record as a data set in rad and N·m.
@@ -144,13 +139,9 @@ class LongRecord:
         """Channels and further variables."""
         return (*self.options.channels, *self.options.further)
 
-    def _set(self, **values: object) -> None:
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-
-    def _measure_rate(self, channels: Mapping[str, Channel], factor: float, name: str) -> float:
+    def _measure_rate(self, factor: float, name: str) -> float:
         """Sampling rate of the times [Hz], which become seconds by a factor."""
-        samples = math.prod(channels[TIME].shape)
+        samples = math.prod(self._channels[TIME].shape)
 
         def times(start: int, stop: int) -> np.ndarray:
             part = self._fetch([TIME], start, stop)[TIME]

@@ -11,9 +11,8 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
-from ankleloop.trials.channel_files import RATE, RATE_NAMES, TIME, TIME_NAMES
-from ankleloop.trials.channels import TRUE_TORQUES, Channel, check_unit, time_factor
-from ankleloop.trials.reading_options import ReadingOptions
+from ankleloop.trials.channels import TRUE_TORQUES, Channel, ReadingOptions, check_unit, time_factor
+from ankleloop.trials.containers import RATE, RATE_NAMES, TIME, TIME_NAMES
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial import check_shape, new_trial
 
@@ -27,9 +26,9 @@ LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
 def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
     r"""Read a trial from a file.
 
-    The file format follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`. Nested
-    variables are named `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files. The true torques of a
-    simulated trial are read too where the file has them beside the torque. Scale, offset and missing samples are
+    The file format follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`, `.flb`.
+    Nested variables are named `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files. The true torques of
+    a simulated trial are read too where the file has them beside the torque. Scale, offset and missing samples are
     applied as the attributes of the file state them. Another process opens the file, with limits of time and memory.
 
     Parameters
@@ -37,7 +36,8 @@ def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
     path : str or pathlib.Path
         The file.
     position, torque : str
-        The variables of the file, each of shape (N,), (N, 1) or (1, N).
+        The variables of the file, each of shape (N,), (N, 1) or (1, N). Where none is called `position`, the only one
+        that has a name of a position is taken, as `position_rad` or `ankle_angle`; in the same way the torque.
     reference : str, optional
         The variable of the command to the servo; it has the unit and the sign of the position.
     sampling_rate : float, optional
@@ -49,6 +49,8 @@ def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
         The unit of position and reference in the file.
     position_sign, torque_sign : {1, -1}
         Factors that bring the file to the convention here: the torque opposes stretch, so stiffness is positive.
+    case : int, optional
+        The trial of an FLB file that has several, counted from 1.
     variables : mapping of str to str, optional
         Further variables, as the one that schedules a joint or the phase of a cycle: the name in the trial, and the
         variable of the file. Their numbers stay as the file has them.
@@ -92,8 +94,10 @@ def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
         **{role: values[role] * options.factor(role) for role in channels if role not in (TIME, RATE)},
         sampling_rate=rate,
         source=path.name,
-        **{f"{channel}_variable": name for channel, name in {**options.channels, **options.further}.items()},
-        **options.model_dump(include={"position_unit", "position_sign", "torque_sign"}),
+        **{f"{role}_variable": channels[role].name for role in (*options.channels, *options.further)},
+        **options.model_dump(include={"position_sign", "torque_sign", "case"}),
+        position_unit="rad",
+        position_unit_of_file=options.position_unit,
     )
     for name in options.further:
         trial[name].attrs["units"] = channels[name].unit

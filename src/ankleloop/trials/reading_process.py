@@ -1,7 +1,10 @@
-"""Files that may be damaged are opened by another process, with limits of time and memory: `trials.reading_server`.
+"""Files that may be damaged are opened by another process, with limits of time and memory.
 
-A file that is damaged in a way that kills or halts the library of its format gives a `DataError`, and nothing else
-happens. The other process is started for the first file, and serves those that follow, as long as no library fails.
+A file that is damaged in a way that crashes or halts the library of its format, or makes it take all memory, gives a
+`DataError`, and nothing else happens. The process is started for the first file (to start one takes longer than to read
+a file), and serves those that follow, until a library fails: then its state is not to be trusted any more.
+
+Requests and answers are JSON over a pipe, and samples behind their channel as bytes: nothing in an answer is executed.
 """
 
 from __future__ import annotations
@@ -10,7 +13,9 @@ import atexit
 import io
 import json
 import math
+import mmap
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -19,41 +24,48 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 from ankleloop.errors import DataError, ResourceError
-from ankleloop.trials.channel_files import Request
-from ankleloop.trials.channels import Channel
-from ankleloop.trials.file_formats import SUFFIXES, find_suffix
-from ankleloop.trials.files import check_readable, has_right_checksum
-from ankleloop.trials.reading_options import ReadingOptions
+from ankleloop.trials.channels import Channel, ReadingOptions
+from ankleloop.trials.containers import (
+    SUFFIXES,
+    Contents,
+    choose_container,
+    find_suffix,
+    find_variables,
+    select_channels,
+)
+from ankleloop.trials.files import check_readable, has_right_checksum, stamp_file
 
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # of the processor for a file
 BYTES, BYTES_PER_BYTE = 1 << 30, 4  # of memory for a file
 START_SECONDS = 120.0  # until the process is ready, on a machine that is busy or has a slow disk
 PATIENCE = 10.0  # times as long a busy machine or a slow disk may take
 LONGEST_MESSAGE = 1 << 20
-LIBRARY = Path(__file__).parents[2]
-PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_server import main; main()"
+PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_process import main; main()"
 
 PathLike = str | os.PathLike[str]
 Describe = Callable[[str], str]  # gives the message about a file that cannot be read, for a reason
 
 
-def list_variables(path: PathLike) -> list[Channel]:
+def list_variables(path: PathLike, case: int | None = None) -> list[Channel]:
     """List the variables of a file of any size: full names, units and shapes."""
-    return list(read_channels(path, ReadingOptions(), task="listing").values())
+    return list(_ask(path, "listing", case=case).values())
 
 
-def copy_file(path: Path, describe: Describe) -> bytes:
-    """Have the contents of a NetCDF-4 file or MATLAB file written anew, so that this process can open the copy."""
-    copy = _server().ask(Request(str(path.absolute()), *_limits(path), task="copy"), describe)["copy"].values
-    assert copy is not None
-    return copy.tobytes()
+def read_channels(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Channel]:
+    """Read the channels of a trial from a file, with its times and its sampling rate.
+
+    `wanted` is what `containers.select_channels` takes beside the variables and the rate.
+    """
+    variables = {**options.channels, **options.further}
+    return _ask(path, "channels", case=options.case, variables=variables, rate=options.sampling_rate, **wanted)
 
 
 @contextmanager
@@ -61,8 +73,7 @@ def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path | io.
     """Provide what can be opened in this process in place of a file of this library.
 
     It is the file itself if its checksum is right. The contents of a file without a checksum (of an older version, or
-    changed by another program) are written anew by another process, with limits of time and memory
-    (`trials.reading_process`), into memory.
+    changed by another program) are written anew into memory by the other process.
     """
     check_readable(path)
     path = Path(path)
@@ -74,7 +85,8 @@ def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path | io.
         if is_right:
             yield path
             return
-        yield io.BytesIO(copy_file(path, lambda reason: describe_damage(path, kind, remedy, reason)))
+        answer = _answer_of(path, "copy", lambda reason: describe_damage(path, kind, remedy, reason), {})
+        yield io.BytesIO(np.asarray(answer["copy"].values).tobytes())
 
 
 @contextmanager
@@ -85,8 +97,7 @@ def name_errors(path: PathLike, kind: str, remedy: str) -> Iterator[None]:
     except (DataError, ResourceError, MemoryError):  # a lack of memory says nothing about the file
         raise
     except Exception as cause:
-        reason = f"{type(cause).__name__}: {cause}".partition("\n")[0]
-        raise DataError(describe_damage(path, kind, remedy, reason)) from cause
+        raise DataError(describe_damage(path, kind, remedy, _describe(cause))) from cause
 
 
 def describe_damage(path: PathLike, kind: str, remedy: str, reason: str) -> str:
@@ -94,14 +105,13 @@ def describe_damage(path: PathLike, kind: str, remedy: str, reason: str) -> str:
     return f"{path}: not a readable {kind} ({reason}): it is damaged, or of another origin: {remedy}."
 
 
-def _limits(path: Path) -> tuple[float, float]:
-    """Limits of time [s] and memory [bytes] for a file."""
-    size = path.stat().st_size
-    return SECONDS + SECONDS_PER_MEGABYTE * size / 1e6, BYTES + BYTES_PER_BYTE * size
+def _describe(cause: Exception) -> str:
+    text = f"{type(cause).__name__}: {cause}".partition("\n")[0]
+    return text if len(text) <= 300 else f"{text[:297]}..."
 
 
-def read_channels(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Channel]:
-    """Read the channels of a trial from a file, with its times and its sampling rate, or what `Request` has of them."""
+def _ask(path: PathLike, task: str, **wanted: Any) -> dict[str, Channel]:
+    """Have the other process read a recording."""
     path = Path(path)
     check_readable(path)
     suffix = find_suffix(path)
@@ -113,166 +123,212 @@ def read_channels(path: PathLike, options: ReadingOptions, **wanted: Any) -> dic
 
     if path.stat().st_size == 0:
         raise DataError(describe("it is empty, 0 bytes"))
-    variables = {**options.channels, **options.further}
-    request = Request(str(path.absolute()), *_limits(path), variables=variables, rate=options.sampling_rate, **wanted)
-    return _server().ask(request, describe)
+    return _answer_of(path, task, describe, wanted)
 
 
-class _Server:
-    """The process that opens files; it answers one request after the other."""
+class _Reader:
+    """The process that opens files, and the pipe to it."""
 
     def __init__(self) -> None:
-        self.owner = os.getpid()
-        self._lock = threading.Lock()
-        self._process: subprocess.Popen[bytes] | None = None
-
-    def ask(self, request: Request, describe: Describe) -> dict[str, Channel]:
-        """Send a request; receive the channels."""
-        with self._lock:
-            if self._process is None or self._process.poll() is not None:
-                self._start()
-            try:
-                channels, end = self._exchange(request)
-            except BaseException:  # the answer may be half read, after Ctrl-C for example
-                self.stop()
-                raise
-            if end["kind"] not in ("end", "refused"):
-                self.stop()
-        _raise_error(end, request, describe)
-        for text in end["warnings"]:
-            warnings.warn(text, UserWarning, stacklevel=5)  # of the caller of read_trial
-        return channels
+        self.pipe, end = Pipe()
+        self.owner = os.getpid()  # a fork of this process starts one of its own
+        # -P: files of the current folder that have the name of a module are not imported.
+        command = [sys.executable, "-P", "-c", PROGRAM, str(Path(__file__).parents[2]), str(end.fileno())]
+        threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        nothing = subprocess.DEVNULL
+        with end:
+            self.process = subprocess.Popen(
+                command, stdin=nothing, stdout=nothing, stderr=nothing, env={**os.environ, **threads},
+                pass_fds=[end.fileno()], start_new_session=True,
+            )  # fmt: skip
+        atexit.register(self.stop)
 
     def stop(self) -> None:
         """End the process."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.kill()
-            with suppress(OSError):  # what was not sent is lost with the process
-                process.communicate()
+        if self.owner == os.getpid():
+            self.process.kill()
+            self.process.wait()
+        self.pipe.close()
+        atexit.unregister(self.stop)
 
-    def _start(self) -> None:
-        self.stop()
-        # -P: files of the current folder that have the name of a module are not imported.
-        command = [sys.executable, "-P", "-c", PROGRAM, str(LIBRARY)]
-        threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            env={**os.environ, **threads}, start_new_session=True, pipesize=1 << 20,
-        )  # fmt: skip
-        with _deadline(self._process, START_SECONDS):
-            assert self._process.stdout is not None
-            line = self._process.stdout.readline(LONGEST_MESSAGE)
-        if json.loads(line or b"{}").get("kind") != "ready":
-            self.stop()
+    def exchange(self, request: list[Any], seconds: float, channels: dict[str, Channel]) -> dict[str, Any]:
+        """Send a request and receive channels; the last message: a `fault` of the file or a `lack`, if there is one."""
+        start = time.monotonic()
+        try:
+            self.pipe.send_bytes(json.dumps(request).encode())
+            while self.pipe.poll(START_SECONDS + PATIENCE * seconds):
+                message: dict[str, Any] = json.loads(self.pipe.recv_bytes(LONGEST_MESSAGE))
+                if "role" not in message:
+                    return message
+                role, kind, samples = (message.pop(key) for key in ("role", "type", "samples"))
+                values = np.frombuffer(self.pipe.recv_bytes(), kind).reshape(samples)
+                channels[role] = Channel(**{**message, "shape": tuple(message["shape"])}, values=values)
+        except (OSError, EOFError, ValueError, KeyError, TypeError):  # no whole answer
+            with suppress(subprocess.TimeoutExpired):
+                self.process.wait(1.0)
+            return self._explain_end(seconds, time.monotonic() - start)
+        waited = f"{time.monotonic() - start:.0f} s"
+        return {
+            "lack": f"the file was not read within {waited}: the computer is busy, or the disk slow; try again later."
+        }
+
+    def _explain_end(self, limit: float, seconds: float) -> dict[str, Any]:
+        """Why there is no answer of a process that has ended."""
+        code = self.process.returncode or 0
+        if code > 0:
             raise RuntimeError(
-                f"the process that reads files did not start: {' '.join(command[:4])} ... failed. Run this program by "
+                f"the process that reads files did not start: {sys.executable} -P -c ... failed. Run this program by "
                 "the Python of its environment."
             )
-
-    def _exchange(self, request: Request) -> tuple[dict[str, Channel], dict[str, Any]]:
-        """The channels, and how the answer ended."""
-        process = self._process
-        assert process is not None and process.stdin is not None and process.stdout is not None  # noqa: PT018
-        channels: dict[str, Channel] = {}
-        start = time.monotonic()
-        with _deadline(process, START_SECONDS + PATIENCE * request.seconds) as is_late:
-            try:
-                process.stdin.write(json.dumps(asdict(request)).encode() + b"\n")
-                process.stdin.flush()
-                return channels, _receive(process.stdout, channels, request)
-            except (OSError, EOFError, ValueError, KeyError, TypeError):  # no whole answer
-                code = None
-                with suppress(subprocess.TimeoutExpired):
-                    code = process.wait(1.0)
-                end = {"kind": "late" if is_late.is_set() else "died", "signal": _name_signal(code)}
-                return channels, {**end, "seconds": time.monotonic() - start}
+        name = signal.Signals(-code).name if code else ""
+        if name in ("SIGKILL", "SIGTERM"):
+            text = f"the process that reads the file was killed ({name}), most often because memory was short"
+            return {"lack": f"{text}: free memory, and try again."}
+        if name == "SIGPROF":
+            return {"reason": f"stopped after {seconds:.0f} s, {limit:.0f} s is the limit for its size"}
+        return {"reason": f"it crashed the process that reads it{name and f', {name}'}"}
 
 
-def _receive(pipe: IO[bytes], channels: dict[str, Channel], request: Request) -> dict[str, Any]:
-    """Receive channels until the last message, which is returned."""
-    while True:
-        line = pipe.readline(LONGEST_MESSAGE)
-        if not line.endswith(b"\n"):
-            raise EOFError
-        message: dict[str, Any] = json.loads(line)
-        if message["kind"] != "channel":
-            return message
-        shape = tuple(int(size) for size in message["shape"])
-        values = None
-        if message["type"] is not None:
-            kind = np.dtype({"<f8": "<f8", "|u1": "|u1"}[message["type"]])
-            if kind.itemsize * math.prod(shape) > request.memory:
-                raise EOFError
-            values = np.empty(shape, kind)
-            if pipe.readinto(values.reshape(-1).view(np.uint8)) != values.nbytes:  # type: ignore[attr-defined]
-                raise EOFError
-        channels[message["role"]] = Channel(message["name"], message["unit"], shape, values)
-
-
-def _raise_error(end: dict[str, Any], request: Request, describe: Describe) -> None:
-    """Raise the error that the last message stands for."""
-    kind, hint, name = end["kind"], "", Path(request.path).name
-    ended, seconds = end.get("signal", ""), f"{end.get('seconds', 0.0):.0f} s"
-    if kind == "end":
-        return
-    if kind == "refused":
-        raise DataError(end["text"])
-    if kind == "limited":
-        raise ResourceError(f"{name}: this program is allowed too little memory to read the file (ulimit -v).")
-    if kind == "late":
-        raise ResourceError(
-            f"{name}: the file was not read within {seconds}: the computer is busy, or the disk slow; try again later."
-        )
-    if ended in ("SIGKILL", "SIGTERM"):
-        raise ResourceError(
-            f"{name}: the process that reads the file was killed ({ended}), most often because memory was short: free "
-            "memory, and try again."
-        )
-    if kind == "failed":
-        reason = end["text"]
-    elif kind == "memory":
-        reason = f"it needs more than {request.memory / 1e9:.1f} GB of memory"
-        hint = "; a long record is read from HDF5 or NetCDF with ankleloop.LongRecord" * (request.task != "copy")
-    elif ended == "SIGPROF":
-        reason = f"stopped after {seconds}, {request.seconds:.0f} s is the limit for its size"
-    else:
-        reason = f"it crashed the process that reads it{ended and f', {ended}'}"
-    raise DataError(f"{describe(reason).rstrip('.')}{hint}.")
-
-
-def _name_signal(code: int | None) -> str:
-    """Name of the signal that a process ended by, or the empty string."""
-    if code is None or code >= 0:
-        return ""
-    return {item.value: item.name for item in signal.Signals}.get(-code, f"signal {-code}")
-
-
-@contextmanager
-def _deadline(process: subprocess.Popen[bytes], seconds: float) -> Iterator[threading.Event]:
-    """Kill a process that is not done in time, which ends the wait for its answer; the event is set then."""
-    timer = threading.Timer(min(seconds, threading.TIMEOUT_MAX), process.kill)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield timer.finished
-    finally:
-        timer.cancel()
-
-
-_current: _Server | None = None
-
-
-def _server() -> _Server:
-    """The server of this process: a fork of the process that started it takes one of its own."""
-    global _current
-    if _current is None or _current.owner != os.getpid():
-        _current = _Server()
-        atexit.register(_current.stop)
-    return _current
+_reader: _Reader | None = None
+_lock = threading.Lock()
+# A fork of this process waits for an answer that is under way, and has the lock for itself.
+os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 
 def stop() -> None:
     """End the process that reads files; the next file starts it again."""
-    if _current is not None and _current.owner == os.getpid():
-        _current.stop()
+    global _reader
+    if _reader is not None:
+        _reader.stop()
+        _reader = None
+
+
+def _answer_of(path: Path, task: str, describe: Describe, wanted: dict[str, Any]) -> dict[str, Channel]:
+    """What the other process reads of a file."""
+    global _reader
+    size = path.stat().st_size
+    seconds, memory = SECONDS + SECONDS_PER_MEGABYTE * size / 1e6, BYTES + BYTES_PER_BYTE * size
+    channels: dict[str, Channel] = {}
+    end: dict[str, Any] = {}
+    with _lock:
+        if _reader is None or _reader.owner != os.getpid() or _reader.process.poll() is not None:
+            stop()
+            _reader = _Reader()
+        try:
+            end = _reader.exchange([task, str(path.absolute()), seconds, memory, wanted], seconds, channels)
+        finally:
+            if "warnings" not in end:  # the answer may be half read, after Ctrl-C for example
+                stop()
+    if "refusal" in end:
+        raise DataError(end["refusal"])
+    if "lack" in end:
+        raise ResourceError(f"{path.name}: {end['lack']}")
+    if "reason" in end:
+        raise DataError(f"{describe(end['reason']).rstrip('.')}{end.get('hint', '')}.")
+    for text in end["warnings"]:
+        warnings.warn(text, UserWarning, stacklevel=5)  # of the caller of read_trial
+    return channels
+
+
+# --- What runs in the other process
+
+
+def main() -> None:
+    """Answer requests until the pipe is closed, or a library fails."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that waits for the answer ends this one
+    pipe, end = Connection(int(sys.argv[2])), {"warnings": []}
+    with suppress(EOFError):
+        while "warnings" in end:
+            end = _answer(pipe, *json.loads(pipe.recv_bytes()))
+            pipe.send_bytes(json.dumps(end).encode())
+
+
+def _answer(pipe: Connection, task: str, name: str, seconds: float, memory: float, wanted: Any) -> dict[str, Any]:
+    """Do a task with a file; the last message, without `warnings` if a library failed."""
+    path = Path(name)
+    end: dict[str, Any] = {}
+    container, stamp = choose_container(path), stamp_file(path)  # a library is imported without limits
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        allowance = _limit(seconds, memory)
+        try:
+            for role, channel in _read(container, path, task, wanted):
+                values = np.empty(0) if channel.values is None else channel.values
+                message = {"role": role, "name": channel.name, "unit": channel.unit, "shape": channel.shape}
+                message |= {"type": values.dtype.str, "samples": values.shape}
+                pipe.send_bytes(json.dumps(message).encode())
+                pipe.send_bytes(values.tobytes())
+        except DataError as error:
+            end = {"refusal": str(error)}
+        except MemoryError:
+            end = {"lack": "this program is allowed too little memory to read the file (ulimit -v)."}
+            if allowance >= memory:
+                hint = "; a long record is read from HDF5 or NetCDF with ankleloop.LongRecord" * (task != "copy")
+                end = {"reason": f"it needs more than {memory / 1e9:.1f} GB of memory", "hint": hint}
+        except Exception as cause:  # the libraries raise almost anything on a damaged file
+            end = {"reason": _describe(cause)}
+        finally:
+            _limit(0.0, math.inf)
+    # Warnings of libraries are not for the reader of a trial; those here begin with the name of the file.
+    texts = [str(w.message) for w in caught if w.category is UserWarning and str(w.message).startswith(path.name)]
+    warned = {} if {"lack", "reason"} & end.keys() else {"warnings": texts}
+    if stamp_file(path) != stamp:
+        text = f"{path.name}: the file has changed while it was read: wait until it is whole, and read it again."
+        end = {"refusal": text}
+    return {**end, **warned}
+
+
+def _read(container: type[Contents], path: Path, task: str, wanted: dict[str, Any]) -> Iterator[tuple[str, Channel]]:
+    if task == "copy":
+        copy = np.frombuffer(_copy_file(container, path), np.uint8)
+        yield "copy", Channel(path.name, "", copy.shape, copy)
+        return
+    if task == "channels" and "part" not in wanted and has_right_checksum(path) is False:
+        raise DataError(
+            f"{path.name}: bytes have changed since the file was written (its checksum is wrong): restore it from a "
+            "copy."
+        )
+    contents = container(path, wanted.pop("case"))
+    if task == "listing":
+        yield from find_variables(contents).items()
+    else:
+        yield from select_channels(contents, **wanted)
+
+
+def _limit(seconds: float, memory: float) -> float:
+    """Limit the processor's time [s], and the memory to what is in use and an allowance, which is returned [bytes].
+
+    0 s and infinity lift the limits. That of the memory is one of the address space, in which mapped files count, too.
+    """
+    signal.setitimer(signal.ITIMER_PROF, seconds)  # its signal ends the process
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    largest = math.inf if hard == resource.RLIM_INFINITY else hard
+    try:
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * mmap.PAGESIZE
+        soft = min(used + memory, largest)
+        resource.setrlimit(resource.RLIMIT_AS, (hard if soft == largest else int(soft), hard))
+    except (OSError, ValueError):  # not on Linux
+        return memory
+    return soft - used
+
+
+def _copy_file(container: type[Contents], path: Path) -> bytes:
+    """The contents of a MATLAB or NetCDF-4 file, written anew: what is damaged or unusual in it stays behind."""
+    copy = io.BytesIO()
+    if path.suffix == ".mat":
+        import scipy.io
+
+        loaded = scipy.io.loadmat(path, appendmat=False)
+        variables = {name: value for name, value in loaded.items() if not name.startswith("__")}
+        scipy.io.savemat(copy, variables, appendmat=False, long_field_names=True)
+        return copy.getvalue()
+    import xarray as xr
+
+    contents = container(path)
+    for name in contents.names():
+        contents.find(name)  # refuses samples in other files
+    with xr.open_datatree(path, engine="h5netcdf", decode_cf=False) as tree:
+        data = tree.load()
+    encoding = {node.path: {name: {"_FillValue": None} for name in node.variables} for node in data.subtree}
+    data.to_netcdf(copy, engine="h5netcdf", encoding=encoding)
+    return copy.getvalue()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +15,11 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
+    Channels = dict[str, np.ndarray]
+
 MATLAB_HEADER = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 ."
 USER_BLOCK = 512  # bytes before the HDF5 file, where MATLAB has its header
+UNITS = {"position": "rad", "reference": "rad", "torque": "N·m"}
 
 
 def write_recording(
@@ -26,27 +28,27 @@ def write_recording(
     """Write position, torque and reference of a trial as a recording, without the true torques of a simulation."""
     if file_format not in FILE_FORMATS:
         raise DataError(f"there is no file format {file_format!r}; there are {', '.join(FILE_FORMATS)}.")
-    channels = {name: trial[name].values for name in ("position", "torque", "reference") if name in trial}
+    channels = {name: trial[name].values for name in UNITS if name in trial}
     with atomic_file(path, overwrite=overwrite) as partial:
         FILE_FORMATS[file_format][1](partial, trial["time"].values, channels, float(trial.attrs["sampling_rate"]))
 
 
-def _write_csv(path: Path, time: np.ndarray, channels: Mapping[str, np.ndarray], rate: float) -> None:
+def _write_csv(path: Path, time: np.ndarray, channels: Channels, rate: float) -> None:
     import pandas as pd  # here, as all libraries of formats: few calls need each
 
-    names = {"position": "angle_deg", "torque": "torque_nm", "reference": "command_deg"}
-    degrees = {name: 1.0 if name == "torque" else 180.0 / math.pi for name in channels}
-    columns = {"time_s": time} | {names[name]: degrees[name] * values for name, values in channels.items()}
+    columns = {"time_s": time, "angle_deg": channels["position"] * 180.0 / math.pi, "torque_nm": channels["torque"]}
+    if "reference" in channels:
+        columns["command_deg"] = channels["reference"] * 180.0 / math.pi
     pd.DataFrame(columns).to_csv(path, index=False)
 
 
-def _write_matlab(path: Path, time: np.ndarray, channels: Mapping[str, np.ndarray], rate: float) -> None:
+def _write_matlab(path: Path, time: np.ndarray, channels: Channels, rate: float) -> None:
     import scipy.io
 
     scipy.io.savemat(path, {**channels, "fs": rate}, appendmat=False, do_compression=True, oned_as="column")
 
 
-def _write_matlab_hdf5(path: Path, time: np.ndarray, channels: Mapping[str, np.ndarray], rate: float) -> None:
+def _write_matlab_hdf5(path: Path, time: np.ndarray, channels: Channels, rate: float) -> None:
     import h5py
     import numpy as np
 
@@ -59,30 +61,25 @@ def _write_matlab_hdf5(path: Path, time: np.ndarray, channels: Mapping[str, np.n
         stream.write(MATLAB_HEADER.ljust(124) + b"\x00\x02IM")
 
 
-def _write_hdf5(path: Path, time: np.ndarray, channels: Mapping[str, np.ndarray], rate: float) -> None:
+def _write_hdf5(path: Path, time: np.ndarray, channels: Channels, rate: float) -> None:
     import h5py
 
     with h5py.File(path, "w") as file:
-        for name, values in channels.items():
-            file.create_dataset(name, data=values, compression="gzip", fletcher32=True)
-            file[name].attrs["units"] = "N·m" if name == "torque" else "rad"
         file.attrs["sampling_rate"] = rate
+        for name, values in channels.items():
+            file.create_dataset(name, data=values, compression="gzip", fletcher32=True).attrs["units"] = UNITS[name]
 
 
-def _write_netcdf(path: Path, time: np.ndarray, channels: Mapping[str, np.ndarray], rate: float) -> None:
+def _write_netcdf(path: Path, time: np.ndarray, channels: Channels, rate: float) -> None:
     import xarray as xr
 
-    variables = {
-        name: ("time", values, {"units": "N·m" if name == "torque" else "rad"}) for name, values in channels.items()
-    }
+    variables = {name: ("time", values, {"units": UNITS[name]}) for name, values in channels.items()}
     data = xr.Dataset(variables, coords={"time": ("time", time, {"units": "s"})}, attrs={"sampling_rate": rate})
     data.to_netcdf(path, engine="h5netcdf")
 
 
-Write = Callable[["Path", "np.ndarray", "Mapping[str, np.ndarray]", float], None]
-
 # Suffix of each format, and what writes it.
-FILE_FORMATS: dict[str, tuple[str, Write]] = {
+FILE_FORMATS = {
     "csv": (".csv", _write_csv),
     "matlab-5": (".mat", _write_matlab),
     "matlab-7.3": (".mat", _write_matlab_hdf5),

@@ -184,11 +184,10 @@ def save_trial(trial: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bo
     """
     path = check_path("save_trial", "path", path)
     check_flag("save_trial", "overwrite", overwrite)
-    validate(trial, source=path.name)
+    trial = validate(trial, source=path.name)
     # Encodings left from another file (packing, fill values) would change the samples.
     check_output(path, overwrite=overwrite, inputs=source_files(trial))
-    encoding = {str(name): {"_FillValue": None} for name in trial.variables}
-    write_netcdf(trial.drop_encoding(), path, encoding, overwrite=overwrite)
+    write_netcdf(trial.drop_encoding(), path, overwrite=overwrite)
 
 
 def load_trial(path: str | os.PathLike[str]) -> xr.Dataset:

@@ -19,11 +19,15 @@ MAX_SPEED = 20.0  # rad/s: no joint moves faster; a position that does is usuall
 
 
 def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
-    """Check that a data set keeps the contract of a trial."""
+    """Check that a data set keeps the contract of a trial; it gets the sampling rate of its times if it has none."""
     _check_form(trial, source)
     _check_units(trial, source)
-    time, rate = trial.variables["time"].values, parse_rate(trial.attrs["sampling_rate"], source=source)
-    check_same_rate(rate, compute_rate(time, source=source), source=source)
+    time = trial.variables["time"].values
+    measured = compute_rate(time, source=source)
+    if "sampling_rate" not in trial.attrs:
+        trial = trial.assign_attrs(sampling_rate=measured)
+    rate = parse_rate(trial.attrs["sampling_rate"], source=source)
+    check_same_rate(rate, measured, source=source)
     check_samples([{str(name): trial.variables[name].values for name in trial.data_vars}], rate, time[0], source=source)
     return trial
 
@@ -38,8 +42,6 @@ def _check_form(trial: xr.Dataset, source: str) -> None:
                 f"{source}: there is no variable {name} among {sorted(map(str, trial.data_vars))}: make the trial with "
                 "new_trial, or name the variable in read_trial."
             )
-    if "sampling_rate" not in trial.attrs:
-        raise DataError(f"{source}: the attribute sampling_rate is missing: set trial.attrs['sampling_rate'] in Hz.")
     if "time" not in trial.coords:
         raise DataError(f"{source}: there is no coordinate time: make the trial with new_trial.")
     for name in (*trial.data_vars, "time"):
@@ -76,12 +78,16 @@ def check_samples(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start
     The samples come in one block or several, of which the first one begins at `start` [s].
     """
     channels: dict[str, _Channel] = {}
-    fastest = _Fastest(rate)
+    fastest, fastest_sample, before = 0.0, 0, np.empty(0)
     for block in blocks:
+        position = np.concatenate([before, block["position"]]) if before.size else block["position"]
         for name, values in block.items():
             channels.setdefault(name, _Channel()).add(values)
         if not channels["position"].missing:
-            fastest.add(block["position"])
+            sample, speed = peak_speed(position, rate)
+            if not speed <= fastest:
+                fastest, fastest_sample = speed, channels["position"].samples - position.size + sample
+        before = position[-2 * _speed_margin(rate) :].copy()
     for name, channel in channels.items():
         if channel.missing:
             raise DataError(
@@ -91,10 +97,10 @@ def check_samples(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start
     for name in CHANNELS:
         if name in channels:
             _check_spread(name, channels[name], source)
-    if not fastest.speed <= MAX_SPEED:
+    if not fastest <= MAX_SPEED:
         raise DataError(
-            f"{source}: position moves at {fastest.speed:.4g} rad/s at sample {fastest.sample} "
-            f"({start + fastest.sample / rate:g} s), above {MAX_SPEED:g} rad/s: is the position in degrees? pass "
+            f"{source}: position moves at {fastest:.4g} rad/s at sample {fastest_sample} "
+            f"({start + fastest_sample / rate:g} s), above {MAX_SPEED:g} rad/s: is the position in degrees? pass "
             "position_unit='deg', or convert it to rad; otherwise look for a spike there."
         )
 
@@ -115,23 +121,6 @@ class _Channel:
         self.first = values[0] if not self.samples else self.first
         self.low, self.high = min(self.low, values.min()), max(self.high, values.max())
         self.samples += values.size
-
-
-class _Fastest:
-    """Largest speed of the position, and its sample."""
-
-    def __init__(self, rate: float) -> None:
-        self.rate, self.samples, self.sample, self.speed = rate, 0, 0, 0.0
-        self._last = np.empty(0)
-
-    def add(self, position: np.ndarray) -> None:
-        """Take in the next samples."""
-        joined = np.concatenate([self._last, position]) if self._last.size else position
-        sample, speed = peak_speed(joined, self.rate)
-        if not speed <= self.speed:
-            self.sample, self.speed = self.samples - self._last.size + sample, speed
-        self.samples += position.size
-        self._last = joined[-2 * _speed_margin(self.rate) :].copy()
 
 
 def _speed_margin(rate: float) -> int:

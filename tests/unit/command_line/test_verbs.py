@@ -27,7 +27,7 @@ from ankleloop.studies.config_files import check_config_file
 from ankleloop.studies.recordings import run_in_child
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import read_studies
-from ankleloop.trials.csv_output import write_csv
+from ankleloop.trials.files import write_csv
 from ankleloop.trials.recording_files import write_recording
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")

@@ -7,8 +7,8 @@ import scipy.io
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channel_files import decode
 from ankleloop.trials.channels import check_unit, find_unit_in_name, time_factor
+from ankleloop.trials.containers import decode
 from ankleloop.trials.readers import read_trial
 
 RATE = 500.0
@@ -64,14 +64,6 @@ def test_packed_positions_of_every_format(tmp_path, engine):
         data.to_netcdf(path, engine=engine)
     np.testing.assert_allclose(read_trial(path).position, stored * 1e-6, rtol=1e-12)
     np.testing.assert_allclose(read_trial(path).position, P, atol=6e-7)
-
-
-def test_missing_samples_are_refused_by_their_number(tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["position"], file["torque"], file["fs"] = P, np.where(np.arange(300) == 40, -999.0, TQ), RATE
-        file["torque"].attrs["missing_value"] = -999.0
-    with pytest.raises(DataError, match=r"a.h5: torque is not finite at sample 40 "):
-        read_trial(tmp_path / "a.h5")
 
 
 # --- units

@@ -56,17 +56,6 @@ def test_a_link_to_another_file(path):
         read_trial(path)
 
 
-def test_samples_in_other_files(path, tmp_path):
-    layout = h5py.VirtualLayout((300,), "f8")
-    layout[:] = h5py.VirtualSource(tmp_path / "gone.h5", "position", (300,))
-    with h5py.File(path, "a") as file:
-        file.create_virtual_dataset("virtual", layout, fillvalue=0.0)
-        file.create_dataset("external", (300,), "f8", external=[(str(tmp_path / "a.raw"), 0, 2400)])
-    for name in ("virtual", "external"):
-        with pytest.raises(DataError, match=rf"^a.h5: the samples of {name} are in other files: copy"):
-            read_trial(path, position=name)
-
-
 def test_a_dimension_without_a_variable_is_no_time(tmp_path):
     with h5netcdf.File(tmp_path / "a.nc", "w") as file:
         file.dimensions = {"time": 300}

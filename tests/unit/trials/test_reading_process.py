@@ -1,8 +1,6 @@
-"""Damaged files: whatever they do to the library of their format, the program that asked for them goes on."""
+"""Damaged files: whatever they do to the library of their format, they are refused by name, and the program goes on."""
 
-import json
 import os
-import resource
 import signal
 import struct
 import subprocess
@@ -16,24 +14,26 @@ import numpy as np
 import pytest
 import scipy.io
 
+from ankleloop import load_estimate, load_trial, read_trial, save_estimate, save_trial, simulate
 from ankleloop.errors import DataError, ResourceError
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.regressors import torque_dataset
 from ankleloop.trials import reading_process
-from ankleloop.trials.reading_options import ReadingOptions
-from ankleloop.trials.reading_process import read_channels
+from ankleloop.trials.files import LENGTH, append_checksum, has_right_checksum
+from ankleloop.trials.reading_process import name_errors, readable_file
+from ankleloop.trials.trial_files import load_trials, save_trials
 
 RATE = 500.0
 P = 0.02 * np.sin(np.arange(300) / 10)
 TQ = 3.0 * np.cos(np.arange(300) / 10)
-OPTIONS = ReadingOptions()
 
 
-@pytest.fixture
-def server(monkeypatch):
-    """The process that reads files."""
-    server = reading_process._Server()
-    monkeypatch.setattr(reading_process, "_current", server)
-    yield server
-    server.stop()
+@pytest.fixture(autouse=True)
+def _new_process(monkeypatch):
+    """Each test has a process of its own that reads files."""
+    reading_process.stop()
+    yield
+    reading_process.stop()
 
 
 def write_mat(path):
@@ -41,116 +41,120 @@ def write_mat(path):
     return path
 
 
-def write_crashing_mat(path):
-    """A file of which one byte is wrong: that of the type of the samples, which scipy takes as an index in memory."""
-    content = bytearray(write_mat(path).read_bytes())
-    content[content.index(struct.pack("<II", 9, 8 * P.size)) + 1] ^= 1 << 7
-    path.write_bytes(content)
-    return path
-
-
 def assert_reads(path):
-    channels = read_channels(path, OPTIONS)
-    np.testing.assert_array_equal(np.ravel(channels["position"].values), P)
-    np.testing.assert_array_equal(np.ravel(channels["torque"].values), TQ)
-    assert channels["sampling_rate"].values.item() == RATE
+    trial = read_trial(path)
+    np.testing.assert_array_equal(trial.torque, TQ)
+    assert trial.attrs["sampling_rate"] == RATE
 
 
-def test_a_crash_refuses_the_file_and_no_other(tmp_path, server):
-    good, bad = write_mat(tmp_path / "good.mat"), write_crashing_mat(tmp_path / "bad.mat")
+@pytest.fixture
+def replace_reader(monkeypatch):
+    """Let the process run a statement where it would open a.mat, or copy a file."""
+
+    def replace(statement):
+        program = f"""
+            import os, sys, time
+            sys.path.insert(0, sys.argv[1])
+            from ankleloop.trials import reading_process
+            from ankleloop.trials.binary_files import MatContents
+            class Reader(MatContents):
+                def __init__(self, path, case=None):
+                    if path.name == "a.mat":
+                        {statement}
+                    super().__init__(path)
+            def copy(container, path):
+                {statement}
+            reading_process.choose_container = lambda path: Reader
+            reading_process._copy_file = copy
+            reading_process.main()
+        """
+        monkeypatch.setattr(reading_process, "PROGRAM", textwrap.dedent(program))
+
+    return replace
+
+
+def test_a_crash_refuses_the_file_and_no_other(tmp_path):
+    good, bad = write_mat(tmp_path / "good.mat"), write_mat(tmp_path / "bad.mat")
+    content = bytearray(bad.read_bytes())
+    # A wrong type of the samples, which scipy takes as an index in memory.
+    content[content.index(struct.pack("<II", 9, 8 * P.size)) + 1] ^= 1 << 7
+    bad.write_bytes(content)
     for _ in range(2):
         assert_reads(good)
         with pytest.raises(DataError, match=r"^bad.mat: cannot be read as .mat \(.*\): check that the file is whole"):
-            read_channels(bad, OPTIONS)
+            read_trial(bad)
     assert_reads(good)
 
 
-def replace_reader(monkeypatch, server, statement):
-    """Let the process run a statement where it would open a file."""
-    program = f"""
-        import os, sys, time
-        sys.path.insert(0, sys.argv[1])
-        from ankleloop.trials import reading_server
-        from ankleloop.trials.scipy_files import MatContents
-        class Reader(MatContents):
-            def __init__(self, path):
-                if path.name == "a.mat":
-                    {statement}
-                super().__init__(path)
-        reading_server.choose_reader = lambda path: Reader
-        reading_server.main()
-    """
-    monkeypatch.setattr(reading_process, "PROGRAM", textwrap.dedent(program))
-
-
-def test_a_slow_disk_says_nothing_about_the_file(tmp_path, server, monkeypatch):
+def test_a_slow_disk_says_nothing_about_the_file(tmp_path, replace_reader, monkeypatch):
     monkeypatch.setattr(reading_process, "SECONDS", 0.1)
-    replace_reader(monkeypatch, server, "time.sleep(600)")
+    replace_reader("time.sleep(600)")
     assert_reads(write_mat(tmp_path / "b.mat"))
     monkeypatch.setattr(reading_process, "START_SECONDS", 0.5)
     with pytest.raises(ResourceError, match=r"^a.mat: the file was not read within \d+ s: the computer is busy, or"):
-        read_channels(write_mat(tmp_path / "a.mat"), OPTIONS)
+        read_trial(write_mat(tmp_path / "a.mat"))
 
 
-def test_a_file_that_grows_while_it_is_read(tmp_path, server, monkeypatch):
-    replace_reader(monkeypatch, server, "open(path, 'ab').write(bytes(8)) and 0")
-    with pytest.raises(DataError, match=r"^a.mat: the file has changed while it was read: wait until it is whole"):
-        read_channels(write_mat(tmp_path / "a.mat"), OPTIONS)
+MEMORY = r"it needs more than 1.1 GB of memory"
+# What the process does in place of opening a file, and what is said of the file.
+FAILURES = {
+    "while True: pass": r"stopped after \d+ s, [01] s is the limit for its size",
+    "x = bytearray(1 << 32)": MEMORY,
+    "os.write(int(sys.argv[2]), bytes([0, 0, 1, 0, 123])); os._exit(0)": "it crashed the process that reads it",
+    "os.kill(os.getpid(), 11)": "it crashed the process that reads it, SIGSEGV",
+    "raise RecursionError('too deep')": "RecursionError: too deep",
+}
 
 
-def test_a_halt_refuses_the_file_in_time(tmp_path, server, monkeypatch):
+@pytest.mark.parametrize("statement", FAILURES)
+def test_a_failure_refuses_the_file_and_no_other(tmp_path, replace_reader, monkeypatch, statement):
+    if FAILURES[statement] == MEMORY and sys.platform != "linux":
+        pytest.skip("other systems do not limit the address space")
+    replace_reader(statement)
     monkeypatch.setattr(reading_process, "SECONDS", 0.5)
-    replace_reader(monkeypatch, server, "while True: pass")
     bad, good = write_mat(tmp_path / "a.mat"), write_mat(tmp_path / "b.mat")
     assert_reads(good)
     start = time.monotonic()
-    with pytest.raises(DataError, match=r"^a.mat: .* \(stopped after \d+ s, [01] s is the limit for its size\): check"):
-        read_channels(bad, OPTIONS)
+    with pytest.raises(DataError, match=rf"^a.mat: cannot be read as .mat \({FAILURES[statement]}\): check"):
+        read_trial(bad)
+    with pytest.raises(DataError, match=rf"{bad}: not a readable .* \({FAILURES[statement]}\): it is damaged, or of"):
+        load_estimate(bad)
     assert time.monotonic() - start < 30.0
-    monkeypatch.setattr(reading_process, "SECONDS", 10.0)
     assert_reads(good)
 
 
-BROKEN = json.dumps({"kind": "channel", "role": "position", "name": "p", "unit": "", "shape": [2], "type": "<f8"})
+def test_a_file_that_grows_while_it_is_read(tmp_path, replace_reader):
+    replace_reader("open(path, 'ab').write(bytes(8)) and 0")
+    with pytest.raises(DataError, match=r"^a.mat: the file has changed while it was read: wait until it is whole"):
+        read_trial(write_mat(tmp_path / "a.mat"))
 
 
-@pytest.mark.parametrize(
-    ("statement", "reason"),
-    [
-        ("x = bytearray(1 << 32)", r"it needs more than 1.1 GB of memory"),
-        (f"os.write(3, {BROKEN!r}.encode() + bytes([10, 1])); os._exit(0)", r"it crashed the process that reads it"),
-    ],
-    ids=["memory", "an answer that breaks off"],
-)
-def test_a_failure_refuses_the_file_and_no_other(tmp_path, server, monkeypatch, statement, reason):
-    if "bytearray" in statement and sys.platform != "linux":
-        pytest.skip("other systems do not limit the address space")
-    replace_reader(monkeypatch, server, statement)
-    with pytest.raises(DataError, match=rf"^a.mat: cannot be read as .mat \({reason}\): check"):
-        read_channels(write_mat(tmp_path / "a.mat"), OPTIONS)
-    assert_reads(write_mat(tmp_path / "b.mat"))
+def test_a_reader_that_the_system_kills_says_nothing_about_the_file(tmp_path, replace_reader):
+    """As where memory is short."""
+    replace_reader("os.kill(os.getpid(), 9)")
+    for read in (read_trial, load_estimate):
+        with pytest.raises(ResourceError, match=r"a.mat: the process .* was killed \(SIGKILL\), .*: free memory"):
+            read(write_mat(tmp_path / "a.mat"))
 
 
-def test_ctrl_c_leaves_no_half_answer(tmp_path, server, monkeypatch):
-    replace_reader(monkeypatch, server, "time.sleep(3)")
+def test_ctrl_c_leaves_no_half_answer(tmp_path, replace_reader):
+    replace_reader("time.sleep(3)")
     bad, good = write_mat(tmp_path / "a.mat"), write_mat(tmp_path / "b.mat")
     assert_reads(good)
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):
-        read_channels(bad, OPTIONS)
+        read_trial(bad)
     assert_reads(good)
 
 
-def test_a_killed_process_is_started_again(tmp_path, server):
-    good = write_mat(tmp_path / "a.mat")
-    assert_reads(good)
-    os.killpg(server._process.pid, signal.SIGKILL)
-    server._process.wait()
-    assert_reads(good)
+def test_a_python_that_does_not_find_the_library(tmp_path, monkeypatch):
+    monkeypatch.setattr(reading_process, "PROGRAM", "import nothing_of_this_name")
+    with pytest.raises(RuntimeError, match=r"did not start: .*Run this program by the Python of its environment"):
+        read_trial(write_mat(tmp_path / "a.mat"))
 
 
-def test_files_of_the_current_folder_are_not_imported(tmp_path, server, monkeypatch):
+def test_files_of_the_current_folder_are_not_imported(tmp_path, monkeypatch):
     (tmp_path / "numpy.py").write_text("raise SystemExit('the wrong numpy')")
     (tmp_path / "h5py.py").write_text("raise SystemExit('the wrong h5py')")
     monkeypatch.chdir(tmp_path)
@@ -161,25 +165,105 @@ def test_the_process_ends_with_its_program(tmp_path):
     good = write_mat(tmp_path / "a.mat")
     script = f"""
         from ankleloop.trials import reading_process
-        from ankleloop.trials.reading_options import ReadingOptions
-        reading_process.read_channels({str(good)!r}, ReadingOptions())
-        print(reading_process._current._process.pid)
+        reading_process.list_variables({str(good)!r})
+        print(reading_process._reader.process.pid)
     """
-    run = subprocess.run(
-        [sys.executable, "-W", "error", "-c", textwrap.dedent(script)], capture_output=True, timeout=60
-    )
-    assert run.returncode == 0, run.stderr
-    assert run.stderr == b""
+    command = [sys.executable, "-W", "error", "-c", textwrap.dedent(script)]
+    run = subprocess.run(command, capture_output=True, timeout=60)
+    assert (run.returncode, run.stderr) == (0, b"")
     with pytest.raises(ProcessLookupError):
         os.kill(int(run.stdout), 0)
 
 
-def test_only_wanted_variables_are_read(tmp_path, server):
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file["position"], file["torque"] = P, TQ
-        file.attrs["sampling_rate"] = RATE
-        file.create_dataset("video", (400_000_000,), "f8", chunks=(1_000_000,), fillvalue=1.0)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    assert_reads(path)
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB; the data set has 3.2 GB
+def test_nan_that_signals_is_a_missing_sample(tmp_path):
+    torque = np.arange(20.0)
+    torque[7:8].view(np.uint64)[0] = 0x7FF0000000000001
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["position"], file["torque"] = 0.001 * np.arange(20), torque
+    with pytest.raises(DataError, match=r"a.h5: torque is not finite at sample 7 "):
+        read_trial(tmp_path / "a.h5", sampling_rate=200.0)
+
+
+# --- Files of the library, whose bytes have changed
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Every kind of file, as bytes."""
+    folder = tmp_path_factory.mktemp("whole")
+    trial, rng = simulate(seed=1, duration=2.0), np.random.default_rng(0)
+    torques = dict(zip(("net", "intrinsic", "reflex"), rng.standard_normal((3, 50)), strict=True))
+    torque = torque_dataset(np.arange(50) / 100.0, 100.0, **torques)
+    estimate = Estimate("riv", torque, None, {"K": 150.0}, {"delay": 0.04})
+    save_trial(trial, folder / "trial.nc")
+    save_trials([trial, trial], folder / "trials.nc")
+    save_estimate(estimate, folder / "estimate.nc")
+    save_estimate(estimate, folder / "estimate.mat")
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+READERS = {
+    "trial.nc": lambda path: [load_trial(path)],
+    "trials.nc": lambda path: list(load_trials(path)),
+    "estimate.nc": lambda path: [load_estimate(path).torque],
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_every_changed_byte_is_noticed_by_this_process(whole, tmp_path, name, monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/bin/false")  # so that no other process starts
+    (tmp_path / name).write_bytes(whole[name])
+    assert READERS[name](tmp_path / name)
+    rng = np.random.default_rng(0)
+    for place in rng.choice(len(whole[name]) - LENGTH, 20, replace=False):
+        content = bytearray(whole[name])
+        content[place] ^= 1 << rng.integers(8)
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(DataError, match=rf"{tmp_path / name}: .* \(its checksum is wrong: bytes have changed"):
+            READERS[name](tmp_path / name)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_file_without_a_checksum_is_read_all_the_same(whole, tmp_path, name):
+    (tmp_path / name).write_bytes(whole[name])
+    expected = READERS[name](tmp_path / name)
+    (tmp_path / name).write_bytes(whole[name][:-LENGTH])
+    assert has_right_checksum(tmp_path / name) is None
+    for before, after in zip(expected, READERS[name](tmp_path / name), strict=True):
+        assert after.identical(before)
+        assert after.dtypes == before.dtypes
+    assert [file.name for file in tmp_path.iterdir()] == [name]
+
+
+def test_a_file_that_another_program_changes_has_no_wrong_checksum(whole, tmp_path):
+    path = tmp_path / "trial.nc"
+    path.write_bytes(whole["trial.nc"])
+    with h5py.File(path, "r+") as file:
+        file["torque"][3] += 1.0
+        file.attrs["comment"] = "corrected"
+    assert has_right_checksum(path) is None
+    assert load_trial(path).attrs["comment"] == "corrected"
+
+
+def test_samples_in_other_files_are_refused(tmp_path):
+    layout = h5py.VirtualLayout((300,), "f8")
+    layout[:] = h5py.VirtualSource(tmp_path / "gone.h5", "position", (300,))
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        file.create_virtual_dataset("position", layout)
+        file.create_dataset("external", (300,), "f8", external=[(str(tmp_path / "a.raw"), 0, 2400)])
+        file["torque"] = TQ
+    for read in (load_trial, read_trial, lambda path: read_trial(path, position="external")):
+        with pytest.raises(DataError, match=r"a.nc: the samples of (position|external) are in other files: copy"):
+            read(tmp_path / "a.nc")
+
+
+def test_errors_of_libraries_get_the_name_of_the_file_and_the_remedy(tmp_path):
+    (tmp_path / "x.nc").write_bytes(b"content")
+    append_checksum(tmp_path / "x.nc")
+    message = r"x.nc: not a readable thing \(KeyError: 'k'\): it is damaged.*: buy it\.$"
+    for context in (readable_file, name_errors):
+        with pytest.raises(DataError, match=message) as e, context(tmp_path / "x.nc", "thing", "buy it"):
+            raise KeyError("k")
+        assert isinstance(e.value.__cause__, KeyError)
+        with pytest.raises(DataError, match=r"^as it is$"), context(tmp_path / "x.nc", "thing", "buy it"):
+            raise DataError("as it is")

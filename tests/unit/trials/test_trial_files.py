@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError, new_trial, simulate
-from ankleloop.trials.trial_files import load_chunks, load_trial_of, load_trials, save_trials
+from ankleloop.trials.trial_files import load_rows, load_trial_of, load_trials, save_trials
 
 
 def make_trials(count=3, samples=50, **attributes):
@@ -28,8 +28,8 @@ def test_trials_that_cannot_share_a_file(tmp_path):
 def test_trials_of_several_points_in_one_file(tmp_path):
     trials, index = make_trials(4), [("a", 0), ("a", 1), ("b", 0), ("b", 1)]
     save_trials(trials, tmp_path / "trials.nc", index=index)
-    (chunk,) = load_chunks(tmp_path / "trials.nc")
-    assert list(zip(chunk.points, chunk.numbers, strict=True)) == index
+    assert [row[:2] for row in load_rows(tmp_path / "trials.nc")] == index
+    assert [row[:2] for row in load_rows(tmp_path / "trials.nc", {"b": (0, 2), "a": (1, 2)})] == [*index[2:], index[1]]
     for trial, (point, number) in zip(trials, index, strict=True):
         loaded = load_trial_of([tmp_path / "trials.nc"], point, number)
         np.testing.assert_array_equal(loaded["torque"], trial["torque"])
@@ -84,7 +84,6 @@ def test_quiet_and_loud_trials_share_a_file_in_single_precision(tmp_path):
 def test_more_trials_than_are_read_at_a_time(tmp_path):
     save_trials(make_trials(37), tmp_path / "trials.nc")
     assert [trial.attrs["number"] for trial in load_trials(tmp_path / "trials.nc")] == list(range(37))
-    assert [len(chunk.trials) for chunk in load_chunks(tmp_path / "trials.nc")] == [25, 12]
 
 
 def test_attributes_in_which_trials_differ_keep_their_values_and_types(tmp_path):

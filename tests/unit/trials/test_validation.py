@@ -83,15 +83,18 @@ def test_peak_speed_is_the_largest_difference_of_means(position, rate):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: t.drop_attrs(), "the attribute sampling_rate is missing: set trial.attrs"),
         (lambda t: t.assign(position=t.position.astype("float32")), "position is of type float32, not float64: make"),
         (lambda t: {"position": POSITION}, "a trial is an xarray.Dataset, not dict: make it with new_trial"),
     ],
-    ids=["rate", "type", "mapping"],
+    ids=["type", "mapping"],
 )
 def test_other_forms_are_refused(trial, change, message):
     with pytest.raises(DataError, match=message):
         validate(change(trial))
+
+
+def test_a_trial_with_times_needs_no_sampling_rate(trial):
+    assert validate(trial.drop_attrs()).attrs == {"sampling_rate": RATE}
 
 
 def _with_time(trial, time):

@@ -1,0 +1,315 @@
+"""Channels of a trial in a file: which variables they are, and their samples as numbers, by one rule for all files.
+
+A container (CSV, MATLAB, HDF5, NetCDF, FLB) is a class of `Contents`, which `choose_container` chooses by the suffix.
+Damaged files can kill or halt the process that opens them, so that of `trials.reading_process` does, and no other.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from ankleloop.errors import DataError
+from ankleloop.options import as_plain, show_value
+from ankleloop.trials.channels import AmbiguousNameError, Channel, check_size, find_variable, join_units
+
+SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+# Upper and lower case count: T is often the torque, not the time.
+RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
+TIME_NAMES = ("time", "time_s", "t", "Time", "time_ms", "t_ms", "time_us")
+RATE_TOLERANCE = 1e-3
+HERTZ = ("hz", "hertz", "1/s", "s-1", "s^-1", "samples/s", "samples per second")
+TIME, RATE = "time", "sampling_rate"  # roles beside the channels of the trial
+LISTED, MOST_VARIABLES = 100, 1000  # names of variables in an error message, and in a list of them
+UNWRITTEN = 9.969209968386869e36  # what NetCDF libraries put where no sample was written
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of a file, whose samples are read when they are asked for."""
+
+    name: str  # its full name
+    shape: tuple[int, ...]  # its shape in the file
+    read: Callable[[slice], Any]  # gives the samples of a slice as an array of any type
+    attributes: Mapping[str, Any] = field(default_factory=dict)  # its attributes
+
+
+class Contents(ABC):
+    """Variables and attributes of an open file."""
+
+    separator = "/"  # joins the names of groups or structs
+
+    def __init__(self, path: Path, case: int | None = None) -> None:
+        self.path = path
+        if case is not None:
+            raise DataError(f"{path.name}: case chooses a trial of an .flb file: leave it out.")
+
+    @abstractmethod
+    def find(self, name: str) -> Variable | None:
+        """Variable of a full name; None if there is none."""
+
+    @abstractmethod
+    def names(self) -> Iterator[str]:
+        """Full names of the variables."""
+
+    def find_attribute(self, owner: str, name: str) -> Any:
+        """Attribute of a variable, a group, or of the file, whose name is empty; None if there is none."""
+        return None
+
+    def load(self, names: Sequence[str]) -> None:  # noqa: B027 # most formats have nothing to prepare
+        """Prepare to read variables, where a pass over the file reads several."""
+
+    def locate_sample(self, sample: int) -> str:
+        """Describe where a sample is in the file."""
+        return f"at sample {sample}"
+
+    def require(self, name: str) -> Variable:
+        """Variable of a name; a leading slash, as HDF5 tools show it, does not matter."""
+        variable = self.find(name) or self.find(name.lstrip("/"))
+        if variable is not None:
+            return variable
+        if name in ("position", "torque"):  # the default, and perhaps the file has position_rad
+            with suppress(AmbiguousNameError):
+                return self.require(str(find_variable(name, [*find_variables(self).values()], source="")))
+        known = [name if name.isprintable() else repr(name) for name in islice(self.names(), LISTED + 1)]
+        listed = ", ".join(known[:LISTED]) + (" and more" if len(known) > LISTED else "")
+        raise DataError(
+            f"{self.path.name}: there is no variable {name!r}; the file has: {listed or 'none'}. Name one of these."
+        )
+
+    def find_number(self, owner: str, name: str) -> Variable | None:
+        """Variable of a single value beside others, or else attribute; None if there is neither."""
+        full = f"{owner}{self.separator}{name}" if owner else name
+        variable = self.find(full)
+        if variable is None and (value := self.find_attribute(owner, name)) is not None:
+            variable = Variable(full, np.shape(value), lambda _: value)
+        return variable if variable is not None and math.prod(variable.shape) == 1 else None
+
+
+def find_suffix(path: Path) -> str | None:
+    """Suffix by which the format of a file is chosen; None if it is unknown."""
+    return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), None)
+
+
+def choose_container(path: Path) -> type[Contents]:
+    """Class that opens a file; its module imports the library of the format."""
+    suffix = find_suffix(path)
+    if suffix in (".csv", ".csv.gz"):
+        from ankleloop.trials.csv_files import CsvContents
+
+        return CsvContents
+    if suffix == ".flb":
+        from ankleloop.trials.flb_files import FlbContents
+
+        return FlbContents
+    from ankleloop.trials.binary_files import ClassicNetcdfContents, Hdf5Contents, MatContents
+
+    if suffix in (".h5", ".hdf5") or _is_hdf5(path):
+        return Hdf5Contents
+    return MatContents if suffix == ".mat" else ClassicNetcdfContents
+
+
+def _is_hdf5(path: Path) -> bool:
+    """Whether a file has the signature of HDF5, at its start or behind a user block, as MATLAB writes it."""
+    with open(path, "rb") as file:
+        start = file.read(2048 + len(HDF5_SIGNATURE))
+    return any(start.startswith(HDF5_SIGNATURE, offset) for offset in (0, 512, 1024, 2048))
+
+
+def take_samples(samples: Any, part: slice) -> Any:
+    """Samples of a slice along the only axis that has several; all of what has no such axis."""
+    if part == slice(None):
+        return samples[...]
+    return samples[0, part] if len(samples.shape) == 2 and samples.shape[0] == 1 else samples[part]
+
+
+def raise_type(source: str, name: str, kind: object) -> NoReturn:
+    """Refuse a variable that is not of real numbers."""
+    raise DataError(f"{source}: {name} is of type {kind}, not real numbers: convert it, or choose another variable.")
+
+
+def find_variables(contents: Contents) -> dict[str, Channel]:
+    """Variables of an open file by their names."""
+    channels = {}
+    for name in islice(contents.names(), MOST_VARIABLES):
+        channels[name] = Channel(name, "", ())
+        with suppress(DataError):  # it matters only where this variable is wanted, and is raised there
+            if (variable := contents.find(name)) is not None:
+                channels[name] = Channel(name, _find_unit(variable), tuple(map(int, variable.shape)))
+    return channels
+
+
+def select_channels(
+    contents: Contents,
+    variables: Mapping[str, str],
+    extras: Sequence[str] = (),
+    rate: float | None = None,
+    part: Sequence[int] | None = None,
+    roles: Sequence[str] | None = None,
+) -> Iterator[tuple[str, Channel]]:
+    """Read the channels of a trial, its times and its sampling rate, each alone, from an open file.
+
+    `variables` are names in the file by channel, `extras` channels that are read if the file has them beside the
+    torque, `rate` is what the caller states [Hz], `part` the first sample and the one before which reading ends, and
+    `roles` what is read of all this.
+    """
+    selected = {role: contents.require(name) for role, name in variables.items()}
+    source, separator = contents.path.name, contents.separator
+    parent, dot, _ = selected["torque"].name.rpartition(separator)
+    for role in extras:
+        if (variable := contents.find(f"{parent}{dot}{role}")) is not None:
+            selected.setdefault(role, variable)
+    groups = selected["position"].name.split(separator)
+    owners = [separator.join(groups[:depth]) for depth in range(len(groups), -1, -1)]  # the nearest first
+    times = (contents.find(f"{owner}{separator * bool(owner)}{name}") for owner in owners for name in TIME_NAMES)
+    time = next((found for found in times if found is not None and math.prod(found.shape) != 1), None)
+    if time is not None and time.name not in {variable.name for variable in selected.values()}:
+        selected[TIME] = time
+    selected = {role: variable for role, variable in selected.items() if roles is None or role in roles}
+    for variable in selected.values():
+        if part is None:
+            check_size(math.prod(variable.shape), f"{source}: {variable.name}")
+    contents.load([variable.name for variable in selected.values()])
+    for role, variable in selected.items():
+        values = _read_numbers(contents, variable, slice(*part) if part else slice(None))
+        shape = values.shape if part is None else variable.shape  # of a struct of MATLAB it is not known before
+        yield role, Channel(variable.name, _find_unit(variable), shape, values)
+    rates = ([v for name in RATE_NAMES if (v := contents.find_number(owner, name)) is not None] for owner in owners)
+    found = next(filter(None, rates), [])
+    if found and roles is None and (number := _choose_rate(source, found, rate)) is not None:
+        yield RATE, Channel(found[0].name, "Hz", (1,), np.array([number]))
+
+
+def _find_unit(variable: Variable) -> str:
+    """Unit that the file states for a variable, numbers as text, or the empty string."""
+    named = [value for name, value in variable.attributes.items() if name.lower() in ("units", "unit")]
+    found = [value for value in map(np.asarray, named) if value.size]
+    stated = [as_text(value) if value.size == 1 and value.dtype.kind in "OSU" else shorten(value) for value in found]
+    return join_units([text for text in stated if text])
+
+
+def _read_numbers(contents: Contents, variable: Variable, part: slice) -> np.ndarray:
+    """Samples of a variable as floating-point numbers, scaled, nan where they are missing."""
+    source, name = contents.path.name, variable.name
+    values = np.asarray(variable.read(part))
+    if values.dtype.kind in "OSU":
+        _refuse_text(contents, name, values)
+    if values.dtype.kind not in "iuf":
+        raise_type(source, name, values.dtype)
+    check_size(values.size, f"{source}: {name}")
+    numbers = np.array(decode(values, variable.attributes, source=source, name=name), dtype="<f8", order="C")
+    numbers[np.isnan(numbers)] = np.nan  # damaged files have nan that signal an error wherever they are used
+    return numbers
+
+
+def _refuse_text(contents: Contents, name: str, values: np.ndarray) -> None:
+    for sample, cell in enumerate(np.ravel(values)):
+        try:
+            float("nan" if cell is None else cell)
+        except (TypeError, ValueError, OverflowError):
+            raise DataError(
+                f"{contents.path.name}: {name} is not a number {contents.locate_sample(sample)} but "
+                f"{show_value(as_plain(cell))}: correct the file, or choose another variable."
+            ) from None
+
+
+def _choose_rate(source: str, rates: Sequence[Variable], stated: float | None) -> float | None:
+    """Sampling rate of a file [Hz], unless it is stated; refuse rates that contradict each other or the stated one."""
+    try:
+        numbers = {variable.name: _read_rate(source, variable) for variable in rates}
+    except DataError:
+        if stated is None:
+            raise
+        return None  # what cannot be read contradicts nothing
+    first, number = next(iter(numbers.items()))
+    if stated is None:
+        for name, other in numbers.items():
+            if abs(other - number) > RATE_TOLERANCE * abs(number):
+                raise DataError(
+                    f"{source}: {first} is {number:g} Hz, but {name} is {other:g} Hz: pass sampling_rate, or correct "
+                    "the file."
+                )
+        return number
+    if not any(abs(other - stated) <= RATE_TOLERANCE * stated for other in numbers.values()):
+        texts = " and ".join(f"{name} of the file is {other:g} Hz" for name, other in numbers.items())
+        raise DataError(
+            f"{source}: sampling_rate is stated as {stated:g} Hz, but {texts}: leave sampling_rate out, or correct the "
+            "file."
+        )
+    return None
+
+
+def _read_rate(source: str, variable: Variable) -> float:
+    """Sampling rate [Hz]."""
+    unit = _find_unit(variable)
+    if unit and unit.lower() not in HERTZ:
+        raise DataError(f"{source}: {variable.name} is in {unit!r} according to the file: write it in Hz.")
+    value = np.ravel(np.asarray(variable.read(slice(None))))
+    text = as_text(value)
+    try:
+        number = np.array([float(text or value[0])])
+    except (TypeError, ValueError, OverflowError, IndexError):
+        raise DataError(
+            f"{source}: sampling_rate is {show_value(text or value)} ({variable.name}): pass a single number in Hz."
+        ) from None
+    return float(decode(number, variable.attributes, source=source, name=variable.name)[0])
+
+
+def decode(values: np.ndarray, attributes: Mapping[str, Any], *, source: str, name: str) -> np.ndarray:
+    """Apply scale, offset and missing values that the attributes of a variable state, by the conventions of NetCDF.
+
+    A sample is `stored · scale_factor + add_offset`; one that equals `_FillValue` or `missing_value` as stored, or was
+    never written to a NetCDF file, becomes nan. `_Unsigned` turns integers into those without a sign.
+    """
+    markers = [np.ravel(attributes[key]) for key in ("_FillValue", "missing_value") if key in attributes]
+    numbers = [number for marker in markers if marker.dtype.kind in "iuf" for number in marker.tolist()]
+    if values.dtype.kind == "f":
+        with np.errstate(over="ignore"):  # libraries round a marker to the type of the samples
+            numbers = [values.dtype.type(number) for number in (*numbers, UNWRITTEN)]
+    missing = np.zeros(values.shape, dtype=bool)
+    for number in numbers:
+        missing |= values == number
+    if as_text(attributes.get("_Unsigned", "")).lower() == "true" and values.dtype.kind == "i":
+        values = values.view(values.dtype.str.replace("i", "u"))  # the markers have the signed type as stored
+    factor, offset = (
+        _read_number(attributes.get(key, default), key, source, name)
+        for key, default in (("scale_factor", 1.0), ("add_offset", 0.0))
+    )
+    if factor == 0.0:
+        raise DataError(f"{source}: scale_factor of {name} is 0, so that all samples are alike: correct the file.")
+    if (factor, offset) != (1.0, 0.0):
+        with np.errstate(over="ignore"):  # an infinite sample is refused by its number later on
+            values = values.astype(float) * factor + offset
+    return np.where(missing, np.nan, values) if missing.any() else values
+
+
+def _read_number(value: Any, key: str, source: str, name: str) -> float:
+    array = np.ravel(np.asarray(value))
+    if array.size != 1 or array.dtype.kind not in "iuf" or not np.isfinite(array[0]):
+        raise DataError(f"{source}: {key} of {name} is no finite number ({shorten(array)}): correct the file.")
+    return float(array[0])
+
+
+def shorten(value: Any) -> str:
+    """Text of a value, of 60 characters at most."""
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def as_text(value: Any) -> str:
+    """Text of an attribute, which libraries give as text, bytes or an array of one of them; "" for what is no text."""
+    array = np.asarray(value)
+    if array.size != 1 or array.dtype.kind not in "OSU":
+        return ""
+    item = array.item()
+    text = item.decode(errors="replace") if isinstance(item, bytes) else item
+    return text.strip("\x00 \t\r\n") if isinstance(text, str) else ""
