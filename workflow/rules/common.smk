@@ -13,7 +13,6 @@ from ankleloop.studies.run_config import (
     describe_article,
     read_run,
     report_parameters,
-    shows_sweep,
 )
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy
 from snakemake.logging import logger
@@ -140,7 +139,7 @@ def trials_of(wildcards):
     """Trial files that the notebook of a study reads."""
     study = study_of(wildcards)
     recorded = isinstance(study, RecordedStudy)
-    return [] if recorded or shows_sweep(study) else trial_files(study)
+    return [] if recorded or study.settings.notebook == "sweep" else trial_files(study)
 
 
 def estimates_of(wildcards):
@@ -148,7 +147,7 @@ def estimates_of(wildcards):
     study = study_of(wildcards)
     if isinstance(study, RecordedStudy):
         return f"results/reports/{study.name}"
-    none = shows_sweep(study) or study.settings.keep == "scores"
+    none = study.settings.notebook == "sweep" or study.settings.keep == "scores"
     return [] if none else chunk_files("estimates", study)
 
 
