@@ -46,8 +46,7 @@ def check(model: type[Options], values: Mapping[str, Any], *place: str) -> Any:
         # A misspelt key comes before a missing one.
         fault = min(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     keys, owner = _locate(model, fault["loc"])
-    kind, name, context = fault["type"], "".join(keys[-1:]), fault.get("ctx", {})
-    shown = keys
+    kind, name, context, shown = fault["type"], "".join(keys[-1:]), fault.get("ctx", {}), keys
     if kind == "extra_forbidden":
         known = [field.alias or key for key, field in owner.model_fields.items()] if owner else []
         sentence = f"unknown key {name!r}{suggest_name(name, known)}; known here: {', '.join(known)}"
