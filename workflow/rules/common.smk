@@ -13,7 +13,6 @@ from ankleloop.studies.run_config import (
     describe_article,
     read_run,
     report_parameters,
-    shows_sweep,
 )
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy
 from snakemake.logging import logger
@@ -27,9 +26,8 @@ os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(2**31))
 try:
     CONFIG, STUDIES = read_run(config, CONFIG_FILES, workflow.config_settings.config)
 except ConfigError as error:
-    sys.exit(
-        f"Configuration: {error}"
-    )  # without the traceback that Snakemake would show
+    # Without the traceback that Snakemake would show.
+    sys.exit(f"Configuration: {error}")
 if workflow.is_main_process and describe_article(CONFIG):
     logger.info(describe_article(CONFIG))
 RUN = [STUDIES[name] for name in CONFIG.run_names]
@@ -37,16 +35,10 @@ ARTICLE = [STUDIES[name] for name in CONFIG.article_names]
 DIAGRAMS = ["figure1", "figure2"]
 KINDS = ["trials", "estimates", "scores"]
 # Files of the repository; `local` says that they are never in the storage of the results.
-PUBLISHED = [
-    local(str(path)) for path in sorted((ROOT / "data" / "published").glob("*.csv"))
-]
+PUBLISHED = [local(str(path)) for path in sorted(ROOT.glob("data/published/*.csv"))]
 # Numbers and claims of the paper that is replicated, which the ledger checks; other files hold numbers of other papers.
-OF_PAPER = [
-    path for path in PUBLISHED if Path(path).stem in ("claims", "table1", "table2")
-]
-SIMULATED = {
-    name: study for name, study in STUDIES.items() if isinstance(study, SimulatedStudy)
-}
+OF_PAPER = [p for p in PUBLISHED if Path(p).stem in ("claims", "table1", "table2")]
+SIMULATED = {s.name: s for s in STUDIES.values() if isinstance(s, SimulatedStudy)}
 
 
 def alternatives(names):
@@ -102,17 +94,14 @@ def notebook_of(wildcards):
 
 def chunk_files(kind, study):
     """Files of all chunks of a study."""
-    return [
-        f"results/{kind}/{study.name}/{chunk}.parquet"
-        for chunk in range(len(study.chunks))
-    ]
+    folder = f"results/{kind}/{study.name}"
+    return [f"{folder}/{chunk}.parquet" for chunk in range(len(study.chunks))]
 
 
 def trial_files(study):
     """Trial files of a study; none where no trials are kept."""
-    return [
-        f"results/trials/{study.name}/{k}.nc" for k in range(len(study.trial_chunks))
-    ]
+    folder = f"results/trials/{study.name}"
+    return [f"{folder}/{chunk}.nc" for chunk in range(len(study.trial_chunks))]
 
 
 def trial_file_of(wildcards):
@@ -132,15 +121,16 @@ def table_file(study):
 def tables_of(wildcards):
     """Tables that the notebook of a study reads."""
     study = study_of(wildcards)
-    recorded = isinstance(study, RecordedStudy)
-    return chunk_files("scores", study) if recorded else [table_file(study)]
+    return (
+        [table_file(study)] if study.name in SIMULATED else chunk_files("scores", study)
+    )
 
 
 def trials_of(wildcards):
     """Trial files that the notebook of a study reads."""
     study = study_of(wildcards)
-    recorded = isinstance(study, RecordedStudy)
-    return [] if recorded or shows_sweep(study) else trial_files(study)
+    none = study.settings.notebook in ("sweep", "recordings")
+    return [] if none else trial_files(study)
 
 
 def estimates_of(wildcards):
@@ -148,7 +138,7 @@ def estimates_of(wildcards):
     study = study_of(wildcards)
     if isinstance(study, RecordedStudy):
         return f"results/reports/{study.name}"
-    none = shows_sweep(study) or study.settings.keep == "scores"
+    none = study.settings.notebook == "sweep" or study.settings.keep == "scores"
     return [] if none else chunk_files("estimates", study)
 
 

@@ -2,9 +2,8 @@
 # recording does. An unusable recording is refused with its reason; the others go on.
 rule recordings:
     input:
-        files=lambda wildcards: [
-            local(path)
-            for path in study_of(wildcards).existing_paths(int(wildcards.chunk))
+        files=lambda w: [
+            local(path) for path in study_of(w).existing_paths(int(w.chunk))
         ],
     output:
         table="results/scores/{study}/{chunk}.parquet",
@@ -20,14 +19,12 @@ rule recordings:
     threads: 1
     resources:
         mem_mb=memory,
-        runtime=minutes(
-            lambda wildcards: study_of(wildcards).seconds(int(wildcards.chunk))
-        ),
+        runtime=minutes(lambda w: study_of(w).seconds(int(w.chunk))),
     params:
-        points=lambda wildcards: study_of(wildcards).mappings(int(wildcards.chunk)),
-        methods=lambda wildcards: study_of(wildcards).analysed_methods,
-        figure=lambda wildcards: study_of(wildcards).settings.figure.model_dump(),
-        settings=lambda wildcards: study_of(wildcards).hashes[int(wildcards.chunk)],
+        points=lambda w: study_of(w).mappings(int(w.chunk)),
+        methods=lambda w: study_of(w).analysed_methods,
+        figure=lambda w: study_of(w).settings.figure.model_dump(),
+        settings=lambda w: study_of(w).hashes[int(w.chunk)],
         library=library("workflow/scripts/recordings.py"),
     script:
         "../scripts/recordings.py"
@@ -36,9 +33,8 @@ rule recordings:
 # Pages and exported estimates of all recordings of a study, under the names that a reader opens.
 rule publish:
     input:
-        folders=lambda wildcards: [
-            f"results/recordings/{wildcards.study}/{chunk}"
-            for chunk in range(len(study_of(wildcards).chunks))
+        folders=lambda w: [
+            f"results/recordings/{w.study}/{k}" for k in range(len(study_of(w).chunks))
         ],
     output:
         pages=directory("results/reports/{study}"),

@@ -37,9 +37,7 @@ rule report:
             table_stem=os.path.splitext(output.table)[0],
             figure_stem=f"{output.figures}/{wildcards.study}",
         ),
-        library=lambda wildcards: library(
-            "workflow/scripts/render.py", notebook_of(wildcards)
-        ),
+        library=lambda w: library("workflow/scripts/render.py", notebook_of(w)),
     script:
         "../scripts/render.py"
 

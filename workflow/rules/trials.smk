@@ -21,10 +21,10 @@ rule simulate:
         mem_mb=memory,
         runtime=minutes(simulation_seconds),
     params:
-        arguments=lambda wildcards: study_of(wildcards).simulation(
-            study_of(wildcards).trial_chunks[int(wildcards.chunk)]
+        arguments=lambda w: study_of(w).simulation(
+            study_of(w).trial_chunks[int(w.chunk)]
         ),
-        precision=lambda wildcards: study_of(wildcards).settings.precision,
+        precision=lambda w: study_of(w).settings.precision,
         library=library("workflow/scripts/simulate.py"),
     script:
         "../scripts/simulate.py"
@@ -53,15 +53,11 @@ rule identify:
         mem_mb=memory,
         runtime=minutes(identification_seconds),
     params:
-        arguments=lambda wildcards: study_of(wildcards).identification(
-            int(wildcards.chunk)
-        ),
-        simulation=lambda wildcards: (
+        arguments=lambda w: study_of(w).identification(int(w.chunk)),
+        simulation=lambda w: (
             {}
-            if study_of(wildcards).settings.keep == "everything"
-            else study_of(wildcards).simulation(
-                study_of(wildcards).chunks[int(wildcards.chunk)]
-            )
+            if study_of(w).settings.keep == "everything"
+            else study_of(w).simulation(study_of(w).chunks[int(w.chunk)])
         ),
         library=library("workflow/scripts/identify.py"),
     script:
@@ -83,7 +79,7 @@ use rule identify as sweep with:
 # written as CSV, too.
 rule table:
     input:
-        chunks=lambda wildcards: chunk_files("scores", study_of(wildcards)),
+        chunks=lambda w: chunk_files("scores", study_of(w)),
     output:
         table="results/tables/{study}-trials.parquet",
     log:
@@ -99,10 +95,10 @@ rule table:
         mem_mb=memory,
         runtime=half_hour,
     params:
-        hashes=lambda wildcards: study_of(wildcards).hashes,
-        varied=lambda wildcards: study_of(wildcards).varied,
-        rows=lambda wildcards: study_of(wildcards).rows,
-        settings=lambda wildcards: study_of(wildcards).hash,
+        hashes=lambda w: study_of(w).hashes,
+        varied=lambda w: study_of(w).varied,
+        rows=lambda w: study_of(w).rows,
+        settings=lambda w: study_of(w).hash,
         library=library("workflow/scripts/table.py"),
     script:
         "../scripts/table.py"

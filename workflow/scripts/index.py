@@ -1,7 +1,6 @@
 """Metadata of the run, and the page that lists all results with those of the ledger and of the tables."""
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
@@ -26,7 +25,7 @@ with running(snakemake):
     provenance = read_provenance(snakemake.params.repository)
     for path, content in (
         (output.configuration, snakemake.params.configuration),
-        (output.provenance, asdict(provenance)),
+        (output.provenance, provenance),
     ):
         write_text(path, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
     seeds = {name: study["seed"] for name, study in studies.items() if study["seed"] is not None}

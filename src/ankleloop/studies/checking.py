@@ -6,13 +6,13 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from string import Template
 from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import ValidationError
 
 from ankleloop.options import Options, describe_error, show_value, suggest_name
 
-VARIABLE = re.compile(r"\$(?:\$|\{(\w+)\}|(\w+))")
 # As people write it: Python also takes 1_0, nan and digits of other scripts.
 NUMBER = re.compile(r"\s*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*")
 
@@ -46,11 +46,10 @@ def check(model: type[Options], values: Mapping[str, Any], *place: str) -> Any:
         # A misspelt key comes before a missing one.
         fault = min(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     keys, owner = _locate(model, fault["loc"])
-    kind, name, context = fault["type"], "".join(keys[-1:]), fault.get("ctx", {})
-    shown = keys
+    kind, name, context, shown = fault["type"], "".join(keys[-1:]), fault.get("ctx", {}), keys
     if kind == "extra_forbidden":
         known = [field.alias or key for key, field in owner.model_fields.items()] if owner else []
-        sentence = f"unknown key {_cut(name)!r}{suggest_name(name, known)}; known here: {', '.join(known)}"
+        sentence = f"unknown key {name!r}{suggest_name(name, known)}; known here: {', '.join(known)}"
         shown = keys[:-1]
     elif kind == "missing":
         sentence = f"the key {name!r} is missing"
@@ -67,7 +66,7 @@ def check(model: type[Options], values: Mapping[str, Any], *place: str) -> Any:
         if owner and field and {int, float} & {field.annotation, *get_args(field.annotation)}:
             shown = [*keys[:-1], f"{name} [{owner.unit(name)}]"]
         sentence = _describe_value(fault, owner.limits(name) if owner else {})
-    text = " → ".join(_cut(part) for part in (*place, *shown))
+    text = " → ".join((*place, *shown))
     raise ConfigError(f"{text}: {sentence.rstrip('.')}.", (*place[1:], *keys))
 
 
@@ -82,21 +81,15 @@ def check_cases(key: str, names: Iterable[str]) -> None:
 
 def expand_path(text: str, place: str) -> Path:
     """A path of the configuration, with environment variables and ~ replaced."""
-
-    def read_variable(match: re.Match[str]) -> str:
-        name = match[1] or match[2]
-        if name is None:
-            return "$"
-        value = os.environ.get(name, "")
-        if not value.strip():
+    template = Template(text)
+    for name in template.get_identifiers():
+        if not os.environ.get(name, "").strip():
             state = "empty" if name in os.environ else "not set"
             raise ConfigError(
                 f"{place} is {text}, but the environment variable {name} is {state}. Set it to the folder, for "
                 f"example: export {name}=/folder/of/your/recordings (a dollar sign in the name of a folder is $$)."
             )
-        return value
-
-    return Path(os.path.expanduser(VARIABLE.sub(read_variable, text)))
+    return Path(os.path.expanduser(template.safe_substitute(os.environ)))
 
 
 def _describe_value(fault: Mapping[str, Any], limits: Mapping[str, float]) -> str:
@@ -106,7 +99,7 @@ def _describe_value(fault: Mapping[str, Any], limits: Mapping[str, float]) -> st
         return f"must be a mapping of keys to values, got {show_value(value)}"
     if kind == "list_type":
         example = value if isinstance(value, str) else "a, b"
-        return f"must be a list in brackets, such as [{_cut(example)}]; got {show_value(value)}"
+        return f"must be a list in brackets, such as [{example}]; got {show_value(value)}"
     if kind in ("too_short", "string_too_short"):
         return "must not be empty"
     if kind == "string_too_long":
@@ -114,7 +107,7 @@ def _describe_value(fault: Mapping[str, Any], limits: Mapping[str, float]) -> st
     if kind == "string_pattern_mismatch":
         signs = "_ - ." if "." in context["pattern"] else "_ -"
         form = f"letters A-Z a-z, digits and {signs}, and begin with a letter or digit"
-        return f"must consist of {form}; got {_cut(value)!r}"
+        return f"must consist of {form}; got {value!r}"
     remedy = ""
     if kind == "string_type" and value is not None and not isinstance(value, (list, Mapping)):
         remedy = ": put it in quotes"
@@ -124,10 +117,6 @@ def _describe_value(fault: Mapping[str, Any], limits: Mapping[str, float]) -> st
             "braces in a file for --configfile"
         )
     return describe_error(fault, limits=limits) + remedy
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= 120 else f"{text[:110]}…"
 
 
 def _locate(model: type[Options], location: Sequence[int | str]) -> tuple[list[str], type[Options] | None]:

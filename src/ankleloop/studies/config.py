@@ -105,7 +105,7 @@ def _union_of_methods() -> Any:
             options.__name__.replace("Options", "Settings"),
             __base__=MethodSettings,
             __doc__=f"A method with {options.__name__}.",
-            method=(Literal[tuple(members)], option(description=fields["method"].description or "")),
+            method=(Literal[tuple(members)], option(description=fields["method"].description or "")),  # type: ignore[arg-type]
             options=(options, option(description=fields["options"].description or "", default_factory=options)),
         )
         for options, members in names.items()
@@ -116,18 +116,17 @@ def _union_of_methods() -> Any:
 if TYPE_CHECKING:
     Methods = dict[str, MethodSettings]
     SimulationNotebook = str
-    Points = Any
 else:
     Methods = dict[Name, _union_of_methods()]
     SimulationNotebook = Literal[tuple(name for name in NOTEBOOKS if name != "recordings")]
-    OPTIONS = sorted({*SETTINGS, *(name for method in METHODS.values() for name in method.options.model_fields)})
-    NAMES = {"type": "string", "anyOf": [{"enum": OPTIONS}, {"pattern": r"^[A-Za-z0-9_-]+\.[a-z_]+$"}]}
-    Varied = Annotated[str, WithJsonSchema(NAMES)]
-    Values = Annotated[list[Any], Field(min_length=1)] | ValueRange
-    List = Annotated[list[dict[Varied, Any]], Field(min_length=1)]
-    FORMS = TypeAdapter(Design | PointTable | dict[Varied, Values] | List).core_schema
-    # They are checked by `studies.points`, whose messages name the point.
-    Points = Annotated[Any, GetPydanticSchema(get_pydantic_json_schema=lambda _, handler: handler(FORMS))]
+VARIED = sorted({*SETTINGS, *(name for method in METHODS.values() for name in method.options.model_fields)})
+NAMES = {"type": "string", "anyOf": [{"enum": VARIED}, {"pattern": r"^[A-Za-z0-9_-]+\.[a-z_]+$"}]}
+Varied = Annotated[str, WithJsonSchema(NAMES)]
+Values = Annotated[list[Any], Field(min_length=1)] | ValueRange
+List = Annotated[list[dict[Varied, Any]], Field(min_length=1)]
+FORMS = TypeAdapter(Design | PointTable | dict[Varied, Values] | List).core_schema
+# They are checked by `studies.points`, whose messages name the point.
+Points = Annotated[Any, GetPydanticSchema(get_pydantic_json_schema=lambda _, handler: handler(FORMS))]
 
 
 class SweepSettings(Options):
@@ -135,18 +134,15 @@ class SweepSettings(Options):
 
     quantities: Names | None = option(
         None,
-        "scores (vaf_net_true), parameters (K), relative errors of parameters (K_error), and shares of trials "
-        "(failures, warnings) that are shown, a row or a panel each; null for the VAF of net, intrinsic and reflex "
-        "torque and the errors of K and G",
+        "scores (vaf_net_true), parameters (K), their relative errors (K_error) and shares of trials (failures, "
+        "warnings), a row or a panel each; null for the VAF of all torques and the errors of K and G",
     )
     methods: Names | None = option(None, "methods that are shown; null for all")
     difference: Annotated[list[str], Field(min_length=2, max_length=2)] | None = option(
         None, "two methods whose difference (first minus second, trial by trial) is shown as well; null for none"
     )
     axes: Names | None = option(
-        None,
-        "varied settings or options over which the pictures are drawn: one gives lines, two give maps, more give a "
-        "matrix of effects; null for all in the order of the points",
+        None, "varied parameters: one gives lines, two give maps, more a matrix of effects; null for all in their order"
     )
     band: Literal["mean", "trials"] = option(
         "mean", "bands of lines: the 95 % confidence interval of the mean, or 80 % of the trials (quantiles 10 to 90 %)"
@@ -185,9 +181,7 @@ class _StudySettings(Options):
     kind: str = option(description="source of the trials")
     title: str = option("", "heading of the report; if it is empty, the name of the study")
     figure: FigureSettings = option(description="what figures of torques show", default_factory=FigureSettings)
-    methods: Methods = option(
-        description="methods with their options, by the name that tables and figures use", min_length=1
-    )
+    methods: Methods = option(description="methods by the names that tables and figures use", min_length=1)
 
     @model_validator(mode="after")
     def _check_methods(self) -> Self:
@@ -195,11 +189,9 @@ class _StudySettings(Options):
         check_cases("methods", self.methods)
         for name, method in self.methods.items():
             if name in METHODS and name != method.method:
-                raise ValueError(
-                    f"methods: {name} is the name of another method than {method.method}: choose another name"
-                )
-        labels = Counter(method.label or name for name, method in self.methods.items())
-        label, count = labels.most_common(1)[0]
+                other = f"another method than {method.method}"
+                raise ValueError(f"methods: {name} is the name of {other}: choose another name")
+        label, count = Counter(method.label or name for name, method in self.methods.items()).most_common(1)[0]
         if count > 1:
             raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
         _check_list("figure: methods", self.figure.methods, "method", self.methods)
@@ -212,74 +204,48 @@ class SimulationStudy(_StudySettings):
     kind: Literal["simulation"] = option(description="source of the trials")
     notebook: SimulationNotebook | None = option("table1", "notebook that renders the study; null for none")
     trials: int = option(20, "simulated trials at each point", ge=1, le=100000)
-    seed: int = option(
-        description="seed of the study; every trial has a stream of its own, keyed by study, point and trial", ge=0
-    )
+    seed: int = option(description="seed of the study, from which every trial has a stream of its own", ge=0)
     simulation: SimulationSettings = option(
         description="settings of every trial; those left out have their defaults", default_factory=SimulationSettings
     )
     points: Points = option(
-        description=(
-            "parameters of the study, which are settings of the simulation and options of methods by name "
-            "(`METHOD.option` is that of one method): lists or ranges of values, all combinations of which are points; "
-            "a random design; a table with a row for each point; or a list of points"
-        ),
+        description="settings and options that vary, by name (`METHOD.option` is that of one method): lists or ranges "
+        "of values, all combinations of which are points; a random design; a table, or a list, of points",
         default_factory=lambda: [{}],
     )
     against: Literal["measured"] | None = option(
-        None,
-        "what estimates are scored against; null for the true torques (and the measured net torque), measured for the "
-        "measured net torque alone, as if the simulation were a recording",
+        None, "what estimates are scored against; null for the true torques, measured as if these were unknown"
     )
     failures: Literal["stop", "count"] = option(
-        "count",
-        "what a trial does that cannot be simulated, or that a method cannot identify: count as a result, which is a "
-        "row of the parameters with the error as `failure` and no scores, or stop the job with its error",
+        "count", "a trial that cannot be simulated or identified is a row with the error as `failure`, or stops its job"
     )
     precision: Literal["single", "double"] = option(
-        "double",
-        "floating-point precision of trials and estimated torques on disk; single takes half the space, and rounds far "
-        "below a 16-bit converter",
+        "double", "floating-point precision of trials and estimated torques on disk; single takes half the space"
     )
     keep: Literal["everything", "estimates", "scores"] = option(
-        "everything",
-        "what is left on disk: everything, estimates without trials, or tables of scores and parameters alone; without "
-        "trials, simulation and identification share a job",
+        "everything", "what is left on disk: everything, estimates without trials, or scores and parameters alone"
     )
     job_minutes: float = option(
-        1.0,
-        "length of a job that is aimed at; the number of trials that share a job follows from it and from the measured "
-        "cost of a trial and of each method",
-        unit="min",
-        gt=0,
-        le=1e4,
+        1.0, "length of a job that is aimed at, from the measured cost of its trials", unit="min", gt=0, le=1e4
     )
     points_per_chunk: int | None = option(
-        None,
-        "points that share a job, in place of job_minutes; points of different record length or rate do not share a "
-        "chunk",
-        ge=1,
+        None, "points of equal record length and rate that share a job, in place of job_minutes", ge=1
     )
     trials_per_chunk: int | None = option(None, "trials of one point that share a job, in place of job_minutes", ge=1)
     sweep: SweepSettings = option(description="what the notebook sweep shows", default_factory=SweepSettings)
 
     @property
-    def chunk_key(self) -> Literal["trials_per_chunk", "points_per_chunk", "job_minutes"]:
+    def chunk_key(self) -> str:
         """Key that decides on the size of chunks."""
-        if self.trials_per_chunk is not None:
-            return "trials_per_chunk"
-        return "job_minutes" if self.points_per_chunk is None else "points_per_chunk"
+        return next(key for key in ("trials_per_chunk", "points_per_chunk", "job_minutes") if getattr(self, key))
 
     @model_validator(mode="after")
     def _check_study(self) -> Self:
         if self.figure.trial >= self.trials:
             numbers = f"those of {self.trials} trials are 0 to {self.trials - 1}"
             raise ValueError(f"figure: trial: there is no trial {self.figure.trial}; {numbers}")
-        if self.trials_per_chunk is not None and (self.points_per_chunk or 1) > 1:
-            raise ValueError(
-                "a chunk is some points, or part of the trials of one point: set points_per_chunk: 1 to use "
-                f"trials_per_chunk, got points_per_chunk: {self.points_per_chunk}"
-            )
+        if self.trials_per_chunk and (self.points_per_chunk or 1) > 1:
+            raise ValueError("a chunk is some points, or part of the trials of one: set points_per_chunk to 1")
         return self
 
 
@@ -298,9 +264,7 @@ class RecordingsStudy(_StudySettings):
         default_factory=dict,
     )
     table: str | None = option(
-        None,
-        "CSV file that lists recordings, a row each, with the columns of a recording and an optional name; null for "
-        "none. Without a name, subject, condition and trial make it",
+        None, "CSV file with a row for each recording, and its keys and an optional name as columns; null for none"
     )
     recordings_per_chunk: int = option(8, "recordings that share a job", ge=1)
 
@@ -334,10 +298,7 @@ class Config(Options):
 
     run: Names | None = option(None, "names of the studies to make; null for all of them")
     article: list[str] = option(
-        description=(
-            "names of the simulated studies that the ledger and the article are made of; both are made where all of "
-            "these are run"
-        ),
+        description="names of the studies of the ledger and the article, which are made where all of these are run",
         default_factory=list,
     )
     studies: dict[Name, Annotated[SimulationStudy | RecordingsStudy, Field(discriminator="kind")]] = option(
@@ -365,44 +326,40 @@ class Config(Options):
             study = self.studies[name]
             if not isinstance(study, SimulationStudy) or study.notebook is None:
                 raise ValueError(f"article: the study {name!r} is not simulated, or has no notebook")
-            if name == "table1":
-                _check_economy(study)
-        if self.article_names and "table1" not in self.article:
+        if self.article_names:
+            self._check_economy()
+        return self
+
+    def _check_economy(self) -> None:
+        """Refuse an article for which the economy of the methods cannot be measured."""
+        study = self.studies["table1"] if "table1" in self.article else None
+        if not isinstance(study, SimulationStudy):
             raise ValueError(
                 "article: needs the study 'table1', on whose trials the economy of the methods is measured; name it, "
                 "or set article: [] to make none"
             )
-        return self
-
-
-def _check_economy(study: SimulationStudy) -> None:
-    """Refuse a study on whose trials the economy of the methods cannot be measured."""
-    if study.keep != "everything":
-        raise ValueError(
-            "article: the study 'table1' must have keep: everything: the economy of the methods is measured on its "
-            "trials"
-        )
-    for name in ("pr-moesp", "eiv-moesp"):
-        if name in study.methods and study.methods[name].select:
-            raise ValueError(f"article: {name} of the study 'table1' must not have select: its economy is measured")
+        compared = [method for name, method in study.methods.items() if name in ("pr-moesp", "eiv-moesp")]
+        if study.keep != "everything" or any(method.select for method in compared):
+            raise ValueError(
+                "article: the study 'table1' must have keep: everything, and pr-moesp and eiv-moesp no select: the "
+                "economy of the methods is measured on its trials"
+            )
 
 
 def schema_text() -> str:
     """The JSON schema of the configuration: every key with its description, unit, default and bounds."""
+    schema = json.loads(json.dumps(Config.model_json_schema()), object_hook=_tidy)
     header = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "ankleloop configuration"}
-    return json.dumps({**header, **_tidy(Config.model_json_schema())}, indent=2, ensure_ascii=False) + "\n"
+    return json.dumps({**header, **schema}, indent=2, ensure_ascii=False) + "\n"
 
 
-def _tidy(schema: Any) -> Any:
-    """The schema without titles that repeat the names of keys, and with the first sentence of each docstring."""
-    if isinstance(schema, list):
-        return [_tidy(part) for part in schema]
-    if not isinstance(schema, dict):
-        return schema
-    tidy = {key: _tidy(value) for key, value in schema.items() if not (key == "title" and isinstance(value, str))}
-    if tidy.get("type") == "object" and isinstance(tidy.get("description"), str):
-        tidy["description"] = tidy["description"].partition("\n\n")[0].replace("\n", " ")
-    return tidy
+def _tidy(schema: dict[str, Any]) -> dict[str, Any]:
+    """A part of the schema without a title that repeats its key, and with the first sentence of its docstring."""
+    if isinstance(schema.get("title"), str):
+        del schema["title"]
+    if schema.get("type") == "object" and "description" in schema:
+        schema["description"] = schema["description"].partition("\n\n")[0].replace("\n", " ")
+    return schema
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +29,8 @@ WRONG_MERGE = (
     "if it is text."
 )
 KINDS = ("str", "int", "float", "bool", "null", "seq", "map")
-KINDS_OF_KEYS = {
-    **dict.fromkeys(("int", "float"), "a number"),
-    "bool": "true or false",
-    "null": "nothing",
-    "timestamp": "a date",
-}
+KINDS_OF_KEYS = {"bool": "true or false", "null": "nothing", "timestamp": "a date", "int": "a number"}
+KINDS_OF_KEYS["float"] = KINDS_OF_KEYS["int"]
 # Numbers as everybody reads them; YAML 1.1 also has 012 (octal, 10), 1_2 (12), 1:30 (90) and 0x1F (31).
 DECIMAL = re.compile(r"[-+]?(0|[1-9][0-9]*)|[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]?\.(inf|nan)", re.I)
 
@@ -68,23 +64,16 @@ def find_key(keys: Sequence[str], paths: Sequence[PathLike]) -> str:
         except ConfigError:
             continue
         for depth, key in enumerate(keys, start=1):
-            pair = next((pair for pair in _pairs(node) if pair[0].value == key), None)
+            if not isinstance(node, yaml.MappingNode):
+                break
+            yaml.SafeLoader("").flatten_mapping(node)  # what it takes over by << stands before its own keys
+            pair = next((pair for pair in reversed(node.value) if pair[0].value == key), None)
             if pair is None:
                 break
             node = pair[1]
             if depth >= best:
                 best, place = depth, f"{path}, line {pair[0].start_mark.line + 1}"
     return place
-
-
-def _pairs(node: Any) -> Iterator[tuple[Any, Any]]:
-    """Keys and values of a mapping, those that it takes over by << at the end."""
-    if isinstance(node, yaml.MappingNode):
-        yield from (pair for pair in node.value if pair[0].tag != MERGE)
-        for key, value in node.value:
-            if key.tag == MERGE:
-                for other in value.value if value.id == "sequence" else [value]:
-                    yield from _pairs(other)
 
 
 def _compose(path: PathLike) -> Any:
@@ -107,19 +96,19 @@ def _compose(path: PathLike) -> Any:
 
 def _check_node(path: PathLike, node: Any, counts: dict[int, int]) -> int:
     """Check a node and all below it, each once; the number of values, those that aliases repeat included."""
-    place = f"{path}, line {node.start_mark.line + 1}"
+
+    def refuse(message: str) -> ConfigError:
+        return ConfigError(f"{path}, line {node.start_mark.line + 1}: {message}")
+
     kind = node.tag.removeprefix(YAML_TAG)
     if kind == "timestamp":
-        raise ConfigError(f"{place}: YAML reads {node.value} as a date: put it in quotes.")
-    if kind == "merge":
-        raise ConfigError(f"{place}: {WRONG_MERGE}")
+        raise refuse(f"YAML reads {node.value} as a date: put it in quotes.")
     if kind not in KINDS:
-        raise ConfigError(f"{place}: the tag {kind!r} has no meaning here: leave it out.")
+        raise refuse(WRONG_MERGE if kind == "merge" else f"the tag {kind!r} has no meaning here: leave it out.")
     if isinstance(node, yaml.ScalarNode):
         if kind in ("int", "float") and not DECIMAL.fullmatch(node.value):
-            number = yaml.safe_load(node.value)
-            quoted = f"put '{node.value}' in quotes if it is text."
-            raise ConfigError(f"{place}: YAML reads {node.value} as {number}: write {number}, or {quoted}")
+            number, quoted = yaml.safe_load(node.value), f"put '{node.value}' in quotes if it is text."
+            raise refuse(f"YAML reads {node.value} as {number}: write {number}, or {quoted}")
         return 1
     if id(node) not in counts:
         counts[id(node)] = -1  # being counted
@@ -128,9 +117,9 @@ def _check_node(path: PathLike, node: Any, counts: dict[int, int]) -> int:
         parts = [value for _, value in node.value] if isinstance(node, yaml.MappingNode) else node.value
         counts[id(node)] = 1 + sum(_check_node(path, part, counts) for part in parts)
     if counts[id(node)] < 0:
-        raise ConfigError(f"{place}: an alias stands within the anchor that it repeats.")
+        raise refuse("an alias stands within the anchor that it repeats.")
     if counts[id(node)] > MAX_VALUES:
-        raise ConfigError(f"{place}: more than {MAX_VALUES:,} values, counting those that aliases repeat.")
+        raise refuse(f"more than {MAX_VALUES:,} values, counting those that aliases repeat.")
     return counts[id(node)]
 
 
@@ -139,19 +128,18 @@ def _check_keys(path: PathLike, mapping: yaml.MappingNode) -> None:
     lines: dict[str, int] = {}
     for key, value in mapping.value:
         line = key.start_mark.line + 1
-        place = f"{path}, line {line}"
+        others = value.value if value.id == "sequence" else [value]
+        kind = KINDS_OF_KEYS.get(key.tag.removeprefix(YAML_TAG), "something else")
         if not isinstance(key.value, str):
-            raise ConfigError(f"{place}: a key must be text, not a list or a mapping.")
-        if key.tag == MERGE:
-            if any(other.id != "mapping" for other in (value.value if value.id == "sequence" else [value])):
-                raise ConfigError(f"{path}, line {value.start_mark.line + 1}: {WRONG_MERGE}")
-        elif key.tag != f"{YAML_TAG}str":
-            kind = KINDS_OF_KEYS.get(key.tag.removeprefix(YAML_TAG), "something else")
-            raise ConfigError(f"{place}: YAML reads the key {key.value} as {kind}: put it in quotes.")
+            raise ConfigError(f"{path}, line {line}: a key must be text, not a list or a mapping.")
+        if key.tag == MERGE and any(other.id != "mapping" for other in others):
+            raise ConfigError(f"{path}, line {value.start_mark.line + 1}: {WRONG_MERGE}")
+        if key.tag not in (MERGE, f"{YAML_TAG}str"):
+            raise ConfigError(f"{path}, line {line}: YAML reads the key {key.value} as {kind}: put it in quotes.")
         if key.value == TEMPLATE_KEY:
             raise ConfigError(
-                f"{place}: with the key {key.value} Snakemake runs Python code of this file when it reads it, before "
-                "anything can check it: leave it out. If the file is from somebody else, look what it ran."
+                f"{path}, line {line}: with the key {key.value} Snakemake runs Python code of this file when it reads "
+                "it, before anything can check it: leave it out. If the file is from somebody else, look what it ran."
             )
         if key.value in lines:
             raise ConfigError(f"{path}: the key {key.value!r} in line {line} stands in line {lines[key.value]}, too.")

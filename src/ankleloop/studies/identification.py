@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import os
 from collections.abc import Collection, Iterator, Mapping
@@ -55,8 +56,7 @@ def identify_trials(
     its trials, and a method whose options are the same at several of them identifies a trial once. `files["estimates"]`
     is optional.
     """
-    folder = Path(files["scores"]).parent
-    estimates = EstimateTable(precision, folder) if "estimates" in files else None
+    estimates = EstimateTable(precision, Path(files["scores"]).parent) if "estimates" in files else None
     variants = {condition: _list_variants(part["points"], methods) for condition, part in conditions.items()}
     varied = {name: TYPES[kind] for name, kind in kinds.items()}
     tables, waiting = [], []
@@ -66,13 +66,12 @@ def identify_trials(
         for (name, _), (options, points) in variants[condition].items():
             with locate_errors(f"study {study}, point {points[0]}, trial {number}, method {name}"):
                 estimate, row = _identify(prepared, methods[name]["method"], options, failures, against)
-                row = {_column(key, varied): value for key, value in row.items()}
+            if "failure" in row:
+                log.warning("%s, trial %d, %s failed: %s", ", ".join(points), number, name, row["failure"])
             for point in points:
-                results[point, name] = row
+                results[point, name] = {_column(key, varied): value for key, value in row.items()}
                 if estimate is not None and estimates is not None:
                     estimates.add(estimate, point=point, name=name, number=number)
-                if "failure" in row:
-                    log.warning("%s, trial %d, %s failed: %s", point, number, name, row["failure"])
         for point, part in conditions[condition]["points"].items():
             keys = {"study": study, "point": point, **part["values"]}
             waiting += [{**keys, "method": name, "trial": number, **results[point, name]} for name in methods]
@@ -92,20 +91,14 @@ def identify_trials(
 def _list_variants(points: Points, methods: Points) -> dict[tuple[str, str], tuple[dict[str, Any], list[str]]]:
     """Options of each method, and the points of a condition at which it has them."""
     variants: dict[tuple[str, str], tuple[dict[str, Any], list[str]]] = {}
-    for point, part in points.items():
-        for name, method in methods.items():
-            options = part["options"].get(name, {})
-            key = (name, repr(sorted(options.items())))
-            variants.setdefault(key, ({**method["options"], **options}, []))[1].append(point)
+    for point, (name, method) in itertools.product(points, methods.items()):
+        options = {**method["options"], **points[point]["options"].get(name, {})}
+        variants.setdefault((name, repr(options)), (options, []))[1].append(point)
     return variants
 
 
 def _identify(
-    trial: PreparedTrial | FailedTrial,
-    method: str,
-    options: Mapping[str, Any],
-    failures: str,
-    against: Literal["measured"] | None,
+    trial: PreparedTrial | FailedTrial, method: str, options: Mapping[str, Any], failures: str, against: Any
 ) -> tuple[Estimate | None, dict[str, Any]]:
     """Estimate of a trial with its scores and parameters as a row, or without it the reason of the failure."""
     if isinstance(trial, FailedTrial):
@@ -118,9 +111,8 @@ def _identify(
         if failures == "stop":
             raise
         return None, {"failure": describe_error(error)}
-    columns = ((f"vaf_{torque}_{target}", values) for torque, target, *values in scores)
-    row = {f"{name}{end}": value for name, values in columns for end, value in zip(("", *ENDS), values, strict=True)}
-    return estimate, row | parameters
+    names = [f"vaf_{torque}_{target}{end}" for torque, target, *_ in scores for end in ("", *ENDS)]
+    return estimate, dict(zip(names, (value for _, _, *row in scores for value in row), strict=True)) | parameters
 
 
 def _column(name: str, varied: Collection[str]) -> str:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, Union, get_args, get_origin
 
@@ -67,9 +68,9 @@ class ValueRange(_Limits):
     def _check_step(self) -> Self:
         if (self.step is None) == (self.count is None):
             raise ValueError("has start, stop, and either step or count")
-        if self.step is not None and self.scale == "logarithmic":
+        if self.step and self.scale == "logarithmic":
             raise ValueError("a logarithmic range has a count in place of a step")
-        if self.step is not None and (self.stop - self.start) / self.step >= MAX_POINTS:
+        if self.step and (self.stop - self.start) / self.step >= MAX_POINTS:
             raise ValueError(f"has more than {MAX_POINTS:,} values: use a larger step")
         return self
 
@@ -106,10 +107,7 @@ class Design(Options):
 class PointTable(Options):
     """A table of points."""
 
-    table: str = option(
-        description="CSV or Parquet file (.parquet) with a row for each point and a column for each parameter",
-        min_length=1,
-    )
+    table: str = option(description="CSV or Parquet file with a row for each point and a column for each parameter")
 
 
 class Parameter(NamedTuple):
@@ -143,15 +141,14 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Map
         parameters, combinations = _list_combinations(place, entry, methods)
         owners = {SIMULATION: shared, **{name: method.options for name, method in methods.items()}}
         return _make_points(place, parameters, combinations, owners)
-    except ConfigError as error:  # of a table, whose rows and columns are no keys of the configuration
+    except ConfigError as error:  # rows and columns of a table are no keys of the configuration
         raise ConfigError(str(error), error.keys if error.keys[:1] == place[:1] else place) from None
+    except ValueError as error:
+        raise key_error(place, f"{error}.") from None
 
 
 def _make_points(
-    place: Place,
-    parameters: dict[str, Parameter],
-    combinations: Iterable[Combination],
-    owners: Mapping[str, Options],
+    place: Place, parameters: dict[str, Parameter], combinations: Iterable[Combination], owners: Mapping[str, Options]
 ) -> Points:
     """Points of all combinations; equal settings, and equal options of a method, are checked once."""
     points: dict[tuple[Any, ...], tuple[str, Point]] = {}
@@ -159,10 +156,9 @@ def _make_points(
     checked: dict[tuple[str, str], Options] = {}
     for row, given in combinations:
         if len(points) == MAX_POINTS:
-            raise key_error(place, f"there are more than {MAX_POINTS:,} points: divide them among several studies.")
+            raise ValueError(f"there are more than {MAX_POINTS:,} points: divide them among several studies")
         where = (row,) if row else ("config", *place, point_name(given))
-        divided = _divide_values(place, parameters, given)
-        models = {}
+        divided, models = _divide_values(parameters, given), {}
         for owner, base in owners.items():
             values = divided.get(owner, {})
             key = (owner, repr(values))
@@ -173,27 +169,25 @@ def _make_points(
             models[owner] = checked[key]
         complete = {name: _find_value(parameter, models, given) for name, parameter in parameters.items()}
         made = {name: complete[name] for name in given}
-        options = _divide_values(place, parameters, made)
+        options = _divide_values(parameters, made)
         settings = options.pop(SIMULATION, {})
         point = Point(point_name(made), point_name(settings), complete, options)
         first, other = points.setdefault(tuple(complete.values()), (row, point))
         if other is not point:
-            message = f"the points {other.name} and {point.name} have the same settings."
+            message = f"the points {other.name} and {point.name} have the same settings"
             if other.name == point.name:
-                message = f"the point {point.name} is {f'in {first} already' if row else 'listed twice'}."
-            raise ConfigError(f"{row}: {message}") if row else key_error(place, message)
+                message = f"the point {point.name} is {f'in {first} already' if row else 'listed twice'}"
+            raise ConfigError(f"{row}: {message}.") if row else ValueError(message)
         conditions.setdefault(point.condition, {**dict(owners[SIMULATION]), **settings})
     return [point for _, point in points.values()], conditions, parameters
 
 
-def _divide_values(
-    place: Place, parameters: Mapping[str, Parameter], values: Mapping[str, Any]
-) -> dict[str, dict[str, Any]]:
+def _divide_values(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Values of a point by their owners and by their names there."""
     divided: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         if isinstance(value, (list, Mapping)):
-            raise key_error(place, f"{name}: each value must be a single one, got {show_value(value)}.")
+            raise ValueError(f"{name}: each value must be a single one, got {show_value(value)}")
         for owner in parameters[name].owners:
             divided.setdefault(owner, {})[parameters[name].field] = value
     return divided
@@ -215,65 +209,60 @@ def _list_combinations(
     """What varies, and its values at each point, from any form of the key `points`."""
     if isinstance(entry, Mapping) and "table" in entry:
         table = check(PointTable, entry, "config", *place).table
-        path = expand_path(table, f"study {place[1]}: the table of its points")
-        rows = read_points(path)
-        first = next(rows, None)
-        if first is None:
-            raise ConfigError(f"the table {path} has no rows.")
-        try:
-            parameters = find_parameters(first[1], methods, place)
-        except ConfigError as error:
-            raise ConfigError(f"{path}: {error}") from None
-        return parameters, _cast_rows(parameters, itertools.chain([first], rows))
+        return _read_table(expand_path(table, f"study {place[1]}: the table of its points"), methods)
     if isinstance(entry, Mapping) and "design" in entry:
         design: Design = check(Design, entry, "config", *place)
-        parameters = find_parameters(design.parameters, methods, place)
-        return parameters, _draw_points(design, parameters, place)
+        parameters = find_parameters(design.parameters, methods)
+        return parameters, _draw_points(design, parameters, (*place, "parameters"))
     if isinstance(entry, Mapping):
-        parameters = find_parameters(entry, methods, place)
+        parameters = find_parameters(entry, methods)
         lists = [_list_values(parameters[name], values, place) for name, values in entry.items()]
         count = math.prod(map(len, lists))
         if count > MAX_POINTS:
-            raise key_error(place, f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies.")
+            raise ValueError(f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies")
         return parameters, (("", dict(zip(entry, row, strict=True))) for row in itertools.product(*lists))
     if not isinstance(entry, list) or not entry or not all(isinstance(point, Mapping) for point in entry):
-        raise key_error(place, "must be lists of values by setting, or a list of points with their settings.")
+        raise ValueError("must be lists of values by setting, or a list of points with their settings")
     names = dict.fromkeys(name for point in entry for name in point)
-    return find_parameters(names, methods, place), (("", point) for point in entry)
+    return find_parameters(names, methods), (("", point) for point in entry)
 
 
-def _cast_rows(
-    parameters: Mapping[str, Parameter], rows: Iterable[tuple[str, dict[str, Any]]]
-) -> Iterator[Combination]:
-    """Rows of a table of points with cells as the types of their columns; other text is refused by the models."""
-    for row, cells in rows:
-        for name, value in cells.items():
-            parameter = parameters[name]
-            if value == "":
-                raise ConfigError(
-                    f"{row}: the cell of the column {name!r} is empty: every point has a value of each parameter; "
-                    "write null for the value null."
-                )
-            if value == "null" and parameter.allows_none:
-                cells[name] = None
-            elif isinstance(value, str) and parameter.kind == "flag":
-                cells[name] = {"true": True, "false": False}.get(value.lower(), value)
-            elif isinstance(value, str) and parameter.kind != "text":
-                cells[name] = cast_number(value)
-        yield row, cells
+def _read_table(
+    path: Path, methods: Mapping[str, MethodSettings]
+) -> tuple[dict[str, Parameter], Iterable[Combination]]:
+    rows = list(read_points(path))
+    if not rows:
+        raise ConfigError(f"the table {path} has no rows.")
+    try:
+        parameters = find_parameters(rows[0][1], methods)
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}.") from None
+    return parameters, (
+        (row, {name: _cast(parameters[name], cells[name], row) for name in cells}) for row, cells in rows
+    )
+
+
+def _cast(parameter: Parameter, value: Any, row: str) -> Any:
+    """A cell as the type of its column; text that is none stays text, which the model refuses."""
+    if value == "":
+        raise ConfigError(
+            f"{row}: the cell of the column {parameter.column!r} is empty: every point has a value of each parameter; "
+            "write null for the value null."
+        )
+    if value == "null" and parameter.allows_none:
+        return None
+    if not isinstance(value, str) or parameter.kind == "text":
+        return value
+    return {"true": True, "false": False}.get(value.lower(), value) if parameter.kind == "flag" else cast_number(value)
 
 
 def _list_values(parameter: Parameter, values: Any, place: Place) -> list[Any]:
     """Values of a parameter of a grid."""
-    if isinstance(values, Mapping):
-        value_range = _check_limits(ValueRange, parameter, values, place)
-        # A count need not hit whole numbers; a step that does not is a mistake, which the model of the option refuses.
-        is_count = parameter.kind == "count" and value_range.count
-        return [round(value) for value in value_range.values] if is_count else value_range.values
-    if not isinstance(values, list) or not values:
-        message = "each setting must have a list of values, or a range (start, stop, step or count), got "
-        raise key_error(place, f"{message}{parameter.column}: {show_value(values)}.")
-    return values
+    if isinstance(values, list) and values:
+        return values
+    limits = _check_limits(ValueRange, parameter, values, place, "each setting", "a range (start, stop, step or count)")
+    # A count need not hit whole numbers; a step that does not is a mistake, which the model of the option refuses.
+    return [round(value) if parameter.kind == "count" and limits.count else value for value in limits.values]
 
 
 def _draw_points(design: Design, parameters: Mapping[str, Parameter], place: Place) -> Iterable[Combination]:
@@ -288,33 +277,33 @@ def _draw_points(design: Design, parameters: Mapping[str, Parameter], place: Pla
 
 def _scale(parameter: Parameter, values: Any, place: Place) -> Callable[[float], Any]:
     """Function from the unit interval to the values of a parameter."""
-    place = (*place, "parameters")
     if isinstance(values, list) and values:
         return lambda u: values[int(u * len(values))]
-    if not isinstance(values, Mapping):
-        message = "each parameter must have limits (start, stop) or a list of values, got "
-        raise key_error(place, f"{message}{parameter.column}: {show_value(values)}.")
-    interval = _check_limits(_Limits, parameter, values, place)
-    if parameter.kind == "count" and interval.scale == "linear":  # each whole number has the same share
-        low, high = math.ceil(interval.start), math.floor(interval.stop)
+    limits = _check_limits(_Limits, parameter, values, place, "each parameter", "limits (start, stop)")
+    if parameter.kind == "count" and limits.scale == "linear":  # each whole number has the same share
+        low, high = math.ceil(limits.start), math.floor(limits.stop)
         return lambda u: low + int(u * (high - low + 1))
     if parameter.kind == "count":
-        return lambda u: round(interval.interpolate(u, DIGITS))
-    return lambda u: interval.interpolate(u, DIGITS // 2)
+        return lambda u: round(limits.interpolate(u, DIGITS))
+    return lambda u: limits.interpolate(u, DIGITS // 2)
 
 
-def _check_limits(model: type[_Limits], parameter: Parameter, values: Mapping[str, Any], place: Place) -> Any:
+def _check_limits(model: type[_Limits], parameter: Parameter, values: Any, place: Place, each: str, form: str) -> Any:
+    if not isinstance(values, Mapping):
+        got = f"{parameter.column}: {show_value(values)}"
+        raise key_error(place, f"{each} must have a list of values, or {form}, got {got}.")
     if parameter.kind not in ("number", "count"):
         raise key_error((*place, parameter.column), "is no number and has no range: list its values.")
     return check(model, values, "config", *place, parameter.column)
 
 
-def find_parameters(names: Iterable[str], methods: Mapping[str, MethodSettings], place: Place) -> dict[str, Parameter]:
+def find_parameters(names: Iterable[str], methods: Mapping[str, MethodSettings]) -> dict[str, Parameter]:
     """What the names in `points` stand for.
 
     A name is that of a setting, or else that of an option, of every method that has it; `METHOD.option` is that of one.
     """
-    models = {SIMULATION: SimulationSettings, **{name: type(method.options) for name, method in methods.items()}}
+    models: dict[str, type[Options]] = {SIMULATION: SimulationSettings}
+    models |= {name: type(method.options) for name, method in methods.items()}
     options: dict[str, list[str]] = {}  # methods by the names of their options
     for method in methods:
         for field in models[method].model_fields:
@@ -325,31 +314,26 @@ def find_parameters(names: Iterable[str], methods: Mapping[str, MethodSettings],
     names_of: dict[tuple[str, str], str] = {}
     for name in names:
         if name not in known:
-            raise key_error(
-                place,
+            raise ValueError(
                 f"{name!r} is not a setting of the simulation{suggest_name(name, known)}; known: "
-                f"{', '.join(SETTINGS)}; nor an option of a method of the study; known: {', '.join(options)}.",
+                f"{', '.join(SETTINGS)}; nor an option of a method of the study; known: {', '.join(options)}"
             )
         field = name.rpartition(".")[2]
         for owner in known[name]:
-            for key, chosen in _list_keys(methods.get(owner)).items():
-                if field in chosen:
-                    others = "" if "." in name else f", or name methods: METHOD.{field}"
-                    where = f"{name}: the method {owner} has {field} under {key} as well"
-                    raise key_error(place, f"{where}: leave it out of one of them{others}.")
             other = names_of.setdefault((owner, field), name)
             if other != name:
-                raise key_error(place, f"{other} and {name} are the same option of the method {owner}: leave one out.")
+                raise ValueError(f"{other} and {name} are the same option of the method {owner}: leave one out")
+        for method in filter(None, known[name]):
+            keys = {"options": methods[method].options.model_fields_set, "select": methods[method].select}
+            for key in (key for key, chosen in keys.items() if field in chosen):
+                others = "" if "." in name else f", or name methods: METHOD.{field}"
+                where = f"{name}: the method {method} has {field} under {key} as well"
+                raise ValueError(f"{where}: leave it out of one of them{others}")
         types = set(_list_types(models[known[name][0]].model_fields[field].annotation))
         is_count = int in types or any(type(value) is int for value in types)
         kind: Any = "count" if is_count else "flag" if bool in types else "number" if float in types else "text"
         parameters[name] = Parameter(name, field, tuple(known[name]), kind, bool({None, NoneType} & types))
     return parameters
-
-
-def _list_keys(method: MethodSettings | None) -> dict[str, Any]:
-    """Options that a method has under its keys; none of the simulation."""
-    return {"options": method.options.model_fields_set, "select": method.select} if method else {}
 
 
 def _list_types(annotation: Any) -> tuple[Any, ...]:

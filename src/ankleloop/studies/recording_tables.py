@@ -82,7 +82,6 @@ def read_points(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    _check_existence(path)
     try:
         rows = pq.read_table(path).to_pylist()
     except (OSError, pa.ArrowException) as error:
@@ -93,7 +92,8 @@ def read_points(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
 
 def read_rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
     """Place and cells of each row of a CSV table, as text without spaces around it; empty rows are left out."""
-    _check_existence(path)
+    if not os.path.exists(path):
+        raise ConfigError(f"there is no table {os.path.abspath(path)}.")
     reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
     keys: list[str] = []
     try:
@@ -117,11 +117,6 @@ def read_rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
             yield place, {key: text for key, text in zip(keys, texts, strict=False) if key}
     except csv.Error as error:
         raise ConfigError(f"{path}, line {reader.line_num}: this is not CSV: {error}.") from None
-
-
-def _check_existence(path: Path) -> None:
-    if not os.path.exists(path):
-        raise ConfigError(f"there is no table {os.path.abspath(path)}.")
 
 
 def _check_columns(place: str, keys: Sequence[str]) -> None:

@@ -7,17 +7,18 @@ import multiprocessing
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import xarray as xr
 
 from ankleloop.errors import NUMERICAL_ERRORS, ResourceError, locate_errors
 from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
+from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.trials.files import atomic_file, write_csv
@@ -41,25 +42,9 @@ def analyse_recordings(
     that is killed says nothing of its recording: that is an error, and the same command tries again.
     """
     keys = {method["label"] or key: key for key, method in methods.items()}
-    with run_in_child(partial(_analyse, keys, methods, Path(folder), window, index)) as analyse:
-        for name, mapping in points.items():
-            with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
-                results = analyse(name, mapping)
-            yield (name, *results)
+    methods_by_label = {label: methods[key] for label, key in keys.items()}
 
-
-def _analyse(
-    keys: Mapping[str, str],
-    methods: Mapping[str, Mapping[str, Any]],
-    folder: Path,
-    window: Mapping[str, Any],
-    index: str | None,
-    name: str,
-    mapping: Mapping[str, Any],
-) -> Results:
-    """Analyse a recording, and write its files; where that fails numerically, its page alone."""
-
-    def write(trials: Any, analysis: Any) -> Results:
+    def write(name: str, mapping: Mapping[str, Any], trials: Sequence[xr.Dataset], analysis: Analysis) -> Results:
         log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
         records = {keys[label]: estimates for label, estimates in analysis.records.items()}
         export_estimates(records, folder / name, overwrite=True)
@@ -73,12 +58,18 @@ def _analyse(
         refusals = [finding.text for finding in analysis.check.findings if finding.verdict == "refused"]
         return tabulate_analysis(name, mapping, analysis, keys), refusals
 
-    try:
-        methods_by_label = {label: methods[key] for label, key in keys.items()}
-        return write(*analyse_files(mapping["paths"], mapping["parts"], methods_by_label))
-    except NUMERICAL_ERRORS as error:  # of a figure or an export
-        shutil.rmtree(folder / name, ignore_errors=True)
-        return write([], refuse_recording(error))
+    def analyse(name: str, mapping: Mapping[str, Any]) -> Results:
+        try:
+            return write(name, mapping, *analyse_files(mapping["paths"], mapping["parts"], methods_by_label))
+        except NUMERICAL_ERRORS as error:  # of a figure or an export
+            shutil.rmtree(folder / name, ignore_errors=True)
+            return write(name, mapping, [], refuse_recording(error))
+
+    with run_in_child(analyse) as call:
+        for name, mapping in points.items():
+            with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
+                results = call(name, mapping)
+            yield (name, *results)
 
 
 @contextmanager

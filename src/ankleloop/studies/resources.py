@@ -12,19 +12,17 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 LIBRARY = Path(__file__).parents[2]
-PACKAGE = "ankleloop"
 # Regular expressions, because the syntax trees of a hundred modules would take longer than Snakemake's own start. They
 # also find what looks like an import in a text: then a job runs once more than it has to, and none is missed.
 IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+(\.*[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n;]*)|import[ \t]+([\w.][^\n;]*))", re.MULTILINE
+    r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n;]*)|import[ \t]+([\w.][^\n;]*))", re.MULTILINE
 )
-STRING = re.compile(rf"""["']({PACKAGE}(?:\.\w+)+)["']""")
 COMMENT = re.compile(r"#[^\n]*")
 
 MEASURED = Path(__file__).with_name("resources.json")
@@ -43,8 +41,8 @@ SLOWEST = max((name for name in _SECONDS if name.endswith("sample")), key=_SECON
 def fingerprint(*scripts: str | os.PathLike[str]) -> str:
     """Hash of all library files that scripts or notebooks reach, directly or through other modules.
 
-    A module is reached by an import, at the top or within a function, or by its full name as a string, as
-    `importlib.import_module` takes it. With a module go the data folders beside it, those without modules.
+    A module is reached by an import, at the top or within a function. With it go the data folders beside it, those
+    without modules.
     """
     digest = hashlib.sha256()
     for path in sorted(reached_files(*scripts)):
@@ -77,30 +75,23 @@ def _parse(path: Path, modified: int) -> frozenset[Path]:
     if path.suffix == ".ipynb":
         cells = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
         text = "\n".join("".join(cell["source"]) for cell in cells)
-    package = path.relative_to(LIBRARY).parent.parts if path.is_relative_to(LIBRARY) else ()
-    return frozenset(file for name in _list_names(text, package) for file in _find_files(name))
+    names = []
+    for source, members, modules in IMPORT.findall(text):
+        names.append(source)
+        for listed, parent in ((members, f"{source}."), (modules, "")):
+            parts = COMMENT.sub("", listed).strip("() \t\n").split(",")
+            names += [parent + part.split()[0] for part in parts if part.strip()]  # without an alias
+    return frozenset(file for name in names for file in _find_files(name))
 
 
-def _list_names(text: str, package: tuple[str, ...]) -> Iterator[str]:
-    """Names that may be modules of the library, in the text of a module that belongs to a package."""
-    yield from STRING.findall(text)
-    for module, members, modules in IMPORT.findall(text):
-        level = len(module) - len(module.lstrip("."))
-        parents = package[: len(package) - level + 1] if level else ()
-        source = ".".join([*parents, *filter(None, [module.lstrip(".")])])
-        yield source
-        for names, parent in ((members, f"{source}."), (modules, "")):
-            for name in COMMENT.sub("", names).strip("() \t\n").split(","):
-                yield from (f"{parent}{word}" for word in name.split()[:1])  # without an alias
-
-
-def _find_files(name: str) -> Iterator[Path]:
+def _find_files(name: str) -> Iterable[Path]:
     """File of a module, or the __init__ of a package; other names have none."""
-    if name == PACKAGE:  # it imports its modules when their names are first used, which its source does not show
-        yield from (LIBRARY / PACKAGE).rglob("*.py")
-    elif name.startswith(f"{PACKAGE}.") and name.replace(".", "").isidentifier():
-        path = LIBRARY.joinpath(*name.split("."))
-        yield from (file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file())
+    if name == "ankleloop":  # it imports its modules when their names are first used, which its source does not show
+        return (LIBRARY / name).rglob("*.py")
+    if not name.startswith("ankleloop."):
+        return ()
+    path = LIBRARY.joinpath(*name.split("."))
+    return filter(Path.is_file, (path.with_suffix(".py"), path / "__init__.py"))
 
 
 def simulation_seconds(samples: float) -> float:

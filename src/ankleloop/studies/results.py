@@ -12,7 +12,6 @@ import os
 import platform
 import subprocess
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -41,41 +40,39 @@ LINKS = {
     "Metadata of the run (RO-Crate)": "ro-crate-metadata.json",
 }
 OF_ARTICLE = {"article.html", "ledger.html", "verification.csv"}
-MADE_WITH_INDEX = {"ledger.html", "tables.html"}
 DIAGRAM_CAPTIONS = {
     "figure1": "The joint with its intrinsic and its reflex path.",
     "figure2": "The joint with its load in closed loop.",
 }
 NO_NUMBER = "–"
 TIMES = {"s": "seconds", "cpu_time": "cpu_seconds", "max_rss": "memory"}  # columns of benchmark files
+# Columns of the tables of studies and of run times, by what they are made of.
+COLUMNS = {"title": "title", "study": "study", "kind": "data", "points": "points", "methods": "methods"}
+COLUMNS |= {"trials": "trials per point", "seed": "seed", "minutes": "time of its jobs [min]"}
+SUMS = {
+    "jobs": ("seconds", "size", "{}"),
+    "sum [s]": ("seconds", "sum", "{:.1f}"),
+    "longest job [s]": ("seconds", "max", "{:.1f}"),
+    "processor time [s]": ("cpu_seconds", "sum", "{:.1f}"),
+    "most memory of a job [MB]": ("memory", "max", "{:.0f}"),
+}
 
+Provenance = Mapping[str, Any]
 Studies = Mapping[str, Mapping[str, Any]]  # title, kind, points, methods, trials, seed, tables of recordings of each
 
 
-@dataclass(frozen=True)
-class Provenance:
-    """What a result was made with."""
-
-    version: str  # version of ankleloop
-    commit: str  # commit of the repository; empty where it is no working copy of git
-    changed: bool  # whether files of the working copy differ from that commit
-    python: str  # version of Python
-    system: str  # operating system and kind of processor
-    packages: dict[str, str]  # version of each distribution of the environment, by its name
-
-
-def read_provenance(root: str | os.PathLike[str]) -> Provenance:
-    """Read version, commit, packages and machine."""
+def read_provenance(root: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read version, commit (empty outside of a working copy of git), whether files differ from it, and packages."""
     commit = _ask_git(root, "rev-parse", "HEAD") if os.path.exists(os.path.join(root, ".git")) else ""
     names = {d.metadata["Name"]: d.version for d in metadata.distributions() if d.metadata["Name"]}
-    return Provenance(
-        version=ankleloop.__version__,
-        commit=commit,
-        changed=bool(commit) and bool(_ask_git(root, "status", "--porcelain", "--untracked-files=no")),
-        python=platform.python_version(),
-        system=f"{platform.system()} {platform.release()} on {platform.machine()}",
-        packages={name: names[name] for name in sorted(names, key=str.lower)},
-    )
+    return {
+        "version": ankleloop.__version__,
+        "commit": commit,
+        "changed": bool(commit) and bool(_ask_git(root, "status", "--porcelain", "--untracked-files=no")),
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.release()} on {platform.machine()}",
+        "packages": {name: names[name] for name in sorted(names, key=str.lower)},
+    }
 
 
 def _ask_git(root: str | os.PathLike[str], *arguments: str) -> str:
@@ -99,43 +96,39 @@ def write_crate(
     def add(identifier: str, kind: str, **properties: Any) -> Any:
         return crate.add_jsonld({"@id": identifier, "@type": kind, **properties})
 
-    def add_file(path: Path, name: str = "") -> Any:
+    def add_file(path: Path, **properties: Any) -> Any:
         relative = path.relative_to(folder).as_posix()
         kind = FORMATS.get(path.suffix) or mimetypes.guess_type(path.name)[0] or "application/octet-stream"
-        size = str(path.stat().st_size)
-        properties = {"name": name or relative, "encodingFormat": kind, "contentSize": size, "sha256": hash_file(path)}
-        return crate.add_file(path, dest_path=relative, properties=properties)
+        found = {"name": relative, "encodingFormat": kind, "contentSize": str(path.stat().st_size)}
+        return crate.add_file(path, relative, properties={**found, "sha256": hash_file(path), **properties})
 
-    changes = " with changes that are not committed" * provenance.changed
-    version = "+".join(filter(None, [provenance.version, provenance.commit])) + changes
-    packages = {"Python": provenance.python, **provenance.packages}
-    program = {
-        "softwareVersion": version,
-        "operatingSystem": provenance.system,
-        "license": LICENCE,
-        "softwareRequirements": [
+    version = "+".join(filter(None, [provenance["version"], provenance["commit"]]))
+    version += " with changes that are not committed" * provenance["changed"]
+    packages = {"Python": provenance["python"], **provenance["packages"]}
+    program = add(
+        "#ankleloop",
+        "SoftwareApplication",
+        name="ankleloop",
+        softwareVersion=version,
+        operatingSystem=provenance["system"],
+        license=LICENCE,
+        softwareRequirements=[
             add(f"#package-{name}", "SoftwareApplication", name=name, softwareVersion=release)
             for name, release in packages.items()
             if name != "ankleloop"
         ],
-    }
-    crate.name, crate.license = TITLE, LICENCE
-    crate.description = f"Made by ankleloop {version}, Python {provenance.python}, {provenance.system}."
-    crate.root_dataset["conformsTo"] = add(PROFILE, "CreativeWork", name="Process Run Crate", version="0.5")
-    settings = add_file(configuration, "Configuration of the run, with all defaults")
-    settings["variableMeasured"] = [
+    )
+    named = [
         add(f"#seed-{name}", "PropertyValue", name=f"seed of the study {name}", value=seed)
         for name, seed in seeds.items()
     ]
+    settings = add_file(configuration, name="Configuration of the run, with all defaults", variableMeasured=named)
     files = sorted({file for output in map(Path, outputs) for file in [output, *output.rglob("*")] if file.is_file()})
-    ended = max(file.stat().st_mtime for file in [configuration, *files])
-    crate.add_action(
-        add("#ankleloop", "SoftwareApplication", name="ankleloop", **program),
-        identifier="#run",
-        object=[settings],
-        result=[add_file(file) for file in files if file != configuration],
-        properties={"name": "Run of the workflow", "endTime": datetime.fromtimestamp(ended, UTC).isoformat()},
-    )
+    ended = datetime.fromtimestamp(max(file.stat().st_mtime for file in [configuration, *files]), UTC).isoformat()
+    made = [add_file(file) for file in files if file != configuration]
+    crate.add_action(program, "#run", [settings], made, {"name": "Run of the workflow", "endTime": ended})
+    crate.name, crate.license, crate.description = TITLE, LICENCE, f"Made by ankleloop {version}."
+    crate.root_dataset["conformsTo"] = add(PROFILE, "CreativeWork", name="Process Run Crate", version="0.5")
     with atomic_file(folder / crate.metadata.id, overwrite=True) as partial:
         text = json.dumps(crate.metadata.generate(), indent=4, sort_keys=True, ensure_ascii=False)
         partial.write_text(text, encoding="utf-8")
@@ -157,25 +150,20 @@ def collect_results(
         return path if (folder / path).exists() else ""
 
     left_out = OF_ARTICLE if ledger is None else set()
-    counts = {} if ledger is None else ledger["verdict"].value_counts()
+    verdicts = {} if ledger is None else ledger["verdict"].value_counts().reindex(list(VERDICTS), fill_value=0)
     recordings = _tabulate_recordings(studies)
-    pages = [f"reports/{row.study}/{row.recording}.html" for row in recordings.itertuples()]
-    packages = [f"{name} {version}" for name, version in provenance.packages.items()]
+    packages = [f"{name} {version}" for name, version in provenance["packages"].items()]
     details = {f"Packages ({len(packages)})": "\n".join(packages)}
     if find("configuration.json"):
         details["Configuration with all defaults"] = (folder / "configuration.json").read_text(encoding="utf-8")
     return Results(
-        links={
-            text: path
-            for text, path in LINKS.items()
-            if path not in left_out and (path in MADE_WITH_INDEX or find(path))
-        },
-        verdicts={} if ledger is None else {verdict: int(counts.get(verdict, 0)) for verdict in VERDICTS},
+        links={text: path for text, path in LINKS.items() if path not in left_out and find(path)},
+        verdicts={str(verdict): int(count) for verdict, count in verdicts.items()},
         studies=_tabulate_studies(studies, times),
         study_links=[find(f"reports/{name}.html") for name in studies],
         figures=_collect_figures(folder, studies),
         recordings=recordings,
-        recording_links=[find(page) for page in pages],
+        recording_links=[find(f"reports/{row.study}/{row.recording}.html") for row in recordings.itertuples()],
         run_times=_tabulate_run_times(times),
         provenance=_describe_provenance(provenance, times, studies),
         details=details,
@@ -217,20 +205,9 @@ def measure_span(times: pd.DataFrame) -> tuple[datetime, datetime, float]:
 
 def _tabulate_studies(studies: Studies, times: pd.DataFrame) -> pd.DataFrame:
     minutes = (times.groupby("study")["seconds"].sum() / 60.0).map("{:.2f}".format)
-    rows = [
-        {
-            "title": study["title"],
-            "study": name,
-            "data": study["kind"],
-            "points": study["points"],
-            "methods": study["methods"],
-            "trials per point": NO_NUMBER if study["trials"] is None else study["trials"],
-            "seed": NO_NUMBER if study["seed"] is None else study["seed"],
-            "time of its jobs [min]": minutes.get(name, NO_NUMBER),
-        }
-        for name, study in studies.items()
-    ]
-    return pd.DataFrame(rows)
+    rows = [{**study, "study": name, "minutes": minutes.get(name)} for name, study in studies.items()]
+    table = pd.DataFrame(rows, dtype=object)[list(COLUMNS)]
+    return table.where(table.notna(), NO_NUMBER).rename(columns=COLUMNS)
 
 
 def _collect_figures(folder: Path, studies: Studies) -> dict[str, list[Figure]]:
@@ -242,26 +219,24 @@ def _collect_figures(folder: Path, studies: Studies) -> dict[str, list[Figure]]:
             heading = f"{study['title']} ({name})" if study["title"] in captions else study["title"]
             captions[heading] = json.loads(path.read_text(encoding="utf-8"))
     figures: dict[str, list[Figure]] = {}
-    for heading, texts in captions.items():
-        for name, caption in texts.items():
-            paths = {kind: f"figures/{name}.{kind.lower()}" for kind in ("PNG", "PDF", "SVG", "CSV")}
-            files = {kind: path for kind, path in paths.items() if (folder / path).exists()}
-            if "PNG" in files:
-                figures.setdefault(heading, []).append(Figure(name, files["PNG"], files, caption))
+    for heading, name, caption in ((heading, *item) for heading, texts in captions.items() for item in texts.items()):
+        paths = {kind: f"figures/{name}.{kind.lower()}" for kind in ("PNG", "PDF", "SVG", "CSV")}
+        files = {kind: path for kind, path in paths.items() if (folder / path).exists()}
+        if "PNG" in files:
+            figures.setdefault(heading, []).append(Figure(name, files["PNG"], files, caption))
     return figures
 
 
 def _tabulate_recordings(studies: Studies) -> pd.DataFrame:
     """A row for each recording with its verdict and the method that is recommended."""
     rows = []
-    for study, files in ((name, study.get("recordings", ())) for name, study in studies.items()):
-        for path in files:
-            for recording, table in pd.read_parquet(path).groupby("recording", sort=False):
-                first = table.iloc[0]
-                labels = table.loc[table["recommended"].eq(True), "label"].tolist()
-                groups = {key: _format_cell(first[key]) for key in ("subject", "condition", "trial")}
-                row = {"recording": recording, "study": study, **groups, "verdict": first["verdict"]}
-                rows.append({**row, "recommended method": ", ".join(labels) or NO_NUMBER})
+    for study, path in ((name, path) for name in studies for path in studies[name].get("recordings", ())):
+        for recording, table in pd.read_parquet(path).groupby("recording", sort=False):
+            first = table.iloc[0]
+            labels = table.loc[table["recommended"].eq(True), "label"]
+            groups = {key: _format_cell(first[key]) for key in ("subject", "condition", "trial", "verdict")}
+            recommended = ", ".join(labels) or NO_NUMBER
+            rows.append({"recording": recording, "study": study, **groups, "recommended method": recommended})
     return pd.DataFrame(rows)
 
 
@@ -269,36 +244,29 @@ def _tabulate_run_times(times: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Sums over jobs, as text."""
     tables = {}
     for heading, by in {"By rule": "rule", "By study": "study"}.items() if len(times) else ():
-        columns = {
-            "jobs": ("seconds", "size", "{}"),
-            "sum [s]": ("seconds", "sum", "{:.1f}"),
-            "longest job [s]": ("seconds", "max", "{:.1f}"),
-            "processor time [s]": ("cpu_seconds", "sum", "{:.1f}"),
-            "most memory of a job [MB]": ("memory", "max", "{:.0f}"),
-        }
-        sums = times.groupby(by).agg(**{name: rule[:2] for name, rule in columns.items()})
+        sums = times.groupby(by).agg(**{name: rule[:2] for name, rule in SUMS.items()})
         sums = sums.sort_values("sum [s]", ascending=False, kind="stable").reset_index()
-        texts = {name: sums[name].map(rule[2].format) for name, rule in columns.items()}
+        texts = {name: sums[name].map(form.format) for name, (*_, form) in SUMS.items()}
         tables[heading] = pd.DataFrame({by: sums[by].replace("", "several studies"), **texts})
     return tables
 
 
 def _describe_provenance(provenance: Provenance, times: pd.DataFrame, studies: Studies) -> list[tuple[str, str]]:
-    commit = provenance.commit or "unknown: these files are no working copy of git"
+    commit = provenance["commit"] or "unknown: these files are no working copy of git"
     seeds: dict[int, list[str]] = {}
     for name, study in studies.items():
         if study["seed"] is not None:
             seeds.setdefault(study["seed"], []).append(name)
     items = [
-        ("Version", f"ankleloop {provenance.version}"),
-        ("Commit", commit + ", with changes that are not committed" * provenance.changed),
-        ("Python", f"{provenance.python}, {provenance.system}"),
+        ("Version", f"ankleloop {provenance['version']}"),
+        ("Commit", commit + ", with changes that are not committed" * provenance["changed"]),
+        ("Python", f"{provenance['python']}, {provenance['system']}"),
         ("Seeds", "; ".join(f"{seed}: {', '.join(names)}" for seed, names in seeds.items()) or "no simulated study"),
     ]
     if len(times):
         first, last, duration = measure_span(times)
         days = f"{first:%Y-%m-%d %H:%M} … {last:%Y-%m-%d %H:%M} UTC"
         items.append(("Jobs", f"{len(times)}, {days}; at least one of them ran during {duration / 60.0:.1f} min"))
-        sums = times[["seconds", "cpu_seconds"]].sum() / 60.0
-        items.append(("Time of all jobs", f"{sums.iloc[0]:.1f} min, processor time {sums.iloc[1]:.1f} min"))
+        seconds, processor = times[["seconds", "cpu_seconds"]].sum() / 60.0
+        items.append(("Time of all jobs", f"{seconds:.1f} min, processor time {processor:.1f} min"))
     return items

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 from ankleloop.errors import DataError
@@ -13,12 +14,27 @@ from ankleloop.methods.registry import METHODS
 from ankleloop.options import suggest_name
 from ankleloop.paper.results import true_values
 from ankleloop.studies.checking import ConfigError, key_error
-from ankleloop.studies.config import NOTEBOOKS, Config, MethodSettings
+from ankleloop.studies.config import Config, MethodSettings
 from ankleloop.studies.config_files import find_key
 from ankleloop.studies.points import SIMULATION
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy, Study, read_studies
 
 MOST_POINTS = 1000  # of a notebook that has a line of its table, or a curve, for each
+# What each notebook needs of its study. Captions and axes know settings alone, and no options; a trial that is drawn
+# belongs to the point that it is drawn for.
+NEEDS = {
+    "figure4": ("one setting", "settings", "numbers", "truths", "cascade"),
+    "passes": ("one setting", "settings", "numbers", "cascade"),
+    "table1": ("trials", "settings"),
+    "table2": ("trials", "settings"),
+    "comparison": ("estimates", "settings", "abscissa", "places", "scales"),
+    "traces": ("estimates", "settings", "real-time", "one joint", "truths"),
+    "sensitivity": ("two settings", "settings", "truths", "stop rule"),
+    "efficiency": ("settings", "truths", "delay"),
+    "choosing": ("one setting", "settings", "numbers", "truths", "select"),
+    "obstacles": ("truths", "poles", "filter"),
+    "time-varying": ("estimates", "truths", "variation", "trajectories"),
+}
 REFERENCES = ("reference", "position")  # variables of a simulated trial that may serve as reference
 
 
@@ -66,7 +82,7 @@ def check_uses(study: SimulatedStudy) -> None:
             settings.sweep.check(study.varied, study.methods, settings.against)
         except ValueError as error:
             raise key_error((*place, "sweep"), f"{error}.") from None
-    need = find_need(study)
+    need = find_need(study) if settings.notebook in NEEDS else ""
     if need:
         raise key_error((*place, "notebook"), f"{settings.notebook} needs {need}.")
 
@@ -111,98 +127,49 @@ def _find_fault(method: MethodSettings, varied: Mapping[str, Any], duration: flo
 
 def find_need(study: SimulatedStudy) -> str:
     """What the notebook of a study needs and the study lacks; empty where it has everything."""
-    notebook, points, varied, keep = study.settings.notebook, study.points, study.varied, study.settings.keep
-    if notebook in (None, "sweep"):
-        return ""
+    keep, points, varied = study.settings.keep, study.points, study.varied
     if len(points) > MOST_POINTS:
         return f"{MOST_POINTS:,} points at most, got {len(points):,}; the notebook sweep has no limit"
-    names = ", ".join(varied) or "none"
-    values = [settings[name] for settings in points.values() for name in varied]
-    texts = [value for value in values if not isinstance(value, (int, float))]
     options = [parameter.field for parameter in study.parameters.values() if SIMULATION not in parameter.owners]
+    # The abscissa, with which all others are scaled; the loops have curves of their own.
+    axes = [name for name in varied if name != "closed_loop"]
+    scales = {tuple(settings[name] for name in axes) for settings in points.values()}
+    texts, places = (
+        [settings[name] for settings in points.values() for name in names if isinstance(settings[name], str | NoneType)]
+        for names in (varied, axes[:1])
+    )
     truths = {tuple(true_values(settings, "KBIG").values()) for settings in points.values()}
     constant = [name for name, settings in points.items() if settings["variation"] is None]
-    methods = {name: method.method for name, method in study.methods.items()}
-    moesp = [name for name in methods.values() if name.endswith("moesp")]
+    filters = any(settings["antialias_cutoff"] for settings in points.values())
+    methods = [method.method for method in study.methods.values()]
     cascades = [name for name in study.methods if name.startswith("parallel-cascade")]
-    searching = [m for m in study.methods.values() if m.method == "riv" and m.fixed_options.get("delay", 0.0) is None]
+    searches = any(m.method == "riv" and m.fixed_options.get("delay", 0.0) is None for m in study.methods.values())
     unselected = [name for name, method in study.methods.items() if not method.select]
-    # Notebooks, whether the study lacks what they need, and what that is.
-    needs: list[tuple[set[str], Any, str]] = [
-        (
-            {"table1", "table2"},
-            keep != "everything",
-            f"trials on disk, which keep: {keep} leaves out: set keep: everything",
-        ),
-        (
-            {"comparison", "traces", "time-varying"},
-            keep == "scores",
-            "estimates on disk, which keep: scores leaves out: keep estimates",
-        ),
-        (
-            {"figure4", "passes", "choosing"},
-            len(varied) != 1,
-            f"one setting that differs between the points, got {names}",
-        ),
-        ({"sensitivity"}, len(varied) < 2, f"two settings or more that differ, got {names}"),
-        # Captions and axes know settings; a trial that is drawn belongs to the point that it is drawn for.
-        (
-            {*NOTEBOOKS} - {"obstacles", "time-varying"},
-            options,
-            f"points that differ in settings of the simulation alone, got {''.join(options[:1])}",
-        ),
-        ({"comparison"}, message := _find_abscissa_fault(study), message),
-        (
-            {"figure4", "passes", "choosing"},
-            texts,
-            f"numbers as values of {''.join(varied)}, got {texts[0]!r}" if texts else "",
-        ),
-        ({"traces"}, [*methods.values()] != ["real-time"], f"one method, real-time, got {', '.join(methods.values())}"),
-        ({"traces"}, len(truths) > 1, "points with the same K, B, I and G"),
-        (
-            {"figure4", "traces", "sensitivity", "efficiency", "choosing", "obstacles", "time-varying"},
-            study.settings.against,
-            "scores against the true torques: leave out against: measured",
-        ),
-        ({"figure4", "passes"}, "parallel-cascade" not in methods.values(), "a method parallel-cascade"),
-        (
-            {"sensitivity"},
-            not cascades,
-            "a method whose name begins with parallel-cascade, for its stop rule",
-        ),
-        ({"efficiency"}, not searching, "a method riv with the option delay: null, whose delay has an interval"),
-        ({"choosing"}, unselected, f"select for every method, got none for {', '.join(unselected)}"),
-        ({"obstacles"}, not moesp, "a method of the MOESP family, for its poles"),
-        (
-            {"obstacles"},
-            not any(settings["antialias_cutoff"] for settings in points.values()),
-            "a point with the anti-aliasing filter (antialias_cutoff)",
-        ),
-        ({"time-varying"}, constant, f"variation (of K, B and G) at every point, got none at {''.join(constant[:1])}"),
-        ({"time-varying"}, "riv-tv" not in methods.values(), "a method riv-tv, for its trajectories"),
-    ]
-    return next((need for notebooks, lacks, need in needs if notebook in notebooks and lacks), "")
-
-
-def _find_abscissa_fault(study: SimulatedStudy) -> str:
-    """What the setting lacks that is the abscissa, and scales all others; the loops have curves of their own."""
-    names = [name for name in study.varied if name != "closed_loop"]
-    if not names:
-        return "a setting beside closed_loop that differs between the points, got none"
-    x, *others = names
-    rows: dict[object, list[object]] = {}
-    for settings in study.points.values():
-        if not isinstance(settings[x], (int, float)):
-            return f"a number for {x} at every point, got {settings[x]!r}"
-        scaled = [settings[name] for name in others]
-        if rows.setdefault(settings[x], scaled) != scaled:
-            return f"one value of {', '.join(others)} for each value of {x}"
-    return ""
-
-
-def shows_sweep(study: Study) -> bool:
-    """Whether the notebook of a study shows a sweep: it reads the table of all trials alone."""
-    return bool(study.settings.notebook == "sweep")
+    names = ", ".join(varied) or "none"
+    lacks = {
+        "trials": keep != "everything" and f"trials on disk, which keep: {keep} leaves out: set keep: everything",
+        "estimates": keep == "scores" and "estimates on disk, which keep: scores leaves out: keep estimates",
+        "one setting": len(varied) != 1 and f"one setting that differs between the points, got {names}",
+        "two settings": len(varied) < 2 and f"two settings or more that differ, got {names}",
+        "settings": options and f"points that differ in settings of the simulation alone, got {options[0]}",
+        "abscissa": not axes and "a setting beside closed_loop that differs between the points, got none",
+        "places": places and f"a number for {axes[0]} at every point, got {places[0]!r}",
+        "scales": len(scales) > len({scale[:1] for scale in scales})
+        and f"one value of {', '.join(axes[1:])} for each value of {axes[0]}",
+        "numbers": texts and f"numbers as values of {varied[0]}, got {texts[0]!r}",
+        "real-time": methods != ["real-time"] and f"one method, real-time, got {', '.join(methods)}",
+        "one joint": len(truths) > 1 and "points with the same K, B, I and G",
+        "truths": study.settings.against and "scores against the true torques: leave out against: measured",
+        "cascade": "parallel-cascade" not in methods and "a method parallel-cascade",
+        "stop rule": not cascades and "a method whose name begins with parallel-cascade, for its stop rule",
+        "delay": not searches and "a method riv with the option delay: null, whose delay has an interval",
+        "select": unselected and f"select for every method, got none for {', '.join(unselected)}",
+        "poles": not any(name.endswith("moesp") for name in methods) and "a method of the MOESP family, for its poles",
+        "filter": not filters and "a point with the anti-aliasing filter (antialias_cutoff)",
+        "variation": constant and f"variation (of K, B and G) at every point, got none at {constant[0]}",
+        "trajectories": "riv-tv" not in methods and "a method riv-tv, for its trajectories",
+    }
+    return next((need for name in NEEDS[study.settings.notebook or ""] if (need := lacks[name])), "")
 
 
 def report_parameters(study: Study, files: Mapping[str, Iterable[str]], **places: str) -> dict[str, Any]:
@@ -210,45 +177,41 @@ def report_parameters(study: Study, files: Mapping[str, Iterable[str]], **places
 
     `files` are its trials, estimates and tables; `places` are `published`, `table_stem`, `figure_stem`.
     """
+    settings = study.settings
+    trials, estimates, tables = (list(files.get(kind, ())) for kind in ("trials", "estimates", "tables"))
     parameters = {
         "study": study.name,
-        "kind": study.settings.kind,
+        "kind": settings.kind,
         "title": study.title,
         "labels": study.labels,
         "algorithms": {name: method.method for name, method in study.methods.items()},
-        "points": study.points if not shows_sweep(study) else {},
+        "points": {} if settings.notebook == "sweep" else study.points,
         "varied": list(study.varied),
-        "figure": study.settings.figure.model_dump(),
-        "trials": list(files.get("trials", ())),
-        "estimates": list(files.get("estimates", ())),
+        "figure": settings.figure.model_dump(),
+        "trials": trials,
+        "estimates": estimates,
         **places,
     }
-    tables = list(files.get("tables", ()))
-    if not isinstance(study, SimulatedStudy):
-        return {"study": {**parameters, "tables": tables}}
-    if shows_sweep(study):
-        shared = study.settings.simulation.model_dump()
-        parameters |= {"settings": shared, "sweep": study.settings.sweep.model_dump()}
-    return {"study": {**parameters, "table_file": "".join(tables)}}
+    if settings.notebook == "sweep":  # it reads the table of all trials alone
+        parameters |= {"settings": settings.simulation.model_dump(), "sweep": settings.sweep.model_dump()}
+    is_simulated = isinstance(study, SimulatedStudy)
+    return {"study": {**parameters, **({"table_file": "".join(tables)} if is_simulated else {"tables": tables})}}
 
 
 def article_parameters(
     studies: Iterable[SimulatedStudy], files: Mapping[str, Mapping[str, Any]], **shared: Any
 ) -> dict[str, Any]:
     """Parameters of the notebook of the article."""
-    return {
-        "title": "Closed-loop identification of ankle dynamics: a replication",
-        "studies": {
-            study.name: {
-                "title": study.title,
-                "trials": study.settings.trials,
-                "parameters": study.settings.simulation.model_dump(),
-                "points": study.points,
-                "varied": study.varied,
-                "methods": study.labels,
-                **files[study.name],
-            }
-            for study in studies
-        },
-        **shared,
+    described = {
+        study.name: {
+            "title": study.title,
+            "trials": study.settings.trials,
+            "parameters": study.settings.simulation.model_dump(),
+            "points": study.points,
+            "varied": study.varied,
+            "methods": study.labels,
+            **files[study.name],
+        }
+        for study in studies
     }
+    return {"title": "Closed-loop identification of ankle dynamics: a replication", "studies": described, **shared}

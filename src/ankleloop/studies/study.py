@@ -16,17 +16,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ankleloop.studies.checking import ConfigError, check, expand_path
+from ankleloop.studies.checking import ConfigError, check, expand_path, key_error
 from ankleloop.studies.config import NOTEBOOKS, Config, RecordingsStudy, SimulationStudy
 from ankleloop.studies.points import Point, list_points
 from ankleloop.studies.recording_settings import Recording
 from ankleloop.studies.recording_tables import read_recordings
-from ankleloop.studies.resources import (
-    RECORDING_SECONDS,
-    START_SECONDS,
-    identification_seconds,
-    simulation_seconds,
-)
+from ankleloop.studies.resources import RECORDING_SECONDS, START_SECONDS, identification_seconds, simulation_seconds
 
 MAX_JOBS = 100_000  # of a rule, for one study
 MAX_SAMPLES = 2**25  # of all trials of a trial file, about, which then has 2 GB
@@ -90,9 +85,9 @@ class SimulatedStudy(Study):
         self.varied = list(self.parameters)
         target = 60.0 * settings.job_minutes
         self._job_seconds = max(target - START_SECONDS, target / 2)  # of a job without its start
-        self._points_of: dict[str, list[Point]] = {}
+        self._points_of: dict[str, list[Point]] = {condition: [] for condition in self.conditions}
         for point in self.point_list:
-            self._points_of.setdefault(point.condition, []).append(point)
+            self._points_of[point.condition].append(point)
         self.identified_methods = {
             name: {"method": method.method, "options": method.identify_options}
             for name, method in settings.methods.items()
@@ -259,9 +254,8 @@ class SimulatedStudy(Study):
                     chunks.append((label, last[key]))
                 last[key].append(part)
             if len(chunks) > MAX_JOBS:
-                key = self.settings.chunk_key
-                message = f"{len(chunks):,} chunks are more than {MAX_JOBS:,}: increase {key}."
-                raise ConfigError(f"config → studies → {self.name}: {message}", ("studies", self.name, key))
+                message = f"{len(chunks):,} chunks are more than {MAX_JOBS:,}: increase {self.settings.chunk_key}."
+                raise key_error(("studies", self.name), message)
         return chunks
 
 
@@ -294,21 +288,33 @@ class RecordedStudy(Study):
             path = expand_path(self.settings.table, f"study {self.name}: the table of its recordings")
             listed = read_recordings(path, self.settings.shared)
             for name in recordings.keys() & listed.keys():
-                raise ConfigError(
-                    f"study {self.name}: the recording {name!r} is under files ({recordings[name][0].file}) and in "
-                    f"the table {self.settings.table} ({listed[name][0].file}): give one of them another name.",
-                    ("studies", self.name, "files", name),
+                raise self._error(
+                    f"the recording {name!r} is under files ({recordings[name][0].file}) and in the table "
+                    f"{self.settings.table} ({listed[name][0].file}): give one of them another name."
                 )
             recordings |= listed
         if not recordings:
-            message = f"study {self.name}: name its recordings under files, or a table that lists them."
-            raise ConfigError(message, ("studies", self.name))
+            raise self._error("name its recordings under files, or a table that lists them.")
         return recordings
+
+    def _error(self, message: str, *keys: str) -> ConfigError:
+        return ConfigError(f"study {self.name}: {message}", ("studies", self.name, *keys))
+
+    @cached_property
+    def _folder(self) -> Path:
+        return expand_path(self.settings.folder, f"study {self.name}: the folder of its recordings")
 
     @cached_property
     def points(self) -> dict[str, dict[str, Any]]:  # type: ignore[override]
-        """Mapping of each recording, by its name."""
-        return {name: parts[0].model_dump() for name, parts in self.recordings.items()}
+        """Mapping of each recording by its name, with paths and mappings of all its files as `paths` and `parts`."""
+        return {
+            name: {
+                **parts[0].model_dump(),
+                "paths": [str(self._folder / part.file) for part in parts],
+                "parts": [part.model_dump() for part in parts],
+            }
+            for name, parts in self.recordings.items()
+        }
 
     @cached_property
     def chunks(self) -> list[list[str]]:  # type: ignore[override]
@@ -316,35 +322,27 @@ class RecordedStudy(Study):
         names, count = list(self.recordings), self.settings.recordings_per_chunk
         return [names[first : first + count] for first in range(0, len(names), count)]
 
+    def mappings(self, chunk: int) -> dict[str, dict[str, Any]]:
+        """Mapping of each recording of a chunk."""
+        return {name: self.points[name] for name in self.chunks[chunk]}
+
     def check_files(self) -> None:
         """Refuse a folder that does not exist or has none of the files, and paths that Snakemake cannot use."""
-        keys = ("studies", self.name, "folder")
-        folder = os.path.abspath(self._folder)
-        place = f"study {self.name}: the folder of its recordings, {folder},"
-        if not os.path.isdir(folder):
-            what = "is a file" if os.path.exists(folder) else "does not exist"
-            raise ConfigError(f"{place} {what}: check the key folder, or the variable that it names.", keys)
-        paths = [path for name in self.recordings for path in self.paths(name)]
+        place = f"the folder of its recordings, {os.path.abspath(self._folder)},"
+        if not os.path.isdir(self._folder):
+            what = "is a file" if os.path.exists(self._folder) else "does not exist"
+            raise self._error(f"{place} {what}: check the key folder, or the variable that it names.", "folder")
+        paths = [path for point in self.points.values() for path in point["paths"]]
         for path in paths:
             if "{" in path or "}" in path:
-                raise ConfigError(
-                    f"study {self.name}: the path {path} has braces, which Snakemake takes for a wildcard: rename it.",
-                    ("studies", self.name),
-                )
+                raise self._error(f"the path {path} has braces, which Snakemake takes for a wildcard: rename it.")
         if not any(map(os.path.exists, paths)):
-            raise ConfigError(f"{place} has none of its {len(paths)} files; the first would be {paths[0]}.", keys)
-
-    @cached_property
-    def _folder(self) -> Path:
-        return expand_path(self.settings.folder, f"study {self.name}: the folder of its recordings")
-
-    def paths(self, name: str) -> list[str]:
-        """Paths of all files of a recording."""
-        return [str(self._folder / part.file) for part in self.recordings[name]]
+            raise self._error(f"{place} has none of its {len(paths)} files; the first would be {paths[0]}.", "folder")
 
     def existing_paths(self, chunk: int) -> list[str]:
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
-        return [path for name in self.chunks[chunk] for path in self.paths(name) if os.path.exists(path)]
+        paths = [path for mapping in self.mappings(chunk).values() for path in mapping["paths"]]
+        return list(filter(os.path.exists, paths))
 
     @property
     def analysed_methods(self) -> dict[str, dict[str, Any]]:
@@ -352,17 +350,6 @@ class RecordedStudy(Study):
         return {
             name: {**method.model_dump(exclude={"options"}), "options": method.fixed_options}
             for name, method in self.methods.items()
-        }
-
-    def mappings(self, chunk: int) -> dict[str, dict[str, Any]]:
-        """Mapping of each recording of a chunk, with paths and mappings of all its files as `paths` and `parts`."""
-        return {
-            name: {
-                **self.points[name],
-                "paths": self.paths(name),
-                "parts": [part.model_dump() for part in self.recordings[name]],
-            }
-            for name in self.chunks[chunk]
         }
 
     def seconds(self, chunk: int) -> float:

@@ -2,8 +2,7 @@
 
 import pytest
 
-from ankleloop.studies.checking import ConfigError, check
-from ankleloop.studies.config import Config
+from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.study import read_studies
 
 METHOD = ("studies", "table1", "methods", "a")
@@ -35,56 +34,45 @@ def test_defaults_are_filled_in(config):
     assert "load_inertia" not in config["studies"]["table1"]["simulation"]  # the mapping that is read is not changed
 
 
+TABLE1 = ("studies", "table1")
+
+
 @pytest.mark.parametrize(
     ("keys", "value", "message"),
     [
         (
             ["studdies"],
             {},
-            r"config: unknown key 'studdies' \(did you mean 'studies'\?\); known here: run, article, studies\.",
+            r"config: unknown key 'studdies' \(did you mean 'studies'\?\); known here: run, article, st",
         ),
         (["studies"], {}, "config → studies: must not be empty"),
         (
             ["studies", "table 1"],
             {"kind": "simulation"},
-            "studies → table 1: must consist of letters A-Z a-z, digits and _ -, and",
+            "studies → table 1: must consist of letters A-Z a-z, digits a",
         ),
-        (
-            ["studies", "x"],
-            {"kind": "simulation", "methods": {"a": {"method": "riv"}}},
-            "studies → x: the key 'seed' is missing",
-        ),
+        (["studies", "x"], {"kind": "simulation", "methods": {"a": {"method": "riv"}}}, "x: the key 'seed' is missing"),
         (["studies", "x"], {"seed": 1}, "studies → x: the key 'kind' is missing"),
-        (["studies", "table1", "trails"], 3, r"config → studies → table1: unknown key 'trails' .*known here: .*trials"),
-        (["studies", "table1", "trials"], 0, r"config → studies → table1 → trials \[1\]: must be .* 1 .*, got 0\."),
-        (["studies", "table1", "title"], 3, "table1 → title: must be text, got 3"),
-        (["studies", "table1", "simulation", "duration"], 0.0015, "simulation: duration × recording_rate must be a wh"),
+        ([*TABLE1, "trials"], 0, r"config → studies → table1 → trials \[1\]: must be .* 1 .*, got 0\."),
+        ([*TABLE1, "title"], 3, "table1 → title: must be text, got 3"),
+        ([*TABLE1, "simulation", "duration"], 0.0015, "simulation: duration × recording_rate must be a wh"),
+        ([*TABLE1, "points"], 3, "table1 → points: must be lists of values by setting, or a list of p"),
         (
-            ["studies", "table1", "points", "gain"],
-            [1],
-            "points: 'gain' is not a setting of the simulation .*; known: st",
-        ),
-        (["studies", "table1", "points"], 3, "table1 → points: must be lists of values by setting, or a list of p"),
-        (["studies", "table1", "points"], {"delay": 1}, "table1 → points: each setting must have a list of values"),
-        (
-            ["studies", "table1", "points", "reflex_gain"],
+            [*TABLE1, "points", "reflex_gain"],
             [-2.0],
-            r"studies → table1 → points → reflex_gain=-2.0 → reflex_gain \[N·m·s/rad\]: must be .* 0 .*, got -2.0",
+            r"points → reflex_gain=-2.0 → reflex_gain \[N·m·s/rad\]: must be .* 0",
         ),
         (METHOD, {"options": {}}, "methods → a: the key 'method' is missing"),
         (METHOD, {"method": "pr-moes"}, "a → method: must be one of 'pr-moesp', .*; got 'pr-moes'"),
-        (METHOD, {"method": "pr-moesp", "options": {"order": 0}}, r"options → order \[1\]: must be .* 1 .*, got 0"),
         (
             METHOD,
             {"method": "parallel-cascade", "options": {"order": 2}},
-            "a → options: unknown key 'order'; known here: delay",
+            "a → options: unknown key 'order'; known here: d",
         ),
-        (["studies", "table1", "kind"], "recording", "kind: must be one of 'simulation', 'recordings' .*; got 'record"),
-        (["studies", "table1", "notebook"], "table3", "notebook: must be one of 'table1', .*; got 'table3'"),
-        (["studies", "figure4", "job_minutes"], 0, r"figure4 → job_minutes \[min\]: must be above 0 .*, got 0"),
+        ([*TABLE1, "kind"], "recording", "kind: must be one of 'simulation', 'recordings' .*; got 'record"),
         (["run"], ["table3"], "config: run: there is no study 'table3' .*; there are table1, "),
-        (["article"], ["table3"], "config: article: there is no study 'table3' .*; there are table1, "),
-        (["studies", "table1", "notebook"], None, "config: article: the study 'table1' is not simulated, or has no no"),
+        ([*TABLE1, "notebook"], None, "config: article: the study 'table1' is not simulated, or has no no"),
+        ([*TABLE1, "keep"], "scores", "article: the study 'table1' must have keep: everything, and pr-moesp"),
     ],
 )
 def test_errors_name_the_key(change, keys, value, message):
@@ -106,11 +94,3 @@ def test_candidates_of_a_selection_must_be_options(change):
     options = study.identified_methods["a"]["options"]
     assert options["select"] == {"order": [2, 3]}
     assert "order" not in options
-
-
-def test_whole_numbers_serve_as_numbers_and_nothing_else_does(change):
-    config = check(Config, change("studies", "table1", "simulation", value={"duration": 50}), "config")
-    assert config.studies["table1"].simulation.duration == 50.0
-    for value in ("50", True, [50.0]):
-        with pytest.raises(ConfigError, match=r"duration \[s\]: must be a finite number"):
-            check(Config, change("studies", "table1", "simulation", value={"duration": value}), "config")

@@ -46,23 +46,3 @@ def test_a_method_that_was_not_measured_counts_as_the_slowest():
 def test_a_sweep_takes_the_time_of_both_jobs_with_one_start():
     both = simulation_time() + identification_time() - resources.START_SECONDS
     assert identification_time(keep="scores") == pytest.approx(both)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"simulation": {"duration": 60.0}},
-        {"simulation": {"duration": 20.0, "recording_rate": 2000.0}},
-        {"methods": {name: {"method": name} for name in METHODS}},
-        {"points": {"reflex_gain": [13.0, 2.0]}, "points_per_chunk": 2},
-        {"points": {"reflex_gain": [13.0], "pr-moesp.block_rows": [15, 20]}},
-    ],
-)
-def test_more_in_a_chunk_takes_more_time(changes):
-    assert identification_time(**changes) > identification_time()
-
-
-def test_each_attempt_asks_for_twice_as_much():
-    first, *others = (resources.requested_minutes(120.0, attempt) for attempt in (1, 2, 3))
-    assert first > 2
-    assert others == [2 * first, 4 * first]

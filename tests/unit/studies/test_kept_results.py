@@ -3,7 +3,7 @@
 import pytest
 
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.run_config import read_run, report_parameters, shows_sweep
+from ankleloop.studies.run_config import read_run, report_parameters
 
 METHODS = {
     "pr-moesp": {"method": "pr-moesp"},
@@ -20,8 +20,6 @@ def read(methods=("pr-moesp", "parallel-cascade"), **changes):
 
 REFUSED = [
     ("table1", "scores", "trials on disk, which keep: scores leaves out: set keep: everything"),
-    ("table1", "estimates", "trials on disk, which keep: estimates leaves out: set keep: everything"),
-    ("table2", "scores", "trials on disk, which keep: scores leaves out: set keep: everything"),
     ("comparison", "scores", "estimates on disk, which keep: scores leaves out: keep estimates"),
 ]
 
@@ -33,25 +31,11 @@ def test_a_notebook_that_needs_what_is_not_kept_is_refused_before_the_first_job(
     read(notebook=notebook, keep="everything")
 
 
-def test_traces_need_estimates():
-    changes = {"methods": ["real-time"], "notebook": "traces", "points": {"voluntary": [0.0, 0.1]}}
-    with pytest.raises(ConfigError, match="traces needs estimates on disk"):
-        read(**changes, keep="scores")
-    read(**changes, keep="estimates")
-
-
-@pytest.mark.parametrize("notebook", ["figure4", None])
-def test_notebooks_of_means_need_no_more_than_scores(notebook):
-    assert read(notebook=notebook, keep="scores").rows == 2 * 2 * 2
-
-
 @pytest.mark.parametrize(
     ("notebook", "points"),
     [
         ("table1", {"reflex_gain": [8.0, 12.0], "block_rows": [12, 15]}),
-        ("figure4", {"block_rows": [12, 15]}),
         ("passes", {"max_passes": [2, 4]}),
-        ("comparison", {"reflex_gain": [8.0, 12.0], "block_rows": [12, 15]}),
         ("sensitivity", {"reflex_gain": [8.0, 12.0], "block_rows": [12, 15]}),
     ],
 )
@@ -72,7 +56,6 @@ def test_the_notebook_of_a_sweep_has_settings_and_pictures_and_no_points():
     study = read(notebook="sweep", keep="scores", points={"reflex_gain": [8.0, 12.0], "pr-moesp.block_rows": [12, 15]})
     files = {"tables": ["t.parquet"]}
     parameters = report_parameters(study, files, published="data", table_stem="t", figure_stem="f")["study"]
-    assert shows_sweep(study)
     assert parameters["points"] == {}
     assert parameters["varied"] == ["reflex_gain", "pr-moesp.block_rows"]
     assert parameters["settings"]["duration"] == 40.0

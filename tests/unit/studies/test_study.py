@@ -30,15 +30,6 @@ def test_a_study_without_a_title_is_called_by_its_name(change, name, title):
     assert SimulatedStudy(name, SimulationStudy.model_validate({**settings, "title": "Mine"})).title == "Mine"
 
 
-def test_points_are_all_combinations(table1):
-    study = table1(points={"reflex_gain": [2.0, 13.0], "voluntary": [0.0, 0.3, 1.0]})
-    assert len(study.points) == 6
-    values = {point.name: point.values for point in study.point_list}
-    assert values["reflex_gain=13.0,voluntary=0.3"] == {"reflex_gain": 13.0, "voluntary": 0.3}
-    assert study.varied == ["reflex_gain", "voluntary"]
-    assert list(table1(points={}).points) == ["only"]
-
-
 def test_trials_with_other_variables_are_in_another_file(table1):
     """A phase, a scheduling variable, or neither: the trials of a file have the same variables."""
     points = [{"variation": kind} for kind in (None, "cycle", "time", "schedule")] + [{"movement": 0.1}]
@@ -112,101 +103,60 @@ def test_figures_of_a_study(table1):
 # --- recordings
 
 
-def recorded(config):
-    return read_studies(config)[1]["recordings"]
-
-
 @pytest.fixture
-def tabulate(example, tmp_path):
-    """The example with a table instead of its files."""
+def read_table(example, tmp_path):
+    """The study of the example with a table instead of its files."""
 
-    def write(text, **settings):
-        study = example["studies"]["recordings"]
-        for key in ("files", "defaults"):
-            study.pop(key, None)
+    def read(text, **settings):
         (tmp_path / "list.csv").write_text(text, encoding="utf-8")
-        study |= {"table": str(tmp_path / "list.csv"), "folder": str(tmp_path), **settings}
-        return example
+        study = {"table": str(tmp_path / "list.csv"), "folder": str(tmp_path), "files": {}, "defaults": {}, **settings}
+        example["studies"]["recordings"] |= study
+        return read_studies(example)[1]["recordings"]
 
-    return write
+    return read
 
 
-def test_a_table_lists_recordings(tabulate):
+def test_a_table_lists_recordings(read_table):
+    """Numbers or text as their column is, defaults where a cell is empty, and names by subject, condition and trial."""
     text = (
-        "file,subject,condition,trial,torque_sign,start,stop,drift\na.mat,S1,rest,1,-1,2,30.5,2\nb.csv,S1,rest,2,,,,\n"
+        "file,subject,condition,trial,torque_sign,start,drift,reference\n"
+        "a.mat,007,NA,1e3,-1.0,01.50,2,12\nb.csv,S1,rest,12_3,,,,\nc.csv,S1,rest,1.0,1,,,\n"
     )
-    study = recorded(tabulate(text))
-    assert list(study.points) == ["S1-rest-1", "S1-rest-2"]
-    first, second = study.points.values()
-    assert (first["torque_sign"], first["start"], first["stop"], first["drift"]) == (-1, 2, 30.5, 2)
-    assert (second["torque_sign"], second["start"], second["drift"], second["position"]) == (1, None, 0, "position")
-    assert [len(chunk) for chunk in study.chunks] == [2]
+    files = {"d": {"file": "d.mat", "position": "phi"}}
+    defaults = {"torque_sign": -1, "position": "angle"}
+    study = read_table(text, files=files, defaults=defaults, recordings_per_chunk=3)
+    assert study.chunks == [["d", "007-NA-1e3", "S1-rest-12_3"], ["S1-rest-1.0"]]
+    keys = ("position", "torque_sign", "start", "drift", "reference")
+    assert [tuple(point[key] for key in keys) for point in study.points.values()] == [
+        ("phi", -1, None, 0, None),
+        ("angle", -1, 1.5, 2, "12"),
+        ("angle", -1, None, 0, None),
+        ("angle", 1, None, 0, None),
+    ]
     assert study.existing_paths(0) == []
-
-
-def test_cells_are_numbers_or_text_as_their_column_is(tabulate):
-    text = "name,file,subject,condition,trial,reference,torque_sign,sampling_rate\nx,a.mat,012,NA,1.0,12,-1.0,1e3\n"
-    point = recorded(tabulate(text)).points["x"]
-    assert [point[key] for key in ("subject", "condition", "trial", "reference")] == ["012", "NA", "1.0", "12"]
-    assert (point["torque_sign"], point["sampling_rate"]) == (-1, 1000.0)
-
-
-def test_rows_override_the_defaults(tabulate):
-    text = "name,file,torque_sign\na,a.mat,\nb,b.mat,1\n"
-    config = tabulate(text, defaults={"torque_sign": -1, "position": "angle"})
-    config["studies"]["recordings"]["files"] = {"c": {"file": "c.mat", "position": "phi"}}
-    points = recorded(config).points
-    assert {name: (point["torque_sign"], point["position"]) for name, point in points.items()} == {
-        "a": (-1, "angle"),
-        "b": (1, "angle"),
-        "c": (-1, "phi"),
-    }
     with pytest.raises(ConfigError, match="unknown key 'colour'; known here: position"):
-        recorded(tabulate(text, defaults={"colour": 1}))
+        read_table(text, defaults={"colour": 1})
 
 
-def test_rows_with_a_common_name_are_merged(tabulate):
-    text = "batch,name,file,drift\nB1,,a.mat,1\n,other,c.mat,\nB1,,b.mat,2\n"
-    study = recorded(tabulate(text))
-    assert list(study.points) == ["B1", "other"]
-    assert [Path(path).name for path in study.paths("B1")] == ["a.mat", "b.mat"]
+def test_rows_with_a_common_name_are_merged(read_table):
+    study = read_table("batch,name,file,drift\nB1,,a.mat,1\n,other,c.mat,\nB1,,b.mat,2\n")
     mappings = study.mappings(0)
+    assert list(mappings) == ["B1", "other"]
+    assert [Path(path).name for path in mappings["B1"]["paths"]] == ["a.mat", "b.mat"]
     assert [part["drift"] for part in mappings["B1"]["parts"]] == [1, 2]
-    assert mappings["B1"]["paths"] == study.paths("B1")
     assert len(mappings["other"]["parts"]) == 1
 
 
-def test_chunks_of_recordings(tabulate):
-    rows = "".join(f"r{k},{k}.mat\n" for k in range(5))
-    chunks = recorded(tabulate(f"name,file\n{rows}", recordings_per_chunk=2)).chunks
-    assert chunks == [["r0", "r1"], ["r2", "r3"], ["r4"]]
-
-
-def test_text_of_a_table_is_kept_as_it_is_written(tabulate):
-    text = "file,subject,condition,trial,start\na.mat,007,1e3,12_3,01.50\n"
-    (point,) = recorded(tabulate(text)).points.values()
-    assert [point[key] for key in ("subject", "condition", "trial", "start")] == ["007", "1e3", "12_3", 1.5]
-    assert list(recorded(tabulate(text)).points) == ["007-1e3-12_3"]
-
-
-@pytest.mark.parametrize("written", ["007", "12_3", "7", "1:30", "1.0", "no"])
-def test_text_that_yaml_changes_is_refused(tabulate, written):
+@pytest.mark.parametrize("written", ["007", "12_3", "1:30", "1.0", "no"])
+def test_text_that_yaml_changes_is_refused(read_table, written):
     """YAML reads the subject 007 as 7; in quotes it is text."""
-    config = tabulate("name,file\ny,b.mat\n")
-    for quoted, value in ((True, f'"{written}"'), (False, written)):
-        config["studies"]["recordings"]["files"] = yaml.safe_load(f"{{x: {{file: a.mat, subject: {value}}}}}")
-        if quoted:
-            assert recorded(config).points["x"]["subject"] == written
-            continue
-        with pytest.raises(ConfigError, match=r"files → x → subject: must be text, got .*: put it in quotes"):
-            recorded(config)
+    quoted, plain = (yaml.safe_load(f"{{x: {{file: a.mat, subject: {text}}}}}") for text in (f'"{written}"', written))
+    assert read_table("name,file\ny,b.mat\n", files=quoted).points["x"]["subject"] == written
+    with pytest.raises(ConfigError, match=r"files → x → subject: must be text, got .*: put it in quotes"):
+        read_table("name,file\ny,b.mat\n", files=plain)
 
 
-def test_what_would_replace_results_silently_is_refused(tabulate):
-    text = "name,file\ny,b.mat\n"
-    config = tabulate(text)
-    methods = config["studies"]["recordings"]["methods"]
-    first, second = list(methods)[:2]
-    methods[second]["label"] = methods[first].get("label") or first
-    with pytest.raises(ConfigError, match="2 methods have the label"):
-        recorded(config)
+def test_two_methods_with_one_label_are_refused(read_table):
+    methods = {name: {"method": "riv", "label": "RIV"} for name in ("a", "b")}
+    with pytest.raises(ConfigError, match="2 methods have the label 'RIV'"):
+        read_table("name,file\ny,b.mat\n", methods=methods)
