@@ -4,9 +4,8 @@ import matplotlib
 import pandas as pd
 import tools
 
-from ankleloop.plotting.method_styles import MethodStyle
 from ankleloop.plotting.panels import add_legend, panel_grid
-from ankleloop.plotting.style import STYLE, save_figure
+from ankleloop.plotting.style import STYLE, MethodStyle, save_figure
 
 COLUMNS = {
     "data": "data",
@@ -91,7 +90,7 @@ def plot_times(times):
         axis.yaxis.set_major_formatter("{x:g}")
     axes[0].set_ylabel("processor time [ms]")
     figure.suptitle("Open-loop data, one thread; 5,000 samples, 8 inputs, 15 block rows except where they vary")
-    add_legend(figure, axes)
+    add_legend(figure)
     return figure
 
 
