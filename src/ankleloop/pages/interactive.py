@@ -12,8 +12,7 @@ import numpy as np
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.pages.rendering import render_template
-from ankleloop.plotting.method_styles import MethodStyle, method_styles
-from ankleloop.plotting.style import MEASURED_LINE, TRUE_LINE
+from ankleloop.plotting.style import MEASURED, TRUE, MethodStyle, method_styles
 from ankleloop.plotting.torques import centre_torques, find_window
 
 if TYPE_CHECKING:
@@ -58,9 +57,9 @@ def list_lines(
     """Measured torque, true ones where they are known, estimates, and what they leave of the torques that are known."""
     longest = max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"])
     torques = centre_torques(trial, longest)
-    lines: list[Line] = [("measured", MEASURED_LINE["color"], 1.0, True, torques.time, {"net": torques.measured})]
+    lines: list[Line] = [("measured", MEASURED.colour, 1.0, True, torques.time, {"net": torques.measured})]
     if torques.true:
-        lines.append(("true (simulated)", TRUE_LINE["color"], 1.0, True, torques.time, dict(torques.true)))
+        lines.append(("true (simulated)", TRUE.colour, 1.0, True, torques.time, dict(torques.true)))
     residuals: list[Line] = []
     for label, estimate in estimates.items():
         own = centre_torques(trial, estimate)

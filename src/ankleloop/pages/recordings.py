@@ -12,9 +12,8 @@ import pandas as pd
 from ankleloop.pages.interactive import render_interactive_torques
 from ankleloop.pages.rendering import render_page, render_template
 from ankleloop.pages.tables import describe_table
-from ankleloop.plotting.method_styles import method_styles
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
-from ankleloop.plotting.style import render_png
+from ankleloop.plotting.style import method_styles, render_figure
 from ankleloop.plotting.torques import torque_figure
 from ankleloop.plotting.trajectories import trajectories_figure
 from ankleloop.quantities import QUANTITIES
@@ -58,7 +57,7 @@ class EmbeddedFigure:
 def embed_figure(figure: Figure) -> EmbeddedFigure:
     """Convert a figure to a picture inside a page."""
     width = min(LARGEST_WIDTH, round(PIXELS_PER_INCH * figure.get_size_inches()[0]))
-    source = f"data:image/png;base64,{base64.b64encode(render_png(figure, DOTS_PER_INCH)).decode()}"
+    source = f"data:image/png;base64,{base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()}"
     return EmbeddedFigure(source, width, data=getattr(figure, "data", None))
 
 

@@ -21,8 +21,7 @@ from ankleloop.paper.results import join_scores
 from ankleloop.paper.tables import write_table
 from ankleloop.paper.trial_counts import count_trials, describe_faults, describe_warnings, list_outcomes
 from ankleloop.paper.trial_tables import read_results
-from ankleloop.plotting.method_styles import MethodStyle, label_styles
-from ankleloop.plotting.style import save_figure
+from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -97,7 +96,7 @@ class StudyPage:
         return f"{count_trials(self.details)} trials at each point; {settings}."
 
     def stack(self, x: str, columns: Mapping[str, str]) -> pd.DataFrame:
-        """Rows of `ankleloop.plotting.curves.curves_figure`: a column of the table for each panel, over `x`."""
+        """Rows of `ankleloop.plotting.studies.curves_figure`: a column of the table for each panel, over `x`."""
         table = self.table.assign(x=self.table[x])
         parts = [table.assign(panel=panel, value=table.get(column, np.nan)) for panel, column in columns.items()]
         return pd.concat(parts, ignore_index=True)

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from ankleloop.paper.results import format_pairs
 from ankleloop.paper.sweep_quantities import FAULT_SHARES, SWEEP_QUANTITIES, desired_value
 from ankleloop.paper.sweep_study import SweepStudy, summarise_effects, summarise_sweep
-from ankleloop.plotting.sweep_axes import SweepAxis
-from ankleloop.plotting.sweeps import FAULT_SHARE, lines_figure, maps_figure
+from ankleloop.plotting.sweeps import FAULT_SHARE, SweepAxis, lines_figure, maps_figure
 from ankleloop.simulation.settings import SimulationSettings
 
 LINE_BINS = {"bins": 40, "most": 100}  # of lines over a single parameter

@@ -22,9 +22,8 @@ from ankleloop.paper.sweep_quantities import (
 )
 from ankleloop.paper.trial_counts import COUNTS, list_faults
 from ankleloop.paper.trial_tables import read_trial_table, trial_table_columns
-from ankleloop.plotting.method_styles import method_styles
-from ankleloop.plotting.sweep_axes import MOST_LISTED, SweepAxis
-from ankleloop.plotting.sweeps import SweepPanel, SweepSeries
+from ankleloop.plotting.style import method_styles
+from ankleloop.plotting.sweeps import MOST_LISTED, SweepAxis, SweepPanel, SweepSeries
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.simulation.settings import SimulationSettings
 

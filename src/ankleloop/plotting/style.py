@@ -1,8 +1,9 @@
-"""Style of all figures: sizes in print, fonts, lines; and their files, which are the same for the same data."""
+"""Style of all figures, and of each method: the same in every picture; figures and their files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,18 +25,10 @@ SCREEN_DOTS_PER_INCH = 130  # of those that a notebook shows
 MARK = "mark"  # group of lines that are no series: they stand at the end of a legend
 # Line of a true value or of a limit.
 REFERENCE_LINE: dict[str, Any] = {"color": "black", "lw": 0.8, "ls": (0, (2, 2)), "gid": MARK}
-MEASURED_LINE: dict[str, Any] = {"color": "#888888", "lw": 1.0, "gid": MARK}
-TRUE_LINE: dict[str, Any] = {"color": "black", "lw": 1.0, "gid": MARK}
-# Around the symbol of a mean: some of its trials failed, or came with a warning.
-FAULT_RING: dict[str, Any] = {"ls": "", "marker": "o", "ms": 6.0, "mfc": "none", "mec": "#666666", "mew": 0.5}
-FAULT_RING |= {"zorder": 4, "label": "with failures or warnings", "gid": MARK}
-ALL_FAILED = "every trial failed"  # label of a cross at the edge of a panel
-NOTE: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": 6.5, "color": "#555555"}
 STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib, so that figures are the same on every machine
     "font.size": 8.0,
     "axes.titlesize": 8.0,
-    "axes.labelsize": 8.0,
     "figure.titlesize": 8.0,
     "xtick.labelsize": 7.0,
     "ytick.labelsize": 7.0,
@@ -48,8 +41,6 @@ STYLE: Any = {
     "ytick.major.width": 0.6,
     "xtick.major.size": 2.5,
     "ytick.major.size": 2.5,
-    "xtick.minor.size": 1.5,
-    "ytick.minor.size": 1.5,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -61,38 +52,139 @@ STYLE: Any = {
     "svg.hashsalt": "ankleloop",
 }
 # Metadata that would differ between two runs are left out.
-METADATA: dict[str, dict[str, Any]] = {
-    ".png": {"Software": None},
-    ".pdf": {"CreationDate": None, "Producer": None},
-    ".svg": {"Date": None, "Creator": None},
+CREATION = {"CreationDate": None, "Producer": None}
+METADATA: dict[str, Any] = {".png": {"Software": None}, ".pdf": CREATION, ".svg": {"Date": None, "Creator": None}}
+
+Dashes = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class MethodStyle:
+    """How a method, or another series, is drawn."""
+
+    colour: str  # of lines and symbols, as "#rrggbb"
+    marker: str  # symbol, as matplotlib names it
+    filled: bool = True  # whether the symbol is filled
+    dashes: Dashes = ()  # lengths of dashes and gaps in line widths; empty for a solid line
+    # Further properties for matplotlib, such as ls="" for symbols that no line joins.
+    more: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+    @property
+    def symbol(self) -> dict[str, Any]:
+        """Properties of its symbols for matplotlib."""
+        face = self.colour if self.filled else "white"
+        return {"color": self.colour, "marker": self.marker, "markerfacecolor": face, **self.more}
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """Properties of a line without symbols for matplotlib."""
+        return {"color": self.colour, "ls": (0, self.dashes) if self.dashes else "-", **self.more}
+
+    @property
+    def curve(self) -> dict[str, Any]:
+        """Properties of a line with symbols for matplotlib."""
+        return {**self.symbol, **self.line}
+
+
+MEASURED = MethodStyle("#888888", "", more={"lw": 1.0, "gid": MARK, "zorder": 1.9})
+TRUE = MethodStyle("#000000", "", more={"lw": 1.0, "gid": MARK, "zorder": 1.9})
+# Five of Okabe and Ito's colours and four that differ from them for readers without red or green receptors, too. The
+# colours also differ in lightness where their hues are near; no two methods share a symbol.
+METHOD_STYLES: Mapping[str, MethodStyle] = {
+    "pr-moesp": MethodStyle("#0072B2", "o"),
+    "eiv-moesp": MethodStyle("#D55E00", "s"),
+    "pi-moesp": MethodStyle("#E69F00", "v"),
+    "po-moesp": MethodStyle("#56B4E9", "<"),
+    "moesp": MethodStyle("#5533CC", ">"),
+    "parallel-cascade": MethodStyle("#009E73", "^"),
+    "real-time": MethodStyle("#CC79A7", "X"),
+    "riv": MethodStyle("#882255", "D"),
+    "riv-tv": MethodStyle("#B22222", "p"),
 }
+# Of methods that the registry has but the table above does not, such as a new one.
+SPARE_STYLES = (MethodStyle("#555555", "P"), MethodStyle("#332288", "h"), MethodStyle("#661100", "*"))
+
+# Change of lightness, fill and line of the variants of a method: they keep its colour and its symbol.
+VARIANTS: tuple[tuple[float, bool, Dashes], ...] = (
+    (0.0, True, ()),
+    (-0.35, False, (4.0, 1.5)),
+    (0.4, True, (6.0, 1.5, 1.0, 1.5)),
+    (-0.35, True, (1.0, 1.5)),
+    (0.4, False, (8.0, 2.0)),
+    (0.0, False, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5)),
+)
+MOST_VARIANTS = 3  # of a single method that are drawn in its colour
+# Variants that several studies have are drawn alike in all of them: the second of a method, and the third.
+SECOND = {"parallel-cascade-one-pass", "pr-moesp-instruments", "riv-delay", "riv-tv-least-squares"}
+THIRD = {"parallel-cascade-two-passes", "pr-moesp-free-b", "riv-chebyshev", "riv-tv-segments"}
+# From dark to light: values of a parameter, subjects.
+ORDINAL_COLOURS = ("#1B1044", "#3B4A8C", "#2A788E", "#1F9E77", "#62B244", "#DDBE00")
+ORDINAL_MARKERS = "os^Dv<>pX"
+
+
+def method_styles(algorithms: Mapping[str, str]) -> dict[str, MethodStyle]:
+    """Styles of the methods of a study.
+
+    A method has the same colour and symbol in every study. Where a study has it with several sets of options, these
+    variants differ in lightness, fill and line. Many variants of a single method go from dark to light instead: there
+    the colour does not have to tell the method.
+    """
+    if len(algorithms) > MOST_VARIANTS and len(set(algorithms.values())) == 1:
+        return ordinal_styles(algorithms)
+    spare = [name for name in dict.fromkeys(algorithms.values()) if name not in METHOD_STYLES]
+    base = {**METHOD_STYLES, **{name: SPARE_STYLES[n % len(SPARE_STYLES)] for n, name in enumerate(spare)}}
+    named = dict.fromkeys(algorithms.values(), 0) | dict.fromkeys(SECOND, 1) | dict.fromkeys(THIRD, 2)
+    used = {(method, named[key]) for key, method in algorithms.items() if key in named}
+    styles = {}
+    for key, method in algorithms.items():
+        number = named.get(key)
+        if number is None:
+            number = next(n for n in range(len(algorithms) + len(VARIANTS)) if (method, n) not in used)
+            used.add((method, number))
+        change, filled, dashes = VARIANTS[number % len(VARIANTS)]
+        colour = _lighten(base[method].colour, change)
+        styles[key] = replace(base[method], colour=colour, filled=filled, dashes=dashes)
+    return styles
+
+
+def _lighten(colour: str, share: float) -> str:
+    """A colour mixed with white, or with black where the share is negative."""
+    target = 255 if share > 0 else 0
+    parts = (int(colour[start : start + 2], 16) for start in (1, 3, 5))
+    return "#" + "".join(f"{round(part + abs(share) * (target - part)):02X}" for part in parts)
+
+
+def ordinal_styles(names: Iterable[str]) -> dict[str, MethodStyle]:
+    """Styles of series that are no methods, such as values of a parameter: from dark to light."""
+    names = list(names)
+    pitch = (len(ORDINAL_COLOURS) - 1) / (len(names) - 1) if len(names) > 3 else 2
+    return {
+        name: MethodStyle(ORDINAL_COLOURS[round(number * pitch)], ORDINAL_MARKERS[number % len(ORDINAL_MARKERS)])
+        for number, name in enumerate(names)
+    }
+
+
+def label_styles(labels: Mapping[str, str], algorithms: Mapping[str, str]) -> dict[str, MethodStyle]:
+    """Styles of the methods of a study by their labels."""
+    styles = method_styles({name: algorithms.get(name, name) for name in labels})
+    return {label: styles[name] for name, label in labels.items()}
 
 
 class DataFigure(Figure):
     """Figure with the table of the numbers that it draws, which a notebook shows without pyplot.
 
-    `data` is a tidy table whose units are in the names of its columns or in a column `unit`; `save_figure` writes it
-    beside the picture. A diagram has none.
+    `data` is a tidy table with the unit of each number; `save_figure` writes it beside the picture. A diagram has none.
     """
 
     data: pd.DataFrame | None = None
 
     def _repr_png_(self) -> bytes:
         """Picture for notebooks."""
-        return render_png(self, SCREEN_DOTS_PER_INCH)
+        return render_figure(self, SCREEN_DOTS_PER_INCH)
 
 
-def inches(millimetres: float) -> float:
-    """Convert a length in print to the unit of matplotlib."""
-    return millimetres / 25.4
-
-
-def render_png(figure: Figure, dots_per_inch: float) -> bytes:
-    """Draw a figure as a PNG, the same bytes for the same data."""
-    return _render(figure, ".png", dots_per_inch)
-
-
-def _render(figure: Figure, suffix: str, dots_per_inch: float) -> bytes:
+def render_figure(figure: Figure, dots_per_inch: float, suffix: str = ".png") -> bytes:
+    """Draw a figure as a picture, the same bytes for the same data."""
     stream = BytesIO()
     with matplotlib.rc_context(STYLE):
         figure.savefig(stream, format=suffix[1:], dpi=dots_per_inch, metadata=METADATA[suffix])
@@ -113,4 +205,4 @@ def save_figure(
             if suffix == ".csv" and data is not None:
                 quote_formulas(data).to_csv(partial, index=False, lineterminator="\n")
             else:
-                partial.write_bytes(_render(figure, suffix, DOTS_PER_INCH))
+                partial.write_bytes(render_figure(figure, DOTS_PER_INCH, suffix))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import groupby
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import groupby, pairwise, product
 from typing import Any, Literal
 
 import matplotlib
@@ -13,26 +14,153 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.patches import Rectangle
 
-from ankleloop.plotting.curves import draw_curve, note_lowest
-from ankleloop.plotting.maps import draw_cells
-from ankleloop.plotting.method_styles import MethodStyle
-from ankleloop.plotting.panels import add_legend, new_figure, panel_grid, split_label
-from ankleloop.plotting.style import FAULT_RING, MARK, NOTE, REFERENCE_LINE, STYLE, DataFigure
-from ankleloop.plotting.sweep_axes import SweepAxis
+from ankleloop.plotting.panels import (
+    FAULT_RING,
+    Panel,
+    draw_panels,
+    finish,
+    name_quantities,
+    note_lowest,
+    panel_grid,
+    set_logarithmic,
+)
+from ankleloop.plotting.style import MARK, REFERENCE_LINE, STYLE, DataFigure, MethodStyle
 
-LABEL = 18  # characters of a line of a label beside a row of panels
+MOST_LISTED = 12  # distinct values that are drawn one by one; more are drawn in bins
+BINS = 10
+LEAST_DECADE = 5.0  # largest over smallest value, from which on an axis may be logarithmic
+NARROWEST = 0.25  # smallest over mean distance of neighbours; closer ones are listed, so that all can be read
+
+LABEL = 22  # characters of a line of a label beside a panel
 LEGEND = 60  # characters of a line of an entry
 MAP_COLUMNS = 4
 MAP_TITLE = 84  # characters of the titles of all maps in a row
-PANEL, MAP, LINE = 36.0, 34.0, 3.4  # mm of a row of lines and of maps, and of a line of a title
+PANEL, MAP = 38.0, 40.0  # mm of a row of lines and of maps
 DIFFERENCE_STYLE = MethodStyle("#222222", "o")
 FAULT_SHARE = 0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked
 BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}  # %, beyond which a value says no more than that it is lost
 MAP_ROOM = 22  # numbers side by side in all maps of a row
+DARK = 0.5  # lightness of a cell from which on its number is black
+FRAME = "#D55E00"  # of cells within a limit
+MEAN = {"mean": "value"}
+NUMBERS = ("panel", "series", "slice", "x_quantity", "x", "y_quantity", "y")  # columns of the table of a map
 NO_VALUE: dict[str, Any] = {"ls": "", "marker": "x", "ms": 4.0, "color": "#777777", "gid": MARK, "label": "no value"}
 NO_POINT: dict[str, Any] = {"ls": "", "marker": "s", "ms": 5.0, "color": "#d5d5d5", "gid": MARK, "label": "no point"}
+
+
+@dataclass(frozen=True)
+class SweepAxis:
+    """Axis of a varied parameter."""
+
+    name: str  # column of the parameter
+    label: str  # its name with unit
+    # Its distinct values: numbers in their order, then None, flags and texts as the points have them.
+    values: tuple[Any, ...]
+    words: Mapping[Any, str] = field(default_factory=dict)  # words for values that are no numbers, where they have any
+
+    @classmethod
+    def of(cls, name: str, label: str, values: Iterable[Any], words: Mapping[Any, str] | None = None) -> SweepAxis:
+        """Axis for the values of all points; nan stands for None, as in tables."""
+        distinct = dict.fromkeys(map(_as_value, values))
+        numbers = sorted(value for value in distinct if _is_number(value))
+        return cls(name, label, (*numbers, *(value for value in distinct if not _is_number(value))), words or {})
+
+    @property
+    def ordered(self) -> bool:
+        """Whether a line may join neighbours: all values are numbers."""
+        return all(map(_is_number, self.values))
+
+    @cached_property
+    def kind(self) -> str:
+        """Scale: values that are spaced neither linearly nor logarithmically, or are no numbers, are listed."""
+        if not self.ordered:
+            return "listed"
+        numbers = np.array(self.values, dtype=float)
+        if numbers.size < 3:
+            return "linear"
+        gaps = {"linear": np.diff(numbers)}
+        if numbers[0] > 0 and numbers[-1] >= LEAST_DECADE * numbers[0]:
+            gaps["log"] = np.diff(np.log(numbers))
+        kind, own = min(gaps.items(), key=lambda item: item[1].std() / item[1].mean())
+        return "listed" if own.min() < NARROWEST * own.mean() and numbers.size <= MOST_LISTED else kind
+
+    @property
+    def description(self) -> str:
+        """The label without its unit."""
+        return self.label.partition(" [")[0]
+
+    @property
+    def unit(self) -> str:
+        """The unit; empty for numbers without one."""
+        return self.label.rstrip("]").partition(" [")[2].removesuffix("1")
+
+    @property
+    def heading(self) -> str:
+        """The label, without the unit of what has none."""
+        return self.label.removesuffix(" [1]")
+
+    @property
+    def texts(self) -> list[str]:
+        """Values as words."""
+        return [self.format(value) for value in self.values]
+
+    def format(self, value: Any) -> str:
+        """A value as a word."""
+        value = _as_value(value)
+        standard = {None: "none", True: "true", False: "false"}
+        return f"{value:.4g}" if _is_number(value) else self.words.get(value) or standard.get(value) or str(value)
+
+    def describe(self, value: Any) -> str:
+        """A value with name and unit, such as "block rows 12 samples"."""
+        unit = self.unit if _is_number(_as_value(value)) else ""
+        return f"{self.description} {self.format(value)} {unit}".rstrip()
+
+    def places(self, values: Iterable[Any], *, listed: bool = False) -> np.ndarray:
+        """Places of values on the axis: the values themselves, or their numbers in the list."""
+        if not listed and self.kind != "listed":
+            return np.asarray(list(values), dtype=float)
+        numbers = {value: number for number, value in enumerate(self.values)}
+        return np.array([numbers[_as_value(value)] for value in values], dtype=int)
+
+    def bin(self, values: pd.Series, most: int = MOST_LISTED, count: int = BINS) -> pd.Series:
+        """Replace many different numbers by the medians of bins with as many points each; few values stay."""
+        if self.kind == "listed" or len(self.values) <= most:
+            return values
+        bins = pd.qcut(values, min(count, len(self.values)), labels=False, duplicates="drop")
+        return values.groupby(bins).transform("median")
+
+    def set_ticks(self, panel: Axes, direction: Literal["x", "y"], room: int, *, listed: bool = False) -> None:
+        """Set scale, label and ticks of an axis of a panel, which lists all values, or those without a scale."""
+        axis = panel.xaxis if direction == "x" else panel.yaxis
+        label = self.label if self.ordered else self.heading
+        axis.set_label_text(textwrap.fill(label, LABEL if direction == "y" else max(5 * room, 30)))
+        if listed or self.kind == "listed":
+            step = -(-len(self.values) // room)
+            texts = self.texts[::step]
+            axis.set_ticks(range(0, len(self.values), step), texts)
+            pitch = 8 * room // len(texts)  # characters of two neighbours on an abscissa
+            if direction == "x" and any(len(first + second) > pitch for first, second in pairwise(texts)):
+                axis.set_tick_params(rotation=35)
+            return
+        if self.kind == "log":
+            set_logarithmic(panel, direction, room)
+        if len(self.values) <= room and len("".join(self.texts)) <= 4 * room:
+            axis.set_ticks(self.values, self.texts)
+        elif self.kind == "linear":
+            panel.locator_params(axis=direction, nbins=min(room, 6))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _as_value(value: Any) -> Any:
+    """A value of a table as the configuration has it: nan is None, numbers of numpy are numbers."""
+    value = value.item() if isinstance(value, np.generic) else value
+    return None if value is None or value != value else value  # nan
 
 
 @dataclass(frozen=True)
@@ -56,6 +184,7 @@ class SweepPanel:
     truth: float | None = None  # true value, where all points have the same
     # Whether means of which trials failed or came with a warning are marked; their share itself needs no marks.
     marked: bool = True
+    limit: float | None = None  # cells of a map up to it have a frame
 
     @property
     def reference(self) -> float | None:
@@ -75,53 +204,35 @@ class SweepPanel:
 def lines_figure(table: pd.DataFrame, axes: Sequence[SweepAxis], panels: Sequence[SweepPanel]) -> DataFigure:
     """Means with their bands over each parameter: panels side by side for one, a row for each quantity for several.
 
-    The table has a row for each quantity, method, `parameter` and `value`, with `low` and `high`.
+    The table has a row for each quantity, method, `parameter` and `value`, with `low` and `high`. Values without an
+    order have bars, and no line between them.
     """
-    if len(axes) == 1:
-        figure, flat = panel_grid(len(panels), 3, 46.0)
-        grid = np.array(flat)[:, None]
-    else:
-        figure = new_figure(PANEL * len(panels) + 8.0)
-        grid = figure.subplots(len(panels), len(axes), squeeze=False, sharex="col", sharey="row")
-    for row, panel in zip(grid, panels, strict=True):
-        rows = panel.rows(table)
-        for cell, axis in zip(row, axes, strict=True):
-            _draw_lines(cell, rows[rows["parameter"] == axis.name], axis, panel)
-            axis.set_ticks(cell, "x", room=6 if len(axes) <= 2 else 4)
+    parts: list[pd.DataFrame] = []
+    shown: dict[str, Panel] = {}
+    for panel, axis in product(panels, axes):
+        rows, name = panel.rows(table), str(len(shown))
         values = np.r_[rows[["mean", "low", "high"]].to_numpy(dtype=float).ravel(), panel.reference or np.nan]
         low, high = value_limits(values, panel.desired)
         margin = 0.06 * (high - low) or 0.06 * abs(low) or 1.0
-        row[0].set_ylim(low - margin, high + margin)
-        row[0].set_ylabel(textwrap.fill(panel.label, LABEL))
-        note_lowest(row[0], rows["mean"].min())
-    for cell in grid[: -min(3, len(panels))].flat if len(axes) == 1 else grid[:-1].flat:
-        cell.set_xlabel("")
-    add_legend(figure, grid.flat)
-    labels = {axis.name: axis.label for axis in axes}
-    figure.data = _tabulate(table.assign(parameter=table["parameter"].map(labels)), panels, ["parameter", "value"])
-    return figure
-
-
-def _draw_lines(cell: Axes, rows: pd.DataFrame, axis: SweepAxis, panel: SweepPanel) -> None:
-    """Means of all methods over one parameter; values without an order have bars, and no line between them."""
-    if panel.reference is not None:
-        label = "true value" if panel.desired is None else "_zero"
-        cell.axhline(panel.reference, **REFERENCE_LINE, label=label, zorder=0.5)
-    if axis.kind == "listed":
-        cell.set_xlim(-0.5, len(axis.values) - 0.5)
-    if not rows["mean"].notna().any():
-        cell.annotate("not estimated", (0.5, 0.5), ha="center", va="center", **NOTE)
-    for number, item in enumerate(panel.series):
-        part = rows[rows["method"] == item.method]
-        part = part.assign(x=axis.places(part["value"])).sort_values("x")
-        label = textwrap.fill(item.label, LEGEND)
-        if axis.ordered:
-            draw_curve(cell, part, item.style, label, 0.03 + 0.06 * number)
-            continue
-        x = part["x"] + 0.12 * (number - 0.5 * (len(panel.series) - 1))
-        cell.vlines(x, part["low"], part["high"], color=item.style.colour, lw=1.2)
-        cell.plot(x, part["mean"], **item.style.symbol, ls="", label=label)
-        cell.plot(x[part["marked"]], part.loc[part["marked"], "mean"], **FAULT_RING)
+        truth, limits = panel.truth if panel.desired is None else None, (low - margin, high + margin)
+        shown[name] = Panel(textwrap.fill(panel.label, LABEL), "", truth, limits, axis.label, joined=axis.ordered)
+        for number, item in enumerate(panel.series):
+            part = rows[(rows["method"] == item.method) & (rows["parameter"] == axis.name)]
+            shift = 0.0 if axis.ordered else 0.12 * (number - 0.5 * (len(panel.series) - 1))
+            columns = {"series": textwrap.fill(item.label, LEGEND), "x": axis.places(part["value"]) + shift}
+            parts.append(part.assign(panel=name, **columns).sort_values("x"))
+    styles = {textwrap.fill(item.label, LEGEND): item.style for panel in panels for item in panel.series}
+    rows = pd.concat(parts).drop(columns="quantity").rename(columns={"value": "setting", **MEAN})
+    several = {"columns": len(axes), "height": PANEL, "sharex": "col"} if len(axes) > 1 else {"sharex": True}
+    figure, cells = draw_panels(rows, shown, styles, **several)
+    for cell, (panel, axis) in zip(cells, product(panels, axes), strict=True):
+        axis.set_ticks(cell, "x", room=6 if len(axes) <= 2 else 4)
+        if axis.kind == "listed":
+            cell.set_xlim(-0.5, len(axis.values) - 0.5)
+        if panel.desired == "zero":
+            cell.axhline(0.0, **REFERENCE_LINE, label="_zero")
+        note_lowest(cell, panel.rows(table)["mean"].min())
+    return finish(figure)
 
 
 @matplotlib.rc_context({**STYLE, "axes.grid": False})
@@ -137,117 +248,112 @@ def maps_figure(
 
     The table has a row for each quantity, method, `slice`, `x` and `y`. Points that are no grid are drawn one by one.
     """
-    maps = [
-        [(panel, item, name) for panel in group for item in panel.series for name in slices]
-        for _, group in groupby(panels, key=lambda panel: panel.quantity)
-    ]
-    columns = min(MAP_COLUMNS, max(map(len, maps)))
-    rows = [part[start : start + columns] for part in maps for start in range(0, len(part), columns)]
-    texts = [[_wrap_title(item, name, columns) for _, item, name in row] for row in rows]
-    height = MAP + LINE * max(text.count("\n") + 1 for row in texts for text in row)
-    figure = new_figure(height * len(rows) + 4.0)
-    grid = figure.subplots(len(rows), columns, squeeze=False, sharex=True, sharey=True)
-    for cells, row, titles in zip(grid, rows, texts, strict=True):
-        for number, (cell, (panel, item, name)) in enumerate(zip(cells, row, strict=False)):
-            means = panel.rows(table)
-            colours, extend = _choose_colours(means["mean"].to_numpy(dtype=float), panel)
-            shown = means[(means["method"] == item.method) & (means["slice"] == name)]
-            image = _draw_map(cell, shown, axes, colours, int(MAP_ROOM / columns) if is_grid else None)
-            cell.set_title(titles[number])
-            axes[0].set_ticks(cell, "x", room=18 // columns, listed=is_grid)
-            axes[1].set_ticks(cell, "y", room=10, listed=is_grid)
-            cell.set_ylabel(textwrap.fill(axes[1].label, LABEL + 4))
-            if number + 1 == len(row) or row[number + 1][0] is not panel:
-                label = textwrap.fill(panel.label, LABEL + 4)
-                figure.colorbar(image, ax=cell, label=label, extend=extend, aspect=22, pad=0.02)
-        for cell in cells[len(row) :]:
+    groups = [list(group) for _, group in groupby(panels, key=lambda panel: panel.quantity)]
+    maps = [[(panel, item, name) for panel in group for item in panel.series for name in slices] for group in groups]
+    # As many side by side as leave room for the numbers in their cells, and as fill the rows.
+    longest = max(map(len, maps))
+    most = min(MAP_COLUMNS, max(3, MAP_ROOM // len(axes[0].values)), longest)
+    columns = -(-longest // -(-longest // most))
+    entries = [entry for row in maps for entry in (*row, *[None] * (-len(row) % columns))]
+    figure, cells = panel_grid(len(entries), columns, MAP, sharex=True, sharey=True)
+    for cell, entry, following in zip(cells, entries, (*entries[1:], None), strict=True):
+        if entry is None:
             cell.set_visible(False)
-    _label_outside(grid)
-    add_legend(figure, grid.flat)
-    names = {"x": axes[0].label, "y": axes[1].label}
-    figure.data = _tabulate(table, panels, ["x", "y", "slice"]).rename(columns=names)
-    return figure
+            continue
+        panel, item, name = entry
+        means = panel.rows(table)
+        shown = means[(means["method"] == item.method) & (means["slice"] == name)]
+        colours, extend = _choose_colours(means["mean"].to_numpy(dtype=float), panel)
+        image = _draw_map(cell, shown, axes, colours, MAP_ROOM // columns if is_grid else None)
+        if panel.limit is not None:
+            for x, y in zip(*_places(shown[shown["mean"] <= panel.limit], axes, listed=True), strict=True):
+                cell.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fill=False, ec=FRAME, lw=2))
+        axes[0].set_ticks(cell, "x", room=18 // columns, listed=is_grid)
+        axes[1].set_ticks(cell, "y", room=10, listed=is_grid)
+        titles = [textwrap.fill(text, MAP_TITLE // columns, break_on_hyphens=False) for text in (item.label, name)]
+        cell.set_title("\n".join(filter(None, titles)))
+        if cell.get_subplotspec().is_last_col() or following is None or following[0] is not panel:
+            label = textwrap.fill(panel.label, LABEL)
+            figure.colorbar(image, ax=cell, label=label, extend=extend, aspect=22, pad=0.02, format="{x:g}")
+    labels = {item.method: item.label for panel in panels for item in panel.series}
+    data = pd.concat([panel.rows(table).assign(panel=panel.label) for panel in panels])
+    data = data.assign(series=data["method"].map(labels), x_quantity=axes[0].label, y_quantity=axes[1].label)
+    data = data.filter([*NUMBERS, "mean", "low", "high", "trials", "failures", "warnings"]).rename(columns=MEAN)
+    figure.data = name_quantities(data, {panel.label: Panel(panel.label) for panel in panels})
+    return finish(figure)
 
 
-def _wrap_title(item: SweepSeries, name: str, columns: int) -> str:
-    """Title of a map: the method, and the value of a further parameter."""
-    lines = [textwrap.fill(text, MAP_TITLE // columns, break_on_hyphens=False) for text in (item.label, name) if text]
-    return "\n".join(lines)
-
-
-def _label_outside(grid: np.ndarray) -> None:
-    """Leave the labels beside the first column of a grid, and below the last panel of each column."""
-    for column in grid.T:
-        shown = [cell for cell in column if cell.get_visible()]
-        shown[-1].tick_params(labelbottom=True)
-        for cell in shown[:-1]:
-            cell.set_xlabel("")
-    for cell in grid[:, 1:].flat:
-        cell.set_ylabel("")
+def _places(rows: pd.DataFrame, axes: tuple[SweepAxis, SweepAxis], *, listed: bool) -> list[np.ndarray]:
+    """Places of the rows of a table on both axes, shapes (N,)."""
+    return [axis.places(rows[name], listed=listed) for axis, name in zip(axes, "xy", strict=True)]
 
 
 def _draw_map(
     cell: Axes, rows: pd.DataFrame, axes: tuple[SweepAxis, SweepAxis], colours: dict[str, Any], room: int | None
 ) -> ScalarMappable:
     """Cells of a grid, with numbers where there is room for so many side by side; without a room single points."""
+    x, y = _places(rows, axes, listed=room is not None)
     marked, empty = rows["marked"].to_numpy(dtype=bool), rows["mean"].isna().to_numpy()
     if room is None:
-        x, y = axes[0].places(rows["x"]), axes[1].places(rows["y"])
-        size = float(np.clip(3000 / max(len(rows), 1), 8, 45))
+        ring, size = 9.0, float(np.clip(3000 / max(len(rows), 1), 8, 45))
         image: ScalarMappable = cell.scatter(x, y, c=rows["mean"], s=size, lw=0.3, edgecolors="#555555", **colours)
     else:
-        x, y = axes[0].numbers(rows["x"]), axes[1].numbers(rows["y"])
+        ring = min(6.0, 200.0 / len(axes[0].values))
         means = np.full((len(axes[1].values), len(axes[0].values)), np.nan)
         means[y, x] = rows["mean"]
-        texts = np.full(means.shape, "", dtype=object)
-        texts[y, x] = [_format(mean) + "*" * int(mark) for mean, mark in zip(rows["mean"], marked, strict=True)]
-        image = draw_cells(cell, means, **colours, texts=texts if means.shape[1] <= room else None)
+        image = cell.imshow(means, origin="lower", aspect="auto", interpolation="nearest", **colours)
         if len(rows) < means.size:
             cell.set_facecolor(NO_POINT["color"])
             cell.plot([], [], **NO_POINT)
         if means.shape[1] <= room:
+            _write_numbers(cell, x, y, rows["mean"].to_numpy(), marked, image)
             marked = np.zeros_like(marked)  # their numbers have an asterisk
     if marked.any():
-        ring = 9.0 if room is None else min(6.0, 200.0 / len(axes[0].values))  # around a point, or in a cell
         cell.plot(x[marked], y[marked], **{**FAULT_RING, "ms": ring})
     if empty.any():
         cell.plot(x[empty], y[empty], **NO_VALUE)
     return image
 
 
-def _format(mean: float) -> str:
-    """A mean in few characters."""
-    decimals = next((digits for limit, digits in ((10.0, 2), (100.0, 1), (1e4, 0)) if abs(mean) < limit), None)
-    return "" if np.isnan(mean) else f"{mean:.0e}" if decimals is None else f"{mean:.{decimals}f}"
+def _write_numbers(
+    cell: Axes, x: np.ndarray, y: np.ndarray, means: np.ndarray, marked: np.ndarray, image: ScalarMappable
+) -> None:
+    """The mean in each cell, with an asterisk where it is marked; shapes: x, y, means, marked (N,)."""
+    for column, row, mean, mark in zip(x, y, means, marked, strict=True):
+        if np.isfinite(mean):
+            decimals = next((digits for limit, digits in ((10.0, 2), (100.0, 1), (1e4, 0)) if abs(mean) < limit), None)
+            text = f"{mean:.0e}" if decimals is None else f"{mean:.{decimals}f}"
+            dark = np.dot(image.to_rgba(mean)[:3], (0.3, 0.6, 0.1)) <= DARK
+            look: dict[str, Any] = {
+                "ha": "center",
+                "va": "center",
+                "fontsize": 6.0,
+                "color": "white" if dark else "black",
+            }
+            cell.text(column, row, text + "*" * int(mark), **look)
 
 
 def _choose_colours(means: np.ndarray, panel: SweepPanel) -> tuple[dict[str, Any], str]:
     """Scale and colours of maps, and the ends at which values are beyond the scale.
 
     Colours diverge from zero for differences and errors, and from the truth of a parameter that all points share.
+    Light is good; what should be low has a logarithmic scale where it reaches over a decade.
     """
     low, high = value_limits(means, panel.desired)
-    cmap = "viridis"
+    norm, cmap = Normalize, "viridis"
     if panel.reference is not None:
         reach = max(abs(low - panel.reference), abs(high - panel.reference)) or 1.0
         low, high = panel.reference - reach, panel.reference + reach
         cmap = "RdBu" if panel.series[0].is_difference else "PuOr"
+    elif panel.desired == "low":
+        least, cmap = np.nanmin(means, initial=np.inf), "viridis_r"
+        if 0.0 < 10.0 * least < high:
+            norm, low = LogNorm, least
     elif low == high:
         low, high = low - 0.5, high + 0.5
     beyond = bool((means < low).any()), bool((means > high).any())
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
-    return {"norm": Normalize(low, high), "cmap": cmap}, extend
-
-
-def _tabulate(table: pd.DataFrame, panels: Sequence[SweepPanel], columns: Sequence[str]) -> pd.DataFrame:
-    """What a picture of a sweep draws as a table for readers, with quantities and units."""
-    parts = []
-    for panel in panels:
-        rows, (quantity, unit) = panel.rows(table), split_label(panel.label)
-        labels = {item.method: item.label for item in panel.series}
-        parts.append(rows.assign(quantity=quantity, unit=unit, method=rows["method"].map(labels)))
-    shown = ["quantity", "unit", "method", *columns, "mean", "low", "high", "trials", "failures", "warnings"]
-    return pd.concat(parts, ignore_index=True)[shown]
+    return {"norm": norm(low, high), "cmap": cmap}, extend
 
 
 def value_limits(values: np.ndarray, desired: str | None) -> tuple[float, float]:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from ankleloop.assessment.scores import evaluate
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
-from ankleloop.plotting.method_styles import MethodStyle, method_styles
-from ankleloop.plotting.panels import add_legend, new_figure
-from ankleloop.plotting.style import MEASURED_LINE, STYLE, TRUE_LINE, DataFigure
+from ankleloop.plotting.panels import COLUMNS, Panel, Styles, draw_panels, finish
+from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, method_styles
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,9 +22,9 @@ if TYPE_CHECKING:
     from ankleloop.joint.estimate import Estimate
     from ankleloop.joint.prepared import PreparedTrial
 
-COLUMNS = 3  # methods side by side; more are drawn below
-HEIGHT = 33.0  # mm of a panel
-ESTIMATED = (4.0, 1.2)  # dashes, so that what lies below can be seen
+HEIGHT = 36.0  # mm of a panel
+ESTIMATED = {"ls": (0, (4.0, 1.2)), "lw": 1.0}  # dashes, so that what lies below can be seen
+TARGETS = {"measured": MEASURED, "true (simulated)": TRUE}
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +54,6 @@ def centre_torques(trial: PreparedTrial, estimate: Estimate) -> CentredTorques:
     return CentredTorques(time, centre("torque"), true, centred)
 
 
-@matplotlib.rc_context(STYLE)
 def torque_figure(
     trial: xr.Dataset | PreparedTrial,
     estimates: Mapping[str, Estimate],
@@ -64,7 +61,7 @@ def torque_figure(
     start: float = 10.0,
     length: float = 5.0,
     title: str = "",
-    styles: Mapping[str, MethodStyle] | None = None,
+    styles: Styles | None = None,
 ) -> DataFigure:
     """Measured and estimated torques: a row for net, intrinsic and reflex torque, a column for each method.
 
@@ -100,72 +97,38 @@ def torque_figure(
     """
     trial = prepare(trial)
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
-    window = find_window(trial.samples("time"), start, length)
-    columns = min(COLUMNS, len(estimates))
-    blocks = -(-len(estimates) // columns)
-    figure = new_figure((3 * HEIGHT + 12.0) * blocks + 4.0 * bool(title))
-    axes = figure.subplots(3 * blocks, columns, squeeze=False, sharex=True, sharey="row")
-    axes[0, 0].set_xlim(*window)  # of all panels
-    drawn = []
-    for number, (label, estimate) in enumerate(estimates.items()):
-        row, column = 3 * (number // columns), number % columns
-        panels = axes[row : row + 3, column]
+    looks = {f"{label} (estimated)": replace(styles[label], more=ESTIMATED) for label in estimates} | TARGETS
+    first, last = find_window(trial.samples("time"), start, length)
+    titles, parts = {}, []
+    for label, estimate in estimates.items():
+        torques = centre_torques(trial, estimate)
+        inside = (torques.time >= first) & (torques.time <= last)
         # VAF of each torque, and against which torque of the trial: the true one, or the measured one.
         scores = evaluate(trial, estimate).groupby("torque", sort=False).first()
         scores = scores.reindex(list(TORQUES)).fillna({"against": "true"})  # a true torque that is zero has no VAF
-        table = _tabulate(trial, label, estimate, scores, window)
-        for axis, torque in zip(panels, TORQUES, strict=True):
-            _draw_torque(axis, table[table["torque"] == torque], styles[label])
+        for torque in TORQUES:
             vaf, against = scores.loc[torque, ["vaf", "against"]]
-            axis.set_title(
-                f"{torque}: " + (f"VAF {vaf:.1f} % ({against})" if vaf == vaf else f"no VAF ({against}: zero)")
-            )
-            axis.set_ylabel(f"{torque} torque [N·m]" if column == 0 else "")
-        panels[0].set_title(f"{label}\n{panels[0].get_title()}")
-        panels[2].set_xlabel("time [s]")
-        panels[2].tick_params(labelbottom=True)
-        drawn.append(table)
-    for axis in axes.flat:
-        axis.set_visible(bool(axis.get_lines()))
-    figure.suptitle(title)
-    add_legend(figure, axes.flat)
-    figure.data = pd.concat(drawn, ignore_index=True)
-    return figure
+            score = f"VAF {vaf:.1f} % ({against})" if vaf == vaf else f"no VAF ({against}: zero)"
+            titles[label, torque] = (f"{label}\n" if torque == "net" else "") + f"{torque}: {score}"
+            true = ("true (simulated)", torques.true[torque]) if against == "true" else ("measured", torques.measured)
+            for series, values in (true, (f"{label} (estimated)", torques.estimated[torque])):
+                names = {"panel": f"{label} {torque}", "series": series, "method": label}
+                parts.append(pd.DataFrame({**names, "x": torques.time[inside], "value": values[inside]}))
+    places = list(product(estimates, TORQUES))
+    if len(estimates) <= COLUMNS:  # as in the paper; more methods have a row each
+        places = [(label, torque) for torque in TORQUES for label in estimates]
+    panels = {
+        f"{label} {torque}": Panel(f"{torque} torque [N·m]", titles[label, torque], xlabel="time [s]")
+        for label, torque in places
+    }
+    columns = min(COLUMNS, len(estimates))
+    figure, axes = draw_panels(pd.concat(parts), panels, looks, columns=columns, height=HEIGHT, sharex=True)
+    axes[0].set_xlim(first, last)
+    figure.suptitle(title, size=8.0)
+    return finish(figure)
 
 
 def find_window(time: np.ndarray, start: float, length: float) -> tuple[float, float]:
     """Start and end of a window within a record [s]; of a record that ends earlier its last seconds."""
     end = min(start + length, float(time[-1]))
     return max(float(time[0]), end - length), end
-
-
-def _tabulate(
-    trial: PreparedTrial, label: str, estimate: Estimate, scores: pd.DataFrame, window: tuple[float, float]
-) -> pd.DataFrame:
-    """Estimated torques of a method in the window, beside those of the trial, all less their means over the trial."""
-    torques = centre_torques(trial, estimate)
-    inside = (torques.time >= window[0]) & (torques.time <= window[1])
-    parts = []
-    for torque in TORQUES:
-        against = scores.loc[torque, "against"]
-        target = torques.true[torque] if against == "true" else torques.measured
-        columns = {
-            "method": label,
-            "torque": torque,
-            "against": against,
-            "time [s]": torques.time[inside],
-            "torque of the trial [N·m]": target[inside],
-            "estimated torque [N·m]": torques.estimated[torque][inside],
-        }
-        parts.append(pd.DataFrame(columns))
-    return pd.concat(parts)
-
-
-def _draw_torque(axis: Axes, rows: pd.DataFrame, style: MethodStyle) -> None:
-    """An estimated torque over that of the trial."""
-    true = rows["against"].iloc[0] == "true"
-    target = {**TRUE_LINE, "label": "true (simulated)"} if true else {**MEASURED_LINE, "label": "measured"}
-    axis.plot(rows["time [s]"], rows["torque of the trial [N·m]"], **target)
-    line: dict[str, Any] = {"color": style.colour, "ls": (0, ESTIMATED), "lw": 1.0}
-    label = f"{rows['method'].iloc[0]} (estimated)"
-    axis.plot(rows["time [s]"], rows["estimated torque [N·m]"], **line, label=label)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from itertools import product
+from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ankleloop.plotting.method_styles import MethodStyle, method_styles, ordinal_styles
-from ankleloop.plotting.panels import add_legend, new_figure
-from ankleloop.plotting.style import STYLE, TRUE_LINE, DataFigure
+from ankleloop.plotting.panels import Panel, Styles, draw_panels, finish
+from ankleloop.plotting.style import TRUE, DataFigure, method_styles, ordinal_styles
 from ankleloop.quantities import QUANTITIES
 
 if TYPE_CHECKING:
@@ -27,18 +26,17 @@ ABSCISSAE = {
     "schedule": "scheduling variable",
 }
 BLANK = "#dddddd"  # places at which a parameter is not identified
-ROW, EXCITATION = 44.0, 20.0  # mm of a row of panels, and of one that shows the excitation
-LEVEL = "excitation over its mean [1]"
+TRUTH = "true value"
+ROW = 44.0  # mm of a row of panels
 SPREAD = 1.3  # ordinates show the truth and the means with this share of their range
 
 
-@matplotlib.rc_context(STYLE)
 def trajectories_figure(
     estimates: Mapping[str, Estimate],
     truths: xr.Dataset | None = None,
     *,
     variable: str = "",
-    styles: Mapping[str, MethodStyle] | None = None,
+    styles: Styles | None = None,
 ) -> DataFigure:
     """Trajectories with their 95 % bands, and below them the excitation behind each place.
 
@@ -48,58 +46,37 @@ def trajectories_figure(
     dimensions = {str(next(iter(part.sizes))) for part in curves.values()}
     if len(dimensions) != 1:
         raise ValueError(f"trajectories must be functions of one thing, got {', '.join(sorted(dimensions)) or 'none'}.")
-    (dimension,) = dimensions
-    abscissa = _label_abscissa(next(iter(curves.values())), dimension)
+    (dimension,), first = dimensions, next(iter(curves.values()))
+    own, unit = (first.attrs.get(key, "") for key in ("variable", "variable_unit"))
+    xlabel = variable or (f"{own} [{unit}]" if unit else own) or ABSCISSAE[dimension]
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     names = [name for name in PARAMETERS if any(name in part for part in curves.values())]
-    figure = new_figure(ROW + EXCITATION)
-    rows = figure.subplots(2, len(names), sharex=True, height_ratios=[ROW, EXCITATION], squeeze=False)
-    drawn = []
-    for (upper, lower), name in zip(rows.T, names, strict=True):
-        upper.set_ylabel(QUANTITIES[name].label)
-        lower.set_xlabel(variable if dimension == "schedule" and variable else abscissa)
+    panels = {name: Panel(QUANTITIES[name].label, xlabel=xlabel) for name in names}
+    panels |= {f"excitation of {name}": Panel("excitation\nover its mean [1]", xlabel=xlabel) for name in names}
+    parts: list[dict[str, Any]] = []
+    blanks = []
+    for name in names:
         if truths is not None and name in truths:
-            upper.plot(truths[dimension], truths[name], **TRUE_LINE, label="true value")
+            parts.append({"panel": name, "series": TRUTH, "x": truths[dimension], "value": truths[name]})
         for label, estimate in estimates.items():
-            if name in curves.get(label, ()):
-                table = _tabulate(estimate, name, dimension, truths)
-                _draw_band(upper, table, "value", styles[label], label)
-                _draw_band(lower, table.assign(low=0.0, high=table[LEVEL]), LEVEL, styles[label], label)
-                for axis in (upper, lower):
-                    _mark_blanks(axis, table["place"].to_numpy(), table["value"].isna().to_numpy())
-                drawn.append(table.assign(series=label, abscissa=abscissa))
-            else:  # a constant
-                value = {**estimate.stiffness, **estimate.reflex}.get(name, np.nan)
-                upper.axhline(value, **styles[label].line, label=label)
-        lower.set_ylim(bottom=0.0)
-    rows[1, 0].set_ylabel("excitation [1]")
-    add_legend(figure, rows.flat)
-    figure.data = pd.concat(drawn, ignore_index=True)
-    return figure
-
-
-def _label_abscissa(curves: xr.Dataset, dimension: str) -> str:
-    """What trajectories are functions of, with its unit."""
-    name, unit = (curves.attrs.get(key, "") for key in ("variable", "variable_unit"))
-    return (f"{name} [{unit}]" if unit else name) or ABSCISSAE[dimension]
-
-
-def _tabulate(estimate: Estimate, name: str, dimension: str, truths: xr.Dataset | None) -> pd.DataFrame:
-    """A trajectory with its band, its excitation and its truth, a row for each place."""
-    curves = estimate.trajectories
-    assert curves is not None
-    table = pd.DataFrame({"quantity": name, "unit": QUANTITIES[name].unit, "place": curves[dimension].values})
-    for column, key in (("value", name), ("low", f"{name}_low"), ("high", f"{name}_high")):
-        table[column] = curves[key].values
-    if truths is not None and name in truths:
-        table["truth"] = np.interp(curves[dimension], truths[dimension], truths[name])
-    return table.assign(**{LEVEL: estimate.diagnostics.get("excitation", {}).get(name, np.nan)})
-
-
-def _draw_band(axis: Axes, table: pd.DataFrame, column: str, style: MethodStyle, label: str) -> None:
-    """A curve, and the band from `low` to `high`."""
-    axis.fill_between(table["place"], table["low"], table["high"], color=style.colour, alpha=0.22, lw=0)
-    axis.plot(table["place"], table[column], **style.line, label=label)
+            if name not in curves.get(label, ()):
+                constant = {**estimate.stiffness, **estimate.reflex}.get(name, np.nan)
+                parts.append({"panel": name, "series": label, "x": first[dimension], "value": constant})
+                continue
+            keys = dimension, name, f"{name}_low", f"{name}_high"
+            place, value, low, high = (curves[label][key].values for key in keys)
+            parts.append({"panel": name, "series": label, "x": place, "value": value, "low": low, "high": high})
+            excitation = estimate.diagnostics.get("excitation", {}).get(name, np.nan)
+            parts.append({"panel": f"excitation of {name}", "series": label, "x": place, "value": excitation})
+            blanks.append((name, place, np.isnan(value)))
+    table = pd.concat(map(pd.DataFrame, parts))
+    size: dict[str, Any] = {"columns": len(names), "height": 0.75 * ROW, "height_ratios": [2.2, 1.0]}
+    figure, axes = draw_panels(table, panels, {**styles, TRUTH: TRUE}, sharex=True, **size)
+    axes[-1].set_ylim(bottom=0.0)
+    for name, place, blank in blanks:
+        for axis in axes[names.index(name) :: len(names)]:
+            _mark_blanks(axis, place, blank)
+    return finish(figure)
 
 
 def _mark_blanks(axis: Axes, place: np.ndarray, blank: np.ndarray) -> None:
@@ -112,34 +89,24 @@ def _mark_blanks(axis: Axes, place: np.ndarray, blank: np.ndarray) -> None:
         axis.plot([], [], color=BLANK, lw=5.0, label="not identified")
 
 
-@matplotlib.rc_context(STYLE)
-def mean_trajectories_figure(table: pd.DataFrame, *, styles: Mapping[str, MethodStyle] | None = None) -> DataFigure:
-    """Mean trajectories over trials with the spread of the trials: a row for each setting, a column for K, B and G."""
-    styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
+def mean_trajectories_figure(table: pd.DataFrame, *, styles: Styles | None = None) -> DataFigure:
+    """Mean trajectories over trials with the spread of the trials: a row for each setting, a column for K, B and G.
+
+    The ordinates follow the truth and the means.
+    """
     settings = list(dict.fromkeys(table["row"]))
     names = [name for name in PARAMETERS if name in set(table["parameter"])]
-    figure = new_figure(ROW * len(settings))
-    axes = figure.subplots(len(settings), len(names), squeeze=False)
-    for row, setting in zip(axes, settings, strict=True):
-        for axis, name in zip(row, names, strict=True):
-            _draw_means(axis, table[(table["row"] == setting) & (table["parameter"] == name)], styles)
-            axis.set(ylabel=QUANTITIES[name].label, title=setting if name == names[len(names) // 2] else "")
-    add_legend(figure, axes.flat)
-    columns = ["row", "series", "parameter", "dimension", "place", "truth", "mean", "low", "high", "n"]
-    data = table[columns].rename(columns={"row": "setting", "series": "method"})
-    figure.data = data.assign(unit=[QUANTITIES[name].unit for name in data["parameter"]]).reset_index(drop=True)
-    return figure
-
-
-def _draw_means(axis: Axes, table: pd.DataFrame, styles: Mapping[str, MethodStyle]) -> None:
-    """Mean trajectories of all methods in one setting; the ordinate follows truth and means."""
-    for number, (series, part) in enumerate(table.groupby("series", sort=False)):
-        if number == 0:
-            axis.plot(part["place"], part["truth"], **TRUE_LINE, label="true value", zorder=2.5)
-            axis.set_xlabel(ABSCISSAE[part["dimension"].iloc[0]])
-        _draw_band(axis, part, "mean", styles[str(series)], str(series))
-    values = table[["truth", "mean"]].to_numpy(float)
-    if np.isfinite(values).any():
-        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    table = table.assign(panel=table["row"] + table["parameter"], x=table["place"], value=table["mean"])
+    truths = table.drop_duplicates(["panel", "place"]).drop(columns=["low", "high"])
+    rows = pd.concat([truths.assign(series=TRUTH, value=truths["truth"]), table])
+    panels = {}
+    for setting, name in product(settings, names):
+        values = rows.loc[rows["parameter"] == name, "value"]
+        low, high = float(values.min()), float(values.max())
         margin = 0.5 * (SPREAD - 1.0) * max(high - low, 0.05 * abs(high))
-        axis.set_ylim(low - margin, high + margin)
+        title = setting if name == names[len(names) // 2] else ""
+        dimension = table.loc[table["row"] == setting, "dimension"].iloc[0]
+        limits = low - margin, high + margin
+        panels[setting + name] = Panel(QUANTITIES[name].label, title, None, limits, ABSCISSAE[dimension])
+    styles = {**(styles or ordinal_styles(dict.fromkeys(table["series"]))), TRUTH: TRUE}
+    return finish(draw_panels(rows, panels, styles, columns=len(names), height=ROW)[0])

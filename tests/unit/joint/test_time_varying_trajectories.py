@@ -54,4 +54,4 @@ def test_files_keep_name_and_unit_of_the_schedule(tmp_path, suffix, names):
 def test_the_abscissa_of_a_figure_has_name_and_unit(dimension, names, label):
     figure = trajectories_figure({"riv-tv": make_estimate(dimension, **names)})
     assert figure.axes[3].get_xlabel() == label
-    assert figure.data["abscissa"].unique().tolist() == [label]
+    assert figure.data["against"].unique().tolist() == [label]

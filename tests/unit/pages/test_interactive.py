@@ -9,7 +9,7 @@ import ankleloop
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.pages.interactive import list_lines, render_interactive_torques, thin
-from ankleloop.plotting.method_styles import METHOD_STYLES
+from ankleloop.plotting.style import METHOD_STYLES
 
 HOSTILE = '</script><b>riv & "co"'
 WINDOW = {"start": 10.0, "length": 5.0}

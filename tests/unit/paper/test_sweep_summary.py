@@ -7,7 +7,7 @@ from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, write_trials
 from ankleloop.errors import DataError
 from ankleloop.paper.sweep_pictures import list_slices
 from ankleloop.paper.sweep_study import pair_methods, read_sweep, summarise_effects, summarise_sweep
-from ankleloop.plotting.sweep_axes import SweepAxis
+from ankleloop.plotting.sweeps import SweepAxis
 
 QUANTITIES = ["vaf_net_true", "K_error", "G_error", "failures", "warnings"]
 VARIED = ["reflex_gain", "voluntary"]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import yaml
 
-from ankleloop.plotting.method_styles import (
+from ankleloop.plotting.style import (
     METHOD_STYLES,
     VARIANTS,
     label_styles,

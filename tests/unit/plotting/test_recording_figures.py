@@ -96,7 +96,7 @@ def test_recordings_have_a_row_each_with_their_intervals():
     low, high = axis.get_xlim()
     assert 80.0 < low < 90.0 < 125.0 < high < 135.0  # of those to be trusted; the other one is an arrow head
     assert legend(figure) == ["riv", "with failures or warnings"]
-    assert figure.data["fault"].tolist() == [False, False, True]
+    assert figure.data["marked"].tolist() == [False, False, True]
 
 
 def test_subjects_and_conditions_are_named_where_the_table_names_them():

@@ -4,15 +4,9 @@ import pytest
 from matplotlib.markers import CARETRIGHTBASE
 from scipy import stats
 
-from ankleloop.plotting.curves import curves_figure
-from ankleloop.plotting.maps import map_figure
-from ankleloop.plotting.panels import Panel
-from ankleloop.plotting.studies import (
-    estimates_figure,
-    interval_figure,
-    ratio_figure,
-    traces_figure,
-)
+from ankleloop.plotting.panels import Panel, estimates_figure
+from ankleloop.plotting.studies import curves_figure, interval_figure, ratio_figure, traces_figure
+from ankleloop.plotting.style import METHOD_STYLES
 
 
 @pytest.fixture
@@ -83,41 +77,10 @@ def test_rings_mark_means_with_failures_or_warnings(results):
     assert legend(figure) == ["PR-MOESP", "with failures or warnings", "every trial failed"]
 
 
-def test_an_asterisk_marks_cells_with_failures_or_warnings():
-    table = pd.DataFrame({"x": [1.0, 2.0, 1.0, 2.0], "y": [1.0, 1.0, 2.0, 2.0], "panel": "p"})
-    table = table.assign(value=[1.5, 2.5, np.nan, np.nan], fault=[True, False, True, False])
-    names = {"x": "x", "y": "y", "panel": "panel", "value": "value"}
-    figure = map_figure(table, **names, xlabel="x [1]", ylabel="y [1]", title="{}", limit=1.0)
-    assert [text.get_text() for text in figure.axes[0].texts] == ["1.5*", "2.5", "failed", "unstable"]
-
-
-def test_map_frames_cells_within_the_limit():
-    cells = [(gain, load, 3.0 * abs(gain - 13) + load / 100) for gain in (12.0, 13.0) for load in (100.0, 300.0)]
-    table = pd.DataFrame(cells, columns=["gain", "load", "deviation"]).assign(rule="one pass")
-    figure = map_figure(
-        table,
-        x="gain",
-        y="load",
-        panel="rule",
-        value="deviation",
-        xlabel="gain [1]",
-        ylabel="load [1]",
-        title="{}",
-        limit=2,
-    )
-    axis = figure.axes[0]
-    assert [text.get_text() for text in axis.texts] == ["4.0", "1.0", "6.0", "3.0"]
-    assert len(axis.patches) == 1
-    assert axis.patches[0].get_xy() == (0.5, -0.5)  # gain 13, load 100
-    assert axis.get_title() == "one pass"
-    assert "points of VAF" in figure.axes[1].get_ylabel()
-
-
 def test_traces_have_units_and_true_values():
     time = np.linspace(0, 5, 20)
-    figure = traces_figure(
-        {"open": {"time": time, "K": time}, "closed": {"time": time, "K": -time}}, {"K": ("K [N·m/rad]", 150.0)}
-    )
+    traces = {"open": {"time": time, "K": time}, "closed": {"time": time, "K": -time}}
+    figure = traces_figure(traces, {"K": ("K [N·m/rad]", 150.0)}, 0.0, METHOD_STYLES["riv"])
     assert [axis.get_title() for axis in figure.axes] == ["open", "closed"]
     assert figure.axes[0].get_ylabel() == "K [N·m/rad]"
     assert {axis.get_xlabel() for axis in figure.axes} == {"time [s]"}
@@ -143,19 +106,18 @@ def test_ratios_beyond_the_largest_are_arrow_heads_at_it():
     np.testing.assert_allclose(inside.get_xdata(), [np.nan, 3.0])
     np.testing.assert_allclose(beyond.get_xdata(), [20.0])
     assert beyond.get_marker() == CARETRIGHTBASE
-    assert figure.data["rms error over the bound [1]"].tolist() == [1.1, 400.0, 1.3, 3.0]
+    assert figure.data["value"].tolist() == [1.1, 400.0, 1.3, 3.0]
     assert "bound" in axis.get_xlabel()
 
 
 def test_intervals_that_miss_the_truth_have_another_colour():
     table = pd.DataFrame({"panel": "K", "value": [150.0, 160.0], "low": [145.0, 155.0], "high": [155.0, 165.0]})
-    figure = interval_figure(table, {"K": ("K [N·m/rad]", 150.0)})
+    figure = interval_figure(table, {"K": ("K [N·m/rad]", 150.0)}, METHOD_STYLES["riv"])
     assert legend(figure) == ["95 % interval that holds the truth", "95 % interval that misses it", "true value"]
     hits, misses = figure.axes[0].get_lines()[:2]
     assert hits.get_xydata().tolist() == [[1.0, 150.0]]
     assert misses.get_xydata().tolist() == [[2.0, 160.0]]
     assert (hits.get_color(), hits.get_marker()) != (misses.get_color(), misses.get_marker())
-    assert figure.data["holds"].tolist() == [True, False]
 
 
 def test_estimates_have_a_row_for_each_condition_and_arrow_heads_beyond_the_limits():
@@ -202,6 +164,6 @@ def test_the_table_of_a_figure_has_what_its_lines_have(results):
     for axis, quantity in zip(figure.axes, ("K", "B"), strict=True):
         for line, band in zip(axis.get_lines(), axis.collections, strict=True):
             rows = figure.data[(figure.data["quantity"] == quantity) & (figure.data["series"] == line.get_label())]
-            np.testing.assert_array_equal(line.get_xydata(), rows[["gain [1]", "mean"]])
+            np.testing.assert_array_equal(line.get_xydata(), rows[["x", "value"]])
             edges = band.get_paths()[0].vertices
             assert {*rows["low"], *rows["high"]} <= set(edges[:, 1])

@@ -5,16 +5,8 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from ankleloop.plotting.curves import share_ordinates
-from ankleloop.plotting.panels import Panel, add_legend, panel_grid
-from ankleloop.plotting.style import (
-    REFERENCE_LINE,
-    SCREEN_DOTS_PER_INCH,
-    TWO_COLUMNS,
-    DataFigure,
-    inches,
-    save_figure,
-)
+from ankleloop.plotting.panels import Panel, draw_panels, finish, panel_grid
+from ankleloop.plotting.style import REFERENCE_LINE, SCREEN_DOTS_PER_INCH, TWO_COLUMNS, DataFigure, save_figure
 
 
 def entries(figure):
@@ -25,20 +17,26 @@ def entries(figure):
 @pytest.mark.parametrize(("count", "rows"), [(2, 1), (3, 1), (4, 2)])
 def test_grid_has_a_panel_for_each_and_hides_the_rest(count, rows):
     figure, axes = panel_grid(count, 3, 50.0)
-    assert figure.get_size_inches().tolist() == [inches(TWO_COLUMNS), inches(50.0 * rows)]
-    assert axes == [axis for axis in figure.axes if axis.get_visible()]
+    assert figure.get_size_inches().tolist() == [TWO_COLUMNS / 25.4, 50.0 * rows / 25.4]
+    assert list(axes) == [axis for axis in figure.axes if axis.get_visible()]
     assert len(axes) == count
 
 
 def test_panels_of_one_quantity_share_it_and_label_it_once_in_a_row():
-    panels = [Panel("VAF [%]", "net"), Panel("VAF [%]", "reflex"), Panel("K [N·m/rad]")]
-    figure, axes = panel_grid(3, 3, 40.0)
-    share_ordinates(axes, panels, 3)
-    axes[0].plot([0, 1], [0, 100])
-    axes[2].plot([0, 1], [0, 5])
-    figure.canvas.draw()
+    panels = {"a": Panel("VAF [%]", "net"), "b": Panel("VAF [%]", "reflex"), "c": Panel("K [N·m/rad]")}
+    table = pd.DataFrame({"panel": [*"aabbcc"], "series": "riv", "x": [0, 1] * 3, "value": [0, 1, 0, 100, 0, 5]})
+    figure, axes = draw_panels(table, panels)
+    finish(figure)
     assert axes[0].get_ylim() == axes[1].get_ylim() != axes[2].get_ylim()
     assert [axis.get_ylabel() for axis in axes] == ["VAF [%]", "", "K [N·m/rad]"]
+
+
+def test_labels_of_shared_axes_stand_at_the_outer_panels():
+    figure, axes = panel_grid(5, 3, 40.0, sharex=True)
+    for axis in axes:
+        axis.set_xlabel("gain [1]")
+    finish(figure)
+    assert [axis.get_xlabel() for axis in axes] == ["", "", "gain [1]", "gain [1]", "gain [1]"]
 
 
 def test_legend_has_each_label_once_and_marks_at_its_end():
@@ -47,7 +45,7 @@ def test_legend_has_each_label_once_and_marks_at_its_end():
         axis.axhline(0.0, **REFERENCE_LINE, label="true value")
         axis.plot([0, 1], [0, 1], label="estimate")
         axis.plot([0, 1], [1, 0])  # without a label
-    add_legend(figure, axes)
+    finish(figure)
     assert entries(figure) == [["estimate", "true value"]]
 
 

@@ -6,10 +6,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop.plotting.method_styles import METHOD_STYLES
-from ankleloop.plotting.style import FAULT_RING, STYLE
-from ankleloop.plotting.sweep_axes import SweepAxis
-from ankleloop.plotting.sweeps import NO_POINT, SweepPanel, SweepSeries, lines_figure, maps_figure, value_limits
+from ankleloop.plotting.panels import FAULT_RING
+from ankleloop.plotting.style import METHOD_STYLES, STYLE
+from ankleloop.plotting.sweeps import (
+    FRAME,
+    NO_POINT,
+    SweepAxis,
+    SweepPanel,
+    SweepSeries,
+    lines_figure,
+    maps_figure,
+    value_limits,
+)
 
 SERIES = [
     SweepSeries("riv", "RIV", METHOD_STYLES["riv"]),
@@ -122,14 +130,14 @@ def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
 
 def test_tables_of_sweeps_have_what_is_drawn():
     figure = draw(maps_figure(cells(), (GAIN, NOISE), PANELS))
-    rows = figure.data.query("quantity == 'reflex VAF' and method == 'PR-MOESP'").sort_values([NOISE.label, GAIN.label])
+    rows = figure.data.query("quantity == 'reflex VAF' and series == 'PR-MOESP'").sort_values(["y", "x"])
     image = panels_of(figure)[1].images[0]
-    np.testing.assert_array_equal(image.get_array().ravel(), rows["mean"])
+    np.testing.assert_array_equal(image.get_array().ravel(), rows["value"])
     assert set(figure.data["unit"]) == {"%", "points", "N·m/rad"}
     figure = draw(lines_figure(effects(GAIN), [GAIN], [VAF]))
-    rows = figure.data.query("method == 'RIV'")
+    rows = figure.data.query("series == 'RIV'")
     line = next(line for line in panels_of(figure)[0].get_lines() if line.get_label() == "RIV")
-    np.testing.assert_array_equal(line.get_xydata(), rows[["value", "mean"]].astype(float))
+    np.testing.assert_array_equal(line.get_xydata(), rows[["x", "value"]].astype(float))
 
 
 def test_colours_of_differences_are_centred_at_zero():
@@ -153,6 +161,18 @@ def test_cells_have_their_numbers_and_marks():
     assert np.isnan(first.images[0].get_array().filled(np.nan)).sum() == 2
     assert [text.get_text() for text in second.texts][:4] == ["90.0", "91.0*", "92.0", "93.0"]
     assert first.get_facecolor() == second.get_facecolor() == matplotlib.colors.to_rgba(NO_POINT["color"])
+
+
+def test_cells_within_a_limit_have_a_frame_and_what_should_be_low_is_light_where_it_is():
+    names = {"quantity": "K", "method": "riv", "slice": ""}
+    table = pd.DataFrame({**names, "x": [5.0, 10.0], "y": 1.0, "mean": [1.5, 40.0]})
+    panel = SweepPanel("K", "deviation [points]", SERIES[:1], "low", limit=2.0)
+    axes = SweepAxis.of("x", "gain [1]", table["x"]), SweepAxis.of("y", "noise [1]", table["y"])
+    cell = panels_of(draw(maps_figure(table.assign(trials=3, failures=0, warnings=0), axes, [panel])))[0]
+    (frame,) = cell.patches
+    assert frame.get_xy() == (-0.5, -0.5)
+    assert frame.get_edgecolor() == matplotlib.colors.to_rgba(FRAME)
+    assert cell.images[0].to_rgba(1.5)[1] > cell.images[0].to_rgba(40.0)[1]
 
 
 def test_small_cells_have_rings_and_points_of_a_random_design_are_drawn_one_by_one():

@@ -4,7 +4,7 @@ import pytest
 
 import ankleloop
 from ankleloop.joint.prepared import prepare
-from ankleloop.plotting.style import TWO_COLUMNS, inches, save_figure
+from ankleloop.plotting.style import TWO_COLUMNS, save_figure
 from ankleloop.plotting.torques import centre_torques, torque_figure
 
 
@@ -49,11 +49,11 @@ def test_the_table_has_what_is_drawn(identified, tmp_path):
     axes = np.array(figure.axes).reshape(3, 2)
     for column, label in enumerate(estimates):
         for row, torque in enumerate(("net", "intrinsic", "reflex")):
-            rows = table[(table["method"] == label) & (table["torque"] == torque)]
-            target, estimate = axes[row, column].get_lines()
-            np.testing.assert_array_equal(target.get_xydata(), rows[["time [s]", "torque of the trial [N·m]"]])
-            np.testing.assert_array_equal(estimate.get_xydata(), rows[["time [s]", "estimated torque [N·m]"]])
-    assert table["time [s]"].between(3.0, 7.0).all()
+            rows = table[(table["method"] == label) & (table["quantity"] == f"{torque} torque")]
+            for line in axes[row, column].get_lines():
+                drawn = rows.loc[rows["series"] == line.get_label(), ["x", "value"]]
+                np.testing.assert_array_equal(line.get_xydata(), drawn)
+    assert table["x"].between(3.0, 7.0).all()
 
 
 def test_methods_beyond_the_width_of_a_figure_are_drawn_below(identified):
@@ -62,7 +62,7 @@ def test_methods_beyond_the_width_of_a_figure_are_drawn_below(identified):
     figure = torque_figure(trial, many)
     visible = [axis for axis in figure.axes if axis.get_visible()]
     assert len(visible) == 3 * len(many)
-    assert figure.get_figwidth() == pytest.approx(inches(TWO_COLUMNS))
+    assert figure.get_figwidth() == pytest.approx(TWO_COLUMNS / 25.4)
 
 
 def test_torques_have_no_mean_and_are_those_of_the_trial(identified):
