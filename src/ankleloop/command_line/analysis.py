@@ -71,7 +71,7 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
 
 def identify_recording(study: RecordedStudy, folder: Path, *, overwrite: bool) -> tuple[pd.DataFrame, Path]:
     """Analyse the recording of a study; its table, and its page beside which all other results are."""
-    name, inputs = study.name, study.paths(study.name)
+    name, inputs = study.name, study.points[study.name]["paths"]
     overwrite = overwrite or _is_refusal(folder / f"{name}-parameters.csv")
     estimates = [f"{name}/{key}{suffix}" for key in usual_methods(reference=True, changing=True) for suffix in SUFFIXES]
     outputs = [f"{name}.html", f"{name}-parameters.csv", *estimates, *(f"{name}/figure-{kind}.csv" for kind in FIGURES)]

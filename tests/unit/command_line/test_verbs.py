@@ -284,7 +284,7 @@ def test_study_of_recordings(run, trial, recording, tmp_path):
     assert "# as the file has it, the torque does not oppose stretch" in text
     assert "# null takes it from the file, 1000 Hz" in text
     assert "# start: null" in text
-    assert study.paths("S2") == [str(tmp_path / "S2.h5")]
+    assert study.points["S2"]["paths"] == [str(tmp_path / "S2.h5")]
     before = new.read_bytes()
     assert run("study", new, recording).status == 2
     assert new.read_bytes() == before
@@ -299,8 +299,8 @@ def test_study_of_recordings_with_and_without_a_reference(run, trial, tmp_path):
     new = tmp_path / "new.yaml"
     assert run("study", new, tmp_path / "$x" / "a.nc", tmp_path / "a.mat").status == 0
     study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["new"]
-    assert study.paths("a") == [str(tmp_path / "$x" / "a.nc")]
-    assert study.paths("a-mat") == [str(tmp_path / "a.mat")]
+    assert study.points["a"]["paths"] == [str(tmp_path / "$x" / "a.nc")]
+    assert study.points["a-mat"]["paths"] == [str(tmp_path / "a.mat")]
     assert set(study.methods) == {*METHODS[:-1], *(f"{key}-no-reference" for key in METHODS[:3])}
 
 
@@ -368,7 +368,7 @@ def test_demo(run, tmp_path, monkeypatch):
     opened, identified = [], []
 
     def identify(study, folder, **options):
-        identified.append((study.paths("demo-csv"), study.points["demo-csv"]["position_unit"], folder))
+        identified.append((study.points["demo-csv"]["paths"], study.points["demo-csv"]["position_unit"], folder))
         row = {"verdict": "ok", "recommendation": "take riv.", "label": "riv", "valid": True, "trusted": True}
         row |= {"recommended": True, "K": 151.0, "K_low": 148.0, "K_high": 154.0, "B": 0.81, "I": 0.015, "G": 13.5}
         return pd.DataFrame([row]), folder / "demo-csv.html"
