@@ -206,7 +206,7 @@ class ReadingOptions(Options):
     position_unit: Literal["rad", "deg"] = option("rad", "unit of position and reference in the file")
     position_sign: Literal[1, -1] = option(1, "-1 turns position and reference round")
     torque_sign: Literal[1, -1] = option(1, "-1 turns the torque round, so that it opposes stretch (positive K, B, I)")
-    case: int | None = option(None, "trial of an FLB file, counted from 1; null where the file has one", ge=1)
+    case: int | None = option(None, "trial of an FLB file, counted from 1; null if it has one", ge=1, le=10_000)
     variables: dict[str, str] | str | None = option(
         None,
         "further variables of the trial, as a schedule or the phase of a cycle: name in the trial and variable of the "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ModelInputs, PhysicalModel
@@ -89,8 +89,8 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
         of the delay where it is estimated. `diagnostics`: iterations, converged, criterion_start, criterion (size of
         the equations' left side at start and end, in units of its standard deviation, squared), intervals (asymptotic,
         robust or None), movement_p (probability of a residual that depends as much on the movement, if the model were
-        complete), interval_segment (length of the segments that robust intervals count [s]), standard_errors, and
-        alternatives: effects of the instruments or of the joint that the record shows and the model does not have, with
+        complete), interval_segment (length of the segments that robust intervals count [s]), standard_errors,
+        noise_frequency [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint that the record shows and the model does not have, with
         their scores (size over standard error) and the relative shifts of K, B, I and G
         (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them.
 
@@ -133,7 +133,9 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
     """Torques, physical parameters, and their intervals where the search has converged."""
     point, regressors = solution.point, solution.equations.regressors
     parameters, values = point.parameters, point.values
-    errors, intervals, description = {}, {}, {"intervals": None}
+    errors: dict[str, float] = {}
+    intervals: dict[str, tuple[float, float]] = {}
+    description: dict[str, Any] = {"intervals": None}
     if solution.converged:
         covariance, quantile, description = choose_covariance(point, solution.free, options.intervals)
         deviations = estimate_deviations(point, covariance, solution.free)
@@ -156,6 +158,8 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
             "reference": options.reference,
             **description,
             "standard_errors": errors,
+            "noise_frequency": solution.equations.band.frequency,
+            "noise_spectrum": point.noise / solution.equations.band.density,
             "nonlinearity": point.path.nonlinearity.curve(),
             "assumptions": assumptions,
             "warnings": _warnings(solution),
