@@ -90,7 +90,8 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
         the equations' left side at start and end, in units of its standard deviation, squared), intervals (asymptotic,
         robust or None), movement_p (probability of a residual that depends as much on the movement, if the model were
         complete), interval_segment (length of the segments that robust intervals count [s]), standard_errors,
-        noise_frequency [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint that the record shows and the model does not have, with
+        noise_frequency [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint
+        that the record shows and the model does not have, with
         their scores (size over standard error) and the relative shifts of K, B, I and G
         (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them.
 
