@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ModelInputs, PhysicalModel
@@ -133,7 +133,9 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
     """Torques, physical parameters, and their intervals where the search has converged."""
     point, regressors = solution.point, solution.equations.regressors
     parameters, values = point.parameters, point.values
-    errors, intervals, description = {}, {}, {"intervals": None}
+    errors: dict[str, float] = {}
+    intervals: dict[str, tuple[float, float]] = {}
+    description: dict[str, Any] = {"intervals": None}
     if solution.converged:
         covariance, quantile, description = choose_covariance(point, solution.free, options.intervals)
         deviations = estimate_deviations(point, covariance, solution.free)
