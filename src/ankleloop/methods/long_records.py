@@ -14,7 +14,7 @@ import xarray as xr
 from ankleloop.checks.data import check_data
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.hammerstein import Basis, fit_basis
+from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import TORQUES, Regressors, decimation_grid, recording_margins, torque_dataset
 from ankleloop.methods.method import INPUTS, add_warnings, data_use
@@ -23,7 +23,7 @@ from ankleloop.options import Options, check_path, option
 from ankleloop.signals.decimation import differentiate, differentiation_margin
 from ankleloop.signals.statespace import simulate_states
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
-from ankleloop.trials.files import atomic_netcdf, check_output
+from ankleloop.trials.files import Sink, atomic_netcdf, check_output
 from ankleloop.trials.long_record import LongRecord
 
 if TYPE_CHECKING:
@@ -115,10 +115,12 @@ def identify_file(
         raise DataError(f"{record.path.name}: {method} needs a reference: name its variable.")
     chunks = _Chunks(record, reference, chosen, reading.chunk, progress or (lambda name, share: None))
     data_warnings = chunks.check()
-    basis = chunks.fit_basis()
-    beginning = chunks.regressors(basis, 0, min(SEPARATION_SAMPLES, chunks.grid.samples))
-    model = moesp_chunks(lambda: chunks.signals(basis), **subspace_arguments(chosen, beginning, method))
-    vaf = _write_torques(chunks, basis, model, output, method, reading.overwrite)
+    chunks.fit_basis()
+    beginning = chunks.regressors(0, min(SEPARATION_SAMPLES, chunks.grid.samples))
+    model = moesp_chunks(chunks.signals, **subspace_arguments(chosen, beginning, method))
+    with atomic_netcdf(output, overwrite=reading.overwrite, inputs=[record.path]) as (file, sink):
+        file.attrs.update({"method": method, "identification_rate": beginning.rate, "source": record.path.name})
+        vaf = chunks.write_torques(model, file, sink)
     # An index of the time would take it, and several times its size, into memory.
     torque = xr.open_dataset(output, engine="h5netcdf", decode_times=False, create_default_indexes=False)
     path = separate_reflex(model, [beginning])
@@ -175,8 +177,8 @@ class _Chunks:
             warnings += [place + text for text in texts]
         return warnings
 
-    def fit_basis(self) -> Basis:
-        """Basis fitted to velocities that are evenly spread over the record, scaled by the largest of all."""
+    def fit_basis(self) -> None:
+        """Fit the basis to velocities that are evenly spread over the record, scaled by the largest of all."""
         record, options = self.record, self.options
         step, velocities, largest = -(-record.samples // VELOCITIES), [], 0.0
         margin = 2 * sum(map(abs, differentiation_margin(record.rate, options.delay)))  # more than the kernel is long
@@ -188,36 +190,36 @@ class _Chunks:
             largest = max(largest, float(np.abs(velocity).max()))
             velocities.append(velocity[-start % step :: step].copy())  # a view would keep all of it in memory
         basis = fit_basis(np.concatenate(velocities), options.basis or "chebyshev", options.degree)
-        return replace(basis, scale=largest)
+        self.basis = replace(basis, scale=largest)
 
-    def regressors(self, basis: Basis, start: int, stop: int) -> Regressors:
+    def regressors(self, start: int, stop: int) -> Regressors:
         """Regressors of the identified samples from `start` to `stop`."""
         inputs = self.options.model_dump(include=INPUTS)
-        return self._read(start, stop).regressors(**inputs, basis=basis, reference=self.reference)
+        return self._read(start, stop).regressors(**inputs, basis=self.basis, reference=self.reference)
 
-    def signals(self, basis: Basis) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
+    def signals(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
         """Inputs, torque and reference of all chunks; the sums of inputs and torque are kept for their means."""
         self.sums = np.zeros(1)
         for start, stop in self.parts(f"pass {self.passes + 1}", self.edges):
-            part = self.regressors(basis, start, stop)
+            part = self.regressors(start, stop)
             torque = part.torque[:, None]
             self.sums = self.sums + np.hstack([part.inputs, torque]).sum(axis=0)
             yield part.inputs, torque, None if part.reference is None else part.reference[:, None]
         self.passes += 1
 
-
-def _write_torques(
-    chunks: _Chunks, basis: Basis, estimate: SubspaceEstimate, output: str | Path, method: str, overwrite: bool
-) -> float:
-    """Last pass: torques of the model, a chunk at a time; returns the VAF of the net torque [%]."""
-    count = chunks.grid.samples
-    *input_means, torque_mean = chunks.sums / count
-    model, state = estimate.matrices, estimate.initial_state.copy()
-    energy, residual, total = 0.0, 0.0, 0.0
-    with atomic_netcdf(output, overwrite=overwrite, inputs=[chunks.record.path]) as (file, sink):
-        _create_variables(file, chunks, method)
-        for start, stop in chunks.parts("torques", chunks.edges):
-            part = chunks.regressors(basis, start, stop)
+    def write_torques(self, estimate: SubspaceEstimate, file: h5netcdf.File, sink: Sink) -> float:
+        """Last pass: torques of the model, a chunk at a time; returns the VAF of the net torque [%]."""
+        count, empty = self.grid.samples, np.empty(0)
+        file.dimensions = {"time": count}
+        template = torque_dataset(empty, self.options.identification_rate, **dict.fromkeys(TORQUES, empty))
+        for name, variable in template.variables.items():
+            stored = file.create_variable(str(name), ("time",), float, chunks=(min(self.chunk, count),))
+            stored.attrs.update(variable.attrs)
+        *input_means, torque_mean = self.sums / count
+        model, state = estimate.matrices, estimate.initial_state.copy()
+        energy, residual, total = 0.0, 0.0, 0.0
+        for start, stop in self.parts("torques", self.edges):
+            part = self.regressors(start, stop)
             u, path = part.inputs - input_means, model.select_inputs(part.reflex)
             intrinsic = u[:, ~part.reflex] @ model.D[0, ~part.reflex]
             states, state = simulate_states(path.A, np.ascontiguousarray(u[:, part.reflex] @ path.B.T), state)
@@ -230,17 +232,7 @@ def _write_torques(
             error = measured - torques["net"]
             energy, residual, total = energy + measured @ measured, residual + error @ error, total + reflex.sum()
         mean = total / count
-        for start, stop in pairwise(chunks.edges):
+        for start, stop in pairwise(self.edges):
             for name in ("net", "reflex"):  # the intrinsic torque has no mean, because its inputs have none
                 file.variables[name][start:stop] -= mean
-    return float(100.0 * (1.0 - (residual / count - mean**2) / (energy / count)))
-
-
-def _create_variables(file: h5netcdf.File, chunks: _Chunks, method: str) -> None:
-    """Variables of the file of torques, which are filled chunk by chunk."""
-    count, rate, empty = chunks.grid.samples, chunks.options.identification_rate, np.empty(0)
-    file.dimensions = {"time": count}
-    file.attrs.update({"method": method, "identification_rate": rate, "source": chunks.record.path.name})
-    for name, variable in torque_dataset(empty, rate, **dict.fromkeys(TORQUES, empty)).variables.items():
-        stored = file.create_variable(str(name), ("time",), float, chunks=(min(chunks.chunk, count),))
-        stored.attrs.update(variable.attrs)
+        return float(100.0 * (1.0 - (residual / count - mean**2) / (energy / count)))

@@ -43,7 +43,7 @@ class Selection:
 
 
 # A half of a record to fit to, the other one to test on, and times of the latter with instruments at them.
-Half = tuple[PreparedTrial, PreparedTrial, tuple[np.ndarray, np.ndarray] | None]
+Half = tuple[PreparedTrial, PreparedTrial, Any]
 
 
 def select_options(
@@ -156,7 +156,7 @@ def check_selection(
     return {name: list(values) for name, values in select.items()}
 
 
-def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, float]) -> list[Half]:
+def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, Any]) -> list[Half]:
     time, rate = record["time"].values, float(record.attrs["sampling_rate"])
     edges = np.linspace(time[0], time[-1] + 1.0 / rate, 3)
     shortest = 2.0 * SETTLING + SEGMENT
@@ -170,7 +170,7 @@ def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, float
     return [(fitted, test, reference and _instruments(test, reference, inputs)) for fitted, test in pairs]
 
 
-def _instruments(test: PreparedTrial, reference: str, inputs: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+def _instruments(test: PreparedTrial, reference: str, inputs: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     """Times, and instruments at these times: leads and lags of the position that the reference explains."""
     regressors = test.regressors(**inputs, basis="spline", degree=TERMS, reference=reference)
     predicted, rate = test.predict_inputs(regressors), regressors.rate

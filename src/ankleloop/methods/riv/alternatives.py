@@ -82,21 +82,19 @@ def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) ->
     shown.sort(key=lambda alternative: -abs(alternative.score))
     if not shown:
         return estimate
-    intervals, values = dict(estimate.intervals), {**estimate.stiffness, **estimate.reflex}
-    for name, shift in shown[0].shifts.items():
-        if name in intervals:
-            (low, high), moved = intervals[name], values[name] * (1.0 + shift)
-            intervals[name] = (min(low, moved), max(high, moved))
+    values = {**estimate.stiffness, **estimate.reflex}
+    for name in shown[0].shifts.keys() & estimate.intervals.keys():
+        (low, high), moved = estimate.intervals[name], values[name] * (1.0 + shown[0].shifts[name])
+        estimate.intervals[name] = min(low, moved), max(high, moved)
     rows = [{"effect": a.text, "score": a.score, "shifts": a.shifts} for a in shown]
-    warnings = list(estimate.diagnostics["warnings"])
+    estimate.diagnostics["alternatives"] = rows
     large = next((alternative for alternative in shown if alternative.large), None)
     if large is not None:
-        warnings.append(
+        estimate.diagnostics["warnings"].append(
             f"the model lacks something that depends on the movement. {large.text[0].upper()}{large.text[1:]} explains "
             f"much of it and moves {format_shifts(large.shifts)}: {EFFECTS[large.effect][1]}."
         )
-    diagnostics = {**estimate.diagnostics, "alternatives": rows, "warnings": warnings}
-    return replace(estimate, intervals=intervals, diagnostics=diagnostics)
+    return estimate
 
 
 def compute_shifts(first: Mapping[str, float], second: Mapping[str, float]) -> dict[str, float]:
