@@ -1,8 +1,5 @@
 """A prepared trial: methods and scores share its values, and give exactly the results that they give alone."""
 
-import gc
-import weakref
-
 import numpy as np
 import pytest
 
@@ -96,20 +93,6 @@ def test_every_derivative_and_channel_is_computed_once(trials, calls):
             evaluate(shared, identify_by(shared, name))
     assert len(calls) > 10
     assert len(set(calls)) == len(calls)
-
-
-def test_what_is_computed_is_freed_with_the_trial(trials):
-    """Cycles of references would keep the signals of many trials until the garbage collector runs."""
-    shared = prepare(trials[0])
-    for name in METHODS:
-        evaluate(shared, identify_by(shared, name))
-    reference = weakref.ref(shared)
-    gc.disable()
-    try:
-        del shared
-        assert reference() is None
-    finally:
-        gc.enable()
 
 
 def test_a_value_is_computed_once_for_each_set_of_arguments(trials):

@@ -125,17 +125,6 @@ def test_tables_are_joined_by_straight_lines():
     assert np.ptp(time["viscosity_true"].values) == 0.0
 
 
-@pytest.mark.parametrize("name", ["stiffness", "viscosity"])
-def test_a_table_of_one_value_is_that_constant_joint(name):
-    """Also where something else varies: the torque is that of the table, not that of the setting beside it."""
-    varied = {"variation": "cycle", "gain_variation": 0.5, "duration": 2.0}
-    table, constant = (
-        simulate(seed=1, **varied, **settings) for settings in ({f"{name}_table": (1.7, 1.7)}, {name: 1.7})
-    )
-    for channel in ("position", "torque", "torque_intrinsic"):
-        np.testing.assert_allclose(table[channel], constant[channel], rtol=1e-9, atol=1e-12)
-
-
 def test_movement_and_locked_torque_repeat_with_the_cycle(tmp_path):
     settings = {"duration": 8.0, "variation": "cycle", "cycle_duration": 1.0, **QUIET}
     moving = simulate(seed=2, movement=0.3, locked_torque=0.5, amplitude=1e-6, **settings)
@@ -149,15 +138,6 @@ def test_movement_and_locked_torque_repeat_with_the_cycle(tmp_path):
     assert float(locked.std()) == pytest.approx(0.5 * level, rel=0.02)
     save_trial(moving, tmp_path / "moving.nc")
     assert load_trial(tmp_path / "moving.nc").identical(moving)
-
-
-def test_a_locked_perturbation_repeats_with_the_cycle():
-    settings = {"duration": 6.0, "cycle_duration": 1.0, "perturbation_locked": True, "settling": 5.0}
-    trial = simulate(seed=2, **settings)
-    cycles = trial["reference"].values.reshape(6, 1000)
-    assert np.ptp(cycles, axis=0).max() < 1e-9
-    assert np.ptp(cycles) > 0.03
-    assert trial["phase"].values[[0, 250, 1250]].tolist() == pytest.approx([0.0, 0.25, 0.25])
 
 
 def test_the_scheduling_variable_moves_the_joint():

@@ -49,17 +49,6 @@ def test_exact_observability_matrix(order, outputs, spare, more, radius, seed):
     np.testing.assert_allclose(observability(A_estimate, C_estimate, order + spare), columns[:, :order], atol=1e-9)
 
 
-def test_columns_beyond_the_order_have_no_effect():
-    rng = np.random.default_rng(1)
-    A, C = random_system(rng, 3, 2, 0.9)
-    exact = np.linalg.qr(observability(A, C, 8))[0]
-    expected = realise(exact, 2, 3)
-    noise = np.linalg.qr(np.column_stack([exact, rng.standard_normal((16, 5))]))[0]
-    realisation = realise(noise, 2, 3)
-    np.testing.assert_allclose(realisation[0], expected[0], atol=1e-12)
-    np.testing.assert_allclose(realisation[1], expected[1], atol=1e-12)
-
-
 # --- stability
 
 
@@ -128,11 +117,3 @@ def test_the_order_is_at_the_largest_drop(order, ratios, scale):
 )
 def test_choose_order(values, largest, order):
     assert choose_order(np.array(values), largest) == order
-
-
-def test_poles_are_the_eigenvalues_of_A():
-    rng = np.random.default_rng(3)
-    for radius in (0.9, 1.2):  # stable, and replaced by a stable one
-        columns = np.linalg.qr(observability(*random_system(rng, 3, 2, radius), 8))[0]
-        A, _, poles, _ = realise(columns, 2, 3)
-        np.testing.assert_allclose(np.poly(poles), np.poly(A), atol=1e-12)
