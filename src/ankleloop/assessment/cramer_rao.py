@@ -95,18 +95,12 @@ def cramer_rao(
     check_flag("cramer_rao", "fed_back", fed_back)
     check_flag("cramer_rao", "known_delay", known_delay)
     values = SimulationSettings.parse("cramer_rao", **settings)
-    for name in ("stiffness_drift", "reflex_threshold"):
-        value = getattr(values, name)
-        if value != 0:
+    for name in ("stiffness_drift", "reflex_threshold", "variation", "movement", "locked_torque"):
+        if value := getattr(values, name):
             raise ValueError(
-                f"the bound is derived for constant parameters and a rectifier at zero velocity: {name} must be 0, got "
-                f"{value:g}."
+                "the bound is derived for constant parameters, random disturbances and a rectifier at zero velocity: "
+                f"{name} must be {'null' if name == 'variation' else 0}, got {value}."
             )
-    if values.variation is not None or values.movement > 0 or values.locked_torque > 0:
-        raise ValueError(
-            "the bound is derived for constant parameters and random disturbances: variation must be null, movement "
-            "and locked_torque must be 0."
-        )
     names, information = fisher_information(seed, values, rate, fed_back=fed_back, known_delay=known_delay)
     deviations = np.sqrt(np.diag(invert_information(information, names)))
     return dict(zip(names, deviations.tolist(), strict=True))

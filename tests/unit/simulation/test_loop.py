@@ -121,27 +121,12 @@ class AdaptiveSolution:
 @pytest.mark.parametrize(
     ("parameters", "noise"),
     [
-        ({"reflex_gain": 13.0}, 0.0),
-        ({"reflex_gain": 25.0, "pole": 50.0}, 0.0),
-        ({"reflex_gain": 13.0, "closed_loop": False}, 0.0),
-        ({"reflex_gain": 13.0}, 1.5),
+        ({"reflex_gain": 25.0, "pole": 50.0, "closed_loop": False, "delay": 0.03125}, 0.0),
         ({"reflex_gain": 2.0, "zeta": 0.7, "omega_n": 25.0, "load_inertia": 0.1, "load_viscosity": 10.0}, 0.5),
-        ({"reflex_gain": 20.0, "delay": 0.03125}, 0.0),
-        ({"reflex_gain": 20.0, "reflex_threshold": 0.3}, 0.5),
+        ({"reflex_gain": 20.0, "reflex_threshold": 0.3}, 1.5),
         ({"stiffness_drift": 0.2, "duration": 2.0, "settling": 0.0}, 0.5),
-        ({"stiffness_drift": -1.5, "duration": 2.0, "settling": 0.0, "closed_loop": False}, 0.0),
     ],
-    ids=[
-        "second order",
-        "third order",
-        "open loop",
-        "noise fed back",
-        "other load and reflex",
-        "half a step of delay",
-        "threshold",
-        "drift",
-        "drift in open loop",
-    ],
+    ids=["third order, open loop, half a step of delay", "other load and reflex", "threshold", "drift"],
 )
 def test_loop_against_an_adaptive_solver(parameters, noise):
     external = external_signals(2.0, noise=noise, ramp=0.5 if noise else 0.0)
@@ -167,10 +152,9 @@ def test_a_loop_that_diverges_stops():
         run(settings, command, noise, np.zeros(400))
 
 
-@pytest.mark.parametrize("settings", [{}, {"closed_loop": False, "reflex_gain": 25.0}], ids=["closed", "open"])
-def test_a_whole_trial_against_an_adaptive_solver(settings):
+def test_a_whole_trial_against_an_adaptive_solver():
     """Command and noise come from the signals of the trial: they are the ones that drove the loop."""
-    settings = SimulationSettings(duration=1.0, settling=0.0, voluntary=0.0, **settings)
+    settings = SimulationSettings(duration=1.0, settling=0.0, voluntary=0.0)
     trial = simulate(seed=11, **dict(settings))
     command = np.repeat(0.02 * np.sign(trial["reference"].values[50::100]), 100)
     levels = trial["torque_noise"].values[10::10]  # at the end of each hold: the recorder has settled to 1e-5

@@ -16,8 +16,6 @@ from ankleloop.simulation.settings import SimulationSettings
         ({"duration": 1e6}, "128 GB"),
         ({"duration": 1e6, "recording_rate": 1e5, "integration_rate": 1e6}, "12.8 TB"),
         ({"duration": 1.0, "settling": 1e5}, "12.8 GB"),
-        ({"duration": 1.0, "recording_rate": 1e5, "integration_rate": 1e6, "voluntary_cutoff": 0.01}, "1.68 GB"),
-        ({"duration": 1.0, "recording_rate": 1e5, "integration_rate": 1e6, "noise_rate": 0.1}, "2.48 GB"),
     ],
 )
 def test_a_simulation_beyond_the_memory_is_refused_before_it_begins(monkeypatch, settings, size):

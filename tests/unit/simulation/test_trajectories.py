@@ -49,10 +49,9 @@ class ChangingJoint(AdaptiveSolution):
     ("parameters", "noise"),
     [
         ({"variation": "cycle", "cycle_duration": 0.4, "gain_peak": 0.8, **LIGHT}, 0.5),
-        ({"variation": "schedule", "schedule_period": 0.8, "gain_peak": 0.8, "pole": 50.0}, 0.0),
         ({"variation": "time", "variation_shape": "square", "closed_loop": False, "gain_peak": 0.3}, 0.0),
     ],
-    ids=["cycle, light load", "schedule, third order", "square wave over time, open loop"],
+    ids=["cycle, light load", "square wave over time, open loop"],
 )
 def test_a_changing_joint_against_an_adaptive_solver(parameters, noise):
     """K, B and G are constant over each recorded sample: the error falls with its square."""
