@@ -202,8 +202,8 @@ class SimulationSettings(Options):
         return self
 
     @model_validator(mode="after")
-    def _check_grids(self) -> Self:
-        """Everything that is held or switched has to fall on recorded samples."""
+    def _check_times(self) -> Self:
+        """What is held or switched has to fall on recorded samples, and the reflex needs a recorded past."""
         rate = self.recording_rate
         for name, ratio in (
             ("duration × recording_rate", self.duration * rate),
@@ -223,12 +223,6 @@ class SimulationSettings(Options):
                 f"pulse_length must be at most the switching_interval ({self.switching_interval:g} s), got "
                 f"{self.pulse_length!r} s."
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_cutoff_and_delay(self) -> Self:
-        """The voluntary torque has to lie below the Nyquist frequency, and the reflex needs a recorded past."""
-        rate = self.recording_rate
         if self.voluntary_cutoff >= rate / 2:
             raise ValueError(
                 f"voluntary_cutoff must be below half of the recording_rate ({rate / 2:g} Hz), got "

@@ -82,13 +82,6 @@ def test_a_path_without_torque_is_not_scored():
     assert table["torque"].tolist() == ["net", "net", "intrinsic"]
 
 
-@pytest.mark.parametrize("first", [FIRST + 10, 2000])
-def test_the_times_of_the_estimate_select_the_samples(trial, first):
-    parts = [decimate(trial[f"torque_{part}"].values, FACTOR, first, 1700) for part in ("intrinsic", "reflex")]
-    np.testing.assert_allclose(evaluate(trial, make_estimate(*parts, first=first))["vaf"][1:], 100.0, atol=1e-10)
-    assert evaluate(trial, make_estimate(*parts, first=first - 10))["vaf"][1] < 99.9
-
-
 @pytest.mark.parametrize(("trim", "samples"), [(1.0, 100), (0.0, 0), (0.255, 26), (5.005, 501)])
 def test_trimming(trial, perfect, trim, samples):
     """Errors at the ends do not count, the first one inside does."""

@@ -97,3 +97,13 @@ def test_an_unstable_loop_is_an_error_that_names_its_parameters():
         simulate(seed=1, load=(0.1, 5.0, 100.0), reflex_gain=30.0)
     for name in ("load_inertia=0.1", "load_viscosity=5", "load_stiffness=100", "reflex_gain=30", "delay=0.04"):
         assert name in str(error.value)
+
+
+def test_without_an_antialiasing_filter_signals_are_sampled_as_they_are():
+    trial = simulate(seed=1, duration=5.0, voluntary=0.0, antialias_cutoff=None)
+    assert set(np.unique(trial["reference"].values)) == {-0.02, 0.02}
+    noise = trial["torque_noise"].values.reshape(-1, 10)
+    np.testing.assert_array_equal(noise, noise[:, :1] * np.ones(10))  # held between its draws
+    parts = sum(trial[f"torque_{part}"].values for part in ("intrinsic", "reflex", "voluntary", "noise"))
+    np.testing.assert_allclose(trial["torque"].values, parts, rtol=0, atol=1e-12)
+    assert "antialias_cutoff" not in trial.attrs

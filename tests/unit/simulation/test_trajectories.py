@@ -74,14 +74,6 @@ def refine(factor, command, noise, voluntary):
     return np.repeat(command, factor), np.repeat(noise, factor), line
 
 
-def test_a_variation_of_zero_is_a_constant_joint():
-    constant, varying = (simulate(seed=3, duration=3.0, variation=variation, **LIGHT) for variation in (None, "cycle"))
-    for name in ("position", "torque_intrinsic", "torque_reflex", "torque"):
-        np.testing.assert_allclose(varying[name], constant[name], rtol=0, atol=1e-7 * float(abs(constant[name]).max()))
-    assert "stiffness_true" not in constant
-    assert np.ptp(varying["stiffness_true"].values) == 0.0
-
-
 def test_the_true_trajectories_are_those_of_the_torque():
     """Where K and B are largest and smallest, they are those of the intrinsic torque over all cycles."""
     settings = {"stiffness_variation": 0.4, "viscosity_variation": 0.3, "viscosity_peak": 0.5, "reflex_gain": 0.0}

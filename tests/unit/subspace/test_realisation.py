@@ -92,18 +92,6 @@ def test_any_column_space_gives_a_stable_system(order, outputs, spare, seed):
 # --- the order
 
 
-@settings(deadline=None)
-@given(
-    order=st.integers(1, 7),
-    ratios=st.lists(st.floats(1.0, 5.0), min_size=7, max_size=7),
-    scale=st.floats(1e-9, 1e9),
-)
-def test_the_order_is_at_the_largest_drop(order, ratios, scale):
-    ratios[order - 1] = 6.0
-    values = scale / np.cumprod([1.0, *ratios])
-    assert choose_order(values, largest=7) == order
-
-
 @pytest.mark.parametrize(
     ("values", "largest", "order"),
     [

@@ -5,7 +5,6 @@ import pytest
 
 from ankleloop import DataError
 from ankleloop.subspace import moesp, simulate_response
-from ankleloop.subspace.records import scale_records
 
 A = np.array([[0.75, -0.37], [0.37, 0.75]])
 B = np.array([[1.0, 0.3], [-0.5, 0.8]])
@@ -70,13 +69,6 @@ def test_records_too_short_for_a_column_are_skipped():
     np.testing.assert_allclose(
         np.sort_complex(estimate.model.poles()), np.sort_complex(np.linalg.eigvals(A)), atol=1e-9
     )
-
-
-def test_the_scale_is_that_of_all_records():
-    records = [np.array([[1.0], [3.0]]), np.array([[10.0], [10.0], [16.0], [16.0]])]
-    deviations, scale = scale_records(records, "input")
-    np.testing.assert_allclose(scale, np.sqrt((2 * 1 + 4 * 9) / 6))
-    assert [record.mean() for record in deviations] == [0.0, 0.0]
 
 
 def test_the_error_names_records_that_do_not_agree():
