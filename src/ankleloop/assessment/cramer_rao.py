@@ -142,18 +142,12 @@ def fisher_information(
 
     Shapes: returns information (parameters, parameters).
     """
-    for name in ("stiffness_drift", "reflex_threshold"):
-        value = getattr(settings, name)
-        if value != 0:
+    for name in ("stiffness_drift", "reflex_threshold", "variation", "movement", "locked_torque"):
+        if value := getattr(settings, name):
             raise ValueError(
-                f"the bound is derived for constant parameters and a rectifier at zero velocity: {name} must be 0, got "
-                f"{value:g}."
+                "the bound is derived for constant parameters, random disturbances and a rectifier at zero velocity: "
+                f"{name} must be {'null' if name == 'variation' else 0}, got {value}."
             )
-    if settings.variation is not None or settings.movement > 0 or settings.locked_torque > 0:
-        raise ValueError(
-            "the bound is derived for constant parameters and random disturbances: variation must be null, movement "
-            "and locked_torque must be 0."
-        )
     clean = clean or prepare(_simulate_clean(seed, settings))
     regressors = clean.regressors(delay=settings.delay, basis="rectifier", identification_rate=rate)
     band = pass_band(regressors.torque.size, regressors.rate)

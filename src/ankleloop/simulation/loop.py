@@ -33,6 +33,8 @@ VECTOR = 8  # doubles: rows of whole vectors take a fourth less time
 # Inputs of the continuous model; the drive of the reflex is the rectified delayed velocity, times the share of the gain
 # in its largest value.
 COMMAND, NOISE, VOLUNTARY, DRIVE = range(4)
+# Settings that decide whether the loop is stable.
+DECISIVE = ("load_inertia", "load_viscosity", "load_stiffness", "reflex_gain", "delay", "stiffness", "viscosity")
 RECORDED = 3  # position, intrinsic and reflex torque
 
 
@@ -261,13 +263,10 @@ def run_loop(
     record = np.empty((RECORDED, command.size))
     divergence = _run(loop.matrix, loop.changes, factors, gains, command, noise, voluntary, delay, limits, record)
     if divergence >= 0:
+        parameters = (f"{name}={getattr(settings, name):g} {settings.unit(name)}" for name in DECISIVE)
         raise UnstableLoopError(
             f"the closed loop is unstable: the position passes ±{settings.position_limit:g} rad after "
-            f"{divergence / settings.recording_rate:.3g} s. "
-            f"Parameters: load_inertia={settings.load_inertia:g} kg·m², load_viscosity={settings.load_viscosity:g} "
-            f"N·m·s/rad, load_stiffness={settings.load_stiffness:g} N·m/rad, reflex_gain={settings.reflex_gain:g} "
-            f"N·m·s/rad, delay={settings.delay:g} s, stiffness={settings.stiffness:g} N·m/rad, "
-            f"viscosity={settings.viscosity:g} N·m·s/rad. "
+            f"{divergence / settings.recording_rate:.3g} s. Parameters: {', '.join(parameters)}. "
             "Take a heavier or more damped load, or a lower reflex gain."
         )
     return record

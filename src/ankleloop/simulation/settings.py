@@ -52,28 +52,17 @@ class SimulationSettings(Options):
     # Intrinsic stiffness: TQ_I = K·P + B·Ṗ + I·P̈.
     stiffness: float = option(150.0, "intrinsic elastic stiffness K", unit="N·m/rad", ge=0, le=1e6)
     stiffness_drift: float = option(
-        0.0,
-        "relative change of K over the record, in a straight line; `stiffness` is its value in the middle",
-        ge=-2,
-        le=2,
+        0.0, "relative change of K over the record, a straight line about `stiffness` in the middle", ge=-2, le=2
     )
     viscosity: float = option(0.8, "intrinsic viscosity B", unit="N·m·s/rad", ge=0, le=1e5)
     inertia: float = option(0.015, "intrinsic inertia I", unit="kg·m²", ge=0, le=1e4)
 
     # Reflex stiffness: delayed velocity, half-wave rectified, through a low-pass of order 2 or 3.
     reflex_gain: float = option(
-        13.0,
-        "reflex gain G; assumed: the gain of Table 1 is not published, and Eq. 17 as printed says 2",
-        unit="N·m·s/rad",
-        ge=0,
-        le=1e5,
+        13.0, "reflex gain G; assumed: Table 1 does not state it, Eq. 17 prints 2", unit="N·m·s/rad", ge=0, le=1e5
     )
     reflex_threshold: float = option(
-        0.0,
-        "velocity below which the reflex does not respond; the rectifier begins there",
-        unit="rad/s",
-        ge=0,
-        le=1000,
+        0.0, "velocity at which the rectifier of the reflex begins", unit="rad/s", ge=0, le=1000
     )
     omega_n: float = option(40.0, "natural frequency of the reflex low-pass", unit="rad/s", ge=0.01, le=1e5)
     zeta: float = option(1.0, "damping ratio of the reflex low-pass", ge=0.001, le=1000)
@@ -102,31 +91,20 @@ class SimulationSettings(Options):
     gain_table: tuple[float, ...] | str | None = _table_option("G", "N·m·s/rad")
     cycle_duration: float = option(1.4, "mean duration of a cycle", unit="s", gt=0, le=1e5)
     cycle_jitter: float = option(
-        0.0,
-        "durations of the cycles are spread evenly between (1 - this) and (1 + this) times their mean",
-        ge=0,
-        le=0.5,
+        0.0, "durations of cycles are spread evenly between (1 - this) and (1 + this) times their mean", ge=0, le=0.5
     )
     schedule_period: float = option(
-        10.0,
-        "the scheduling variable goes between 0 and 1 as the mean of two sinusoids, of this period and of 0.618 of it",
-        unit="s",
-        gt=0,
-        le=1e5,
+        10.0, "period of one sinusoid of the scheduling variable; 0.618 of it of the other", unit="s", gt=0, le=1e5
     )
     movement: float = option(
         0.0,
-        "peak-to-peak amplitude of a slow command that is added to the perturbation: a sinusoid over each cycle, or "
-        "the scheduling variable where K, B and G vary with it",
+        "peak-to-peak amplitude of a slow command: a sinusoid over each cycle, or the scheduling variable",
         unit="rad",
         ge=0,
         le=1000,
     )
     locked_torque: float = option(
-        0.0,
-        "standard deviation of a voluntary torque that repeats with the cycle, over that of the clean net torque",
-        ge=0,
-        le=1e6,
+        0.0, "deviation of a voluntary torque that repeats with the cycle, over that of the clean torque", ge=0, le=1e6
     )
 
     # Impedance-controlled load.
@@ -138,7 +116,7 @@ class SimulationSettings(Options):
     actuator_frequency: float = option(20.0, "natural frequency of the servo; assumed", unit="Hz", ge=0.01, le=1e4)
     actuator_damping: float = option(0.8, "damping ratio of the servo; assumed", ge=0.001, le=1000)
 
-    # Position command, the reference.
+    # Position command, the reference. Pulses well below the delay decorrelate the two paths.
     perturbation: Literal["prbs", "pulses", "dwells"] = option(
         "prbs", "kind of the position command: pseudorandom binary sequence, short pulses, or steps after random times"
     )
@@ -154,11 +132,7 @@ class SimulationSettings(Options):
         0.1, "interval at whose multiples the PRBS may switch, or a pulse may begin", unit="s", gt=0, le=1000
     )
     pulse_length: float = option(
-        0.02,
-        "length of the pulses, at most switching_interval; well below the delay, it decorrelates the two paths",
-        unit="s",
-        gt=0,
-        le=1000,
+        0.02, "length of the pulses, at most switching_interval, well below the delay", unit="s", gt=0, le=1000
     )
 
     # Disturbances, both of which are fed back through the load. The clean net torque is that of the perturbation alone.
@@ -172,11 +146,7 @@ class SimulationSettings(Options):
         2.0, "-3 dB frequency of its second-order Bessel low-pass", unit="Hz", ge=0.01, le=1e5
     )
     snr_db: float | None = option(
-        10.0,
-        "clean net torque over measurement noise, in the recorded signal; null: no noise",
-        unit="dB",
-        ge=-100,
-        le=300,
+        10.0, "clean net torque over measurement noise, as recorded; null: no noise", unit="dB", ge=-100, le=300
     )
     noise_rate: float = option(
         100.0, "rate at which white measurement noise is drawn and held", unit="Hz", ge=0.1, le=1e5
@@ -185,12 +155,7 @@ class SimulationSettings(Options):
     # Anti-aliasing filter and sampler of every channel.
     recording_rate: float = option(1000.0, "sampling rate of the record", unit="Hz", ge=1, le=1e5)
     antialias_cutoff: float | None = option(
-        200.0,
-        "-3 dB frequency of the fourth-order Bessel anti-aliasing filter; assumed; null: no filter, every channel is "
-        "sampled as it is",
-        unit="Hz",
-        ge=0.01,
-        le=1e5,
+        200.0, "-3 dB frequency of the fourth-order Bessel filter; assumed; null: no filter", unit="Hz", ge=0.01, le=1e5
     )
 
     # Run.
@@ -253,8 +218,8 @@ class SimulationSettings(Options):
         return self
 
     @model_validator(mode="after")
-    def _check_grids(self) -> Self:
-        """Everything that is held or switched has to fall on recorded samples."""
+    def _check_times(self) -> Self:
+        """What is held or switched has to fall on recorded samples, and the reflex needs a recorded past."""
         rate = self.recording_rate
         for name, ratio in (
             ("duration × recording_rate", self.duration * rate),
@@ -274,12 +239,6 @@ class SimulationSettings(Options):
                 f"pulse_length must be at most the switching_interval ({self.switching_interval:g} s), got "
                 f"{self.pulse_length!r} s."
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_cutoff_and_delay(self) -> Self:
-        """The voluntary torque has to lie below the Nyquist frequency, and the reflex needs a recorded past."""
-        rate = self.recording_rate
         if self.voluntary_cutoff >= rate / 2:
             raise ValueError(
                 f"voluntary_cutoff must be below half of the recording_rate ({rate / 2:g} Hz), got "

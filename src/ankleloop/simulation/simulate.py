@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
 from ankleloop.options import as_plain, as_real, check_memory, show_fields, show_value
-from ankleloop.simulation.filters import VOLUNTARY_WARMUP, antialias, voluntary_filter
+from ankleloop.simulation.filters import antialias, voluntary_filter
 from ankleloop.simulation.loop import run_loop
 from ankleloop.simulation.settings import DWELLS, SimulationSettings
 from ankleloop.simulation.trajectories import Course, draw_course, trajectories
@@ -83,26 +83,13 @@ def simulate(
     10000
     """
     all_settings = SimulationSettings.parse("simulate", load=load, **settings)
-    remedy = "take a shorter duration or settling, a lower recording_rate, or a higher voluntary_cutoff or noise_rate"
-    check_memory("simulate", _count_bytes(all_settings), remedy)
+    samples = (all_settings.duration + all_settings.settling) * all_settings.recording_rate
+    remedy = "take a shorter duration or settling, or a lower recording_rate"
+    check_memory("simulate", 8.0 * TRIAL_ARRAYS * samples, remedy)
     if command is None:
         return _simulate(all_settings, _check_seed(seed))
     own = _check_command(command, all_settings)
     return _simulate(all_settings, _check_seed(seed), own).assign_attrs(perturbation="command")
-
-
-def _count_bytes(settings: SimulationSettings) -> float:
-    """Memory that one trial needs at least: its signals, the start of the voluntary torque, and one held noise value.
-
-    The last two are in memory while their powers are computed.
-    """
-    rate = settings.recording_rate
-    samples = TRIAL_ARRAYS * (settings.duration + settings.settling) * rate
-    if settings.voluntary > 0:
-        samples += 4 * VOLUNTARY_WARMUP * rate / settings.voluntary_cutoff
-    if settings.snr_db is not None:
-        samples += 3 * HELD_VALUES * rate / settings.noise_rate
-    return 8.0 * samples
 
 
 def _check_command(command: ArrayLike, settings: SimulationSettings) -> np.ndarray:

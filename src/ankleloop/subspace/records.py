@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.options import as_real, describe_limits, show_value
+from ankleloop.options import as_real, show_value
 
 ROUNDING = 1e-13  # of a mean
-SMALLEST, LARGEST = 1e-100, 1e100  # standard deviations whose squares neither vanish nor overflow
 
 
 def list_records(x: Any, name: str, merged: bool, lengths: Sequence[int] | None = None) -> list[np.ndarray]:
@@ -47,28 +46,18 @@ def scale_records(
     """
     refuse_not_finite(records, name)
     deviations = [record - record.mean(axis=0) for record in records]
-    with np.errstate(over="ignore"):
-        squares = sum(np.einsum("tc,tc->c", deviation, deviation) for deviation in deviations)
+    squares = sum(np.einsum("tc,tc->c", deviation, deviation) for deviation in deviations)
     scale = np.sqrt(squares / max(sum(map(len, records)), 1))
-    size = np.max([np.abs(record.mean(axis=0)) for record in records], axis=0)
-    if not np.all(scale > np.maximum(SMALLEST, ROUNDING * size)) or scale.max() > LARGEST:
-        varies = np.any([np.ptp(record, axis=0) > 0 for record in records], axis=0)
-        refuse_spread(scale, size, varies, name)
+    refuse_constant(scale, np.max([np.abs(record.mean(axis=0)) for record in records], axis=0), name)
     divisor = scale if scaling else np.ones_like(scale)
     return [record / divisor for record in (deviations if subtract_means else records)], divisor
 
 
-def refuse_spread(scale: np.ndarray, size: np.ndarray, varies: np.ndarray, name: str) -> None:
-    """Refuse channels whose squares overflow or vanish, or that deviate from their mean by rounding alone.
+def refuse_constant(scale: np.ndarray, size: np.ndarray, name: str) -> None:
+    """Refuse channels that deviate from their mean by rounding alone.
 
-    Shapes: scale, size, varies (m,).
+    Shapes: scale, size (m,).
     """
-    faults = np.flatnonzero(varies & ~((scale >= SMALLEST) & (scale <= LARGEST)))
-    if faults.size:
-        raise DataError(
-            f"{name} {faults[0]} has a standard deviation of {scale[faults[0]]:g}, which must be "
-            f"{describe_limits(ge=SMALLEST, le=LARGEST)}: express it in another unit."
-        )
     constant = scale <= ROUNDING * size
     if constant.any():
         raise DataError(f"{name} {constant.argmax()} is constant and carries no information: leave it out.")

@@ -13,7 +13,7 @@ from ankleloop.options import Options, option, show_value
 from ankleloop.signals.reference import predict_from_reference
 from ankleloop.subspace.hankel import generate_columns, hankel_gram
 from ankleloop.subspace.input_matrices import update_factor
-from ankleloop.subspace.records import list_records, refuse_not_finite, refuse_spread, scale_records
+from ankleloop.subspace.records import list_records, refuse_constant, refuse_not_finite, scale_records
 
 Chunk = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # inputs, outputs and reference
 SIGNALS = ("input", "output", "reference")
@@ -225,19 +225,12 @@ class ChunkSource(Source):
         start, (m, p) = self._stack(first), (part.shape[1] for part in first[:2])
         self.sizes = m, p, start.shape[1] - m - p
         refuse_not_finite([start], "channel")
-        with np.errstate(over="ignore"):  # of what is refused
-            # Moments of the first chunk, until those of the record are known.
-            self.mean, deviation = start.mean(axis=0), start.std(axis=0)
+        # Moments of the first chunk, until those of the record are known.
+        self.mean, deviation = start.mean(axis=0), start.std(axis=0)
         self.scale = np.where(np.ptp(start, axis=0) > 0.0, deviation, 1.0)
-        self._refuse_spread(np.zeros(self.scale.size), np.ones(self.scale.size, dtype=bool))
 
     def _stack(self, chunk: Chunk) -> np.ndarray:
         return np.column_stack([part for part in chunk[: self._signals] if part is not None])
-
-    def _refuse_spread(self, size: np.ndarray, varies: np.ndarray) -> None:
-        edges = np.cumsum([0, *self.sizes])
-        for name, channels in zip(SIGNALS, map(slice, edges, edges[1:]), strict=True):
-            refuse_spread(self.scale[channels], size[channels], varies[channels], name)
 
     @property
     def records(self) -> Iterable[Iterable[np.ndarray]]:  # type: ignore[override]  # anew for each pass
@@ -261,6 +254,8 @@ class ChunkSource(Source):
         shift = self._sums / self.lengths[0]
         deviation = np.sqrt(np.maximum(self._squares / self.lengths[0] - shift**2, 0.0))
         self.mean, self.scale = self.mean + shift * self.scale, self.scale * deviation
-        self._refuse_spread(np.abs(self.mean), self.scale > 0.0)
+        edges = np.cumsum([0, *self.sizes])
+        for name, channels in zip(SIGNALS, map(slice, edges, edges[1:]), strict=True):
+            refuse_constant(self.scale[channels], np.abs(self.mean[channels]), name)
         row_scale = deviation[rows.indices % rows.lags.size]
         return gram / np.outer(row_scale, row_scale)

@@ -54,13 +54,6 @@ def test_the_bootstrap_checks_the_asymptotic_intervals(bootstrap):
     assert 85 < low < high < 99
 
 
-def test_the_bootstrap_works_for_methods_without_intervals():
-    trial = simulate(seed=3, duration=25.0)
-    bootstrap = block_bootstrap(trial, "parallel-cascade", repetitions=5, block=1.0)
-    assert list(bootstrap.samples)[:3] == ["K", "B", "I"]
-    assert (bootstrap.samples.std() > 0).drop("delay").all()
-
-
 def test_the_bootstrap_is_reproducible_and_refuses_short_records():
     trial = simulate(seed=3, duration=22.0)
     first, second = (block_bootstrap(trial, "riv", repetitions=2, seed=5).samples for _ in range(2))

@@ -62,12 +62,6 @@ def test_information_of_a_known_spectrum():
     assert np.all(np.linalg.eigvalsh(known - unknown) > -1e-9 * np.max(known))
 
 
-def test_an_unknown_delay_raises_the_bound_of_the_dynamics():
-    known, unknown = (cramer_rao(seed=1, duration=25.0, known_delay=known_delay) for known_delay in (True, False))
-    assert unknown["omega_n"] > 1.5 * known["omega_n"]
-    assert unknown["K"] < 1.2 * known["K"]
-
-
 def test_spectra_of_simulated_disturbances():
     ratios, settings = [], SimulationSettings(voluntary=0.3)
     for seed in range(8):

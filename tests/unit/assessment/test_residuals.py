@@ -65,17 +65,6 @@ def test_the_share_that_lags_explain_is_that_of_least_squares(movements):
     )
 
 
-def test_decimated_white_noise_counts_as_white():
-    """Its autocorrelation at 100 Hz is not that of white noise; within the pass band it is white."""
-    rng = np.random.default_rng(2)
-    recorded = rng.standard_normal(60_000)
-    e = decimate(recorded, 10, 500, 5800)
-    assert np.corrcoef(e[1:], e[:-1])[0, 1] > 0.1
-    test = residual_test(e, rng.standard_normal(5800), 100.0)
-    assert test.white
-    assert not test.related
-
-
 def test_colour_and_relation_are_detected():
     rng = np.random.default_rng(3)
     x = rng.standard_normal(5000)

@@ -28,9 +28,7 @@ OPEN = {
 }
 CHANGES = {  # of a setting, and what it changes: mean and place of the largest value
     "stiffness_variation": (0, 150.0, 0.5),
-    "viscosity_variation": (1, 0.8, 0.4),
     "gain_variation": (2, 13.0, 0.7),
-    "omega_n": (3, 0.0, 0.0),
     "zeta": (4, 0.0, 0.0),
     "delay": (5, 0.0, 0.0),
 }
@@ -104,12 +102,6 @@ def test_bounds_shrink_with_the_noise_and_grow_with_the_knots(variation):
     for name in "KBG":
         assert float(few[name].mean()) < float(loud[name].mean())
         assert float(loud[f"{name}_mean"]) < float(loud[name].mean())
-
-
-def test_without_a_reflex_its_dynamics_have_no_bound():
-    bound = trajectory_bound(seed=1, variation="cycle", duration=30.0, reflex_gain=0.0)
-    assert float(bound["omega_n"]) == float(bound["zeta"]) == np.inf
-    assert np.all(np.isfinite(bound["K"]))
 
 
 @pytest.mark.parametrize(

@@ -51,14 +51,6 @@ def test_error_bias_and_coverage_are_those_of_the_definition():
     assert row["K_covered"] == pytest.approx(100.0 * np.mean(error <= 4.5), abs=1.1)
 
 
-def test_places_that_are_not_identified_are_left_out():
-    values = smooth(PLACES) + 5.0
-    values[:50] = np.nan
-    row = score_trajectories(make_trial(smooth), make_estimate(values))
-    assert row["K_nrmse"] == pytest.approx(5.0, abs=0.05)
-    assert "K_covered" not in row
-
-
 @pytest.mark.parametrize("shift", [0.0, 0.13, 0.25, 0.5])
 def test_rise_time_over_the_cycle_is_the_mean_of_both_steps_wherever_they_are(shift):
     places = np.linspace(0.0, 1.0, 501)

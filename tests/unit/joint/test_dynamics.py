@@ -34,21 +34,6 @@ def test_derivatives_against_differences(values):
         np.testing.assert_allclose((shifted - response) / 1e-6, derivative, rtol=1e-4)
 
 
-@pytest.mark.parametrize("values", [(35.0, 0.9), (35.0, 0.9, 60.0)])
-def test_a_step_scales_the_parameters(values):
-    steps = np.log([2.0, 0.5, 3.0])[: len(values)]
-    scaled = ReflexDynamics(*values).scale(steps)
-    np.testing.assert_allclose(list(scaled.values.values()), np.array(values) * [2.0, 0.5, 3.0][: len(values)])
-    assert list(scaled.values) == ["omega_n", "zeta", "pole"][: len(values)]
-
-
-@pytest.mark.parametrize(("order", "size"), [(2, 12), (3, 36)])
-def test_the_starts_of_a_search_have_the_order(order, size):
-    grid = ReflexDynamics.grid(order)
-    assert len(set(grid)) == size
-    assert {len(dynamics.values) for dynamics in grid} == {order}
-
-
 @settings(max_examples=20, deadline=None)
 @given(st.floats(12.0, 60.0), st.floats(0.4, 1.6), st.floats(0.5, 20.0))
 def test_the_fit_to_a_low_pass_is_this_low_pass(omega, zeta, gain):

@@ -26,18 +26,11 @@ def test_torques_have_units_and_names():
         assert torque[name].attrs == {"units": "N·m", "long_name": f"estimated {name} torque"}
 
 
-def test_repr_has_the_stiffness_and_the_warnings():
-    first, *rest = repr(make_estimate(diagnostics={"warnings": ["unstable", "short"]})).splitlines()
-    assert first == "<Estimate by pr-moesp: K = 150.1 N·m/rad, B = 0.8 N·m·s/rad, I = 0.3 kg·m²>"
+def test_repr_has_intervals_and_warnings():
+    intervals, warnings = {"K": (140.0, 160.25), "G": (12.0, 14.0)}, ["unstable", "short"]
+    first, *rest = repr(make_estimate(intervals=intervals, diagnostics={"warnings": warnings})).splitlines()
+    assert first == "<Estimate by pr-moesp: K = 150.1 (140 … 160.2) N·m/rad, B = 0.8 N·m·s/rad, I = 0.3 kg·m²>"
     assert rest == ["  reflex: delay = 0.04 s", "  warning: unstable", "  warning: short"]
-
-
-def test_repr_has_the_intervals_of_a_method_that_gives_them():
-    text = repr(make_estimate(intervals={"K": (140.0, 160.25), "G": (12.0, 14.0)}))
-    assert (
-        text.splitlines()[0]
-        == "<Estimate by pr-moesp: K = 150.1 (140 … 160.2) N·m/rad, B = 0.8 N·m·s/rad, I = 0.3 kg·m²>"
-    )
 
 
 def test_the_model_is_a_state_space_of_control():
@@ -61,8 +54,3 @@ def test_a_prediction_has_the_torques_of_the_other_trial_and_the_rest_of_the_est
     assert (prediction.stiffness, prediction.reflex) == (estimate.stiffness, estimate.reflex)
     with pytest.raises(DataError, match="torque is constant"):
         estimate.predict(new_trial(other["position"], np.zeros(other.sizes["time"]), 1000.0))
-
-
-def test_a_method_without_a_model_does_not_predict():
-    with pytest.raises(DataError, match="pr-moesp has no fixed model to predict with: identify by another method"):
-        make_estimate().predict(simulate(seed=1, duration=12.0))

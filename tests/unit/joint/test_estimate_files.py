@@ -106,9 +106,3 @@ def test_single_precision_rounds_the_torques_alone(tmp_path):
     np.testing.assert_array_equal(loaded.torque["net"], saved.torque["net"].values.astype(np.float32))
     with pytest.raises(ValueError, match="unknown precision 'half'"):
         EstimateTable("half")
-
-
-def test_the_same_estimates_give_the_same_file(tmp_path):
-    for name in ("a", "b"):
-        save([make_estimate(diagnostics={"order": 2})], tmp_path / name)
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from ankleloop import DataError, identify, simulate
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.hammerstein import DriveSpectra, StaticNonlinearity, fit_basis, separate_model, separate_response
-from ankleloop.subspace.input_matrices import simulate_response
+from ankleloop.joint.hammerstein import DriveSpectra, StaticNonlinearity, fit_basis, separate_model
 from ankleloop.subspace.matrices import Matrices
 
 RATE = 100.0
@@ -50,23 +49,6 @@ def test_two_systems_have_a_low_rank_one_share():
         separate_model(Matrices(A, 0 * B, C, 0 * D, 1 / RATE), spectra, basis)
 
 
-def test_spectra_are_sums_over_bins():
-    """Their sum is the spectral matrix of the whole band, and s is the centre of power of each bin."""
-    drive = band_limited_noise(np.random.default_rng(4), 4000, 20.0)
-    drive = np.column_stack([drive, drive**2 - np.mean(drive**2)])
-    spectra = DriveSpectra.of(drive, RATE)
-    frequency = np.fft.rfftfreq(4000, 1 / RATE)
-    inside = (frequency > 1.0) & (frequency < 19.0)
-    lines = np.fft.rfft(drive, axis=0)[inside]
-    bins = (spectra.s.imag > 2 * np.pi * 1.0) & (spectra.s.imag < 2 * np.pi * 19.0)
-    np.testing.assert_allclose(np.diff(spectra.s.imag[bins]), 2 * np.pi * 0.2, rtol=0.9)
-    expected = np.real(lines.conj().T @ lines)
-    summed = spectra.power[bins].sum(axis=0)
-    np.testing.assert_allclose(summed / summed[0, 0], expected / expected[0, 0], atol=0.05)
-    covariance = np.cov(drive, rowvar=False)
-    np.testing.assert_allclose(spectra.root @ spectra.root.T, covariance, rtol=1e-6, atol=1e-9 * covariance.max())
-
-
 @pytest.mark.parametrize("threshold", [-0.4, 0.0, 0.7])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_gain_and_threshold_of_a_rectifier(threshold, sign):
@@ -79,17 +61,6 @@ def test_gain_and_threshold_of_a_rectifier(threshold, sign):
     assert gain == pytest.approx(5.0 * sign, rel=0.02)
     assert fitted == pytest.approx(threshold, abs=0.03)
     assert share > 0.999
-
-
-def test_the_response_of_the_parallel_cascade():
-    drive = np.maximum(band_limited_noise(np.random.default_rng(3), 4000, 20.0), 0.0)
-    impulse = np.zeros(60)
-    impulse[0] = 1.0
-    taps = simulate_response(*ReflexDynamics(40.0, 1.0).matrices(RATE), impulse[:, None])[:, 0]
-    basis = fit_basis(drive, "rectifier", 1)
-    path = separate_response(7.0 * taps, DriveSpectra.of(drive[:, None], RATE), RATE, basis)
-    assert path.parameters["G"] == pytest.approx(7.0, rel=0.05)
-    assert path.parameters["omega_n"] == pytest.approx(40.0, rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,11 @@
 """A prepared trial: methods and scores share its values, and give exactly the results that they give alone."""
 
-import gc
-import weakref
-
 import numpy as np
 import pytest
 
 from ankleloop import METHODS, evaluate, identify, simulate
 from ankleloop.joint import prepared as module
-from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, once, prepare
+from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare
 
 OPTIONS = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0}
 SHORT = {"real-time": {"memory": 2.0}}  # options that a short trial needs
@@ -96,37 +93,6 @@ def test_every_derivative_and_channel_is_computed_once(trials, calls):
             evaluate(shared, identify_by(shared, name))
     assert len(calls) > 10
     assert len(set(calls)) == len(calls)
-
-
-def test_what_is_computed_is_freed_with_the_trial(trials):
-    """Cycles of references would keep the signals of many trials until the garbage collector runs."""
-    shared = prepare(trials[0])
-    for name in METHODS:
-        evaluate(shared, identify_by(shared, name))
-    reference = weakref.ref(shared)
-    gc.disable()
-    try:
-        del shared
-        assert reference() is None
-    finally:
-        gc.enable()
-
-
-def test_a_value_is_computed_once_for_each_set_of_arguments(trials):
-    count = []
-
-    @once
-    def compute(trial, first, second=None):
-        count.append((first, second))
-        return second
-
-    trial = prepare(trials[0])
-    for _ in range(2):
-        assert [compute(trial, 1), compute(trial, 2), compute(trial, 1, second=3)] == [None, None, 3]
-    assert count == [(1, None), (2, None), (1, 3)]
-    trial.clear()
-    assert compute(trial, 1) is None
-    assert len(count) == 4
 
 
 def test_a_trial_is_validated_once(trials, monkeypatch):

@@ -5,7 +5,6 @@ import pytest
 
 from ankleloop import DataError, new_trial, simulate
 from ankleloop.joint.prepared import prepare
-from ankleloop.joint.regressors import decimation_grid, recording_margins
 
 OPTIONS = {"delay": 0.04, "basis": "rectifier", "degree": 1, "identification_rate": 100.0}
 
@@ -27,15 +26,6 @@ def test_intrinsic_regressors_give_the_intrinsic_torque(clean):
     assert regressors.fit_stiffness(truth[rows], rows) == pytest.approx({"K": 150.0, "B": 0.8, "I": 0.015}, rel=2e-3)
 
 
-def test_intrinsic_regressors_are_exact_if_the_recorder_does_not_alias():
-    """At 1 kHz a jump of the acceleration leaves an error of 2e-4 behind a 200 Hz recorder; at 2 kHz none of it."""
-    trial = prepare(simulate(seed=1, duration=10.0, snr_db=None, voluntary=0.0, recording_rate=2000.0))
-    regressors = trial.regressors(**OPTIONS)
-    truth = trial.channel_at("torque_intrinsic", regressors.time, 100.0)
-    error = regressors.inputs[:, :3] @ [150.0, 0.8, 0.015] - truth
-    assert np.max(np.abs(error)) < 2e-5 * np.max(np.abs(truth))
-
-
 @pytest.mark.parametrize("delay", [0.0, 0.04, 0.0403])
 def test_a_rectified_sinusoid_is_its_fourier_series(delay):
     """The nonlinearity comes first, the low-pass after it: harmonics below 38 Hz stay, those above 50 Hz go."""
@@ -49,13 +39,6 @@ def test_a_rectified_sinusoid_is_its_fourier_series(delay):
     even = sum(np.cos(2 * k * phase) * (-1) ** k / (4 * k**2 - 1) for k in (1, 2))  # 18 and 36 Hz, not 54 Hz
     expected = 0.02 * w * (1 / np.pi + np.cos(phase) / 2 - 2 / np.pi * even)
     np.testing.assert_allclose(regressors.inputs[:, 3], expected, rtol=0, atol=1e-4 * 0.02 * w)
-
-
-def test_the_linear_chebyshev_term_is_the_velocity_four_samples_ago(clean):
-    regressors = prepare(clean).regressors(**OPTIONS | {"basis": "chebyshev", "degree": 3})
-    linear = regressors.inputs[:, 3] * regressors.basis.scale
-    velocity = regressors.inputs[:, 1]
-    np.testing.assert_allclose(linear[4:], velocity[:-4], rtol=0, atol=1e-4 * np.max(np.abs(velocity)))
 
 
 def test_the_reflex_regressor_drives_the_reflex_torque(clean):
@@ -84,26 +67,6 @@ def test_times_are_those_of_the_record(clean):
     np.testing.assert_allclose(part.channel_at("torque", later.time, 100.0), later.torque, atol=1e-12)
 
 
-def test_the_grid_leaves_out_the_samples_that_filters_touch():
-    grid = decimation_grid(5000, 1000.0, 100.0, 0.04)
-    before, after = recording_margins(1000.0, 10, 0.04)
-    assert (grid.factor, grid.first) == (10, before)
-    assert before % 10 == 0
-    last = grid.first + grid.factor * (grid.samples - 1)
-    assert last + after <= 4999 < last + after + grid.factor
-    assert recording_margins(1000.0, 10, 0.5)[0] > before
-
-
-def test_names_units_and_path_of_every_input(clean):
-    regressors = prepare(clean).regressors(**OPTIONS | {"basis": "chebyshev", "degree": 2})
-    assert regressors.names == ("position", "velocity", "acceleration", "chebyshev_1", "chebyshev_2")
-    assert regressors.reflex.tolist() == [False, False, False, True, True]
-    assert (regressors.delay, regressors.rate) == (0.04, 100.0)
-    motion, drive = regressors.centred
-    assert (motion.shape[1], drive.shape[1]) == (3, 2)
-    np.testing.assert_allclose(np.hstack([motion, drive]).mean(axis=0), 0.0, atol=1e-9)
-
-
 def test_predicted_inputs_are_free_of_fed_back_noise():
     """They follow the reference, so they are nearly the same whatever the noise; the measured ones are not."""
     positions = []
@@ -124,18 +87,6 @@ def test_predicted_inputs_in_open_loop_are_the_inputs(clean):
     assert trial.predict_inputs(regressors) is regressors.inputs
     with pytest.raises(DataError, match="instruments are made of the reference, and the trial has none"):
         trial.predict_inputs(trial.regressors(**OPTIONS))
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"reference": "command"}, "no variable 'command'.*position, torque, reference.*reference='position'"),
-        ({"identification_rate": 300.0}, "not a whole multiple"),
-    ],
-)
-def test_invalid_options_are_refused(clean, change, message):
-    with pytest.raises(DataError, match=message):
-        prepare(clean).regressors(**OPTIONS | change)
 
 
 def test_a_record_shorter_than_its_filters(clean):

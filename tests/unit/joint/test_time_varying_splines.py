@@ -38,9 +38,3 @@ def test_what_costs_nothing(periodic):
     np.testing.assert_allclose(splines.penalty @ np.ones(9), 0.0, atol=1e-12)
     line = np.arange(9.0)
     assert (abs(splines.penalty @ line).max() < 1e-12) == (not periodic)
-
-
-def test_intervals():
-    splines = Splines(5, periodic=True, degree=0)
-    np.testing.assert_array_equal(splines(np.array([0.0, 0.19, 0.21, 1.0])).argmax(axis=1), [0, 0, 1, 4])
-    assert splines.rank == 0

@@ -9,7 +9,6 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable, load_estimates
 from ankleloop.joint.regressors import torque_dataset
 from ankleloop.joint.time_varying_course import trajectory_dataset
-from ankleloop.plotting.trajectories import trajectories_figure
 
 PLACES = np.linspace(-0.1, 0.2, 11)
 VALUES = {name + end: np.linspace(1.0, 2.0, 11) for name in "KBG" for end in ("", "_low", "_high")}
@@ -40,18 +39,3 @@ def test_files_keep_name_and_unit_of_the_schedule(tmp_path, suffix, names):
     coordinate = loaded.trajectories["schedule"]
     assert coordinate.attrs["units"] == names.get("variable_unit", "")
     assert coordinate.attrs["long_name"] == names.get("variable", "scheduling variable")
-
-
-@pytest.mark.parametrize(
-    ("dimension", "names", "label"),
-    [
-        ("schedule", SCHEDULE, "ankle_angle [rad]"),
-        ("schedule", {"variable": "emg"}, "emg"),
-        ("schedule", {}, "scheduling variable"),
-        ("phase", {}, "phase of the cycle [1]"),
-    ],
-)
-def test_the_abscissa_of_a_figure_has_name_and_unit(dimension, names, label):
-    figure = trajectories_figure({"riv-tv": make_estimate(dimension, **names)})
-    assert figure.axes[3].get_xlabel() == label
-    assert figure.data["against"].unique().tolist() == [label]

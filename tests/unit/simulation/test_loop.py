@@ -6,7 +6,6 @@ from scipy import signal as sps
 from scipy.integrate import solve_ivp
 
 from ankleloop import UnstableLoopError, simulate
-from ankleloop.joint.prepared import prepare
 from ankleloop.simulation.loop import run_loop
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
@@ -122,27 +121,12 @@ class AdaptiveSolution:
 @pytest.mark.parametrize(
     ("parameters", "noise"),
     [
-        ({"reflex_gain": 13.0}, 0.0),
-        ({"reflex_gain": 25.0, "pole": 50.0}, 0.0),
-        ({"reflex_gain": 13.0, "closed_loop": False}, 0.0),
-        ({"reflex_gain": 13.0}, 1.5),
+        ({"reflex_gain": 25.0, "pole": 50.0, "closed_loop": False, "delay": 0.03125}, 0.0),
         ({"reflex_gain": 2.0, "zeta": 0.7, "omega_n": 25.0, "load_inertia": 0.1, "load_viscosity": 10.0}, 0.5),
-        ({"reflex_gain": 20.0, "delay": 0.03125}, 0.0),
-        ({"reflex_gain": 20.0, "reflex_threshold": 0.3}, 0.5),
+        ({"reflex_gain": 20.0, "reflex_threshold": 0.3}, 1.5),
         ({"stiffness_drift": 0.2, "duration": 2.0, "settling": 0.0}, 0.5),
-        ({"stiffness_drift": -1.5, "duration": 2.0, "settling": 0.0, "closed_loop": False}, 0.0),
     ],
-    ids=[
-        "second order",
-        "third order",
-        "open loop",
-        "noise fed back",
-        "other load and reflex",
-        "half a step of delay",
-        "threshold",
-        "drift",
-        "drift in open loop",
-    ],
+    ids=["third order, open loop, half a step of delay", "other load and reflex", "threshold", "drift"],
 )
 def test_loop_against_an_adaptive_solver(parameters, noise):
     external = external_signals(2.0, noise=noise, ramp=0.5 if noise else 0.0)
@@ -168,10 +152,9 @@ def test_a_loop_that_diverges_stops():
         run(settings, command, noise, np.zeros(400))
 
 
-@pytest.mark.parametrize("settings", [{}, {"closed_loop": False, "reflex_gain": 25.0}], ids=["closed", "open"])
-def test_a_whole_trial_against_an_adaptive_solver(settings):
+def test_a_whole_trial_against_an_adaptive_solver():
     """Command and noise come from the signals of the trial: they are the ones that drove the loop."""
-    settings = SimulationSettings(duration=1.0, settling=0.0, voluntary=0.0, **settings)
+    settings = SimulationSettings(duration=1.0, settling=0.0, voluntary=0.0)
     trial = simulate(seed=11, **dict(settings))
     command = np.repeat(0.02 * np.sign(trial["reference"].values[50::100]), 100)
     levels = trial["torque_noise"].values[10::10]  # at the end of each hold: the recorder has settled to 1e-5
@@ -216,23 +199,3 @@ def test_the_loop_without_reflex_has_its_transfer_functions(closed_loop, cutoff,
         expected = expected + np.convolve(np.diff(command, prepend=0.0), step)[: time.size]
         record = run(settings, command, noise, ramp)[channel]
         np.testing.assert_allclose(record, expected, rtol=0, atol=accuracy * np.abs(expected).max())
-
-
-@pytest.mark.parametrize(("antialias_cutoff", "accuracy"), [(200.0, 0.005), (None, 0.01)])
-def test_a_drift_of_the_stiffness_within_the_record(antialias_cutoff, accuracy):
-    """Each second has the stiffness of its middle; without the filter the acceleration aliases."""
-    settings = {"reflex_gain": 0.0, "snr_db": None, "voluntary": 0.0, "duration": 8.0, "settling": 1.0, "seed": 3}
-    trial = prepare(simulate(stiffness_drift=0.2, antialias_cutoff=antialias_cutoff, **settings))
-    regressors = trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0)
-    torque = trial.channel_at("torque_intrinsic", regressors.time, 100.0)
-    for start in (1.0, 3.5, 6.0):
-        rows = (regressors.time >= start) & (regressors.time < start + 1.0)
-        estimate = np.linalg.lstsq(regressors.inputs[rows, :3], torque[rows], rcond=None)[0][0]
-        assert estimate == pytest.approx(150.0 * (1.0 + 0.2 * ((start + 0.5) / 8.0 - 0.5)), rel=accuracy)
-
-
-def test_a_threshold_lowers_the_reflex():
-    trials = [simulate(seed=2, duration=5.0, reflex_threshold=threshold) for threshold in (0.0, 0.2, 50.0)]
-    sizes = [float(trial["torque_reflex"].std()) for trial in trials]
-    assert sizes[0] > 1.1 * sizes[1] > 0.0
-    assert sizes[2] == 0.0

@@ -36,17 +36,6 @@ def test_equation_15(first, rows, columns, channels, spare, seed):
     np.testing.assert_array_equal(block_hankel(x, first, rows, columns), build_entry_by_entry(x, first, rows, columns))
 
 
-def test_a_vector_is_one_channel():
-    np.testing.assert_array_equal(block_hankel(SIGNAL, 3, 4, 5), build_entry_by_entry(SIGNAL[:, None], 3, 4, 5))
-
-
-@pytest.mark.parametrize("kind", [list, lambda x: x.astype(int), lambda x: x.astype(np.float32)])
-def test_array_kinds(kind):
-    hankel = block_hankel(kind(SIGNAL), 0, 3, 4)
-    assert hankel.dtype == np.float64
-    np.testing.assert_array_equal(hankel, build_entry_by_entry(SIGNAL[:, None], 0, 3, 4))
-
-
 @pytest.mark.parametrize(
     ("first", "rows", "columns"),
     [(0, 5, 17), (0, 17, 5), (5, 5, 12), (20, 1, 1), (-1, 2, 2), (0, 0, 4), (0, 4, 0), (0, -2, 4)],
@@ -93,16 +82,6 @@ def test_products_beyond_the_lags_are_nan():
             assert np.isnan(gram[i, j]) != within
             if within:
                 assert gram[i, j] == pytest.approx(expected[i, j], abs=1e-10)
-
-
-def test_means_may_stay():
-    x = np.random.default_rng(0).standard_normal((60, 2)) + 5.0
-    H = block_hankel(x, 0, 3, 58)
-    np.testing.assert_allclose(hankel_gram([x], 3, subtract_means=False), H @ H.T, rtol=1e-12)
-
-
-def test_a_record_without_a_single_column_has_no_products():
-    assert not hankel_gram([np.ones((2, 1)), np.ones((2, 1))], 5).any()
 
 
 @pytest.mark.parametrize("size", [3, 50, 5000])

@@ -1,5 +1,3 @@
-import tracemalloc
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -62,24 +60,6 @@ def test_only_some_inputs_drive_the_state():
     estimate = moesp_chunks(split(u, y, r, 333), 8, 2, "past-reference", dynamic=mask)
     np.testing.assert_allclose(estimate.matrices.D, expected.matrices.D, rtol=1e-7)
     assert not estimate.matrices.B[:, 1].any()
-
-
-@pytest.mark.parametrize("noise", [0.1, 0.0], ids=["products", "factor"])
-def test_memory_does_not_grow_with_the_chunks(noise):
-    record = simulate_data(6000, noise=noise)
-
-    def measure_peak(count):
-        chunks = split(*record[:2], None, 1000)
-        tracemalloc.start()
-        try:
-            moesp_chunks(lambda: (chunk for _ in range(count) for chunk in chunks()), 6, 2, "past-input")
-            return tracemalloc.get_traced_memory()[1]
-        finally:
-            tracemalloc.stop()
-
-    measure_peak(1)  # compiled code is loaded
-    few, many = measure_peak(1), measure_peak(5)
-    assert many < few + 8 * record[0][:1000].size
 
 
 def test_the_error_names_faulty_chunks():

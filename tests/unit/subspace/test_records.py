@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError
-from ankleloop.signals.reference import predict_from_reference
 from ankleloop.subspace import moesp, simulate_response
-from ankleloop.subspace.records import scale_records
 
 A = np.array([[0.75, -0.37], [0.37, 0.75]])
 B = np.array([[1.0, 0.3], [-0.5, 0.8]])
@@ -47,39 +45,6 @@ def test_every_record_has_its_own_initial_state():
         np.testing.assert_allclose(np.ptp(outputs - predicted), 0.0, atol=1e-7)
 
 
-def test_concatenated_records_give_wrong_poles():
-    """A concatenation is wrong at the seams."""
-    u, y, _ = simulate_records([60] * 12)
-    concatenated = moesp(np.concatenate(u), np.concatenate(y), 6, 2)
-    merged = moesp(u, y, 6, 2)
-    true = np.sort_complex(np.linalg.eigvals(A))
-    error = [np.abs(np.sort_complex(estimate.model.poles()) - true).max() for estimate in (concatenated, merged)]
-    assert error[0] > 1e-3
-    assert error[1] < 1e-9
-
-
-def test_a_list_of_one_record_is_that_record():
-    u, y, _ = simulate_records([300], noise=0.1)
-    single, merged = moesp(u[0], y[0], 8, 2), moesp(u, y, 8, 2)
-    np.testing.assert_array_equal(single.model.A, merged.model.A)
-    np.testing.assert_array_equal(single.model.B, merged.model.B)
-    np.testing.assert_array_equal(single.initial_state, merged.initial_state)
-
-
-def test_more_records_are_more_accurate():
-    """The spread of the poles falls about as the root of the number of records."""
-
-    def compute_spread(count):
-        true = np.sort_complex(np.linalg.eigvals(A))
-        errors = []
-        for seed in range(30):
-            u, y, _ = simulate_records([80] * count, noise=0.5, seed=seed)
-            errors.append(np.abs(np.sort_complex(moesp(u, y, 6, 2).model.poles()) - true).max())
-        return np.sqrt(np.mean(np.square(errors)))
-
-    assert compute_spread(16) < 0.7 * compute_spread(4)
-
-
 def test_records_in_closed_loop_with_a_reference():
     rng = np.random.default_rng(3)
     u, y, r = [], [], []
@@ -104,22 +69,6 @@ def test_records_too_short_for_a_column_are_skipped():
     np.testing.assert_allclose(
         np.sort_complex(estimate.model.poles()), np.sort_complex(np.linalg.eigvals(A)), atol=1e-9
     )
-
-
-def test_the_scale_is_that_of_all_records():
-    records = [np.array([[1.0], [3.0]]), np.array([[10.0], [10.0], [16.0], [16.0]])]
-    deviations, scale = scale_records(records, "input")
-    np.testing.assert_allclose(scale, np.sqrt((2 * 1 + 4 * 9) / 6))
-    assert [record.mean() for record in deviations] == [0.0, 0.0]
-
-
-def test_prediction_of_merged_records():
-    rng = np.random.default_rng(1)
-    r = [rng.standard_normal((n, 1)) for n in (400, 300)]
-    u = [np.vstack([np.zeros((1, 1)), record[:-1]]) for record in r]
-    predicted = predict_from_reference(u, r, leads=2, lags=5)
-    for prediction, inputs in zip(predicted, u, strict=True):
-        np.testing.assert_allclose(prediction[6:-3], (inputs - inputs.mean())[6:-3], atol=0.1)
 
 
 def test_the_error_names_records_that_do_not_agree():

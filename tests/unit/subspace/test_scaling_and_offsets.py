@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from ankleloop import DataError
 from ankleloop.subspace.input_matrices import OutputRegression
 from ankleloop.subspace.moesp import moesp
-from ankleloop.subspace.records import scale_records
 
 A, B = np.array([[0.8, 0.3], [-0.3, 0.7]]), np.array([[1.0, 0.5], [0.2, -1.0]])
 C, D = np.array([[1.0, 0.4]]), np.array([[0.5, 0.0]])
@@ -56,15 +54,6 @@ def test_without_scaling_the_rank_policy_compares_units(u):
     assert moesp(small, simulate(u), **options, scaling=False).diagnostics["rank"] == 6
 
 
-def test_data_of_unit_variance_need_no_scaling(u):
-    u = (u - u.mean(axis=0)) / u.std(axis=0)
-    y = simulate(u)
-    y = (y - y.mean()) / y.std()
-    scaled, unscaled = (moesp(u, y, 6, 2, "past-input-output", "correlation", scaling=value) for value in (True, False))
-    np.testing.assert_allclose(unscaled.singular_values, scaled.singular_values, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(gain(unscaled), gain(scaled), rtol=1e-9)
-
-
 @pytest.mark.parametrize("instruments", ["past-input", "past-input-output"])
 def test_without_offsets_the_data_must_have_none(u, instruments):
     exact = moesp(u, simulate(u), 6, 2, instruments, offsets=False)
@@ -74,14 +63,6 @@ def test_without_offsets_the_data_must_have_none(u, instruments):
     shifted = simulate(u, offset=5.0)
     assert pole_error(moesp(u, shifted, 6, 2, instruments)) < 1e-8
     assert np.abs(gain(moesp(u, shifted, 6, 2, instruments, offsets=False)) - GAIN).max() > 0.1
-
-
-def test_merged_records_without_offsets(u):
-    records = [u[:250], u[300:]]
-    outputs = [simulate(record) for record in records]
-    estimate = moesp(records, outputs, 6, 2, offsets=False)
-    assert pole_error(estimate) < 1e-8
-    np.testing.assert_allclose(gain(estimate), GAIN, atol=1e-8)
 
 
 def test_the_regression_without_offsets_has_no_column_for_them(u):
@@ -102,14 +83,3 @@ def test_the_regression_without_offsets_has_no_column_for_them(u):
     np.testing.assert_allclose(fit.B.ravel(), theta[:4], rtol=1e-9)
     np.testing.assert_allclose(fit.D.ravel(), theta[4:6], rtol=1e-9)
     np.testing.assert_allclose(fit.initial_state, theta[6:], rtol=1e-9)
-
-
-def test_parts_of_the_preparation(u):
-    records, scale = scale_records([u], "input", scaling=False)
-    np.testing.assert_allclose(records[0], u - u.mean(axis=0), atol=1e-12)
-    assert scale.tolist() == [1.0, 1.0]
-    records, scale = scale_records([u], "input", subtract_means=False)
-    np.testing.assert_allclose(scale, u.std(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(records[0], u / u.std(axis=0), rtol=1e-12)
-    with pytest.raises(DataError, match="input 0 is constant"):
-        scale_records([np.ones((10, 1))], "input", scaling=False, subtract_means=False)
