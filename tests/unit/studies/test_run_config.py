@@ -1,6 +1,5 @@
 """The configuration of a run is checked before its first job: paths, files of recordings, and all that it names."""
 
-
 import pytest
 import yaml
 
