@@ -15,9 +15,7 @@ from ankleloop.trials.reading_options import ReadingOptions
 class Recording(ReadingOptions):
     """A recording: its file, how it is read, and which part of it is used."""
 
-    file: str = option(
-        description="path of the file below the folder of the study (.csv, .csv.gz, .mat, .h5, .nc)", min_length=1
-    )
+    file: str = option(description="file below the folder of the study (.csv, .csv.gz, .mat, .h5, .nc)", min_length=1)
     subject: str = option("", "subject; groups the figures")
     condition: str = option("", "condition; groups the figures")
     trial: str = option("", "repetition")
@@ -26,15 +24,10 @@ class Recording(ReadingOptions):
     drift: int = option(0, "degree of the polynomial that is taken out of the torque; 0 takes the mean", ge=0, le=10)
 
     cycle_onsets: tuple[float, ...] | str | None = option(
-        None,
-        "start of every cycle, for methods whose parameters follow it: times, in a table with spaces between them; or "
-        "the variable of the recording (variables) that holds the phase of the cycle, from 0 to 1",
-        unit="s",
+        None, "start of every cycle, in a table with spaces between; or the variable with its phase, 0 to 1", unit="s"
     )
     schedule: str | None = option(
-        None,
-        "variable of the recording (variables) with which the parameters change, for methods whose parameters may",
-        min_length=1,
+        None, "variable with which the parameters change, for methods whose parameters may", min_length=1
     )
 
     @field_validator("cycle_onsets", mode="before")

@@ -48,24 +48,12 @@ class Study:
 
     def __init__(self, name: str, settings: Any) -> None:
         self.name, self.settings, self.methods = name, settings, settings.methods
-
-    @property
-    def title(self) -> str:
-        """Heading of its report; its name where the configuration has none."""
-        words = re.sub("[_-]+", " ", self.name).strip()
-        return str(self.settings.title) or words[:1].upper() + words[1:]
-
-    @property
-    def labels(self) -> dict[str, str]:
-        """Legend of each method."""
-        return {name: method.label or name for name, method in self.methods.items()}
-
-    @property
-    def figures(self) -> tuple[str, ...]:
-        """Names of its figures; none without a notebook, no singular values where no method has them."""
-        names = NOTEBOOKS[self.settings.notebook] if self.settings.notebook else ()
+        words = re.sub("[_-]+", " ", name).strip()
+        self.title: str = settings.title or words[:1].upper() + words[1:]  # heading of its report
+        self.labels = {name: method.label or name for name, method in self.methods.items()}  # for legends
+        names = NOTEBOOKS[settings.notebook] if settings.notebook else ()
         has_singular_values = any(method.method.endswith("moesp") for method in self.methods.values())
-        return tuple(name for name in names if name != "order" or has_singular_values)
+        self.figures = tuple(name for name in names if name != "order" or has_singular_values)
 
 
 class SimulatedStudy(Study):
@@ -78,6 +66,7 @@ class SimulatedStudy(Study):
         points = list_points(name, settings.points, settings.simulation, settings.methods)
         self.point_list, self.conditions, self.parameters = points
         self.varied = list(self.parameters)
+        self.rows = len(self.point_list) * len(settings.methods) * settings.trials  # of the table of its trials
         target = 60.0 * settings.job_minutes
         self._job_seconds = max(target - START_SECONDS, target / 2)  # of a job without its start
         self._points_of: dict[str, list[Point]] = {condition: [] for condition in self.conditions}
@@ -92,11 +81,6 @@ class SimulatedStudy(Study):
     def points(self) -> dict[str, dict[str, Any]]:  # type: ignore[override]
         """All settings and varied options of each point, by its name."""
         return {point.name: {**self.conditions[point.condition], **point.values} for point in self.point_list}
-
-    @property
-    def rows(self) -> int:
-        """Rows of the table of its trials: one for each point, method and trial."""
-        return len(self.point_list) * len(self.methods) * self.settings.trials
 
     @cached_property
     def trial_chunks(self) -> list[Chunk]:
@@ -249,6 +233,13 @@ class RecordedStudy(Study):
 
     settings: RecordingsStudy
 
+    def __init__(self, name: str, settings: RecordingsStudy) -> None:
+        super().__init__(name, settings)
+        self.analysed_methods = {  # for `ankleloop.recordings.analysis.analyse`
+            name: {**method.model_dump(exclude={"options"}), "options": method.fixed_options}
+            for name, method in settings.methods.items()
+        }
+
     @cached_property
     def hashes(self) -> list[str]:
         """Hash of the settings that make the table of each chunk."""
@@ -318,14 +309,6 @@ class RecordedStudy(Study):
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
         paths = [path for mapping in self.mappings(chunk).values() for path in mapping["paths"]]
         return list(filter(os.path.exists, paths))
-
-    @property
-    def analysed_methods(self) -> dict[str, dict[str, Any]]:
-        """Methods with their labels, options and selections, for `ankleloop.recordings.analysis.analyse`."""
-        return {
-            name: {**method.model_dump(exclude={"options"}), "options": method.fixed_options}
-            for name, method in self.methods.items()
-        }
 
     def seconds(self, chunk: int) -> float:
         """Time of the job of a chunk [s]."""
