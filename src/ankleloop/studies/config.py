@@ -133,9 +133,7 @@ class SweepSettings(Options):
     """Pictures of a study whose points differ in settings of the simulation or options of methods."""
 
     quantities: Names | None = option(
-        None,
-        "scores (vaf_net_true), parameters (K), their relative errors (K_error) and shares of trials (failures, "
-        "warnings), a row or a panel each; null for the VAF of all torques and the errors of K and G",
+        None, "scores (vaf_net_true), parameters (K), errors (K_error), shares of trials (failures); null for a choice"
     )
     methods: Names | None = option(None, "methods that are shown; null for all")
     difference: Annotated[list[str], Field(min_length=2, max_length=2)] | None = option(
@@ -205,9 +203,7 @@ class SimulationStudy(_StudySettings):
     notebook: SimulationNotebook | None = option("table1", "notebook that renders the study; null for none")
     trials: int = option(20, "simulated trials at each point", ge=1, le=100000)
     seed: int = option(description="seed of the study, from which every trial has a stream of its own", ge=0)
-    simulation: SimulationSettings = option(
-        description="settings of every trial; those left out have their defaults", default_factory=SimulationSettings
-    )
+    simulation: SimulationSettings = option(description="settings of every trial", default_factory=SimulationSettings)
     points: Points = option(
         description="settings and options that vary, by name (`METHOD.option` is that of one method): lists or ranges "
         "of values, all combinations of which are points; a random design; a table, or a list, of points",
@@ -229,7 +225,7 @@ class SimulationStudy(_StudySettings):
         1.0, "length of a job that is aimed at, from the measured cost of its trials", unit="min", gt=0, le=1e4
     )
     points_per_chunk: int | None = option(
-        None, "points of equal record length and rate that share a job, in place of job_minutes", ge=1
+        None, "points that share a job, of equal record length and rate, in place of job_minutes", ge=1
     )
     trials_per_chunk: int | None = option(None, "trials of one point that share a job, in place of job_minutes", ge=1)
     sweep: SweepSettings = option(description="what the notebook sweep shows", default_factory=SweepSettings)
@@ -259,9 +255,7 @@ class RecordingsStudy(_StudySettings):
         description="recordings by name; the name appears in the paths of the results", default_factory=dict
     )
     shared: dict[str, Any] = option(
-        description="values for every recording that does not give its own, by the keys of a recording",
-        alias="defaults",
-        default_factory=dict,
+        description="values for recordings that do not give their own", alias="defaults", default_factory=dict
     )
     table: str | None = option(
         None, "CSV file with a row for each recording, and its keys and an optional name as columns; null for none"
@@ -298,8 +292,7 @@ class Config(Options):
 
     run: Names | None = option(None, "names of the studies to make; null for all of them")
     article: list[str] = option(
-        description="names of the studies of the ledger and the article, which are made where all of these are run",
-        default_factory=list,
+        description="studies of the ledger and the article, made where all of these are run", default_factory=list
     )
     studies: dict[Name, Annotated[SimulationStudy | RecordingsStudy, Field(discriminator="kind")]] = option(
         description="studies by name; the name appears in the paths of the results", min_length=1

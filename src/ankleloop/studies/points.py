@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, Union, get_args, get_origin
+from typing import Any, Literal, NamedTuple, Self, Union, get_args, get_origin
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -21,15 +21,13 @@ from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import ConfigError, check, expand_path, key_error
 from ankleloop.studies.recording_tables import cast_number, read_points
 
-if TYPE_CHECKING:
-    from ankleloop.studies.config import MethodSettings
-
 SETTINGS = tuple(SimulationSettings.model_fields)
 SIMULATION = ""  # owner of the settings, beside the methods, which own their options
 MAX_POINTS = 100_000  # of a study
 DIGITS = 12  # of the values of a range, so that 3 · 0.1 is 0.3; those of a design have half of them
 
 Place = tuple[str, ...]
+Methods = Mapping[str, Any]  # `studies.config.MethodSettings` by the names of methods in the study
 Combination = tuple[str, Mapping[str, Any]]  # where it stands, if in a table, and values by column
 Points = tuple[list["Point"], dict[str, dict[str, Any]], dict[str, "Parameter"]]  # and all settings of each condition
 
@@ -134,7 +132,7 @@ def point_name(values: Mapping[str, Any]) -> str:
     return ",".join(f"{name}={value}" for name, value in sorted(values.items())) or "only"
 
 
-def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Mapping[str, MethodSettings]) -> Points:
+def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Methods) -> Points:
     """Points of a study, checked: names, types and bounds of every value, and what values may not go together."""
     place = ("studies", study, "points")
     try:
@@ -204,7 +202,7 @@ def _find_value(parameter: Parameter, models: Mapping[str, Options], given: Mapp
 
 
 def _list_combinations(
-    place: Place, entry: Any, methods: Mapping[str, MethodSettings]
+    place: Place, entry: Any, methods: Methods
 ) -> tuple[dict[str, Parameter], Iterable[Combination]]:
     """What varies, and its values at each point, from any form of the key `points`."""
     if isinstance(entry, Mapping) and "table" in entry:
@@ -227,9 +225,7 @@ def _list_combinations(
     return find_parameters(names, methods), (("", point) for point in entry)
 
 
-def _read_table(
-    path: Path, methods: Mapping[str, MethodSettings]
-) -> tuple[dict[str, Parameter], Iterable[Combination]]:
+def _read_table(path: Path, methods: Methods) -> tuple[dict[str, Parameter], Iterable[Combination]]:
     rows = list(read_points(path))
     if not rows:
         raise ConfigError(f"the table {path} has no rows.")
@@ -297,7 +293,7 @@ def _check_limits(model: type[_Limits], parameter: Parameter, values: Any, place
     return check(model, values, "config", *place, parameter.column)
 
 
-def find_parameters(names: Iterable[str], methods: Mapping[str, MethodSettings]) -> dict[str, Parameter]:
+def find_parameters(names: Iterable[str], methods: Methods) -> dict[str, Parameter]:
     """What the names in `points` stand for.
 
     A name is that of a setting, or else that of an option, of every method that has it; `METHOD.option` is that of one.

@@ -26,15 +26,10 @@ class Recording(ReadingOptions):
     drift: int = option(0, "degree of the polynomial that is taken out of the torque; 0 takes the mean", ge=0, le=10)
 
     cycle_onsets: tuple[float, ...] | str | None = option(
-        None,
-        "start of every cycle, for methods whose parameters follow it: times, in a table with spaces between them; or "
-        "the variable of the recording (variables) that holds the phase of the cycle, from 0 to 1",
-        unit="s",
+        None, "start of every cycle, in a table with spaces between; or the variable with its phase, 0 to 1", unit="s"
     )
     schedule: str | None = option(
-        None,
-        "variable of the recording (variables) with which the parameters change, for methods whose parameters may",
-        min_length=1,
+        None, "variable with which the parameters change, for methods whose parameters may", min_length=1
     )
 
     @field_validator("cycle_onsets", mode="before")

@@ -25,19 +25,14 @@ from ankleloop.studies.resources import RECORDING_SECONDS, START_SECONDS, identi
 
 MAX_JOBS = 100_000  # of a rule, for one study
 MAX_SAMPLES = 2**25  # of all trials of a trial file, about, which then has 2 GB
-LEAST_POINTS = 16  # that share what a trial needs for its identification at any point
 
 
 class PointTrials(NamedTuple):
-    """Trials of one condition: those numbered from `first` to `stop`, without `stop`.
-
-    `points` are the first and the last (without the last) of its points at which they are identified; None for all.
-    """
+    """Trials of one condition: those numbered from `first` to `stop`, without `stop`."""
 
     condition: str
     first: int
     stop: int
-    points: tuple[int, int] | None = None
 
 
 Chunk = list[PointTrials]
@@ -53,24 +48,12 @@ class Study:
 
     def __init__(self, name: str, settings: Any) -> None:
         self.name, self.settings, self.methods = name, settings, settings.methods
-
-    @property
-    def title(self) -> str:
-        """Heading of its report; its name where the configuration has none."""
-        words = re.sub("[_-]+", " ", self.name).strip()
-        return str(self.settings.title) or words[:1].upper() + words[1:]
-
-    @property
-    def labels(self) -> dict[str, str]:
-        """Legend of each method."""
-        return {name: method.label or name for name, method in self.methods.items()}
-
-    @property
-    def figures(self) -> tuple[str, ...]:
-        """Names of its figures; none without a notebook, no singular values where no method has them."""
-        names = NOTEBOOKS[self.settings.notebook] if self.settings.notebook else ()
+        words = re.sub("[_-]+", " ", name).strip()
+        self.title: str = settings.title or words[:1].upper() + words[1:]  # heading of its report
+        self.labels = {name: method.label or name for name, method in self.methods.items()}  # for legends
+        names = NOTEBOOKS[settings.notebook] if settings.notebook else ()
         has_singular_values = any(method.method.endswith("moesp") for method in self.methods.values())
-        return tuple(name for name in names if name != "order" or has_singular_values)
+        self.figures = tuple(name for name in names if name != "order" or has_singular_values)
 
 
 class SimulatedStudy(Study):
@@ -83,6 +66,7 @@ class SimulatedStudy(Study):
         points = list_points(name, settings.points, settings.simulation, settings.methods)
         self.point_list, self.conditions, self.parameters = points
         self.varied = list(self.parameters)
+        self.rows = len(self.point_list) * len(settings.methods) * settings.trials  # of the table of its trials
         target = 60.0 * settings.job_minutes
         self._job_seconds = max(target - START_SECONDS, target / 2)  # of a job without its start
         self._points_of: dict[str, list[Point]] = {condition: [] for condition in self.conditions}
@@ -98,59 +82,46 @@ class SimulatedStudy(Study):
         """All settings and varied options of each point, by its name."""
         return {point.name: {**self.conditions[point.condition], **point.values} for point in self.point_list}
 
-    @property
-    def rows(self) -> int:
-        """Rows of the table of its trials: one for each point, method and trial."""
-        return len(self.point_list) * len(self.methods) * self.settings.trials
-
     @cached_property
     def trial_chunks(self) -> list[Chunk]:
         """Trials of each trial file, which have equal length, rate and variables; none where no trials are kept.
 
         Their size follows from the simulation alone: another method or option simulates nothing again.
         """
-        if self.settings.keep != "everything":
-            return []
 
         def cost(condition: str) -> float:
             samples = self._samples(condition)
             return max(simulation_seconds(samples), self._job_seconds * samples / MAX_SAMPLES)
 
-        return [chunk for _, chunk in self._divide(self._list_trials(), cost)]
+        is_kept = self.settings.keep == "everything"
+        return [chunk for _, chunk in self._divide(self._list_trials(), cost)] if is_kept else []
 
     @cached_property
     def _labelled_chunks(self) -> list[tuple[Any, Chunk]]:
         parts = self._list_trials()
-        if self.settings.keep == "everything":  # the number of a trial file is the label
+        if self.trial_chunks:  # the number of a trial file is the label
             ranks = {condition: rank for rank, condition in enumerate(self.conditions)}
             parts = [(number, part) for number, chunk in enumerate(self.trial_chunks) for part in chunk]
             parts.sort(key=lambda row: (ranks[row[1].condition], row[1].first))
-        slices = {condition: self._divide_points(condition) for condition in self.conditions}
-        sliced = [
-            ((label, points), part._replace(points=points))
-            for label, part in parts
-            for points in slices[part.condition]
-        ]
-        return self._divide(sliced, lambda condition: self._cost(condition, slices[condition][0]))
+        return self._divide(parts, self._cost)
 
-    @property
+    @cached_property
     def chunks(self) -> list[Chunk]:  # type: ignore[override]
         """Trials of each chunk, which one job identifies: those of some conditions, or part of those of one condition.
 
-        Of a condition with many points, a chunk may also have part of these. The trials belong to one trial file. Only
-        without trial files and estimates their length and rate may differ.
+        They belong to one trial file. Only without trial files and estimates their length and rate may differ.
         """
         return [chunk for _, chunk in self._labelled_chunks]
 
     def trial_chunk_of(self, chunk: int) -> int:
         """Number of the trial file that holds the trials of a chunk."""
-        return int(self._labelled_chunks[chunk][0][0])
+        return int(self._labelled_chunks[chunk][0])
 
     def simulation(self, parts: Chunk) -> dict[str, Any]:
         """Arguments of `simulate_trials` for a chunk or a trial file: conditions with the trials that are simulated."""
         conditions = {
-            part.condition: {"settings": self.conditions[part.condition], "first": part.first, "stop": part.stop}
-            for part in parts
+            condition: {"settings": self.conditions[condition], "first": first, "stop": stop}
+            for condition, first, stop in parts
         }
         return {"seed": self.settings.seed, "conditions": conditions, "failures": self.settings.failures}
 
@@ -160,10 +131,9 @@ class SimulatedStudy(Study):
 
     def _identification(self, parts: Chunk) -> dict[str, Any]:
         conditions = {}
-        for part in parts:
-            points = self._points_at(part.condition, part.points)
-            named = {point.name: {"values": point.values, "options": point.options} for point in points}
-            conditions[part.condition] = {"first": part.first, "stop": part.stop, "points": named}
+        for condition, first, stop in parts:
+            points = {p.name: {"values": p.values, "options": p.options} for p in self._points_of[condition]}
+            conditions[condition] = {"first": first, "stop": stop, "points": points}
         return {
             "conditions": conditions,
             "methods": self.identified_methods,
@@ -183,14 +153,11 @@ class SimulatedStudy(Study):
 
     def simulation_seconds(self, parts: Chunk) -> float:
         """Time of a job that simulates a chunk [s]."""
-        return START_SECONDS + sum((p.stop - p.first) * simulation_seconds(self._samples(p.condition)) for p in parts)
+        return START_SECONDS + sum((stop - first) * simulation_seconds(self._samples(c)) for c, first, stop in parts)
 
     def identification_seconds(self, parts: Chunk) -> float:
         """Time of a job that identifies a chunk, and simulates it where no trials are kept [s]."""
-        return START_SECONDS + sum((p.stop - p.first) * self._cost(p.condition, p.points) for p in parts)
-
-    def _points_at(self, condition: str, points: tuple[int, int] | None) -> list[Point]:
-        return self._points_of[condition][slice(*points) if points else slice(None)]
+        return START_SECONDS + sum((stop - first) * self._cost(condition) for condition, first, stop in parts)
 
     def _list_trials(self) -> Parts:
         """All trials of each condition, with what those of a file share: length, rate and variables."""
@@ -206,25 +173,17 @@ class SimulatedStudy(Study):
         settings = self.conditions[condition]
         return round(settings["duration"] * settings["recording_rate"])
 
-    def _cost(self, condition: str, points: tuple[int, int] | None) -> float:
-        """Time in which a trial is identified, and simulated where none is kept, at some or all points [s].
+    def _cost(self, condition: str) -> float:
+        """Time in which a trial is identified at all points, and simulated where none is kept [s].
 
         Options that vary count by their number and not by their values: an edited value must not move other trials to
         other chunks.
         """
-        alike, samples = self._points_at(condition, points), self._samples(condition)
-        counts = {name: len({tuple(p.options.get(name, {}).items()) for p in alike}) for name in self.methods}
+        points, samples = self._points_of[condition], self._samples(condition)
+        counts = {name: len({tuple(p.options.get(name, {}).items()) for p in points}) for name in self.methods}
         methods = [self.identified_methods[name] for name, count in counts.items() for _ in range(count)]
         cost = identification_seconds(samples, methods, self.conditions[condition]["recording_rate"])
         return cost + simulation_seconds(samples) * (self.settings.keep != "everything")
-
-    def _divide_points(self, condition: str) -> list[tuple[int, int] | None]:
-        """Parts of the points of a condition that are identified by different jobs; None for all of them."""
-        count, trials = len(self._points_of[condition]), self.settings.trials
-        size = max(_power_of_two(self._job_seconds / (self._cost(condition, (0, 1)) * trials)), LEAST_POINTS)
-        if count <= size or self.settings.chunk_key != "job_minutes":
-            return [None]
-        return [(first, min(first + size, count)) for first in range(0, count, size)]
 
     def _chunk_size(self, seconds: float) -> tuple[int, int]:
         """Most trials of one condition, and most conditions, in a chunk whose trials take some time each."""
@@ -273,6 +232,13 @@ class RecordedStudy(Study):
     """A study of recordings of a laboratory."""
 
     settings: RecordingsStudy
+
+    def __init__(self, name: str, settings: RecordingsStudy) -> None:
+        super().__init__(name, settings)
+        self.analysed_methods = {  # for `ankleloop.recordings.analysis.analyse`
+            name: {**method.model_dump(exclude={"options"}), "options": method.fixed_options}
+            for name, method in settings.methods.items()
+        }
 
     @cached_property
     def hashes(self) -> list[str]:
@@ -343,14 +309,6 @@ class RecordedStudy(Study):
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
         paths = [path for mapping in self.mappings(chunk).values() for path in mapping["paths"]]
         return list(filter(os.path.exists, paths))
-
-    @property
-    def analysed_methods(self) -> dict[str, dict[str, Any]]:
-        """Methods with their labels, options and selections, for `ankleloop.recordings.analysis.analyse`."""
-        return {
-            name: {**method.model_dump(exclude={"options"}), "options": method.fixed_options}
-            for name, method in self.methods.items()
-        }
 
     def seconds(self, chunk: int) -> float:
         """Time of the job of a chunk [s]."""

@@ -70,6 +70,12 @@ TABLE1 = ("studies", "table1")
             "a → options: unknown key 'order'; known here: d",
         ),
         ([*TABLE1, "kind"], "recording", "kind: must be one of 'simulation', 'recordings' .*; got 'record"),
+        (
+            METHOD,
+            {"method": "pr-moesp", "select": {"order": [1, 0]}},
+            r"methods → a: select: .*order must be .* 1 .*, got 0",
+        ),
+        (METHOD, {"method": "riv", "select": {"order": []}}, r"select → order: must not be empty"),
         (["run"], ["table3"], "config: run: there is no study 'table3' .*; there are table1, "),
         ([*TABLE1, "notebook"], None, "config: article: the study 'table1' is not simulated, or has no no"),
         ([*TABLE1, "keep"], "scores", "article: the study 'table1' must have keep: everything, and pr-moesp"),
@@ -78,19 +84,3 @@ TABLE1 = ("studies", "table1")
 def test_errors_name_the_key(change, keys, value, message):
     with pytest.raises(ConfigError, match=message):
         read_studies(change(*keys, value=value))
-
-
-def test_candidates_of_a_selection_must_be_options(change):
-    def read(**method):
-        return read_studies(change(*METHOD, value=method))[1]["table1"]
-
-    with pytest.raises(ConfigError, match=r"methods → a: select: .*order must be .* 1 .*, got 0"):
-        read(method="pr-moesp", select={"order": [1, 0]})
-    with pytest.raises(ConfigError, match="a: select: method 'riv' has no option 'block_rows'; it has order"):
-        read(method="riv", select={"block_rows": [10]})
-    with pytest.raises(ConfigError, match=r"select → order: must not be empty"):
-        read(method="riv", select={"order": []})
-    study = read(method="riv", select={"order": [2, 3]})
-    options = study.identified_methods["a"]["options"]
-    assert options["select"] == {"order": [2, 3]}
-    assert "order" not in options

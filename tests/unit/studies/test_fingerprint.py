@@ -62,14 +62,6 @@ def test_every_form_of_import(library, text):
     assert changed_by(library, script, "ankleloop/a/x.py")
 
 
-def test_other_modules_do_not_count(library):
-    library("ankleloop/a/x.py", '"""As `ankleloop.c.other` does."""\n')
-    script = library("script.py", "from ankleloop.a.x import name  # not ankleloop.c.other\nimport os.path\n")
-    assert not changed_by(library, script, "ankleloop/c/other.py")
-    assert not changed_by(library, script, "ankleloop/a/beside.py")
-    assert not changed_by(library, script, "ankleloop/__init__.py")
-
-
 def test_package_data_go_with_the_modules_beside_them(library):
     library("ankleloop/a/x.py", "from importlib.resources import files")
     library("ankleloop/a/templates/page.html.j2", "<html>")

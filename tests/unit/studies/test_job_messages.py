@@ -60,7 +60,3 @@ def test_the_message_is_one_line_with_job_and_place(fail, error, text):
     assert expected in log.splitlines()[0]
     assert "Traceback" in log
     assert describe_error(error) == text
-
-
-def test_a_job_without_wildcards_is_named_by_its_rule(fail):
-    assert fail(DataError("nothing"))[0].startswith("rule verify; study s, point p, trial 3: nothing (The log")

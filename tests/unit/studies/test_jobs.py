@@ -92,16 +92,6 @@ def test_rows_are_ordered_by_condition_trial_point_and_method(results):
     assert not any(name.startswith("vaf_") for name in parameters)
 
 
-def test_trials_and_estimates_are_found_in_their_files(results):
-    files = results["part of the trials"]
-    rows = read_results(files.table)[0].set_index(KEYS).sort_index()
-    point, condition = "block_rows=12,reflex_gain=10.0", "reflex_gain=10.0"
-    trial = load_trial_of(files.trials, condition, 2)
-    assert trial.attrs["seed"] == str(np.random.SeedSequence(trial_entropy(3, "small", condition, 2)))
-    estimates = load_estimates(files.estimates, point, "pr")
-    assert [e.stiffness["K"] for e in estimates.values()] == rows.loc[(point, "pr"), "K"].tolist()
-
-
 def test_the_library_gives_the_same_without_the_workflow(results):
     seed = np.random.SeedSequence(trial_entropy(3, "small", "reflex_gain=20.0", 1))
     trial = simulate(seed=seed, duration=12.0, reflex_gain=20.0)
@@ -256,17 +246,12 @@ def test_a_parameter_of_the_sweep_keeps_its_column_beside_the_estimate_of_its_na
     assert (rows["delay_estimated_low"] < rows["delay_estimated_high"]).all()
 
 
-def test_seeds_differ_by_study_point_and_trial():
-    keys = [(study, point, k) for study in ("a", "b") for point in ("only", "zeta=1.0") for k in range(20)]
-    assert len({tuple(trial_entropy(2008, *key)) for key in keys}) == len(keys)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
 def test_a_trial_file_that_is_cut_off_is_named_with_the_remedy(tmp_path, share):
     path = tmp_path / "trials.nc"
     write_trials(path, "small", 3, TWO)
     content = path.read_bytes()
-    path.write_bytes(content[: int(share * len(content)) - (share == 1.0)])
+    path.write_bytes(content[: int(share * len(content))])
     with pytest.raises(DataError, match=r"trials\.nc.*delete it") as caught:
         list(read_trials(path, TWO))
     assert "\n" not in str(caught.value)

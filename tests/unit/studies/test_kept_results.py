@@ -46,12 +46,6 @@ def test_notebooks_that_know_settings_alone_refuse_options_before_the_first_job(
     read(notebook="sweep", points=points)
 
 
-def test_notebooks_with_a_line_for_each_point_are_refused_for_many():
-    points = {"reflex_gain": {"start": 5.0, "stop": 20.0, "count": 1001}}
-    with pytest.raises(ConfigError, match="figure4 needs 1,000 points at most, got 1,001; the notebook sweep has no"):
-        read(notebook="figure4", points=points)
-
-
 def test_the_notebook_of_a_sweep_has_settings_and_pictures_and_no_points():
     study = read(notebook="sweep", keep="scores", points={"reflex_gain": [8.0, 12.0], "pr-moesp.block_rows": [12, 15]})
     files = {"tables": ["t.parquet"]}

@@ -109,31 +109,6 @@ def test_another_point_at_the_end_changes_the_last_chunk_alone(keep):
     assert len(after) - len(before) in (0, 1)
 
 
-@pytest.mark.parametrize("keep", ["everything", "scores"])
-def test_many_points_of_one_condition_are_several_jobs(tmp_path, keep):
-    """Each point, method and trial is identified once, and an edited row changes its job alone."""
-
-    def read(rows):
-        (tmp_path / "sweep.csv").write_text("\n".join(["block_rows,pr-moesp.order", *rows]) + "\n")
-        return sweep(points={"table": str(tmp_path / "sweep.csv")}, keep=keep, trials=20, job_minutes=0.5)
-
-    rows = [f"{10 + k % 50},{2 + k // 50}" for k in range(300)]
-    study = read(rows)
-    assert len(study.conditions) == 1
-    identified = [
-        (point, number)
-        for chunk in range(len(study.chunks))
-        for part in study.identification(chunk)["conditions"].values()
-        for point in part["points"]
-        for number in range(part["first"], part["stop"])
-    ]
-    assert sorted(identified) == sorted((point.name, number) for point in study.point_list for number in range(20))
-    before = jobs(study)
-    assert len(before) > 4
-    after = jobs(read([*rows[:77], "70,2", *rows[78:]]))
-    assert sum(old != new for old, new in zip(before, after, strict=True)) == 1
-
-
 def test_many_chunks_are_refused():
     for settings, key in (
         ({"trials_per_chunk": 1, "trials": 100_000}, "trials_per_chunk"),

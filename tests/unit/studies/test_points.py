@@ -148,6 +148,8 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
         ({"perturbation": {"start": 0, "stop": 1, "count": 3}}, "perturbation: is no number and has no range"),
         ({"design": "sobol", "count": 4, "seed": 1, "parameters": {"zeta": 1}}, "zeta: 1"),
         ([{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}], "have the same settings"),
+        ([{"reflex_gain": 13}, {"reflex_gain": 13.0}], "the point reflex_gain=13.0 is listed twice"),
+        ({"voluntary": [0.0, -0.0]}, "the point voluntary=0.0 is listed twice"),
     ],
 )
 def test_refusals(points, message):

@@ -16,6 +16,7 @@ PROVENANCE["packages"] = {"numpy": "2.1", "scipy": "1.15"}
 KEYS = ("title", "kind", "points", "methods", "trials", "seed")
 STUDIES = {"table1": dict(zip(KEYS, (f"Table 1 {HOSTILE}", "simulation", 2, 5, 20, 7), strict=True))}
 RECORDED = dict(zip(KEYS, ("Recordings", "recordings", 2, 1, None, None), strict=True))
+JOBS = ["article", "identify/table1/0", "identify/table1/1", "identify/table1/2", "report/table1"]
 
 
 @pytest.fixture
@@ -30,30 +31,30 @@ def folder(tmp_path):
     captions = {"table1-order": f"Order {HOSTILE}", "table1-gone": "not there"}
     (results / "rendered/table1/captions.json").write_text(json.dumps(captions), encoding="utf-8")
     (results / "configuration.json").write_text('{"run": ["table1"]}', encoding="utf-8")
-    groups = {"condition": "rest", "trial": None}
+    columns = ("recording", "subject", "verdict", "label", "recommended")
     rows = [
-        {"recording": "A1", "subject": "S1", **groups, "verdict": "usable", "label": HOSTILE, "recommended": True},
-        {"recording": "A1", "subject": "S1", **groups, "verdict": "usable", "label": "other", "recommended": False},
-        {"recording": "A2", "subject": "S2", **groups, "verdict": "refused", "label": None, "recommended": None},
+        ("A1", "S1", "usable", HOSTILE, True),
+        ("A1", "S1", "usable", "b", False),
+        ("A2", "S2", "refused", None, None),
     ]
     for name in ("laboratory", "clinic"):
-        pd.DataFrame(rows).to_parquet(results / f"scores/{name}.parquet")
-    claims = pd.DataFrame({"id": ["a", "b"], "verdict": ["reproduced", "cannot be judged"]})
-    claims.to_csv(results / "verification.csv", index=False)
+        table = pd.DataFrame(rows, columns=columns).assign(condition="rest", trial=None)
+        table.to_parquet(results / f"scores/{name}.parquet")
     return results
 
 
-def collect(folder, *, has_article=True, jobs=()):
-    ledger = pd.read_csv(folder / "verification.csv") if has_article else None
+LEDGER = pd.DataFrame({"id": ["a", "b"], "verdict": ["reproduced", "cannot be judged"]})
+
+
+def collect(folder, ledger=LEDGER, jobs=()):
     tables = {name: folder / f"scores/{name}.parquet" for name in ("laboratory", "clinic")}
-    studies = STUDIES | {name: RECORDED | {"recordings": [path]} for name, path in tables.items() if path.exists()}
-    times = read_run_times(folder.parent / "logs", jobs)
-    return collect_results(folder, studies, times, PROVENANCE, ledger)
+    studies = STUDIES | {name: RECORDED | {"recordings": [path]} for name, path in tables.items()}
+    return collect_results(folder, studies, read_run_times(folder.parent / "logs", jobs), PROVENANCE, ledger)
 
 
 def test_what_is_there_is_listed(folder):
     results = collect(folder)
-    assert list(results.links.values()) == ["article.html", "ledger.html", "verification.csv", "configuration.json"]
+    assert list(results.links.values()) == ["article.html", "ledger.html", "configuration.json"]
     assert results.verdicts == dict.fromkeys(VERDICTS, 0) | {"reproduced": 1, "cannot be judged": 1}
     assert [figure.name for figure in results.figures[STUDIES["table1"]["title"]]] == ["table1-order"]
     recordings = results.recordings.set_index(["study", "recording"])
@@ -73,10 +74,12 @@ def test_studies_and_recordings_of_one_name_have_links_of_their_own(folder):
 
 
 def test_the_article_of_an_earlier_run_is_left_out(folder):
-    results = collect(folder, has_article=False)
+    results = collect(folder, ledger=None)
     assert list(results.links.values()) == ["configuration.json"]
     assert results.verdicts == {}
-    assert "Ledger" not in render_index(results)
+    page = render_index(results)
+    assert "Ledger" not in page
+    assert "There are no benchmark files" in page
 
 
 def test_the_page_opens_with_what_was_found(folder):
@@ -85,17 +88,11 @@ def test_the_page_opens_with_what_was_found(folder):
         {"id": "table1/pr-moesp/net", "verdict": "reproduced", "ours": 92.1, "statement": "net torque by PR-MOESP"},
     ]
     ledger = pd.DataFrame(rows).assign(paper=92.0, uncertainty=0.1, reason="It fell.", source="paper")
-    conclusions = {
-        "cause": {"verdict": "not reproduced", "sentence": f"**Not the loop.** `riv` {HOSTILE} {{ours:.1f}} %"}
-    }
-    page = render_index(collect(folder), ledger, conclusions)
+    sentence = f"**Not the loop.** `riv` {HOSTILE} {{ours:.1f}} %"
+    page = render_index(collect(folder), ledger, {"cause": {"verdict": "not reproduced", "sentence": sentence}})
     assert "<b>Not the loop.</b> <code>riv</code> &lt;b&gt;&amp;co 99.9 %" in page
     assert "1 of the 2 numbers and claims of the paper that can be decided hold" in page
     assert page.index("92 → 92.1 ± 0.1") < page.index("article.html")
-
-
-def test_provenance_is_on_the_page(folder):
-    page = render_index(collect(folder))
     texts = (
         "ankleloop 1.2.3",
         PROVENANCE["commit"],
@@ -108,50 +105,28 @@ def test_provenance_is_on_the_page(folder):
     assert [text for text in texts if text not in page] == []
 
 
-# --- times of jobs, from benchmark files as Snakemake writes them
-
-HEADER = "s\th:m:s\tmax_rss\tmax_vms\tmax_uss\tmax_pss\tio_in\tio_out\tmean_load\tcpu_time\n"
-JOBS = ["article", "identify/table1/0", "identify/table1/1", "identify/table1/2", "report/table1"]
-
-
-def write_times(folder, name, seconds, processor, memory, end):
-    path = folder / "logs" / f"{name}.tsv"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    row = [seconds, "0:00:02", memory, "1", "1", "1", "1", "1", "1", processor]
-    path.write_text(HEADER + "\t".join(map(str, row)) + "\n", encoding="utf-8")
-    os.utime(path, (end, end))
-
-
-@pytest.fixture
-def times(tmp_path):
-    write_times(tmp_path, "identify/table1/0", 10.0, 9.0, 300.0, 1000.0)
-    write_times(tmp_path, "identify/table1/1", 20.0, 18.0, 400.0, 1005.0)
-    write_times(tmp_path, "identify/table1/7", 500.0, 18.0, 400.0, 5.0)  # a chunk of an earlier run
-    write_times(tmp_path, "report/table1", 5.0, 4.0, 200.0, 2000.0)
-    write_times(tmp_path, "article", 3.0, "-", "-", 2003.0)  # too short for Snakemake to measure its memory
-    return read_run_times(tmp_path / "logs", JOBS)
-
-
-def test_jobs_of_the_run_have_their_rule_and_study(times):
-    assert times[["rule", "study"]].values.tolist() == [
-        ["article", ""],
-        ["identify", "table1"],
-        ["identify", "table1"],
-        ["report", "table1"],
-    ]
-    assert times["seconds"].tolist() == [3.0, 10.0, 20.0, 5.0]
-
-
-def test_sums_over_rules_and_studies(times, folder):
+def test_times_of_the_jobs_of_the_run(folder):
+    """From benchmark files of Snakemake; time without a job, and a chunk of an earlier run, do not count."""
+    for name, row, end in (
+        ("identify/table1/0", (10.0, 300.0, 9.0), 1000.0),
+        ("identify/table1/1", (20.0, 400.0, 18.0), 1005.0),
+        ("identify/table1/7", (500.0, 400.0, 18.0), 5.0),
+        ("report/table1", (5.0, 200.0, 4.0), 2000.0),
+        ("article", (3.0, "-", "-"), 2003.0),  # too short for Snakemake to measure its memory
+    ):
+        path = folder.parent / "logs" / f"{name}.tsv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("s\tmax_rss\tcpu_time\n" + "\t".join(map(str, row)) + "\n", encoding="utf-8")
+        os.utime(path, (end, end))
+    times = read_run_times(folder.parent / "logs", JOBS)
+    jobs = [("article", ""), ("identify", "table1"), ("identify", "table1"), ("report", "table1")]
+    assert list(zip(times["rule"], times["study"], strict=True)) == jobs
+    first, last, duration = measure_span(times)
+    assert (first.timestamp(), last.timestamp()) == (985.0, 2003.0)
+    assert duration == pytest.approx(20.0 + 5.0 + 3.0)
     results = collect(folder, jobs=JOBS)
     rules = results.run_times["By rule"]
     assert rules["rule"].tolist() == ["identify", "report", "article"]
     assert rules.iloc[0].tolist() == ["identify", "2", "30.0", "20.0", "27.0", "400"]
     assert results.run_times["By study"].set_index("study").loc["table1", "sum [s]"] == "35.0"
     assert results.studies.set_index("study").loc["table1", "time of its jobs [min]"] == "0.58"
-
-
-def test_time_without_a_job_does_not_count(times):
-    first, last, duration = measure_span(times)
-    assert (first.timestamp(), last.timestamp()) == (985.0, 2003.0)
-    assert duration == pytest.approx(20.0 + 5.0 + 3.0)

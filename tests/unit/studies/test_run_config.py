@@ -62,13 +62,6 @@ def test_one_file_of_many_may_be_missing(recorded, tmp_path):
         recorded(str(folder), B="missing.csv")
 
 
-def test_recordings_that_are_not_run_need_no_files(config, example):
-    """A configuration may describe the recordings of another machine."""
-    studies = {**config["studies"], **example["studies"]}
-    recordings = {**example["studies"]["recordings"], "folder": "${NO_SUCH_VARIABLE}", "table": "${NO_SUCH_VARIABLE}/t"}
-    read_run({"run": ["table1"], "studies": {**studies, "recordings": recordings}}, [])
-
-
 def test_a_mistake_on_the_command_line_has_no_line(config, tmp_path):
     path = tmp_path / "config.yaml"
     path.write_text(yaml.safe_dump(config), encoding="utf-8")

@@ -40,19 +40,6 @@ def test_trials_with_other_variables_are_in_another_file(table1):
     assert len(alike.trial_chunks) == 1
 
 
-@pytest.mark.parametrize(
-    ("points", "name"),
-    [
-        ({"reflex_gain": [13, 13.0]}, "reflex_gain=13.0"),
-        ([{"reflex_gain": 13}, {"reflex_gain": 13.0}], "reflex_gain=13.0"),
-        ({"voluntary": [0.0, -0.0]}, "voluntary=0.0"),
-    ],
-)
-def test_equal_points_are_refused(table1, points, name):
-    with pytest.raises(ConfigError, match=f"the point {name} is listed twice"):
-        table1(points=points)
-
-
 GAINS = {"reflex_gain": [1.0, 2.0, 3.0, 4.0, 5.0]}
 
 
