@@ -13,6 +13,7 @@ SUBJECTS = (
     "matlab_files",
     "hdf5_files",
     "netcdf_files",
+    "flb_files",
     "trials",
     "options",
     "scores",

@@ -16,7 +16,7 @@ class Recording(ReadingOptions):
     """A recording: its file, how it is read, and which part of it is used."""
 
     file: str = option(
-        description="path of the file below the folder of the study (.csv, .csv.gz, .mat, .h5, .nc, .flb)", min_length=1
+        description="file below the folder of the study (.csv, .csv.gz, .mat, .h5, .nc, .flb)", min_length=1
     )
     subject: str = option("", "subject; groups the figures")
     condition: str = option("", "condition; groups the figures")

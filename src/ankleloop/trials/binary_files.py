@@ -72,19 +72,26 @@ class Hdf5Contents(Contents):
 
     def _resolve(self, name: str) -> Any:
         """Object of a full name; None if there is none."""
-        path = name.replace(self.separator, "/") or "/"
-        link = self._file.get(path, getlink=True) if path.strip("/") else None
+        path = name.replace(self.separator, "/")
+        if not path.strip("/"):
+            return self._file
+        link = self._file.get(path, getlink=True)
+        if link is None:
+            return None
         if isinstance(link, h5py.ExternalLink):
             raise DataError(
                 f"{self.path.name}: {name} is a link to {link.path} in another file, {link.filename}: read that."
             )
-        node = self._file.get(path)
-        if node is None and isinstance(link, h5py.SoftLink):
+        try:
+            node = self._file[path]
+        except KeyError:
+            if not isinstance(link, h5py.SoftLink):
+                raise
             raise DataError(
                 f"{self.path.name}: {name} is a link to {link.path!r}, which is not in the file: copy the file again, "
                 "or name another variable."
-            )
-        if node is not None and node.file.filename != self._file.filename:
+            ) from None
+        if node.file.filename != self._file.filename:
             raise DataError(f"{self.path.name}: {name} is in another file, {node.file.filename}: read that.")
         return node
 

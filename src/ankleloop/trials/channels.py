@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -64,7 +64,7 @@ class Channel:
     name: str  # full name of the variable or attribute in the file
     unit: str  # unit that the file states, or the empty string
     shape: tuple[int, ...]  # its shape in the file
-    values: np.ndarray | None = None  # its samples; None where they were not read
+    values: np.ndarray = field(default_factory=lambda: np.empty(0))  # its samples, where they were read
 
 
 def check_size(samples: int, name: str) -> None:
@@ -206,7 +206,9 @@ class ReadingOptions(Options):
     position_unit: Literal["rad", "deg"] = option("rad", "unit of position and reference in the file")
     position_sign: Literal[1, -1] = option(1, "-1 turns position and reference round")
     torque_sign: Literal[1, -1] = option(1, "-1 turns the torque round, so that it opposes stretch (positive K, B, I)")
-    case: int | None = option(None, "trial of an FLB file, counted from 1; null if it has one", ge=1, le=10_000)
+    case: int | None = option(
+        None, "trial of an FLB file, counted from 1; null where the file has one", ge=1, le=1_000_000
+    )
     variables: dict[str, str] | str | None = option(
         None,
         "further variables of the trial, as a schedule or the phase of a cycle: name in the trial and variable of the "

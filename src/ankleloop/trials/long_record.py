@@ -167,4 +167,4 @@ class LongRecord:
             raise DataError(
                 f"{self.path.name}: the file has been changed since the record was made: make it again from a copy."
             )
-        return {role: np.ravel(np.asarray(piece.values)) for role, piece in pieces.items()}
+        return {role: np.ravel(piece.values) for role, piece in pieces.items()}

@@ -83,7 +83,7 @@ def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
     ReadingOptions.check_names("read_trial", mapping)
     options = parse_options(path.name, **mapping)
     channels = read_channels(path, options, extras=TRUE_TORQUES)
-    values = {role: np.ravel(np.asarray(channel.values)) for role, channel in channels.items()}
+    values = {role: np.ravel(channel.values) for role, channel in channels.items()}
 
     def measure(factor: float, name: str) -> float:
         times = values[TIME] if factor == 1.0 else values[TIME] * factor
@@ -128,7 +128,7 @@ def choose_rate(
             check_shape(channel.shape, channel.name, source=source)
     stated = options.sampling_rate
     if stated is None and RATE in channels:
-        stated = parse_rate(np.asarray(channels[RATE].values).item(), source=source)
+        stated = parse_rate(channels[RATE].values.item(), source=source)
     if TIME not in channels:
         if stated is None:
             raise DataError(

@@ -86,7 +86,7 @@ def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path | io.
             yield path
             return
         answer = _answer_of(path, "copy", lambda reason: describe_damage(path, kind, remedy, reason), {})
-        yield io.BytesIO(np.asarray(answer["copy"].values).tobytes())
+        yield io.BytesIO(answer["copy"].values.tobytes())
 
 
 @contextmanager
@@ -236,7 +236,8 @@ def _answer_of(path: Path, task: str, describe: Describe, wanted: dict[str, Any]
 def main() -> None:
     """Answer requests until the pipe is closed, or a library fails."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that waits for the answer ends this one
-    pipe, end = Connection(int(sys.argv[2])), {"warnings": []}
+    pipe = Connection(int(sys.argv[2]))
+    end: dict[str, Any] = {"warnings": []}
     with suppress(EOFError):
         while "warnings" in end:
             end = _answer(pipe, *json.loads(pipe.recv_bytes()))
@@ -253,7 +254,7 @@ def _answer(pipe: Connection, task: str, name: str, seconds: float, memory: floa
         allowance = _limit(seconds, memory)
         try:
             for role, channel in _read(container, path, task, wanted):
-                values = np.empty(0) if channel.values is None else channel.values
+                values = channel.values
                 message = {"role": role, "name": channel.name, "unit": channel.unit, "shape": channel.shape}
                 message |= {"type": values.dtype.str, "samples": values.shape}
                 pipe.send_bytes(json.dumps(message).encode())
