@@ -16,7 +16,7 @@ import xarray as xr
 from pyarrow import parquet
 
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.estimate import MEASURED, Estimate, measured_torque
 from ankleloop.joint.models import Model, model_fields, model_from_fields
 from ankleloop.joint.regressors import TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
@@ -84,7 +84,7 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite
     attributes = {"format": FORMAT, "format_version": VERSION, "method": estimate.method, "warnings": warnings}
     groups = {
         "": xr.Dataset(attrs=attributes),
-        "torque": estimate.torque[[*TORQUES]],
+        "torque": estimate.torque,
         "stiffness": _parameter_dataset(estimate.stiffness),
         "reflex": _parameter_dataset(estimate.reflex),
         "intervals": _parameter_dataset(estimate.intervals, "end"),
@@ -168,7 +168,7 @@ def _read_estimate(groups: Mapping[str, Fields], diagnostics: dict[str, Any]) ->
     time, rate = torque.array("time"), torque.number("identification_rate")
     check_same_rate(rate, compute_rate(time, source=torque.source), source=torque.source)
     torques = {name: torque.array(name, time.size, finite=False) for name in TORQUES}
-    attributes = {name: value for name, value in torque.values.items() if name not in ("time", *TORQUES)}
+    attributes = {name: value for name, value in torque.values.items() if name not in ("time", MEASURED, *TORQUES)}
     model = model_from_fields(groups["model"]) if "model" in groups else None
     stiffness, reflex = (
         {name: float(fields.array(name, 1, finite=False)[0]) for name in fields.values}
@@ -176,7 +176,7 @@ def _read_estimate(groups: Mapping[str, Fields], diagnostics: dict[str, Any]) ->
     )
     intervals = groups.get("intervals", Fields("", {}))
     ends = {name: intervals.array(name, 2, finite=False).tolist() for name in intervals.values}
-    return Estimate(
+    estimate = Estimate(
         method=groups[""].text("method"),
         torque=torque_dataset(time, rate, **torques).assign_attrs(
             {name: value if isinstance(value, str) else np.asarray(value).item() for name, value in attributes.items()}
@@ -189,6 +189,9 @@ def _read_estimate(groups: Mapping[str, Fields], diagnostics: dict[str, Any]) ->
         predictor=model,
         trajectories=read_trajectories(groups["trajectories"]) if "trajectories" in groups else None,
     )
+    if MEASURED in torque.values:
+        estimate.torque[MEASURED] = measured_torque(torque.array(MEASURED, time.size, finite=False))
+    return estimate
 
 
 class EstimateTable:
