@@ -15,7 +15,7 @@ from ankleloop.studies.resources import fingerprint
 def test_every_public_name_exists():
     for name in ankleloop.__all__:
         assert getattr(ankleloop, name) is not None
-        assert name in dir(ankleloop)
+    assert set(dir(ankleloop)) == set(ankleloop.__all__)  # and nothing of how they are loaded
     assert callable(ankleloop.subspace.moesp)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         ankleloop.nothing  # noqa: B018

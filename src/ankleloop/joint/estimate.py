@@ -5,18 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from html import escape
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.joint.models import Model, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.quantities import QUANTITIES
+from ankleloop.signals.vaf import vaf
 from ankleloop.subspace.matrices import Matrices
 
 if TYPE_CHECKING:
     from control import StateSpace
+
+    from ankleloop.plotting.style import DataFigure
+
+MEASURED = "measured"  # torque of the trial beside those of an estimate
+TRIM = 1.0  # s at either end: transients are not scored
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +38,8 @@ class Estimate:
     method : str
         Name of the method.
     torque : xarray.Dataset
-        `net`, `intrinsic` and `reflex` torque over time [N·m], as deviations from their means.
+        `net`, `intrinsic` and `reflex` torque over time [N·m], as deviations from their means, and the `measured`
+        torque at the same times.
     matrices : ankleloop.subspace.matrices.Matrices or None
         Model in physical units from position, velocity, acceleration and the basis functions to the torque; None for
         methods without one. `model` is the same as a `control.StateSpace`. The basis functions are those of the
@@ -60,7 +71,7 @@ class Estimate:
     >>> low < estimate.stiffness["K"] < high
     True
     >>> list(estimate.torque)
-    ['net', 'intrinsic', 'reflex']
+    ['net', 'intrinsic', 'reflex', 'measured']
     >>> estimate.model.ninputs, round(estimate.reflex["delay"], 2)
     (4, 0.04)
     >>> estimate.predict(simulate(seed=2, duration=20.0)).torque.sizes == estimate.torque.sizes
@@ -131,7 +142,80 @@ class Estimate:
         diagnostics = self.diagnostics
         if warnings:
             diagnostics = {**diagnostics, "warnings": [*diagnostics.get("warnings", ()), *warnings]}
-        return replace(self, torque=torque, diagnostics=diagnostics)
+        prediction = replace(self, torque=torque, diagnostics=diagnostics)
+        prediction.add_measured(prepared)
+        return prediction
+
+    def add_measured(self, trial: PreparedTrial) -> None:
+        """Put the measured torque of a trial, less its mean, beside the others at their times."""
+        time, rate = self.torque["time"].values, self.torque.attrs["identification_rate"]
+        values = trial.channel_at("torque", time, rate)
+        self.torque[MEASURED] = measured_torque(values - values.mean())
+
+    @property
+    def vaf_net(self) -> float | None:
+        """VAF of the net torque [%] without the first and the last second; None without a measured torque."""
+        time = self.torque["time"]
+        part = self.torque.sel(time=slice(time[0] + TRIM, time[-1] - TRIM))
+        return vaf(part[MEASURED], part["net"]) if MEASURED in part and part.sizes["time"] > 1 else None
+
+    def summary(self) -> pd.DataFrame:
+        """The parameters as a table.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each parameter by its symbol, with `value`, the ends `low` and `high` of its 95 % interval (nan
+            where the method gives none), and `unit`.
+
+        Examples
+        --------
+        >>> from ankleloop import identify, simulate
+        >>> table = identify(simulate(seed=1, duration=20.0), "riv").summary()
+        >>> table.loc["K"].round(1).tolist()
+        [151.2, 144.8, 157.5, 'N·m/rad']
+        >>> list(table.index)
+        ['K', 'B', 'I', 'G', 'ωn', 'ζ', 'delay']
+        """
+        values, nothing = {**self.stiffness, **self.reflex}, (float("nan"), float("nan"))
+        rows = {
+            quantity.symbol: (values[name], *self.intervals.get(name, nothing), quantity.unit)
+            for name, quantity in QUANTITIES.items()
+            if name in values
+        }
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high", "unit"])
+        return table.rename_axis("parameter")
+
+    def plot(self, trial: xr.Dataset | PreparedTrial | None = None) -> DataFigure:
+        """Plot the torques with the measured one, or the trajectories of a joint that changes.
+
+        Parameters
+        ----------
+        trial : xarray.Dataset or PreparedTrial, optional
+            The trial. Of a simulated one, the true torques or trajectories are drawn, too.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure, which notebooks show, and ``savefig`` writes; its attribute `data` is the table of its numbers.
+
+        Raises
+        ------
+        DataError
+            Without a trial, for an estimate of a study or a long record, which hold no measured torque.
+
+        Examples
+        --------
+        >>> from ankleloop import identify, simulate
+        >>> trial = simulate(seed=1, duration=20.0)
+        >>> estimate = identify(trial, "riv")
+        >>> [axis.get_ylabel() for axis in estimate.plot().axes]
+        ['net torque [N·m]', 'intrinsic torque [N·m]', 'reflex torque [N·m]']
+        >>> estimate.plot(trial).data["series"].unique().tolist()
+        ['measured', 'riv (estimated)', 'true (simulated)']
+        """
+        # By name: figures stand above estimates, and no job of the workflow depends on them through an estimate.
+        return import_module("ankleloop.plotting.torques").plot_estimate(self, trial)
 
     def __eq__(self, other: object) -> bool:
         """Whether method, parameters, intervals and torques are the same; details of the fit do not count."""
@@ -145,11 +229,22 @@ class Estimate:
 
     def __repr__(self) -> str:
         lines = [f"<Estimate by {self.method}: {self._list_parameters(self.stiffness)}>"]
-        lines += [f"  reflex: {self._list_parameters(self.reflex)}"]
-        for kind in ("missing", "assumptions", "warnings"):
-            label = {"assumptions": "assumed", "warnings": "warning"}.get(kind, kind)
-            lines += [f"  {label}: {text}" for text in self.diagnostics.get(kind, ())]
-        return "\n".join(lines)
+        lines += [f"reflex: {self._list_parameters(self.reflex)}", *self._list_remarks()]
+        return "\n  ".join(lines)
+
+    def _repr_html_(self) -> str:
+        """The same in a notebook: the table of the parameters, and what is to be said of them."""
+        table = self.summary().to_html(float_format="{:.4g}".format, na_rep="–", index_names=False)
+        remarks = "".join(f"<li>{escape(text)}</li>" for text in self._list_remarks())
+        return f"<p><b>Estimate by {escape(self.method)}</b></p>{table}<ul>{remarks}</ul>"
+
+    def _list_remarks(self) -> list[str]:
+        """Net VAF, where the delay comes from, what is missing or assumed, and warnings."""
+        score, delay = self.vaf_net, "estimated" if "delay" in self.intervals else "assumed"
+        lines = [f"reflex delay: {delay}"] if score is None else [f"net VAF: {score:.1f} %; reflex delay: {delay}"]
+        for kind, label in {"missing": "missing", "assumptions": "assumed", "warnings": "warning"}.items():
+            lines += [f"{label}: {text}" for text in self.diagnostics.get(kind, ())]
+        return lines
 
     def _list_parameters(self, values: dict[str, float]) -> str:
         texts = []
@@ -159,3 +254,8 @@ class Estimate:
             unit = "" if quantity.unit == "1" else f" {quantity.unit}"
             texts.append(f"{quantity.symbol} = {value:.4g}{interval}{unit}")
         return ", ".join(texts)
+
+
+def measured_torque(values: np.ndarray) -> xr.Variable:
+    """The measured torque as a variable of the torques of an estimate; shape of values (N,)."""
+    return xr.Variable("time", values, {"units": "N·m", "long_name": "measured torque"})

@@ -16,7 +16,7 @@ import xarray as xr
 from pyarrow import parquet
 
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.estimate import MEASURED, Estimate, measured_torque
 from ankleloop.joint.models import model_dataset, read_model
 from ankleloop.joint.regressors import TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
@@ -82,7 +82,7 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite
     attributes = {"format": FORMAT, "format_version": VERSION, "method": estimate.method, "warnings": warnings}
     groups = {
         "": xr.Dataset(attrs=attributes),
-        "torque": estimate.torque[[*TORQUES]],
+        "torque": estimate.torque,
         **_make_groups(estimate, complete=True),
         "diagnostics": xr.Dataset(attrs={JSON: dump_values(estimate.diagnostics)}),
     }
@@ -158,13 +158,13 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
     time, rate = torque.array("time"), torque.number("identification_rate")
     check_same_rate(rate, compute_rate(time, source=torque.source), source=torque.source)
     torques = {name: torque.array(name, time.size, finite=False) for name in TORQUES}
-    attributes = {name: torque.values[name] for name in torque.values.keys() - {"time", *TORQUES}}
+    attributes = {name: torque.values[name] for name in torque.values.keys() - {"time", MEASURED, *TORQUES}}
     model = read_model(groups["model"]) if "model" in groups else None
     stiffness, reflex, intervals = (
         {name: group.array(name, finite=False).tolist() for name in group.values}
         for group in (groups["stiffness"], groups["reflex"], groups.get("intervals", Fields("", {})))
     )
-    return Estimate(
+    estimate = Estimate(
         method=groups[""].text("method"),
         torque=torque_dataset(time, rate, **torques).assign_attrs(
             {name: value if isinstance(value, str) else np.asarray(value).item() for name, value in attributes.items()}
@@ -177,6 +177,9 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
         predictor=model,
         trajectories=None if trajectories is None else read_trajectories(trajectories),
     )
+    if MEASURED in torque.values:
+        estimate.torque[MEASURED] = measured_torque(torque.array(MEASURED, time.size, finite=False))
+    return estimate
 
 
 class EstimateTable:

@@ -116,7 +116,8 @@ class Method:
         reference = self.reference(chosen)
         data_warnings = check_data(trials, data_use(chosen, reference))
         estimates = self.identify(trials, chosen) if self.merges else [self.identify(trials[0], chosen)]
-        for estimate in estimates:
+        for part, estimate in zip(trials, estimates, strict=True):
+            estimate.add_measured(part)
             estimate.diagnostics.setdefault("assumptions", []).extend(_list_assumptions(chosen, reference))
             add_warnings(estimate, data_warnings)
         return estimates if merged else estimates[0]

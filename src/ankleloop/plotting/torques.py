@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ankleloop.assessment.scores import evaluate
+from ankleloop.assessment.scores import evaluate, true_trajectories
+from ankleloop.errors import DataError
+from ankleloop.joint.estimate import MEASURED as MEASURED_TORQUE
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.plotting.panels import COLUMNS, Panel, Styles, draw_panels, finish
 from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, method_styles
+from ankleloop.plotting.trajectories import trajectories_figure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,25 +40,37 @@ class CentredTorques:
     estimated: Mapping[str, np.ndarray]  # by the same names
 
 
-def centre_torques(trial: PreparedTrial, estimate: Estimate) -> CentredTorques:
+def centre_torques(trial: PreparedTrial | None, estimate: Estimate) -> CentredTorques:
     """Measured, true and estimated torques at the samples of an estimate, each less its mean."""
     time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
-
-    def centre(channel: str) -> np.ndarray:
-        values = trial.channel_at(channel, time, rate)
-        return values - values.mean()
-
     true: dict[str, np.ndarray] = {}
-    if {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
-        parts = {part: centre(f"torque_{part}") for part in ("intrinsic", "reflex")}
-        true = {"net": parts["intrinsic"] + parts["reflex"], **parts}
-    estimated = {torque: estimate.torque[torque].values for torque in TORQUES}
-    centred = {torque: values - values.mean() for torque, values in estimated.items()}
-    return CentredTorques(time, centre("torque"), true, centred)
+    if trial is not None:
+        measured = trial.channel_at("torque", time, rate)
+        if {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
+            parts = {part: _centre(trial.channel_at(f"torque_{part}", time, rate)) for part in TORQUES[1:]}
+            true = {"net": parts["intrinsic"] + parts["reflex"], **parts}
+    elif MEASURED_TORQUE in estimate.torque:
+        measured = estimate.torque[MEASURED_TORQUE].values
+    else:
+        raise DataError("the estimate holds no measured torque: give the trial, estimate.plot(trial).")
+    estimated = {torque: _centre(estimate.torque[torque].values) for torque in TORQUES}
+    return CentredTorques(time, _centre(measured), true, estimated)
+
+
+def _centre(values: np.ndarray) -> np.ndarray:
+    return values - values.mean()
+
+
+def plot_estimate(estimate: Estimate, trial: xr.Dataset | PreparedTrial | None) -> DataFigure:
+    """Trajectories of an estimate that has them, else its torques; with the true ones of a simulated trial."""
+    if estimate.trajectories is None:
+        return torque_figure(trial, {estimate.method: estimate})
+    truths = None if trial is None else true_trajectories(trial, estimate.trajectories)
+    return trajectories_figure({estimate.method: estimate}, truths)
 
 
 def torque_figure(
-    trial: xr.Dataset | PreparedTrial,
+    trial: xr.Dataset | PreparedTrial | None,
     estimates: Mapping[str, Estimate],
     *,
     start: float = 10.0,
@@ -71,8 +86,8 @@ def torque_figure(
 
     Parameters
     ----------
-    trial : xarray.Dataset or PreparedTrial
-        The trial.
+    trial : xarray.Dataset or PreparedTrial, or None
+        The trial; without it the measured torque is that which the estimates hold.
     estimates : dict of str to Estimate
         Estimates of it by their label.
     start, length : float
@@ -95,21 +110,25 @@ def torque_figure(
     >>> len(figure.axes)  # net, intrinsic and reflex torque
     3
     """
-    trial = prepare(trial)
+    prepared = None if trial is None else prepare(trial)
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     looks = {f"{label} (estimated)": replace(styles[label], more=ESTIMATED) for label in estimates} | TARGETS
-    first, last = find_window(trial.samples("time"), start, length)
+    time = next(iter(estimates.values())).torque["time"].values if prepared is None else prepared.samples("time")
+    first, last = find_window(time, start, length)
     titles, parts = {}, []
     for label, estimate in estimates.items():
-        torques = centre_torques(trial, estimate)
+        torques = centre_torques(prepared, estimate)
         inside = (torques.time >= first) & (torques.time <= last)
-        # VAF of each torque, and against which torque of the trial: the true one, or the measured one.
-        scores = evaluate(trial, estimate).groupby("torque", sort=False).first()
-        scores = scores.reindex(list(TORQUES)).fillna({"against": "true"})  # a true torque that is zero has no VAF
+        scores = {"net": (estimate.vaf_net, "measured")}
+        if prepared is not None:  # the first of each torque: the net torque against the measured one
+            rows = evaluate(prepared, estimate).groupby("torque", sort=False).first()
+            scores = dict(zip(rows.index, rows[["vaf", "against"]].itertuples(index=False), strict=True))
         for torque in TORQUES:
-            vaf, against = scores.loc[torque, ["vaf", "against"]]
-            score = f"VAF {vaf:.1f} % ({against})" if vaf == vaf else f"no VAF ({against}: zero)"
-            titles[label, torque] = (f"{label}\n" if torque == "net" else "") + f"{torque}: {score}"
+            vaf, against = scores.get(torque, (None, "true" if torques.true else "measured"))
+            score = (
+                f": VAF {vaf:.1f} % ({against})" if vaf is not None else ": no VAF (true: zero)" * bool(torques.true)
+            )
+            titles[label, torque] = (f"{label}\n" if torque == "net" else "") + torque + score
             true = ("true (simulated)", torques.true[torque]) if against == "true" else ("measured", torques.measured)
             for series, values in (true, (f"{label} (estimated)", torques.estimated[torque])):
                 names = {"panel": f"{label} {torque}", "series": series, "method": label}

@@ -52,7 +52,7 @@ def trajectories_figure(
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     names = [name for name in PARAMETERS if any(name in part for part in curves.values())]
     panels = {name: Panel(QUANTITIES[name].label, xlabel=xlabel) for name in names}
-    panels |= {f"excitation of {name}": Panel("excitation\nover its mean [1]", xlabel=xlabel) for name in names}
+    panels |= {f"excitation of {name}": Panel("excitation [1]", xlabel=xlabel) for name in names}
     parts: list[dict[str, Any]] = []
     blanks = []
     for name in names:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ankleloop import DataError, identify, new_trial, simulate
+from ankleloop import DataError, evaluate, identify, new_trial, simulate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES, torque_dataset
@@ -30,7 +30,36 @@ def test_repr_has_intervals_and_warnings():
     intervals, warnings = {"K": (140.0, 160.25), "G": (12.0, 14.0)}, ["unstable", "short"]
     first, *rest = repr(make_estimate(intervals=intervals, diagnostics={"warnings": warnings})).splitlines()
     assert first == "<Estimate by pr-moesp: K = 150.1 (140 … 160.2) N·m/rad, B = 0.8 N·m·s/rad, I = 0.3 kg·m²>"
-    assert rest == ["  reflex: delay = 0.04 s", "  warning: unstable", "  warning: short"]
+    remarks = ["  reflex delay: assumed", "  warning: unstable", "  warning: short"]
+    assert rest == ["  reflex: delay = 0.04 s", *remarks]
+
+
+def test_the_summary_has_a_row_for_each_parameter():
+    table = make_estimate(intervals={"K": (140.0, 160.25)}).summary()
+    assert table.index.tolist() == ["K", "B", "I", "delay"]
+    assert table.loc["K"].tolist() == [150.125, 140.0, 160.25, "N·m/rad"]
+    assert table.loc["delay", ["value", "unit"]].tolist() == [0.04, "s"]
+    assert table.loc["B", ["low", "high"]].isna().all()
+
+
+def test_notebooks_show_parameters_and_remarks_as_html():
+    page = make_estimate(diagnostics={"warnings": ["K < 0"], "assumptions": ["the loop is open"]})._repr_html_()
+    for text in ("<b>Estimate by pr-moesp</b>", "<th>K</th>", "<td>150.1</td>", "<td>–</td>", "<td>N·m/rad</td>"):
+        assert text in page
+    for remark in ("reflex delay: assumed", "assumed: the loop is open", "warning: K &lt; 0"):
+        assert f"<li>{remark}</li>" in page
+
+
+def test_the_measured_torque_stands_beside_the_estimated_ones():
+    trial, other = (simulate(seed=seed, duration=12.0) for seed in (1, 2))
+    estimate = identify(trial, "riv")
+    for each, record in ((estimate, trial), (estimate.predict(other), other)):
+        measured = each.torque["measured"]
+        assert (measured.attrs["units"], measured.attrs["long_name"]) == ("N·m", "measured torque")
+        scores = evaluate(record, each).set_index(["torque", "against"])["vaf"]
+        assert each.vaf_net == pytest.approx(scores["net", "measured"], abs=1e-9)
+        assert f"net VAF: {each.vaf_net:.1f} %; reflex delay: estimated" in repr(each)
+    assert make_estimate().vaf_net is None
 
 
 def test_the_model_is_a_state_space_of_control():

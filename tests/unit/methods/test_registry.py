@@ -19,7 +19,7 @@ def test_every_method_returns_a_valid_estimate(noisy, method, tmp_path):
     assert isinstance(estimate, ankleloop.Estimate)
     assert estimate.method == method
     torque = estimate.torque
-    assert set(torque.data_vars) == {"net", "intrinsic", "reflex"}
+    assert set(torque.data_vars) == {"net", "intrinsic", "reflex", "measured"}
     assert torque.attrs["identification_rate"] == 100.0
     assert torque["time"].attrs["units"] == "s"
     np.testing.assert_allclose(np.diff(torque["time"]), 0.01, rtol=1e-9)

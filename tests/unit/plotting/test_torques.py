@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -78,3 +80,32 @@ def test_torques_have_no_mean_and_are_those_of_the_trial(identified):
         np.testing.assert_allclose(values, expected - expected.mean(), atol=1e-12)
     np.testing.assert_allclose(torques.true["net"], torques.true["intrinsic"] + torques.true["reflex"], atol=1e-12)
     assert centre_torques(prepare(trial.drop_vars(["torque_intrinsic", "torque_reflex"])), estimate).true == {}
+
+
+def test_an_estimate_plots_itself_over_the_measured_torque_and_with_a_trial_over_the_true_ones(identified):
+    trial, estimates = identified
+    estimate = estimates["PR-MOESP"]
+    figure = estimate.plot()
+    titles = [axis.get_title().replace("\n", " ") for axis in figure.axes]
+    assert titles == [f"pr-moesp net: VAF {estimate.vaf_net:.1f} % (measured)", "intrinsic", "reflex"]
+    assert set(figure.data["series"]) == {"measured", "pr-moesp (estimated)"}
+    (measured,) = (line for line in figure.axes[1].get_lines() if line.get_label() == "measured")
+    expected = estimate.torque["measured"].sel(time=measured.get_xdata())
+    np.testing.assert_allclose(measured.get_ydata(), expected, atol=1e-12)
+    assert "true (simulated)" in set(estimate.plot(trial).data["series"])
+
+
+def test_an_estimate_without_a_measured_torque_asks_for_the_trial(identified):
+    trial, estimates = identified
+    estimate = replace(estimates["PR-MOESP"], torque=estimates["PR-MOESP"].torque.drop_vars("measured"))
+    with pytest.raises(ankleloop.DataError, match=r"give the trial, estimate\.plot\(trial\)"):
+        estimate.plot()
+    assert len(estimate.plot(trial).axes) == 3
+
+
+def test_an_estimate_of_a_joint_that_changes_plots_its_trajectories():
+    trial = ankleloop.simulate(seed=4, variation="cycle", duration=24.0)
+    estimate = ankleloop.identify(trial, "riv-tv", cycle_onsets="phase")
+    labels = ["K [N·m/rad]", "B [N·m·s/rad]", "G [N·m·s/rad]"]
+    assert [axis.get_ylabel() for axis in estimate.plot().axes[:3]] == labels
+    assert set(estimate.plot(trial).data["series"]) == {"riv-tv", "true value"}

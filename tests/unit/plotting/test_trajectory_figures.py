@@ -58,7 +58,7 @@ def test_the_table_has_trajectories_bands_excitation_and_truth():
     np.testing.assert_allclose((part["high"] - part["low"])[10:], 10.0)
     assert part["value"][:10].isna().all()
     np.testing.assert_allclose(data.query("quantity == 'G' and series == 'true value'")["value"], truths["G"])
-    excitation = data[data["quantity"] == "excitation over its mean"]
+    excitation = data[data["quantity"] == "excitation"]
     np.testing.assert_allclose(excitation["value"][:10], 0.001)
 
 

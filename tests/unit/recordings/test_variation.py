@@ -61,8 +61,9 @@ def test_the_page_shows_trajectories_bands_and_excitation(analysis):
     trial, result = analysis
     figures = embed_recording_figures(trial, result)
     data = figures["trajectories"].data
-    assert set(data["series"]) == {"changing"}
-    assert {"value", "low", "high", "excitation over its mean [1]"} <= set(data.columns)
+    assert set(data["series"]) == {"changing", "constant"}
+    assert {"value", "low", "high"} <= set(data.columns)
+    assert "excitation" in set(data["quantity"])
     page = render_recording_page("a", MAPPING, result, recommend(result), figures)
     assert "Change of the joint" in page
     assert describe_variations(result)["changing"] in page
