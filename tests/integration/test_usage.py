@@ -6,24 +6,12 @@ import shutil
 import pandas as pd
 import pytest
 import yaml
+from workflow_runs import STUDY
 
 pytestmark = pytest.mark.workflow
 
-TINY = {
-    "run": ["tiny"],
-    "studies": {
-        "tiny": {
-            "kind": "simulation",
-            "notebook": "table1",
-            "trials": 3,
-            "seed": 1,
-            "trials_per_chunk": 2,
-            "simulation": {"duration": 12.0},
-            "points": {"reflex_gain": [13.0]},
-            "methods": {"pr-moesp": {"method": "pr-moesp"}, "riv": {"method": "riv"}},
-        }
-    },
-}
+SETTINGS = STUDY["studies"]["study"] | {"trials": 3, "trials_per_chunk": 2, "points": {"reflex_gain": [13.0]}}
+TINY = {"run": ["tiny"], "studies": {"tiny": SETTINGS}}
 PLANNED = {"simulate": 2, "identify": 2, "small_table": 1, "report": 1, "figure": 2, "index": 1}
 
 
@@ -58,14 +46,11 @@ def dry_run(clean, snakemake):
     return text, jobs
 
 
-def test_until_a_rule(dry_run):
+def test_until_a_rule_with_resources_of_another(dry_run):
     jobs = count_jobs(dry_run[0])
     assert {"simulate", "identify", "verify"} <= set(jobs)
     assert {"article", "crate", "index"}.isdisjoint(jobs)
     assert jobs["simulate"] == jobs["identify"] > 10
-
-
-def test_resources_of_a_rule(dry_run):
     memory = {rule: set(re.findall(r"mem_mb=(\d+)", "".join(blocks))) for rule, blocks in dry_run[1].items()}
     assert memory["identify"] == {"3000"}
     assert memory["simulate"] == memory["verify"] == {"2000"}

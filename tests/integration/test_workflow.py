@@ -62,10 +62,6 @@ def test_table_and_figure_of_the_paper(reproduction):
     value = table[table["gain"] == 13.0].set_index(["method", "torque", "against"])
     assert value.loc[("pr-moesp", "net", "measured"), "paper"] == 92
     assert value.loc[("parallel-cascade-one-pass", "intrinsic", "true"), "paper"] == 56
-    # What the table says of the methods holds in two short trials, too.
-    assert value.loc[("pr-moesp", "intrinsic", "true"), "mean"] > 97
-    assert value.loc[("parallel-cascade", "intrinsic", "true"), "mean"] > 97
-    assert 40 < value.loc[("parallel-cascade-one-pass", "intrinsic", "true"), "mean"] < 75
     markdown = (reproduction / "results/tables/table1.md").read_text(encoding="utf-8")
     assert "PR-MOESP" in markdown
     assert "N·m/rad" in markdown
@@ -76,9 +72,8 @@ def test_table_and_figure_of_the_paper(reproduction):
 
 def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
     for path in (reproduction / "results/tables").glob("*.csv"):
-        # The economy is that of runs that cannot fail; tables of trials and of recordings have no means.
         if path.stem in ("economy", "recordings") or path.stem.endswith("-trials"):
-            continue
+            continue  # no means of trials, or of runs that cannot fail
         table = pd.read_csv(path)
         details = read_results(reproduction / f"results/tables/{path.stem}-trials.parquet")[0]
         assert set(COUNTS) <= set(table), path.name
@@ -109,17 +104,13 @@ def test_nothing_is_left_to_do_and_nothing_half_written(reproduction, reduced):
 
 
 def test_settings_rerun_exactly_what_depends_on_them(plan):
-    """An option of Table 1 identifies again, and simulates nothing; the voluntary torque of Table 2 does both."""
-    option = {"methods": {"pr-moesp": {"options": {"block_rows": 20}}}}
-    jobs = plan(table1=option, table2={"simulation": {"voluntary": 0.4}})
-    chunks = {"identify table1 0": 1, "identify table1 1": 1, "simulate table2 0": 1, "identify table2 0": 1}
+    """An option and new points of Table 1: the point that stays is identified again; voluntary torque of Table 2."""
+    option = {"pr-moesp": {"options": {"block_rows": 20}}}
+    points = {"reflex_gain": [13.0, 5.0, 7.0]}
+    jobs = plan(table1={"methods": option, "points": points}, table2={"simulation": {"voluntary": 0.4}})
+    names = ("identify table1 0", "identify table1 1", "identify table1 2", "simulate table1 1", "simulate table1 2")
+    chunks = dict.fromkeys((*names, "simulate table2 0", "identify table2 0"), 1)
     assert jobs == chunks | report_jobs("table1", 2) | report_jobs("table2", 1) | SUMMARIES
-
-
-def test_a_changed_and_a_new_point_leave_the_others_alone(plan):
-    jobs = plan(table1={"points": {"reflex_gain": [13.0, 5.0, 7.0]}})
-    chunks = {f"{rule} table1 {chunk}": 1 for rule in ("simulate", "identify") for chunk in (1, 2)}
-    assert jobs == chunks | report_jobs("table1", 2) | SUMMARIES
 
 
 @pytest.fixture
@@ -175,12 +166,6 @@ def test_the_whole_paper_is_there(reproduction):
     for study in ("table2", "figure4", "passes", "voluntary", "load", "projection", "real-time"):
         page(reproduction / f"results/reports/{study}.html")
     assert "stand-in" in page(reproduction / "results/reports/table2.html")
-
-
-def test_a_wrong_key_stops_before_any_job(reduced):
-    text = reduced(overlay={"studies": {"table1": {"trails": 3}}}, check=False)
-    assert "config → studies → table1: unknown key 'trails' (did you mean 'trials'?); known here: " in text
-    assert "rule simulate" not in text
 
 
 def test_an_unstable_point_is_named_and_leaves_nothing(reproduction, reduced):

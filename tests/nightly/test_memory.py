@@ -11,6 +11,7 @@ import pytest
 
 from ankleloop import simulate
 
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
 TESTS = Path(__file__).parents[1]
 MOST = 500e6  # bytes of a job of 10,000 trials
 GROWTH = 4e3  # bytes for each trial: its attributes, and its places in temporary files; no signals
@@ -18,49 +19,15 @@ GROWTH = 4e3  # bytes for each trial: its attributes, and its places in temporar
 STEP = 5e6  # bytes by which a peak varies; one channel of each trial that is kept would be 80 MB in the default job
 JOBS = {"short": (4.0, 1000, 10_000), "default": (50.0, 100, 300)}
 
-PREPARE = """
+LARGEST_MEMORY = """
+import json, logging, shutil, sys
+from ankleloop import LongRecord, identify_file
+from ankleloop.paper.trial_tables import join_tables
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.identification import identify_trials, read_trials
 from ankleloop.studies.simulation import simulate_trials
 from study_jobs import write_trials
-conditions = {"p": {"settings": SimulationSettings(duration=duration).model_dump(), "first": 0, "stop": count}}
-points = {"p": {**conditions["p"], "points": {"p": {"values": {}, "options": {}}}}}
-methods = {
-    "pr": {"method": "pr-moesp", "options": {"block_rows": 10}},
-    "cascade": {"method": "parallel-cascade", "options": {"max_passes": 1}},
-}
-files = {"scores": f"{folder}/scores.parquet"}
-"""
-SIMULATE = (
-    PREPARE
-    + """
-write_trials(f"{folder}/trials.nc", "s", 1, conditions)
-"""
-)
-IDENTIFY = (
-    PREPARE
-    + """
-files["estimates"] = f"{folder}/estimates.parquet"
-identify_trials(read_trials(f"{folder}/trials.nc", points), files, "s", points, methods, {})
-"""
-)
-SWEEP = (
-    PREPARE
-    + """
-identify_trials(simulate_trials("s", 1, conditions), files, "s", points, methods, {})
-"""
-)
-TABLE = """
-import json, shutil, sys
-from ankleloop.paper.trial_tables import join_tables
-folder, count, rows = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-chunks = {f"{folder}/{number}.parquet": "" for number in range(count)}
-for path in chunks:
-    shutil.copyfile(f"{folder}/scores.parquet", path)
-join_tables(f"{folder}/table.parquet", chunks, [], count * rows, "")
-print(json.dumps(largest_memory()))
-"""
-LARGEST_MEMORY = """
+
 def largest_memory():
     with open("/proc/self/status") as file:
         (line,) = [line for line in file if line.startswith("VmHWM")]
@@ -68,27 +35,45 @@ def largest_memory():
 """
 # The program prints its largest memory after some trials, after all of them, and at its end.
 PROGRAM = """
-import json, logging, sys
 folder, duration, filled, count = sys.argv[1], float(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
 
 class Peaks(logging.Handler):
     trials, memory = 0, []
     def emit(self, record):
-        if record.msg == "{message}":
+        if record.msg == "%s: {done} trial %d":
             self.trials += 1
             if self.trials in (filled, count):
                 self.memory.append(largest_memory())
 
 peaks = Peaks()
 logging.basicConfig(handlers=[peaks], level=logging.INFO)
+conditions = {"p": {"settings": SimulationSettings(duration=duration).model_dump(), "first": 0, "stop": count}}
+points = {"p": {**conditions["p"], "points": {"p": {"values": {}, "options": {}}}}}
+methods = {
+    "pr": {"method": "pr-moesp", "options": {"block_rows": 10}},
+    "cascade": {"method": "parallel-cascade", "options": {"max_passes": 1}},
+}
+files = {"scores": f"{folder}/scores.parquet"}
 {job}
 print(json.dumps([*peaks.memory, largest_memory()]))
 """
-
-
+STEPS = {
+    "simulate": 'write_trials(f"{folder}/trials.nc", "s", 1, conditions)',
+    "identify": """
+files["estimates"] = f"{folder}/estimates.parquet"
+identify_trials(read_trials(f"{folder}/trials.nc", points), files, "s", points, methods, {})
+""",
+    "sweep": 'identify_trials(simulate_trials("s", 1, conditions), files, "s", points, methods, {})',
+}
+TABLE = """
+folder, count, rows = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+chunks = {f"{folder}/{number}.parquet": "" for number in range(count)}
+for path in chunks:
+    shutil.copyfile(f"{folder}/scores.parquet", path)
+join_tables(f"{folder}/table.parquet", chunks, [], count * rows, "")
+print(json.dumps(largest_memory()))
+"""
 RECORD = """
-import json, sys
-from ankleloop import LongRecord, identify_file
 identify_file(LongRecord(sys.argv[1]), sys.argv[2]).torque.close()
 print(json.dumps(largest_memory()))
 """
@@ -103,28 +88,25 @@ def run(program, *arguments, **environment):
     """What a program prints, as JSON."""
     path = os.pathsep.join(filter(None, [str(TESTS), os.environ.get("PYTHONPATH")]))
     environment = {**os.environ, **environment, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
-    command = [sys.executable, "-c", program, *arguments]
+    command = [sys.executable, "-c", LARGEST_MEMORY + program, *arguments]
     process = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert process.returncode == 0, process.stderr
     return json.loads(process.stdout)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
 @pytest.mark.parametrize("length", JOBS)
 def test_memory_does_not_grow_with_the_trials_of_a_chunk(tmp_path, length):
     duration, filled, count = JOBS[length]
     megabytes = {}
-    for name, job in (("simulate", SIMULATE), ("identify", IDENTIFY), ("sweep", SWEEP)):
-        arguments = [str(tmp_path), str(duration), str(filled), str(count)]
-        message = "%s: simulated trial %d" if name == "simulate" else "%s: identified trial %d"
-        program = PROGRAM.replace("{job}", job).replace("{message}", message)
-        few, many, end = run(LARGEST_MEMORY + program, *arguments, **ALLOCATION)
+    for name, step in STEPS.items():
+        done = "simulated" if name == "simulate" else "identified"
+        program = PROGRAM.replace("{job}", step).replace("{done}", done)
+        few, many, end = run(program, str(tmp_path), str(duration), str(filled), str(count), **ALLOCATION)
         megabytes[name] = [round(peak / 1e6) for peak in (few, many, end)]
         assert many - few < STEP + GROWTH * (count - filled), (name, megabytes)
         assert end < MOST, (name, megabytes)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
 def test_memory_does_not_grow_with_the_length_of_a_record(tmp_path):
     """Trials end to end, at 100 Hz."""
     trial = simulate(
@@ -139,14 +121,13 @@ def test_memory_does_not_grow_with_the_length_of_a_record(tmp_path):
                 variable = file.create_dataset(name, (samples,), float)
                 for start in range(0, samples, trial.sizes["time"]):
                     variable[start : start + trial.sizes["time"]] = trial[name].values
-        peaks.append(run(LARGEST_MEMORY + RECORD, str(path), str(tmp_path / f"{samples}.nc")))
+        peaks.append(run(RECORD, str(path), str(tmp_path / f"{samples}.nc")))
     assert peaks[1] - peaks[0] < CHANNEL, peaks
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
 def test_memory_does_not_grow_with_the_table_of_a_study(tmp_path):
     trials, chunks = 500, (20, 200)
-    sweep = PROGRAM.replace("{job}", SWEEP).replace("{message}", "")
-    run(LARGEST_MEMORY + sweep, str(tmp_path), "4.0", "0", str(trials))
-    few, many = (run(LARGEST_MEMORY + TABLE, str(tmp_path), str(count), str(2 * trials)) for count in chunks)
+    sweep = PROGRAM.replace("{job}", STEPS["sweep"])
+    run(sweep, str(tmp_path), "4.0", "0", str(trials))
+    few, many = (run(TABLE, str(tmp_path), str(count), str(2 * trials)) for count in chunks)
     assert many - few < 50 * 2 * trials * (chunks[1] - chunks[0]), (few, many)  # a row has 30 numbers of 8 bytes

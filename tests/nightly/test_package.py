@@ -1,31 +1,111 @@
-"""The wheel in an environment with nothing but what it requires: a recording is identified there, from file to page."""
+"""The wheel and the source distribution: what is in them, and how the wheel works with nothing but what it requires."""
 
 import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from importlib.metadata import distribution
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from package_builds import build, make_environment, run
+from packaging.requirements import Requirement
 
 import ankleloop
 from ankleloop import simulate
 from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
+ROOT = Path(__file__).parents[2]
+BUILD = "import sys; from flit_core import buildapi; print(getattr(buildapi, sys.argv[1])(sys.argv[2]))"
 WORKFLOW = ("snakemake", "papermill", "nbconvert", "IPython", "pytest")
 IMPORT_ALL = f"""
 import importlib, importlib.util, pkgutil
 import ankleloop
 for module in pkgutil.walk_packages(ankleloop.__path__, "ankleloop."):
-    importlib.import_module(module.name)
+    if ".exploration" not in module.name:  # it needs the extra of the notebooks
+        importlib.import_module(module.name)
 print(ankleloop.__file__)
 print([name for name in {WORKFLOW!r} if importlib.util.find_spec(name)])
 """
 
 
+def build(kind, folder, source=ROOT):
+    """Build a "wheel" or an "sdist" from a source tree; its path."""
+    command = [sys.executable, "-c", BUILD, f"build_{kind}", str(folder)]
+    process = subprocess.run(command, cwd=source, capture_output=True, text=True, check=True)
+    return folder / process.stdout.split()[-1]
+
+
+def list_requirements(name):
+    """Distributions that one requires without its extras, and those that these require; itself is not among them."""
+    names, pending = set(), [name]
+    while pending:
+        texts = distribution(pending.pop()).requires or ()
+        required = [item for item in map(Requirement, texts) if not item.marker or item.marker.evaluate({"extra": ""})]
+        pending += [item.name for item in required if item.name not in names]
+        names |= {item.name for item in required}
+    return names
+
+
+def make_environment(folder, wheel):
+    """An environment with a wheel and the distributions that it requires, those of this environment, and no others."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
+    python = folder / "bin" / "python"
+    packages = Path(run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))").strip())
+    for name in list_requirements("ankleloop"):
+        installed = distribution(name)
+        for part in {file.parts[0] for file in installed.files or () if file.parts[0] not in ("..", "__pycache__")}:
+            target = packages / part
+            if not target.exists():
+                target.symlink_to(installed.locate_file(part))
+    install = ["-m", "pip", "--python", str(python), "install", "--quiet", "--no-deps", "--no-index", str(wheel)]
+    subprocess.run([sys.executable, *install], check=True)
+    return folder / "bin"
+
+
+def run(program, *arguments, folder=None, check=True):
+    """Run a program of an environment, which sees no other path; its output."""
+    hidden = ("PYTHON", "VIRTUAL_ENV", "ANKLELOOP", "NUMBA")
+    variables = {name: value for name, value in os.environ.items() if not name.startswith(hidden)}
+    process = subprocess.run(
+        [str(program), *map(str, arguments)], cwd=folder, env=variables, capture_output=True, text=True
+    )
+    assert not check or process.returncode == 0, process.stdout + process.stderr
+    return process.stdout
+
+
 @pytest.fixture(scope="module")
-def programs(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("package")
-    return make_environment(folder / "environment", build("wheel", folder))
+def wheel(tmp_path_factory):
+    return build("wheel", tmp_path_factory.mktemp("wheel"))
+
+
+def test_the_wheel_has_every_file_of_the_library(wheel):
+    """Those that git knows: templates and data as well as modules."""
+    listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard", "src"], cwd=ROOT, capture_output=True)
+    present = [name for name in listed.stdout.decode().split("\n") if name and (ROOT / name).exists()]
+    files = {name.removeprefix("src/") for name in present}
+    if listed.returncode or not files:
+        pytest.skip("this is no working copy of git")
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+        assert {"ankleloop/pages/templates/base.html.j2", "ankleloop/studies/resources.json"} <= names
+        assert names == files
+        scripts = archive.read(f"ankleloop-{ankleloop.__version__}.dist-info/entry_points.txt").decode()
+    assert "ankleloop=ankleloop.command_line.main:main" in scripts.replace(" ", "")
+
+
+def test_the_source_distribution_gives_the_same_wheel(wheel, tmp_path):
+    sdist = build("sdist", tmp_path)
+    shutil.unpack_archive(sdist, tmp_path, filter="data")
+    again = build("wheel", tmp_path, tmp_path / sdist.name.removesuffix(".tar.gz"))
+    with zipfile.ZipFile(wheel) as first, zipfile.ZipFile(again) as second:
+        assert {i.filename: i.CRC for i in first.infolist()} == {i.filename: i.CRC for i in second.infolist()}
+
+
+@pytest.fixture(scope="module")
+def programs(tmp_path_factory, wheel):
+    return make_environment(tmp_path_factory.mktemp("package") / "environment", wheel)
 
 
 def test_the_library_imports_without_the_workflow(programs, tmp_path):
@@ -50,14 +130,10 @@ def test_every_file_format(programs, tmp_path, kind):
     results = tmp_path / f"{path.name}-results"
     assert {"riv.nc", "riv.mat", "riv.csv", "figure-torques.csv"} <= {file.name for file in (results / "S1").iterdir()}
     code = "import ankleloop, sys; print(ankleloop.load_estimate(sys.argv[1]).stiffness['K'])"
+    run(programs / "ankleloop", "study", "new.yaml", path.name, folder=tmp_path)
+    assert "position: position" in (tmp_path / "new.yaml").read_text(encoding="utf-8")
     stiffness = float(run(programs / "python", "-c", code, results / "S1" / "riv.nc", folder=tmp_path))
     assert stiffness == pytest.approx(150.0, rel=0.1)
-
-
-def test_a_study_of_recordings_can_be_written(programs, tmp_path):
-    write_recording(simulate(seed=2, duration=20.0), tmp_path / "S1.mat", "matlab-7.3")
-    run(programs / "ankleloop", "study", "new.yaml", "S1.mat", folder=tmp_path)
-    assert "position: position" in (tmp_path / "new.yaml").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("file", ["ankle_pf.mat", "ankle_df.csv.gz", "ankle_df3.h5"])

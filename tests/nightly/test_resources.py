@@ -3,7 +3,6 @@
 import os
 import re
 import shutil
-import signal
 import subprocess
 from contextlib import suppress
 
@@ -92,10 +91,8 @@ def test_a_job_without_memory_says_so_and_the_others_finish(repository, start, f
     assert not list_differences(expected, finish(folder, unlock=False))
 
 
-def test_a_job_that_the_system_ends_for_want_of_memory_is_named(start, finish, undisturbed, tmp_path):
-    """As the Linux kernel does: SIGKILL to one job."""
-    expected, _ = undisturbed
-    run = start(tmp_path)
+def kill_a_job(run):
+    """Wait for a job of `identify`, and end it as the Linux kernel does for want of memory: by SIGKILL."""
     jobs = []
 
     def find_job():
@@ -106,11 +103,32 @@ def test_a_job_that_the_system_ends_for_want_of_memory_is_named(start, finish, u
         return jobs
 
     run.wait_for(find_job)
-    jobs[0].send_signal(signal.SIGKILL)
+    jobs[0].kill()
+
+
+def test_a_job_that_the_system_ends_is_named_and_the_others_are_not_repeated(start, finish, undisturbed, tmp_path):
+    run = start(tmp_path)
+    kill_a_job(run)
     assert run.wait() != 0
     assert "Error in rule identify:" in run.text
-    assert len(list(tmp_path.glob("results/scores/study/*.parquet"))) == CHUNKS - 1
-    assert not list_differences(expected, finish(tmp_path, unlock=False))
+    before = {path: path.stat().st_ino for path in tmp_path.glob("results/scores/study/*.parquet")}
+    assert len(before) == CHUNKS - 1
+    assert not list_differences(undisturbed[0], finish(tmp_path, unlock=False))
+    assert all(path.stat().st_ino == number for path, number in before.items())
+
+
+def test_a_killed_job_is_tried_again_with_twice_the_memory_and_time(start, undisturbed, tmp_path):
+    run = start(tmp_path, "--retries", "1")
+    kill_a_job(run)
+    assert run.wait() == 0, run.text
+    requests = {}
+    pattern = r"^(?:local)?rule identify:\n.*?chunk=(\d+).*?mem_mb=(\d+),.*?runtime=(\d+)"
+    for chunk, memory, minutes in re.findall(pattern, run.text, re.DOTALL | re.MULTILINE):
+        requests.setdefault(chunk, []).append((int(memory), int(minutes)))
+    assert len(requests) == CHUNKS
+    ((memory, minutes), again) = max(requests.values(), key=len)
+    assert again == (2 * memory, 2 * minutes)
+    assert not list_differences(undisturbed[0], read_results(tmp_path))
 
 
 DAMAGES = {

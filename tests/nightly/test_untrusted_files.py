@@ -82,20 +82,15 @@ def test_zeros_over_some_bytes_neither_kill_nor_halt_the_reader(files, tmp_path,
     """As after a fault of the disk, here and there in the first part of the file, where the structure is."""
     monkeypatch.setattr(reading_process, "SECONDS", 2.0)
     generator = np.random.default_rng(2008)
-    content, path = files[name], tmp_path / name
-    counts = dict.fromkeys(("files", "read", "refused", "stopped", "crashes"), 0)
+    content, path, refused = files[name], tmp_path / name, 0
     for start in generator.integers(0, min(len(content), 8000), 60):
         length = int(generator.integers(1, 400))
         path.write_bytes(content[:start] + bytes(length) + content[start + length :])
-        counts["files"] += 1
         begin = time.monotonic()
         try:
             FILE_READERS[name](path)
-            counts["read"] += 1
         except DataError as error:
-            counts["refused"] += 1
-            counts["stopped"] += "stopped after" in str(error)
-            counts["crashes"] += "crashed the process" in str(error)
+            refused += 1
             assert name in str(error)  # noqa: PT017
         assert time.monotonic() - begin < 60.0
-    assert counts["refused"] > 0
+    assert refused > 0

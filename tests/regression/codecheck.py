@@ -27,13 +27,9 @@ def describe():
     entries = []
     for path in sorted(EXPECTED.glob("*.csv")):
         title = titles.get(path.stem, {}).get("title", path.stem)
-        entries.append(
-            {
-                "file": path.relative_to(ROOT).as_posix(),
-                "comment": f"{title}: means over the trials of the reduced configuration, each with its tolerance",
-                "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-            }
-        )
+        comment = f"{title}: means over the trials of the reduced configuration, each with its tolerance"
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        entries.append({"file": path.relative_to(ROOT).as_posix(), "comment": comment, "sha256": digest})
     content = {
         "version": "https://codecheck.org.uk/spec/config/1.0",
         "paper": {
@@ -43,12 +39,7 @@ def describe():
         },
         "manifest": entries,
         "source": "make test runs the workflow, reduced by config/ci.yaml, and compares its results with these files",
-        "summary": None,
-        "repository": None,
-        "codechecker": None,
-        "check_time": None,
-        "certificate": None,
-        "report": None,
+        **dict.fromkeys(("summary", "repository", "codechecker", "check_time", "certificate", "report")),
     }
     return HEADING + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=118)
 

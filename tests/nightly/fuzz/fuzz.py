@@ -1,6 +1,5 @@
 """Damaged files for every reader: each has to be read or refused, in time, by a message that names it."""
 
-import concurrent.futures
 import gzip
 import multiprocessing
 import resource
@@ -9,6 +8,8 @@ import time
 import traceback
 import warnings
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import numpy as np
@@ -98,25 +99,24 @@ def try_file(reader, path, rng, base=None):
             outcome, message = "failures", traceback.format_exc()
         if reader != "config" and path.name not in message:
             outcome, message = "failures", f"the message does not name the file: {message}"
-    except SlowError:
-        outcome, message = "failures", "too slow"
-    except Exception:
+    except (Exception, SlowError):
         outcome, message = "failures", traceback.format_exc()
     seconds = time.monotonic() - start
     return ("failures", f"took {seconds:.1f} s: {message}") if seconds > LONGEST else (outcome, message)
 
 
-def fuzz(reader, numbers, seconds, seed, folder):
-    """Try files of a reader until the time is over; counts of outcomes, and messages of failures by file."""
+def fuzz(reader, minutes, seed, folder):
+    """Try files of a reader until the time is over: outcomes, messages of failures by file, and most memory [bytes]."""
     corpus, counts, failures = make_corpus(reader), Counter(), {}
-    base = yaml.safe_load(CONFIG.read_text(encoding="utf-8")) if reader == "config" else None
+    base = yaml.safe_load(CONFIG.read_text(encoding="utf-8"))
+    if reader == "config":  # which is read in this process
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + MOST_MEMORY, resource.RLIM_INFINITY))
     signal.signal(signal.SIGALRM, _stop)
-    end = time.monotonic() + seconds
-    for number in numbers:
-        if time.monotonic() > end:
-            break
-        suffix, content, rng = make_file(reader, number, seed, corpus)
-        path = folder / f"{reader.replace('.', '-')}-{seed}-{number}{suffix}"
+    end = time.monotonic() + 60 * minutes
+    while time.monotonic() < end:
+        suffix, content, rng = make_file(reader, counts["files"], seed, corpus)
+        path = folder / f"{reader.replace('.', '-')}-{seed}-{counts['files']}{suffix}"
         path.write_bytes(content)
         # Only of a configuration, because other readers have to stop by themselves.
         signal.setitimer(signal.ITIMER_REAL, LONGEST if reader == "config" else 10 * LONGEST)
@@ -129,43 +129,19 @@ def fuzz(reader, numbers, seconds, seed, folder):
             failures[path.name] = message
         else:
             path.unlink()
-    return counts, failures
-
-
-def _work(reader, worker, workers, seconds, seed, folder):
-    """Task of a process: every so many-th file of a reader."""
-    if reader == "config":  # which is read in this process
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + MOST_MEMORY, resource.RLIM_INFINITY))
-    try:
-        counts, failures = fuzz(reader, range(worker, 10**9, workers), seconds, seed, Path(folder))
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     reading_process.stop()  # its peak of memory is known once it has ended
     peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) * 1024
     return counts, failures, peak
 
 
-def fuzz_reader(reader, minutes, workers, seed, folder):
-    """Counts of a reader and its failures, from several processes."""
-    total, failures, peaks = Counter(), {}, []
-    context = multiprocessing.get_context("spawn")
-    with concurrent.futures.ProcessPoolExecutor(workers, mp_context=context) as pool:
-        tasks = [
-            pool.submit(_work, reader, worker, workers, 60 * minutes, seed, str(folder)) for worker in range(workers)
-        ]
-        for task in tasks:
-            try:
-                counts, failed, peak = task.result()
-            except concurrent.futures.process.BrokenProcessPool:
-                total["failures"] += 1
-                failures["the file that is left in the folder"] = "crashed the process of the caller"
-                continue
-            total += counts
-            failures |= failed
-            peaks.append(peak)
-    peak = max(peaks, default=0)
+def fuzz_reader(reader, minutes, seed, folder):
+    """Counts of a reader and its failures, in a process of its own, which a file may crash."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        try:
+            counts, failures, peak = pool.submit(fuzz, reader, minutes, seed, folder).result()
+        except BrokenProcessPool:
+            return Counter(), {"the file that is left in the folder": "crashed the process of the caller"}
     if peak > 1.2 * MOST_MEMORY:
-        total["failures"] += 1
         failures["memory"] = f"{peak / 1e9:.2f} GB"
-    return total, failures
+    return counts, failures

@@ -21,99 +21,76 @@ def mutate(content: bytes, others: list[bytes], rng: np.random.Generator) -> byt
     """
     for _ in range(min(int(rng.geometric(0.5)), 8)):
         change = CHANGES[rng.integers(len(CHANGES))]
-        content = change(content, others, rng)
+        if content:
+            content = change(content, _place(content, rng), others, rng)
     return content
 
 
-def _flip(content, _, rng):
-    """Flip one bit; headers are as likely as the samples that fill most of a file."""
-    if not content:
-        return content
-    data = bytearray(content)
-    data[_place(content, rng)] ^= 1 << int(rng.integers(8))
-    return bytes(data)
+def _place(content, rng):
+    """A byte, near the beginning or anywhere: headers are as likely as the samples that fill most of a file."""
+    end = len(content) if rng.integers(2) else min(len(content), 1024)
+    return int(rng.integers(end))
 
 
-def _set_byte(content, _, rng):
-    if not content:
-        return content
-    data = bytearray(content)
-    data[_place(content, rng)] = int(rng.choice([0, 1, 127, 128, 255, int(rng.integers(256))]))
-    return bytes(data)
+def _flip(content, start, _, rng):
+    """Flip one bit."""
+    return content[:start] + bytes([content[start] ^ 1 << int(rng.integers(8))]) + content[start + 1 :]
 
 
-def _set_integer(content, _, rng):
+def _set_byte(content, start, _, rng):
+    return content[:start] + bytes([rng.choice([0, 1, 127, 128, 255, rng.integers(256)])]) + content[start + 1 :]
+
+
+def _set_integer(content, start, _, rng):
     """Overwrite a size or an address by a limit of its type."""
     width = int(rng.choice([2, 4, 8]))
-    if len(content) < width:
-        return content
-    start = _place(content, rng) // width * width
+    start = start // width * width
     value = LIMITS[rng.integers(len(LIMITS))] & (2 ** (8 * width) - 1)
     order = "little" if rng.integers(2) else "big"
     return content[:start] + value.to_bytes(width, order) + content[start + width :]
 
 
-def _truncate(content, _, rng):
+def _truncate(content, _, others, rng):
     return content[: int(rng.integers(len(content) + 1))]
 
 
-def _insert(content, _, rng):
-    start = _place(content, rng) if content else 0
+def _insert(content, start, _, rng):
     return content[:start] + rng.bytes(int(rng.integers(1, 17))) + content[start:]
 
 
-def _delete(content, _, rng):
-    if not content:
-        return content
-    start = _place(content, rng)
+def _delete(content, start, _, rng):
     return content[:start] + content[start + int(rng.integers(1, 65)) :]
 
 
-def _repeat(content, _, rng):
-    if not content:
-        return content
-    start = _place(content, rng)
+def _repeat(content, start, _, rng):
     piece = content[start : start + int(rng.integers(1, 257))]
     return content[:start] + piece * int(rng.integers(2, 20)) + content[start:]
 
 
-def _splice(content, others, rng):
+def _zero(content, start, _, rng):
+    """As after a fault of the disk."""
+    length = int(rng.integers(1, 400))
+    return content[:start] + bytes(length) + content[start + length :]
+
+
+def _splice(content, start, others, rng):
     """Put a piece of another file over one of this."""
-    other = others[rng.integers(len(others))]
-    if not content or not other:
-        return content
-    start, origin, length = _place(content, rng), _place(other, rng), int(rng.integers(1, 129))
+    other, length = others[rng.integers(len(others))], int(rng.integers(1, 129))
+    origin = _place(other, rng)
     return content[:start] + other[origin : origin + length] + content[start + length :]
 
 
-def _edit_number(content, _, rng):
-    """Replace a number of a text."""
-    return _replace_match(NUMBER, content, rng)
-
-
-def _edit_word(content, _, rng):
-    """Replace a word of a text."""
-    return _replace_match(WORD, content, rng)
-
-
-def _replace_match(pattern, content, rng):
-    matches = list(pattern.finditer(content[:20_000]))
+def _edit(content, _, others, rng):
+    """Replace a number or a word of a text."""
+    matches = list((NUMBER if rng.integers(2) else WORD).finditer(content[:20_000]))
     if not matches:
         return content
-    match = matches[rng.integers(len(matches))]
-    text = TEXTS[rng.integers(len(TEXTS))]
-    if rng.integers(3) == 0:  # another word or number of the file
-        text = matches[rng.integers(len(matches))].group()
+    match, other = (matches[rng.integers(len(matches))] for _ in range(2))
+    text = TEXTS[rng.integers(len(TEXTS))] if rng.integers(3) else other.group()
     return content[: match.start()] + text + content[match.end() :]
 
 
-def _place(content: bytes, rng: np.random.Generator) -> int:
-    """A byte, near the beginning or anywhere."""
-    end = len(content) if rng.integers(2) else min(len(content), 1024)
-    return int(rng.integers(end))
-
-
 CHANGES = (
-    _flip, _flip, _set_byte, _set_integer, _set_integer, _truncate, _insert, _delete, _repeat, _splice, _edit_number,
-    _edit_word,
+    _flip, _flip, _set_byte, _set_integer, _set_integer, _truncate, _insert, _delete, _repeat, _zero, _splice, _edit,
+    _edit,
 )  # fmt: skip
