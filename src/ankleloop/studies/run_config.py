@@ -233,5 +233,6 @@ NEEDS: dict[str, Iterable[Callable[[SimulatedStudy], str]]] = {
     "efficiency": (_few_points, _settings_alone, _true_torques, _delay_intervals),
     "choosing": (_few_points, _single_setting, _settings_alone, _numbers, _true_torques, _selections),
     "obstacles": (_few_points, _true_torques, _poles, _filtered_points),
+    "design": (_few_points, _settings_alone, _true_torques),
     "time-varying": (_few_points, _estimates, _true_torques, _variations, _trajectories),
 }
