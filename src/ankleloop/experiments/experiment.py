@@ -70,7 +70,10 @@ class Experiment:
         if isinstance(joint, Estimate):
             if "noise_spectrum" not in joint.diagnostics:
                 raise DataError(f"{joint.method} estimates no spectrum of the noise: identify the pilot by riv.")
-            points, density = joint.diagnostics["noise_frequency"], joint.diagnostics["noise_spectrum"]
+            band = pass_band(joint.torque.sizes["time"], joint.torque.attrs["identification_rate"])
+            # The inverse of a periodogram that scatters is on average larger than that of the spectrum.
+            density = joint.diagnostics["noise_spectrum"] * (1.0 + band.smoothing_variance(NOISE_RESOLUTION))
+            points = joint.diagnostics["noise_frequency"]
             return replace(quiet, spectrum=lambda frequency: np.interp(frequency, points, density))
         level = settings.torque_level
         if level is None:

@@ -47,6 +47,7 @@ NOTEBOOKS = {
     "choosing": ("choosing",),
     "obstacles": ("obstacles",),
     "time-varying": ("errors", "trajectories"),
+    "design": ("design",),
     "sweep": ("sweep",),
     "recordings": ("group",),
 }

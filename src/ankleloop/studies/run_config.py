@@ -33,6 +33,7 @@ NEEDS = {
     "efficiency": ("settings", "truths", "delay"),
     "choosing": ("one setting", "settings", "numbers", "truths", "select"),
     "obstacles": ("truths", "poles", "filter"),
+    "design": ("settings", "truths"),
     "time-varying": ("estimates", "truths", "variation", "trajectories"),
 }
 REFERENCES = ("reference", "position")  # variables of a simulated trial that may serve as reference
