@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from ankleloop.pages.index import render_index, render_ledger, render_tables
-from ankleloop.paper.conclusions import read_conclusions
+from ankleloop.paper.ledger import read_conclusions
 from ankleloop.studies.provenance import read_provenance, write_crate
 from ankleloop.studies.results_index import collect_results, read_run_times, read_tables
 from ankleloop.trials.files import atomic_file
