@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from ankleloop.paper.trial_counts import COUNTS, count_outcomes, count_trials
+from ankleloop.paper.results import COUNTS, count_outcomes, count_trials
 from ankleloop.paper.trial_tables import read_results
 
 pytestmark = pytest.mark.workflow

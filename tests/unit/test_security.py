@@ -12,7 +12,7 @@ from snakemake.common.configfile import load_configfile
 from snakemake_interface_common.exceptions import WorkflowError
 
 import ankleloop
-from ankleloop.pages.tables import render_table
+from ankleloop.pages.rendering import render_table
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.config_files import check_config_file
 

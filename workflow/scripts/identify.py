@@ -3,7 +3,7 @@
 import sys
 
 from ankleloop.errors import locate_errors
-from ankleloop.paper.trial_counts import describe_failures
+from ankleloop.paper.results import describe_failures
 from ankleloop.studies.identification import identify_trials, read_trials
 from ankleloop.studies.simulation import simulate_trials
 

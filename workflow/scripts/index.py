@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from ankleloop.pages.index import render_index, render_ledger, render_tables
-from ankleloop.paper.conclusions import read_conclusions
+from ankleloop.paper.ledger import read_conclusions
 from ankleloop.studies.results import collect_results, read_provenance, read_run_times, read_tables, write_crate
 from ankleloop.trials.files import atomic_file
 

@@ -11,8 +11,7 @@ import papermill
 from nbconvert import HTMLExporter
 
 from ankleloop.pages.rendering import find_captions, render_notebook_page
-from ankleloop.paper.results import KEYS
-from ankleloop.paper.trial_counts import describe_failures
+from ankleloop.paper.results import KEYS, describe_failures
 from ankleloop.paper.trial_tables import read_trial_table
 from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
 from ankleloop.plotting.style import save_figure

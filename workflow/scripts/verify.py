@@ -17,7 +17,7 @@ import pandas as pd
 from ankleloop.paper.economy import measure_economy
 from ankleloop.paper.evidence import StudyResults
 from ankleloop.paper.ledger import format_ledger, verify
-from ankleloop.paper.trial_tables import read_results
+from ankleloop.paper.trial_tables import read_trial_table
 from ankleloop.trials.files import atomic_file, write_csv
 from ankleloop.trials.trial_files import load_trials
 
@@ -29,8 +29,7 @@ with running(snakemake):
     write_csv(economy, snakemake.output.economy, overwrite=True)
     studies = {}
     for path, (name, description) in zip(snakemake.input.tables, snakemake.params.studies.items(), strict=True):
-        parameters, scores = read_results(path)
-        studies[name] = StudyResults(name=name, scores=scores, parameters=parameters, **description)
+        studies[name] = StudyResults(name=name, table=read_trial_table(path), **description)
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}
     claims, findings = published.pop("claims"), pd.read_csv(snakemake.input.findings)
     ledger = verify(claims, published, studies, economy, findings)

@@ -23,7 +23,7 @@ from ankleloop.subspace.matrices import Matrices
 if TYPE_CHECKING:
     from control import StateSpace
 
-    from ankleloop.plotting.style import DataFigure
+    from matplotlib.figure import Figure
 
 MEASURED = "measured"  # torque of the trial beside those of an estimate
 TRIM = 1.0  # s at either end: transients are not scored
@@ -186,7 +186,7 @@ class Estimate:
         table = pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high", "unit"])
         return table.rename_axis("parameter")
 
-    def plot(self, trial: xr.Dataset | PreparedTrial | None = None) -> DataFigure:
+    def plot(self, trial: xr.Dataset | PreparedTrial | None = None) -> Figure:
         """Plot the torques with the measured one, or the trajectories of a joint that changes.
 
         Parameters

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
 
-from ankleloop.pages.rendering import render_page, render_template
-from ankleloop.pages.tables import describe_table
-from ankleloop.paper.conclusions import Conclusions, summarise, tabulate_table1
+from ankleloop.pages.rendering import describe_table, render_page, render_template
 from ankleloop.paper.judgement import (
     AT_TOLERANCE,
     BY_CONSTRUCTION,
@@ -21,7 +19,7 @@ from ankleloop.paper.judgement import (
     OPEN,
     REPRODUCED,
 )
-from ankleloop.paper.ledger import VERDICTS, count_held, tabulate_ledger
+from ankleloop.paper.ledger import VERDICTS, Conclusions, count_held, summarise, tabulate_ledger, tabulate_table1
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,25 +80,20 @@ class Results:
 
 def render_index(results: Results, ledger: pd.DataFrame | None = None, conclusions: Conclusions | None = None) -> str:
     """Page that lists all results; it opens with what was found, where there is a ledger."""
+    opening = None
+    if ledger is not None:
+        sentences = [_emphasise(text) for text in summarise(ledger, conclusions or {})]
+        opening = {"sentences": sentences, "held": count_held(ledger), "table": describe_table1(ledger)}
     body = render_template(
         "index.html.j2",
         results=results,
-        opening=None if ledger is None else _open(ledger, conclusions or {}),
+        opening=opening,
         verdicts=_explain(results.verdicts),
         studies=describe_table(results.studies, results.study_links),
         recordings=describe_table(results.recordings, results.recording_links),
         run_times={heading: describe_table(table) for heading, table in results.run_times.items()},
     )
     return render_page("Results", body, pictures_of_files=True)
-
-
-def _open(ledger: pd.DataFrame, conclusions: Conclusions) -> dict[str, Any]:
-    """The sentences that say what was found, what holds, and Table 1 as the paper prints it."""
-    return {
-        "sentences": [_emphasise(text) for text in summarise(ledger, conclusions)],
-        "held": count_held(ledger),
-        "table": describe_table1(ledger),
-    }
 
 
 def describe_table1(ledger: pd.DataFrame) -> dict[str, Any]:
@@ -122,13 +115,11 @@ def _explain(counts: Mapping[str, int]) -> dict[str, tuple[int, str, str]]:
 
 def render_ledger(ledger: pd.DataFrame) -> str:
     """Page of the ledger: each number and claim of the paper with its verdict in its colour."""
-    counts = ledger["verdict"].value_counts()
-    table = tabulate_ledger(ledger)[LEDGER_COLUMNS]
     body = render_template(
         "ledger.html.j2",
         held=count_held(ledger),
-        verdicts=_explain({verdict: int(counts.get(verdict, 0)) for verdict in VERDICTS}),
-        table=describe_table(table, colours=VERDICT_COLOURS, identifier="claims"),
+        verdicts=_explain(ledger["verdict"].value_counts().reindex(list(VERDICTS), fill_value=0).to_dict()),
+        table=describe_table(tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS, identifier="claims"),
     )
     return render_page("Ledger", body, index="index.html")
 
@@ -141,8 +132,6 @@ def render_tables(tables: Mapping[str, pd.DataFrame]) -> str:
 
 def _divide(table: pd.DataFrame, name: str) -> list[dict[str, Any]]:
     """Parts of a table that fit into a page, each with the first columns."""
-    names, step = list(table.columns), MOST_COLUMNS - KEYS
-    if len(names) <= MOST_COLUMNS:
-        return [describe_table(table, identifier=f"table-{name}")]
-    parts = [table[names[:KEYS] + names[start : start + step]] for start in range(KEYS, len(names), step)]
+    keys, others, step = list(table.columns[:KEYS]), list(table.columns[KEYS:]), MOST_COLUMNS - KEYS
+    parts = [table[keys + others[start : start + step]] for start in range(0, max(len(others), 1), step)]
     return [describe_table(part, identifier=f"table-{name}-{number}") for number, part in enumerate(parts)]

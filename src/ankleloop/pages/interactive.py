@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,8 +24,31 @@ MOST_VALUES = 700_000  # numbers of a figure: less than 4 MB in the page
 HEIGHT, STRIP = 160, 80  # px of a panel, and of the strip that shows the window in the record
 SHORTEST = 0.05  # s of a window
 RESIDUAL = 0.45  # opacity of a residual, whose colour is that of the estimate
+TRUE_LABEL = "true (simulated)"
 
-Line = tuple[str, str, float, bool, np.ndarray, dict[str, np.ndarray]]  # label, colour, opacity, shown, time, torques
+
+@dataclass(frozen=True)
+class Line:
+    """Torques in the panels of the figure."""
+
+    label: str
+    colour: str
+    shown: bool
+    time: np.ndarray  # [s]
+    torques: Mapping[str, np.ndarray]  # values by panel [N·m]
+    opacity: float = 1.0
+
+    def thin(self, width: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Times and values of a record that is too long: the least and the greatest of each bin, so no peak is lost."""
+        if width == 1:
+            return self.time.astype(np.float32), {name: part.astype(np.float32) for name, part in self.torques.items()}
+        starts = np.arange(0, self.time.size, width)
+        ends = {
+            name: np.stack([np.minimum.reduceat(part, starts), np.maximum.reduceat(part, starts)], axis=1)
+            for name, part in self.torques.items()
+        }
+        values = {name: part.ravel().astype(np.float32) for name, part in ends.items()}
+        return np.repeat(self.time[starts], 2).astype(np.float32), values
 
 
 def render_interactive_torques(
@@ -40,13 +62,13 @@ def render_interactive_torques(
     """Measured and estimated torques of a whole record, which a reader zooms, moves, and switches on and off."""
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     lines = list_lines(prepare(trial), estimates, styles, list(estimates)[:2] if shown is None else shown)
-    size = sum(time.size * (1 + len(torques)) for *_, time, torques in lines)
+    size = sum(line.time.size * (1 + len(line.torques)) for line in lines)
     width = -(-2 * size // MOST_VALUES) if size > MOST_VALUES else 1
     caption = "Torques of the whole record, less their means. "
     if width > 1:
-        step = width * float(np.diff(lines[0][4][:2])[0])
+        step = width * float(np.diff(lines[0].time[:2])[0])
         caption += f"The record is long: least and greatest value in every {step:.3g} s. "
-    if all(label != "true (simulated)" for label, *_ in lines):
+    if all(line.label != TRUE_LABEL for line in lines):
         caption += "The intrinsic and the reflex torque of a recording are not known: the panels show their estimates."
     return render_template("interactive.html.j2", caption=caption, figure=_draw(lines, window, width))
 
@@ -57,26 +79,17 @@ def list_lines(
     """Measured torque, true ones where they are known, estimates, and what they leave of the torques that are known."""
     longest = max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"])
     torques = centre_torques(trial, longest)
-    lines: list[Line] = [("measured", MEASURED.colour, 1.0, True, torques.time, {"net": torques.measured})]
+    lines = [Line("measured", MEASURED.colour, True, torques.time, {"net": torques.measured})]
     if torques.true:
-        lines.append(("true (simulated)", TRUE.colour, 1.0, True, torques.time, dict(torques.true)))
-    residuals: list[Line] = []
+        lines.append(Line(TRUE_LABEL, TRUE.colour, True, torques.time, torques.true))
+    residuals = []
     for label, estimate in estimates.items():
-        own = centre_torques(trial, estimate)
+        own, colour = centre_torques(trial, estimate), styles[label].colour
         known = {**own.true, "net": own.measured}
         left = {torque: known[torque] - own.estimated[torque] for torque in TORQUES if torque in known}
-        lines.append((label, styles[label].colour, 1.0, label in shown, own.time, dict(own.estimated)))
-        residuals.append((f"residual of {label}", styles[label].colour, RESIDUAL, False, own.time, left))
+        lines.append(Line(label, colour, label in shown, own.time, own.estimated))
+        residuals.append(Line(f"residual of {label}", colour, False, own.time, left, RESIDUAL))
     return lines + residuals
-
-
-def thin(values: np.ndarray, width: int) -> np.ndarray:
-    """Least and greatest value of each bin of samples one after the other, in which no peak is lost."""
-    if width == 1:
-        return values.astype(np.float32)
-    starts = np.arange(0, values.size, width)
-    ends = [np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)]
-    return np.stack(ends, axis=1).ravel().astype(np.float32)
 
 
 def _draw(lines: Sequence[Line], window: Mapping[str, float], width: int) -> Any:
@@ -87,8 +100,8 @@ def _draw(lines: Sequence[Line], window: Mapping[str, float], width: int) -> Any
     from bokeh.models.annotations import Legend, LegendItem, Span
     from bokeh.plotting import figure
 
-    times = [lines[0][4][0], max(time[-1] for *_, time, _ in lines)]
-    start, end = find_window(np.array(times), window["start"], window["length"])
+    times = np.array([lines[0].time[0], max(line.time[-1] for line in lines)])
+    start, end = find_window(times, window["start"], window["length"])
     x_range = Range1d(start=start, end=end, bounds=tuple(times), min_interval=SHORTEST)
     cursor = CrosshairTool(overlay=Span(dimension="height", line_color="#888888", line_dash="dotted"))
     tips = [("", "$name"), ("time", "$x{0.000} s"), ("torque", "$y{0.000} N·m")]
@@ -97,29 +110,21 @@ def _draw(lines: Sequence[Line], window: Mapping[str, float], width: int) -> Any
         wheel = WheelZoomTool(dimensions="width", modifiers={"ctrl": True})
         panel = figure(frame_height=HEIGHT, x_range=x_range, tools="xpan,box_zoom,reset,save", active_drag="xpan")
         panel.add_tools(wheel, cursor, HoverTool(tooltips=tips, visible=torque == "net"))
-        panel.toolbar.active_scroll, panel.toolbar.active_inspect = wheel, cursor
+        panel.toolbar.active_scroll, panel.toolbar.active_inspect, panel.toolbar.logo = wheel, cursor, None
         panel.yaxis.axis_label, panel.min_border_left = f"{torque} torque [N·m]", 70
-        panel.toolbar.logo = None
         panels[torque] = panel
     panels["reflex"].xaxis.axis_label = "time [s]"
     items = []
-    for label, colour, alpha, shown, time, torques in lines:
-        places = time.astype(np.float32) if width == 1 else np.repeat(time[::width], 2).astype(np.float32)
-        style: dict[str, Any] = {"color": colour, "alpha": alpha, "visible": shown, "name": label}
-        ordinates = {torque: thin(values, width) for torque, values in torques.items()}
-        drawn: list[Any] = [panels[torque].line(places, ordinate, **style) for torque, ordinate in ordinates.items()]
-        items.append(LegendItem(label=label, renderers=drawn))
+    for line in lines:
+        time, values = line.thin(width)
+        style: dict[str, Any] = {"color": line.colour, "alpha": line.opacity, "visible": line.shown, "name": line.label}
+        drawn: list[Any] = [panels[torque].line(time, ordinate, **style) for torque, ordinate in values.items()]
+        items.append(LegendItem(label=line.label, renderers=drawn))
     legend = Legend(items=items, click_policy="hide", location="top_left", ncols=2, label_text_font_size="11px")
     panels["net"].add_layout(legend, "above")
     strip = figure(height=STRIP, x_range=Range1d(*times), tools="", toolbar_location=None, sizing_mode="stretch_width")
-    strip.line(lines[0][4][::width], lines[0][5]["net"][::width], color=lines[0][1])
+    strip.line(lines[0].time[::width], lines[0].torques["net"][::width], color=lines[0].colour)
     strip.add_tools(RangeTool(x_range=x_range))
     strip.yaxis.visible, strip.min_border_left = False, 70
-    rows: list[list[Any]] = [[panel] for panel in panels.values()]
-    grid = gridplot(rows, sizing_mode="stretch_width", toolbar_location="right")
-    item = json_item(column(grid, strip, sizing_mode="stretch_width"))
-    # Names of models that do not depend on what the process has drawn before.
-    names: dict[str, str] = {}
-    return json.loads(
-        re.sub(r'"(p\d+)"', lambda name: f'"{names.setdefault(name[1], f"p{1000 + len(names)}")}"', json.dumps(item))
-    )
+    grid = gridplot([[panel] for panel in panels.values()], sizing_mode="stretch_width", toolbar_location="right")
+    return json_item(column(grid, strip, sizing_mode="stretch_width"))

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from ankleloop.pages.interactive import render_interactive_torques
-from ankleloop.pages.rendering import render_page, render_template
-from ankleloop.pages.tables import describe_table
+from ankleloop.pages.rendering import describe_table, render_page, render_template
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
 from ankleloop.plotting.style import method_styles, render_figure
 from ankleloop.plotting.torques import torque_figure

@@ -1,4 +1,4 @@
-"""Pages from templates: every value that enters one is escaped, and no script runs but those of this library."""
+"""Pages and tables from templates: every value that enters is escaped, and no script runs but those of the library."""
 
 from __future__ import annotations
 
@@ -6,17 +6,31 @@ import base64
 import hashlib
 import html
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 HEADING = re.compile(r"<h([23])((?:\s[^>]*)?)>(.*?)</h\1>", re.DOTALL)
 LINK = re.compile(r'<a class="anchor-link".*?</a>', re.DOTALL)
 ANCHOR = re.compile(r'\bid="([^"]*)"')
+# Names of methods in cells, which are as short as they can be; the first one that a cell has.
+SHORT_NAMES = {
+    "Refined instrumental variables (riv)": "riv",
+    "Refined instrumental variables": "riv",
+    "Parallel cascade": "cascade",
+    "Real-time algorithm": "real-time",
+    "instruments for B and D": "instr. for B, D",
+}
+NAME, TEXT = 60, 24  # letters of a cell up to which it may be a name, and from which on it is a text, which wraps
+FILTERED_ROWS = 15  # of a table from which it has a field that filters
+NUMBER = re.compile(r"[+-]?[\d.,]+(e[+-]?\d+)?|nan")
 
 
 @cache
@@ -66,13 +80,11 @@ def find_headings(body: str) -> tuple[str, list[tuple[str, str, str]]]:
         level, attributes, content = match.groups()
         text = " ".join(html.unescape(re.sub("<.*?>", "", LINK.sub("", content))).split())
         anchor = ANCHOR.search(attributes)
-        name = stem = html.unescape(anchor[1]) if anchor else re.sub(r"\W+", "-", text).strip("-")
-        used, number = {anchor for *_, anchor in headings}, 2
-        while name in used:
-            name, number = f"{stem}-{number}", number + 1
+        name = html.unescape(anchor[1]) if anchor else re.sub(r"\W+", "-", text).strip("-")
+        if name in [used for *_, used in headings]:
+            name = f"{name}-{len(headings) + 1}"
         headings.append((level, text, name))
-        others = ANCHOR.sub("", attributes).strip()
-        return f'<h{level} id="{html.escape(name)}"{" " + others if others else ""}>{content}</h{level}>'
+        return f'<h{level} id="{html.escape(name)}"{ANCHOR.sub("", attributes).rstrip()}>{content}</h{level}>'
 
     return HEADING.sub(add_anchor, body), headings
 
@@ -105,3 +117,49 @@ def find_captions(notebook: Mapping[str, Any]) -> dict[bytes, str]:
                 captions[base64.b64decode(picture)] = caption
                 output["metadata"].setdefault("image/png", {})["alt"] = caption
     return captions
+
+
+def describe_table(
+    table: pd.DataFrame,
+    links: Sequence[str] = (),
+    *,
+    colours: Mapping[str, str] | None = None,
+    identifier: str = "",
+) -> dict[str, Any]:
+    """A table for the template `table.html.j2`, with a link for each row; columns with one value are said below it."""
+    columns = {str(name): [_shorten(str(cell)) for cell in cells] for name, cells in table.items()}
+    repeated = [name for name, cells in columns.items() if len(cells) > 2 and len(set(cells)) == 1]
+    constant = {name: columns.pop(name)[0] for name in repeated if name != str(table.columns[0])}
+    return {
+        "identifier": identifier,
+        "filtered": len(table) >= FILTERED_ROWS,
+        "names": list(columns),
+        "classes": [_class_of(cells) for cells in columns.values()],
+        "rows": list(zip(*columns.values(), strict=True)),
+        "constant": [f"{name} {text}" for name, text in constant.items() if text not in ("", "–")],
+        "links": links or [""] * len(table),
+        "colours": colours or {},
+    }
+
+
+def _shorten(text: str) -> str:
+    """A name of a method in short."""
+    name = next((name for name in SHORT_NAMES if name in text), "")
+    return text.replace(name, SHORT_NAMES[name]) if name and len(text) <= NAME else text
+
+
+def _class_of(column: Sequence[str]) -> str:
+    texts = [text for text in column if text not in ("", "–")]
+    if texts and all(map(NUMBER.fullmatch, texts)):
+        return "number"
+    return "text" if max(map(len, texts), default=0) > TEXT else ""
+
+
+def render_table(table: pd.DataFrame, links: Sequence[str] = (), *, colours: Mapping[str, str] | None = None) -> str:
+    """Table as HTML; cells with a colour have it as background."""
+    return render_template("table.html.j2", table=describe_table(table, links, colours=colours))
+
+
+def render_paragraphs(items: Iterable[tuple[str, str]]) -> str:
+    """Paragraphs as HTML, each with a term in bold in front."""
+    return render_template("paragraphs.html.j2", items=items)

@@ -15,11 +15,10 @@ from IPython.display import HTML, Image, Markdown, display
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
-from ankleloop.pages.tables import render_table
+from ankleloop.pages.rendering import render_table
 from ankleloop.paper.captions import describe_settings, typical_point
-from ankleloop.paper.results import join_scores
+from ankleloop.paper.results import count_trials, describe_faults, list_outcomes
 from ankleloop.paper.tables import write_table
-from ankleloop.paper.trial_counts import count_trials, describe_faults, describe_warnings, list_outcomes
 from ankleloop.paper.trial_tables import read_results
 from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
 
@@ -60,40 +59,29 @@ class StudyPage:
         return read_results(self.table_file)
 
     @property
-    def details(self) -> pd.DataFrame:
-        """Parameters and diagnostics: a row for each estimate."""
-        return self._results[0]
-
-    @property
     def results(self) -> pd.DataFrame:
         """Scores: a row for each torque of each estimate."""
         return self._results[1]
 
+    @property
+    def details(self) -> pd.DataFrame:
+        """Scores, parameters and diagnostics: a row for each estimate."""
+        return self._results[0]
+
     @cached_property
     def table(self) -> pd.DataFrame:
-        """Parameters with the VAFs beside them, with the label of the method and what came of it."""
-        joined = join_scores(self.details, self.results)
-        return joined.assign(series=joined["method"].map(self.labels), outcome=list_outcomes(joined))
+        """The same, with the label of the method and what came of each identification."""
+        return self.details.assign(series=self.details["method"].map(self.labels), outcome=list_outcomes(self.details))
 
     @property
     def styles(self) -> dict[str, MethodStyle]:
         """Style of each label."""
         return label_styles(self.labels, self.algorithms)
 
-    @cached_property
+    @property
     def typical(self) -> str:
         """Point that figures of single trials show."""
         return typical_point(self.points, self.varied)
-
-    @property
-    def typical_settings(self) -> Mapping[str, Any]:
-        """Settings of that point."""
-        return self.points[self.typical]
-
-    def conditions(self) -> str:
-        """Number of trials at each point and the settings that they share."""
-        settings = describe_settings(self.typical_settings, self.varied)
-        return f"{count_trials(self.details)} trials at each point; {settings}."
 
     def stack(self, x: str, columns: Mapping[str, str]) -> pd.DataFrame:
         """Rows of `ankleloop.plotting.studies.curves_figure`: a column of the table for each panel, over `x`."""
@@ -127,23 +115,25 @@ class StudyPage:
         """Save a figure, and show it with its caption; settings, warnings and a note are folded below."""
         stem = f"{self.figure_stem}-{name}"
         save_figure(figure, stem, overwrite=True)
-        display(Image(f"{stem}.png", width=width), Markdown(caption), self.fold(note, rings=True))
+        display(Image(f"{stem}.png", width=width), Markdown(caption), self.fold(note))
 
     def show_table(
         self, cells: pd.DataFrame, caption: str, note: str = "", *, table: pd.DataFrame | None = None
     ) -> None:
         """Show a table with its caption; `table` is written as CSV, and the cells as Markdown beside it."""
+        note = f"{note} {MEANS}".strip()
         if table is not None:
-            text = f"{caption} {note} {self.conditions()} {MEANS}"
-            write_table(table, self.table_stem, cells, text, overwrite=True)
-        display(HTML(render_table(cells)), Markdown(caption), self.fold(f"{note} {MEANS}".strip()))
+            write_table(table, self.table_stem, cells, f"{caption} {note} {self._conditions()}", overwrite=True)
+        display(HTML(render_table(cells)), Markdown(caption), self.fold(note))
 
-    def fold(self, note: str = "", *, rings: bool = False) -> HTML:
+    def _conditions(self) -> str:
+        """Number of trials at each point and the settings that they share."""
+        settings = describe_settings(self.points[self.typical], self.varied)
+        return f"{count_trials(self.details)} trials at each point; {settings}."
+
+    def fold(self, note: str = "") -> HTML:
         """Trials and settings of the study, and a note, behind a line that opens them."""
-        parts = [note, self.conditions(), describe_warnings(self.details, self.labels)]
-        if rings:
-            parts.append(describe_faults(self.details))
-        return fold("Trials and settings", parts)
+        return fold("Trials and settings", [note, self._conditions(), describe_faults(self.details, self.labels)])
 
 
 def fold(summary: str, parts: Iterable[str]) -> HTML:

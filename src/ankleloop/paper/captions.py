@@ -18,6 +18,7 @@ NAMES = {
     "closed_loop": "loop",
 }
 LOAD = ("load_inertia", "load_viscosity", "load_stiffness")
+SHARED = (*LOAD, "duration", "reflex_gain", "snr_db", "voluntary", "actuator_frequency", "actuator_damping")
 
 
 def label_setting(name: str) -> tuple[str, str]:
@@ -30,51 +31,34 @@ def label_axis(name: str) -> str:
     return "{} [{}]".format(*label_setting(name))
 
 
-def format_setting(name: str, value: float) -> str:
+def format_setting(name: str, value: float | None) -> str:
     """Value of a simulation setting with its unit."""
     unit = SimulationSettings.unit(name)
-    return f"{value:g}" if unit == "1" else f"{value:g} {unit}"
+    return "infinite" if value is None else f"{value:g}" if unit == "1" else f"{value:g} {unit}"
+
+
+def format_load(settings: Mapping[str, Any]) -> str:
+    """Inertia, viscosity and stiffness of the load of a point, short enough for the title of a panel."""
+    return "load " + "/".join(f"{settings[name]:g}" for name in LOAD)
 
 
 def format_point(settings: Mapping[str, Any]) -> str:
     """Load, reflex gain and voluntary torque of a point, short enough for the title of a panel."""
-    load = "/".join(f"{settings[name]:g}" for name in LOAD)
-    return f"load {load}, gain {settings['reflex_gain']:g}, voluntary {100 * settings['voluntary']:g} %"
+    return f"{format_load(settings)}, gain {settings['reflex_gain']:g}, voluntary {100 * settings['voluntary']:g} %"
 
 
 def describe_settings(settings: Mapping[str, Any], varied: Collection[str] = ()) -> str:
     """Settings that every trial of a study has, in one phrase."""
-    values = {name: format_setting(name, settings[name]) for name in (*LOAD, "duration", "reflex_gain")}
-    servo = [format_setting(name, settings[name]) for name in ("actuator_frequency", "actuator_damping")]
-    noise, voluntary = settings["snr_db"], settings["voluntary"]
-    phrases = {
-        ("duration",): f"trials of {values['duration']}",
-        ("reflex_gain",): f"reflex gain {values['reflex_gain']}",
-        ("snr_db",): "no measurement noise"
-        if noise is None
-        else f"measurement noise at {format_setting('snr_db', noise)} in the recorded torque",
-        ("voluntary",): f"voluntary torque {100 * voluntary:g} % of the clean net torque (sd)"
-        if voluntary
-        else "no voluntary torque",
-        ("closed_loop",): "closed loop" if settings["closed_loop"] else "open loop",
-        LOAD: f"load {', '.join(values[name] for name in LOAD)}",
-        ("actuator_frequency", "actuator_damping"): "actuator {}, damping {}".format(*servo),
-    }
-    parts = [text for names, text in phrases.items() if not set(names) & set(varied)]
-    if "voluntary" in varied:
-        parts.append("relative voluntary torque is its sd over that of the clean net torque")
-    return "; ".join(parts)
+    values = {name: f"{label_setting(name)[0]} {format_setting(name, settings[name])}" for name in SHARED}
+    values["closed_loop"] = "closed loop" if settings["closed_loop"] else "open loop"
+    shared = [text for name, text in values.items() if name not in varied]
+    return f"{', '.join(shared)} (relative voluntary torque: its sd over that of the clean net torque)"
 
 
 def typical_point(points: Mapping[str, Mapping[str, Any]], varied: Collection[str]) -> str:
     """Point whose settings are the defaults of the simulation, which a figure of single trials shows."""
     defaults = SimulationSettings.defaults()
     return max(points, key=lambda point: sum(points[point].get(name) == defaults.get(name) for name in varied))
-
-
-def most_compliant_point(points: Mapping[str, Mapping[str, Any]]) -> str:
-    """Point whose load is the least stiff."""
-    return min(points, key=lambda point: points[point]["load_stiffness"])
 
 
 def single_setting(varied: Collection[str]) -> str:
@@ -89,16 +73,17 @@ def single_setting(varied: Collection[str]) -> str:
 
 def shared_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> dict[str, float | None]:
     """True values that all points have, for lines in figures."""
-    values = {name: set(_list_truths(points, name)) for name in names}
-    return {name: next(iter(truths)) if len(truths) == 1 else None for name, truths in values.items()}
+    return {name: truths[0] if len(truths) == 1 else None for name, truths in _list_truths(points, names).items()}
 
 
 def format_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> str:
     """True values of estimated parameters with their units, all of them where points differ."""
-    texts = {name: " or ".join(f"{value:g}" for value in dict.fromkeys(_list_truths(points, name))) for name in names}
+    texts = {name: " or ".join(map("{:g}".format, truths)) for name, truths in _list_truths(points, names).items()}
     return ", ".join(f"{QUANTITIES[name].symbol} = {text} {QUANTITIES[name].unit}" for name, text in texts.items())
 
 
-def _list_truths(points: Mapping[str, Mapping[str, Any]], name: str) -> list[float]:
-    """True value of a parameter at each point."""
-    return [true_values(settings, [name])[name] for settings in points.values()]
+def _list_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> dict[str, list[float]]:
+    """The true values that a parameter has at some point."""
+    return {
+        name: list(dict.fromkeys(true_values(settings, [name])[name] for settings in points.values())) for name in names
+    }

@@ -1,4 +1,4 @@
-"""Results that claims are checked against; points are found by the values of their settings."""
+"""A claim with the results that it is checked against; points are found by the values of their settings."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.paper.captions import label_setting
-from ankleloop.paper.judgement import Mean, Measurement
+from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity
 from ankleloop.simulation.settings import SimulationSettings
+
+# What Table 1 scores each torque against.
+VAF_COLUMNS = {"net": "vaf_net_measured", "intrinsic": "vaf_intrinsic_true", "reflex": "vaf_reflex_true"}
 
 
 class MissingEvidence(Exception):
@@ -44,41 +47,24 @@ def _parse_value(text: str) -> Any:
 
 @dataclass(frozen=True)
 class StudyResults:
-    """Results of one study: tables with a row for each trial."""
+    """Results of one study."""
 
     kind: str  # "simulation" or "recordings"
     points: Mapping[str, Mapping[str, Any]]  # simulation settings of each point
-    # Rows of `ankleloop.assessment.scores.evaluate`, with columns `point`, `method` and `trial`.
-    scores: pd.DataFrame
-    parameters: pd.DataFrame  # rows of `parameter_row`, with the same columns
+    table: pd.DataFrame  # its trials, as `ankleloop.paper.trial_tables.read_trial_table` reads them
     labels: Mapping[str, str] = field(default_factory=dict)  # readable name of each method
     name: str = ""  # name of the study, for messages
 
-    def label(self, method: str) -> str:
-        """Readable name of a method."""
-        return self.labels.get(method, method)
-
-    @property
-    def varied(self) -> set[str]:
-        """Names of the settings that differ between the points."""
-        first, *others = self.points.values()
-        return {name for name, value in first.items() if any(other.get(name) != value for other in others)}
-
-    def point(self, **settings: Any) -> str:
+    def point(self, settings: Mapping[str, Any]) -> str:
         """Name of the point with some values of its settings.
 
         Of several such points, that with the defaults of the simulation in everything by which they differ: a further
         point of the study changes nothing.
         """
-        points = [
-            name
-            for name, values in self.points.items()
-            if all(name in values and values[name] == value for name, value in settings.items())
-        ]
+        points = [point for point, values in self.points.items() if settings.items() <= values.items()]
         if len(points) > 1:
-            first = self.points[points[0]]
+            first, defaults = self.points[points[0]], SimulationSettings.defaults()
             varied = [name for name in first if any(self.points[point].get(name) != first[name] for point in points)]
-            defaults = SimulationSettings.defaults()
             points = [point for point in points if all(self.points[point][name] == defaults[name] for name in varied)]
         if len(points) != 1:
             condition = ", ".join(f"{label_setting(name)[0]} {value}" for name, value in settings.items())
@@ -88,58 +74,42 @@ class StudyResults:
             )
         return points[0]
 
-    def vafs(self, point: str, method: str, torque: str, against: str = "true") -> pd.Series:
-        """VAF of a torque in each trial [%]."""
-        return self._select(self.scores, "vaf", point, method, torque=torque, against=against)
-
-    def mean_vaf(self, point: str, method: str, torque: str, against: str = "true") -> Mean:
-        """Mean VAF of a torque [%]; raises `MissingEvidence` if there are no such results."""
-        return Mean.of(self.vafs(point, method, torque, against))
-
-    def vaf_difference(self, point: str, *arms: tuple[str, str, str]) -> Mean:
-        """Mean difference of two VAFs on the same trials [points]."""
-        first, second = (self.vafs(point, *arm) for arm in arms)
-        return Mean.of(first - second)  # nan where a trial is in one of them only
-
-    def parameter_values(self, name: str, point: str, method: str) -> pd.Series:
-        """A column of `parameters` in each trial; raises `MissingEvidence` if there are no such results."""
-        if name not in self.parameters:
-            raise MissingEvidence(f"the study {self.name} has no results for {name}.")
-        return self._select(self.parameters, name, point, method)
-
-    def mean_parameter(self, name: str, point: str, method: str) -> Mean:
-        """Mean of a column of `parameters`; raises `MissingEvidence` if there are no such results."""
-        return Mean.of(self.parameter_values(name, point, method))
-
-    def stiffness_errors(self, point: str, method: str) -> pd.Series:
-        """Error of K in each trial [% of the true K]; raises `MissingEvidence` if there are no such results."""
-        return 100.0 * (self.parameter_values("K", point, method) / self.points[point]["stiffness"] - 1.0)
-
-    def stiffness_error(self, point: str, method: str) -> Mean:
-        """Mean error of K [% of the true K]; raises `MissingEvidence` if there are no such results."""
-        return Mean.of(self.stiffness_errors(point, method))
-
-    def _select(self, table: pd.DataFrame, column: str, point: str, method: str, **keys: str) -> pd.Series:
-        """A column of the rows of a point and a method with some values in other columns, by trial."""
-        rows = table[(table["point"] == point) & (table["method"] == method)] if len(table) else table
-        for name, value in keys.items():
-            rows = rows[rows[name] == value] if len(rows) else rows
-        if rows.empty:
-            condition = ", ".join(f"{name} {value}" for name, value in keys.items())
-            raise MissingEvidence(
-                f"the study {self.name} has no results of {method} at {point}" + (f" ({condition})." if keys else ".")
-            )
-        return rows.set_index("trial")[column]
+    def values(self, column: str, method: str, settings: Mapping[str, Any]) -> pd.Series:
+        """A column of the table in each trial, or `K_error` [%]; a failed trial has no VAF, and nan for a parameter."""
+        point = self.point(settings)
+        if column == "K_error":
+            return 100.0 * (self.values("K", method, settings) / self.points[point]["stiffness"] - 1.0)
+        rows = self.table[(self.table["point"] == point) & (self.table["method"] == method)].set_index("trial")
+        values = rows.reindex(columns=[column])[column].astype(float)
+        values = values.dropna() if column.startswith("vaf_") else values
+        if values.empty:
+            raise MissingEvidence(f"the study {self.name} has no {column} of {method} at {point}.")
+        return values
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """Everything that claims are checked against."""
+class Case:
+    """A claim with everything that claims are checked against."""
 
+    claim: Mapping[str, Any]  # a row of the claims, or a number of a published table
     studies: Mapping[str, StudyResults]  # results by study
     # Further measurements by `quantity`: columns `value`, `low` and `high`, the ends of the 95 % interval.
     measurements: pd.DataFrame
     tables: Mapping[str, pd.DataFrame]  # published tables
+
+    @property
+    def paper(self) -> float:
+        """What the paper says."""
+        return self.claim["paper"]
+
+    @property
+    def tolerance(self) -> float:
+        """Difference that is accepted; nan where nothing says so."""
+        return self.claim.get("tolerance", np.nan)
+
+    def levels(self, name: str) -> list[Any]:
+        """Values of a setting at the points that the claim needs."""
+        return parse_settings(self.claim["settings"])[name]
 
     def study(self, name: str) -> StudyResults:
         """Results of a study."""
@@ -147,21 +117,40 @@ class Evidence:
             raise MissingEvidence(f"the study {name} was not run.")
         return self.studies[name]
 
-    def pooled_stiffness_error(self, arms: Mapping[str, str], **settings: Any) -> Mean:
-        """Mean error of K over the trials of several studies with equal settings [% of the true K]."""
-        parts = [
-            self.studies[study].stiffness_errors(self.studies[study].point(**settings), method)
-            for study, method in arms.items()
-            if study in self.studies
-        ]
-        if not parts:
-            raise MissingEvidence(f"none of the studies {', '.join(arms)} was run.")
-        return Mean.of(np.concatenate(parts))
+    def values(self, study: str, column: str, method: str, **own: Any) -> pd.Series:
+        """A column of a study in each trial, at the settings of the claim and some of its own."""
+        settings = {name: values[0] for name, values in parse_settings(self.claim.get("settings")).items()}
+        return self.study(study).values(column, method, {**settings, **own})
+
+    def vaf(self, study: str, method: str, torque: str, **own: Any) -> Mean:
+        """Mean VAF of a torque [%]."""
+        return Mean.of(self.values(study, VAF_COLUMNS[torque], method, **own))
+
+    def lead(self, study: str, first: tuple[str, str], second: tuple[str, str], **own: Any) -> Mean:
+        """Mean VAF of a method and a torque less that of another on the same trials [points]; nan if these differ."""
+        return Mean.of(
+            self.values(study, VAF_COLUMNS[first[1]], first[0], **own)
+            - self.values(study, VAF_COLUMNS[second[1]], second[0], **own)
+        )
+
+    def error(self, study: str, method: str, **own: Any) -> Mean:
+        """Mean error of K [% of the true K]."""
+        return Mean.of(self.values(study, "K_error", method, **own))
 
     def measurement(self, quantity: str) -> Measurement:
         """A further measurement with its interval."""
         if quantity not in self.measurements.index:
             raise MissingEvidence(f"{quantity} was not measured.")
-        return Measurement(
-            *(float(self.measurements.loc[quantity].get(name, np.nan)) for name in ("value", "low", "high"))
-        )
+        return Measurement(*self.measurements.reindex(columns=["value", "low", "high"]).loc[quantity].astype(float))
+
+    def within(self, label: str, ours: Quantity, paper: float = 0.0, *, control: bool = False) -> Comparison:
+        """A comparison that accepts differences of either sign up to the tolerance."""
+        return Comparison(label, ours, (-self.tolerance, self.tolerance), paper, control=control)
+
+    def above(self, label: str, ours: Quantity, paper: float = 0.0, *, size: bool = False) -> Comparison:
+        """A comparison that accepts differences, or sizes of them, from the tolerance on."""
+        return Comparison(label, ours, (self.tolerance, np.inf), paper, size=size)
+
+    def below(self, label: str, ours: Quantity, paper: float = 0.0) -> Comparison:
+        """A comparison that accepts what is less by the tolerance or more."""
+        return Comparison(label, ours, (-np.inf, -self.tolerance), paper)

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-
-from ankleloop.signals.vaf import confidence_margin
+from scipy import special
 
 LEVEL = 0.95  # of the intervals
 REPRODUCED, NOT_REPRODUCED, OPEN = "reproduced", "not reproduced", "cannot be judged"
@@ -38,22 +37,10 @@ class Mean:
             return cls(float(values.mean()) if values.size else np.nan, np.nan, 0.0)
         return cls(float(values.mean()), float(values.std(ddof=1) / np.sqrt(values.size)), values.size - 1.0)
 
-    def margin(self, level: float = LEVEL) -> float:
-        """Half of its interval."""
-        if not self.freedom >= 1.0:
-            return np.nan
-        size = self.freedom + 1.0  # of a sample with this standard error
-        return float(confidence_margin(self.error * np.sqrt(size), size, level))
-
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of its interval."""
-        margin = self.margin(level)
+        margin = self.error * float(special.stdtrit(self.freedom, 0.5 + level / 2)) if self.freedom >= 1 else np.nan
         return self.value - margin, self.value + margin
-
-    @property
-    def text(self) -> str:
-        """The mean and half of its 95 % interval in words."""
-        return format_interval(self.value, self.margin(), ".4g")
 
     def __sub__(self, other: Mean) -> Mean:
         """Difference of independent means, with the degrees of freedom of Welch and Satterthwaite."""
@@ -66,30 +53,10 @@ class Mean:
 
 
 @dataclass(frozen=True)
-class Replicates:
-    """A statistic with the percentile interval of its bootstrap replicates, extended to the statistic itself.
-
-    Means of samples drawn from trials have the noise of the trials twice, and a rank correlation suffers from noise:
-    its replicates may all be closer to zero than itself. They show then that it is uncertain, and not that it is wrong.
-    """
-
-    value: float  # the statistic
-    # Shape (R,): the same statistic of samples drawn with replacement; empty where there is nothing to draw from.
-    replicates: np.ndarray
-
-    def interval(self, level: float = LEVEL) -> Range:
-        """Ends of its interval."""
-        if not self.replicates.size:
-            return np.nan, np.nan
-        low, high = np.quantile(self.replicates, [(1 - level) / 2, (1 + level) / 2])
-        return float(min(low, self.value)), float(max(high, self.value))
-
-
-@dataclass(frozen=True)
 class Measurement:
-    """A measurement whose 95 % interval was computed where it was made; it is compared alone."""
+    """A number whose 95 % interval was computed where it was made; it is compared alone."""
 
-    value: float  # the measurement
+    value: float  # the number
     low: float = np.nan  # lower end of its interval
     high: float = np.nan  # upper end of its interval
 
@@ -98,7 +65,25 @@ class Measurement:
         return self.low, self.high
 
 
-Quantity = Mean | Replicates | Measurement
+Quantity = Mean | Measurement
+
+
+def half_interval(ours: Quantity) -> float:
+    """Half of the 95 % interval of a result."""
+    low, high = ours.interval()
+    return (high - low) / 2.0
+
+
+def describe_result(ours: Quantity) -> str:
+    """A result ± half of its 95 % interval."""
+    return format_result(ours.value, half_interval(ours))
+
+
+def format_result(value: float, margin: float = np.nan, spec: str = ".4g") -> str:
+    """A value ± half of its 95 % interval; without an interval the value alone, a dash where there is none."""
+    if pd.isna(value):
+        return "–"
+    return f"{value:{spec}}" + ("" if pd.isna(margin) else f" ± {margin:.2g}")
 
 
 @dataclass(frozen=True)
@@ -122,21 +107,19 @@ class Comparison:
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of the interval of the difference."""
         low, high = (end - self.paper for end in self.ours.interval(level))
-        if not self.size:
+        if not self.size or math.isnan(low + high):
             return low, high
-        if math.isnan(low + high):
-            return np.nan, np.nan
         return max(0.0, low, -high), max(-low, high)
 
     def room(self, level: float) -> float:
-        """How far the interval is within what is accepted; negative if part of it is outside."""
-        low, high = self.interval(level)
-        return float(np.min([low - self.accepted[0], self.accepted[1] - high]))
+        """How far the interval is within what is accepted; negative if part of it is outside, or there is none."""
+        (low, high), (smallest, largest) = self.interval(level), self.accepted
+        room = float(np.min([low - smallest, largest - high]))
+        return -math.inf if math.isnan(room) else room
 
     def verdict(self, level: float) -> str:
         """Verdict of the rule at a level of confidence."""
-        low, high = self.interval(level)
-        smallest, largest = self.accepted
+        (low, high), (smallest, largest) = self.interval(level), self.accepted
         if low >= smallest and high <= largest:
             return REPRODUCED
         if high < smallest or low > largest:
@@ -163,46 +146,22 @@ class Judgement:
     @property
     def explanation(self) -> str:
         """What keeps the claim from being reproduced, for a sentence; empty if nothing does."""
-        low, high = self.interval
+        (low, high), (smallest, largest) = self.interval, self.decisive.accepted
         label = f"{self.decisive.label}: " if self.decisive.label else ""
-        if self.verdict == REPRODUCED or math.isnan(sum(self.decisive.accepted)):
+        if self.verdict == REPRODUCED or math.isnan(smallest + largest):
             return ""
         if math.isnan(self.decisive.difference):
             return f"{label}there is no result"
         if math.isnan(low + high):
             return f"{label}there is no interval, which takes two trials or more"
         place = "lies outside" if self.verdict == NOT_REPRODUCED else "reaches beyond"
+        accepted = f"at least {smallest:g}" if math.isinf(largest) else f"{smallest:g} … {largest:g}"
+        if math.isinf(smallest):
+            accepted = f"at most {largest:g}"
         return (
             f"{label}the difference, {low:.3g} … {high:.3g} at {100 * self.level:.4g} %, {place} what is accepted, "
-            f"{_describe_range(*self.decisive.accepted)}"
+            f"{accepted}"
         )
-
-
-@dataclass(frozen=True)
-class Fact:
-    """What no run can change, such as a count in the paper, or what follows from a definition."""
-
-    value: float  # the fact
-    expected: float  # what the paper says, or what the definition gives
-    of_paper: bool = False  # it is a fact of the paper alone, which then contradicts itself if the two differ
-
-    @property
-    def verdict(self) -> str:
-        """Verdict on the claim."""
-        if self.value == self.expected:
-            return BY_CONSTRUCTION
-        return CONTRADICTION if self.of_paper else NOT_REPRODUCED
-
-
-def _describe_range(low: float, high: float) -> str:
-    if math.isinf(low):
-        return f"at most {high:g}"
-    return f"at least {low:g}" if math.isinf(high) else f"{low:g} … {high:g}"
-
-
-def format_interval(value: float, margin: float, spec: str) -> str:
-    """A value and half of its interval; without an interval the value alone."""
-    return f"{value:{spec}}" + ("" if pd.isna(margin) else f" ± {margin:.2g}")
 
 
 def judge(comparisons: Sequence[Comparison]) -> Judgement:
@@ -215,18 +174,17 @@ def judge(comparisons: Sequence[Comparison]) -> Judgement:
     these intervals are wider, and hold together with 95 % (Bonferroni). Otherwise the claim cannot be judged.
     """
     simultaneous = LEVEL if len(comparisons) == 1 else 1.0 - (1.0 - LEVEL) / len(comparisons)
-    if all(comparison.verdict(LEVEL) == REPRODUCED for comparison in comparisons):
-        claimed = [comparison for comparison in comparisons if not comparison.control]
-        return _find_decisive(REPRODUCED, claimed or comparisons, LEVEL)
-    failures = [comparison for comparison in comparisons if comparison.verdict(simultaneous) == NOT_REPRODUCED]
-    if failures:
-        return _find_decisive(NOT_REPRODUCED, failures, simultaneous)
     unsure = [part for part in comparisons if part.verdict(LEVEL) != REPRODUCED]
+    failures = [part for part in comparisons if part.verdict(simultaneous) == NOT_REPRODUCED]
+    if not unsure:
+        claimed = [comparison for comparison in comparisons if not comparison.control]
+        return _decide(REPRODUCED, claimed or comparisons, LEVEL)
+    if failures:
+        return _decide(NOT_REPRODUCED, failures, simultaneous)
     at_tolerance = all(part.verdict(LEVEL) == AT_TOLERANCE for part in unsure)
-    return _find_decisive(AT_TOLERANCE if at_tolerance else OPEN, unsure, simultaneous)
+    return _decide(AT_TOLERANCE if at_tolerance else OPEN, unsure, simultaneous)
 
 
-def _find_decisive(verdict: str, comparisons: Sequence[Comparison], level: float) -> Judgement:
-    """The judgement by the comparison with the least room; one without an interval has none."""
-    rooms = [-math.inf if math.isnan(room := part.room(level)) else room for part in comparisons]
-    return Judgement(verdict, comparisons[int(np.argmin(rooms))], level)
+def _decide(verdict: str, comparisons: Sequence[Comparison], level: float) -> Judgement:
+    """The judgement by the comparison with the least room."""
+    return Judgement(verdict, min(comparisons, key=lambda part: part.room(level)), level)

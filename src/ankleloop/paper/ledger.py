@@ -1,16 +1,17 @@
-"""The ledger: every number and claim of the paper against results, each verdict from a comparison."""
+"""The ledger: every number and claim of the paper against results, and the texts that rest on its rows."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
+import yaml
 
-from ankleloop.paper.checks import CLAIM_CHECKS
-from ankleloop.paper.claim_checks import CheckResult, Claim, check_table_number
-from ankleloop.paper.evidence import Evidence, MissingEvidence, StudyResults
+from ankleloop.paper.checks import CLAIM_CHECKS, Compared, Fact
+from ankleloop.paper.evidence import Case, MissingEvidence, StudyResults
 from ankleloop.paper.judgement import (
     AT_TOLERANCE,
     BY_CONSTRUCTION,
@@ -19,9 +20,12 @@ from ankleloop.paper.judgement import (
     NOT_REPRODUCED,
     OPEN,
     REPRODUCED,
+    Comparison,
+    describe_result,
+    format_result,
+    half_interval,
     judge,
 )
-from ankleloop.paper.tables import format_number
 
 VERDICTS = {
     REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
@@ -35,6 +39,13 @@ VERDICTS = {
     BY_CONSTRUCTION: "it follows from a definition; no run can change that",
 }
 PAPER, FINDING = "paper", "finding"  # whose statement a row is: the paper's or ours
+SECTIONS = {"table1": "IV, Table 1", "table2": "V, Table 2"}
+NUMBERS = ("ours", "uncertainty", "tolerance", "difference", "difference_low", "difference_high")
+COLUMNS = ("id", "section", "statement", "unit", "paper", *NUMBERS, "verdict", "reason", "conditions", "how", "source")
+MOST_RESULTS = 8  # of comparisons that a reason lists; of more it has the decisive one
+NEARLY_ALL = 90.0  # % VAF: from here on what is left unexplained tells more than the VAF
+
+Conclusions = Mapping[str, Mapping[str, str]]
 
 
 def verify(
@@ -42,28 +53,32 @@ def verify(
     tables: Mapping[str, pd.DataFrame],
     studies: Mapping[str, StudyResults],
     measurements: pd.DataFrame,
-    findings: pd.DataFrame | None = None,
+    findings: pd.DataFrame,
 ) -> pd.DataFrame:
     """Check every number of the published tables, every claim of the paper, and our own findings, by one rule."""
-    evidence = Evidence(studies, measurements.set_index("quantity"), tables)
     numbers = [
         _table_claim(name, number, studies[name].labels if name in studies else {})
         for name, table in tables.items()
         for number in table.to_dict("records")
     ]
-    rows = [_ledger_row(claim, evidence) | {"source": PAPER} for claim in [*numbers, *claims.to_dict("records")]]
-    if findings is not None:
-        rows += [_ledger_row(claim, evidence) | {"source": FINDING} for claim in findings.to_dict("records")]
-    return pd.DataFrame(rows)
+    sources = {PAPER: [*numbers, *claims.to_dict("records")], FINDING: findings.to_dict("records")}
+    by_quantity = measurements.set_index("quantity")
+    rows = [
+        {**claim, "source": source, **_check(Case(claim, studies, by_quantity, tables))}
+        for source, claims_of_source in sources.items()
+        for claim in claims_of_source
+    ]
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _table_claim(name: str, number: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:
-    """A number of a published table as a claim; it has no check of its own."""
+    """A number of a published table as a claim."""
     return {
         **number,
         "id": f"{name}/{number['method']}/{number['torque']}",
+        "check": "table_number",
         "study": name,
-        "section": {"table1": "IV, Table 1", "table2": "V, Table 2"}.get(name, name),
+        "section": SECTIONS[name],
         "statement": f"{number['torque']} torque by {labels.get(number['method'], number['method'])}",
         "unit": "% VAF",
         "conditions": "reflex gain, load, actuator and voluntary torque assumed",
@@ -71,52 +86,56 @@ def _table_claim(name: str, number: Mapping[str, Any], labels: Mapping[str, str]
     }
 
 
-def _ledger_row(claim: Claim, evidence: Evidence) -> dict[str, Any]:
-    check = CLAIM_CHECKS[claim["check"]] if "check" in claim else check_table_number
+def _check(case: Case) -> dict[str, Any]:
+    """Verdict on a claim, with the numbers that it rests on and its reason."""
+    conditions = case.claim["conditions"]
     try:
-        outcome = _judge_result(check(claim, evidence))
+        result = CLAIM_CHECKS[case.claim["check"]](case)
     except MissingEvidence as missing:
-        outcome = {"verdict": OPEN, "reason": str(missing)}
-    if outcome["verdict"] == REPRODUCED and isinstance(claim["conditions"], str) and claim["conditions"]:
+        return {"verdict": OPEN, "reason": str(missing)}
+    if isinstance(result, Fact):
+        return {"verdict": result.verdict, "ours": result.value, "reason": f"{result.reason}."}
+    outcome = _judge(result)
+    if outcome["verdict"] == REPRODUCED and isinstance(conditions, str):
         outcome["verdict"] = CONDITIONAL
-    outcome["reason"] = outcome["reason"].rstrip(".") + "."
-    numbers = ("ours", "uncertainty", "difference", "difference_low", "difference_high")
-    return {
-        **{name: claim[name] for name in ("id", "section", "statement", "unit", "paper")},
-        **{name: outcome.get(name, np.nan) for name in numbers[:2]},
-        "tolerance": claim.get("tolerance"),
-        **{name: outcome.get(name, np.nan) for name in numbers[2:]},
-        **{name: outcome[name] for name in ("verdict", "reason")},
-        **{name: claim[name] for name in ("conditions", "how")},
-    }
+    return outcome
 
 
-def _judge_result(result: CheckResult) -> dict[str, Any]:
-    """Verdict on the result of a check, with the numbers that it rests on and its reason."""
-    if result.fact is not None:
-        return {"verdict": result.fact.verdict, "ours": result.fact.value, "reason": result.reason}
+def _judge(result: Compared) -> dict[str, Any]:
     judgement = judge(result.comparisons)
-    decisive = judgement.decisive
-    ours = result.ours or decisive.ours
-    low, high = ours.interval()
+    ours = result.ours or judgement.decisive.ours
     difference_low, difference_high = judgement.interval
+    listed = result.comparisons if len(result.comparisons) <= MOST_RESULTS else [judgement.decisive]
+    texts = ", ".join(map(_describe, listed))
+    if len(listed) < len(result.comparisons):
+        texts += f" (of {len(result.comparisons)} results the decisive one)"
+    reason = f"{result.what}: {texts}" + (f"; {result.remark}" if result.remark else "")
     explanation = judgement.explanation
     return {
         "verdict": judgement.verdict,
         "ours": ours.value,
-        "uncertainty": (high - low) / 2.0,
-        "difference": decisive.difference,
+        "uncertainty": half_interval(ours),
+        "difference": judgement.decisive.difference,
         "difference_low": difference_low,
         "difference_high": difference_high,
-        "reason": result.reason + (f" – {explanation}" if explanation else ""),
+        "reason": reason.rstrip(".") + (f" – {explanation}." if explanation else "."),
     }
+
+
+def _describe(comparison: Comparison) -> str:
+    """A result in words; of a VAF near 100 % also what it leaves unexplained, since its difference says little."""
+    ours, paper = comparison.ours.value, comparison.paper
+    text = f"{comparison.label} {describe_result(comparison.ours)}".strip()
+    if not (NEARLY_ALL <= paper < 100.0 and ours >= NEARLY_ALL):
+        return text
+    return f"{text} ({(100.0 - ours) / (100.0 - paper):.2g} times the unexplained variance of the paper)"
 
 
 def count_held(ledger: pd.DataFrame) -> str:
     """How many numbers and claims of the paper hold, of those that can be decided."""
-    counts = ledger.loc[ledger["source"] == PAPER, "verdict"].value_counts()
-    held = sum(int(counts.get(verdict, 0)) for verdict in (REPRODUCED, CONDITIONAL))
-    decided = held + int(counts.get(NOT_REPRODUCED, 0))
+    verdicts = ledger.loc[ledger["source"] == PAPER, "verdict"]
+    held = int(verdicts.isin([REPRODUCED, CONDITIONAL]).sum())
+    decided = held + int((verdicts == NOT_REPRODUCED).sum())
     return f"{held} of the {decided} numbers and claims of the paper that can be decided hold"
 
 
@@ -144,21 +163,49 @@ def format_ledger(ledger: pd.DataFrame) -> str:
 
 def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
     """The ledger as a table for people."""
-    cells = ledger[["id", "section", "statement", "unit"]].copy()
-    cells["paper"] = [format_number(paper, ".4g") for paper in ledger["paper"]]
-    cells["ours"] = [
-        format_number(row.ours, ".4g") + (f" ± {row.uncertainty:.2g}" if pd.notna(row.uncertainty) else "")
-        for row in ledger.itertuples()
+    rows = []
+    for row in ledger.itertuples():
+        difference = format_result(row.difference, spec="+.3g")
+        if pd.notna(row.difference_low):
+            difference += f" ({row.difference_low:+.3g} … {row.difference_high:+.3g})"
+        rows.append(
+            {name: getattr(row, name) for name in ("id", "section", "statement", "unit")}
+            | {"paper": format_result(row.paper), "ours": format_result(row.ours, row.uncertainty)}
+            | {"difference": difference, "tolerance": format_result(row.tolerance, spec="g")}
+            | {"verdict": row.verdict}
+            | {"reason": row.reason + (f" Condition: {row.conditions}." if row.verdict == CONDITIONAL else "")}
+        )
+    return pd.DataFrame(rows)
+
+
+def read_conclusions(path: str | PathLike[str]) -> Conclusions:
+    """Conclusions that a person has written, by the claim that each rests on: its verdict, a sentence, a paragraph."""
+    return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+
+
+def conclude(ledger: pd.DataFrame, conclusions: Conclusions, claim: str, part: str = "paragraph") -> str:
+    """A conclusion with the numbers of the run; where the run has another verdict, that verdict and its reason."""
+    for row in ledger[ledger["id"] == claim].to_dict("records"):
+        if row["verdict"] == conclusions[claim]["verdict"]:
+            return conclusions[claim][part].format(**row, size=abs(row["ours"])).strip()
+        return f"**{row['statement']}: {row['verdict']} in this run.** {row['reason']}"
+    return ""
+
+
+def summarise(ledger: pd.DataFrame, conclusions: Conclusions) -> list[str]:
+    """The sentences that open the article and the index."""
+    claims = [claim for claim, conclusion in conclusions.items() if "sentence" in conclusion]
+    return [text for claim in claims if (text := conclude(ledger, conclusions, claim, "sentence"))]
+
+
+def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Table 1 as the paper prints it, "paper → ours ± half a 95 % interval", and the verdict of each cell."""
+    rows = ledger[ledger["id"].str.startswith("table1/")]
+    texts = [
+        f"{row.paper:g} → " + ("–" if pd.isna(row.ours) else f"{row.ours:.1f} ± {row.uncertainty:.1g}")
+        for row in rows.itertuples()
     ]
-    cells["difference"] = [
-        format_number(row.difference, "+.3g")
-        + ("" if pd.isna(row.difference_low) else f" ({row.difference_low:+.3g} … {row.difference_high:+.3g})")
-        for row in ledger.itertuples()
-    ]
-    cells["tolerance"] = [format_number(tolerance, "g") for tolerance in ledger["tolerance"].astype(float)]
-    cells["verdict"] = ledger["verdict"]
-    cells["reason"] = [
-        row.reason + (f" Condition: {row.conditions}." if row.verdict == CONDITIONAL else "")
-        for row in ledger.itertuples()
-    ]
-    return cells
+    methods, torques = rows["statement"].str.split(" by ").str[-1], rows["id"].str.split("/").str[-1] + " [% VAF]"
+    cells = pd.DataFrame({"method": methods, "torque": torques, "cell": texts})
+    table = cells.pivot(index="method", columns="torque", values="cell").loc[methods.unique(), torques.unique()]
+    return table.rename_axis(columns=None).reset_index(), dict(zip(texts, rows["verdict"], strict=True))

@@ -1,19 +1,59 @@
-"""Tables: our results beside the published ones, as CSV for programs and as Markdown for people."""
+"""Tables over trials: numbers beside the published ones and a bound, steps left out, as CSV and for people."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ankleloop.paper.results import format_pairs
-from ankleloop.paper.trial_counts import COUNTS, count_outcomes, summarise_scores
+from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
+from ankleloop.paper.results import COUNTS, count_outcomes, summarise_scores
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.trials.files import atomic_file, write_csv
+
+COMPLETE = "none"  # label of what the complete processing leaves out
+FILTER = "anti-aliasing filter"
+STEP_LABELS = {
+    "kernel-derivatives": "derivatives of the kernel",
+    "early-nonlinearity": "nonlinearity before decimation",
+    "rank-policy": "rank policy",
+    "scaling": "scaling of the channels",
+    "mean-removal": "removal of means",
+}
+SEPARATOR = "-without-"  # in the name of a method: method, step
+COLUMNS = ["vaf_net_measured", "vaf_intrinsic_true", "vaf_reflex_true", "K", "B", "I", "spectral_radius", "pole_error"]
+
+
+def format_number(value: float, spec: str) -> str:
+    """A number in a table for people; a dash if it does not exist."""
+    return "–" if pd.isna(value) else f"{value:{spec}}"
+
+
+def format_pairs(first: Iterable[float], second: Iterable[float], template: str = "{:.1f} ± {:.1f}") -> list[str]:
+    """Pairs of numbers as text, such as means with standard deviations, or the ends of intervals."""
+    pairs = zip(first, second, strict=True)
+    return ["–" if pd.isna(pair[0]) else template.format(*pair).replace("nan", "–") for pair in pairs]
+
+
+def format_columns(table: pd.DataFrame, names: Iterable[str], template: str) -> pd.DataFrame:
+    """Columns of numbers as text."""
+    return table.assign(**{name: format_pairs(table[name], table[name], template) for name in names})
+
+
+def format_means(
+    summary: pd.DataFrame, name: str, template: str = "{:.1f} ± {:.1f}", *, truth: pd.Series | None = None
+) -> list[str]:
+    """Means over trials ± half of their 95 % intervals; as errors in percent where true values are given."""
+    means = summary[f"{name}_mean"]
+    margins = pd.Series(confidence_margin(summary[f"{name}_std"], summary[f"{name}_count"]), summary.index)
+    if truth is not None:
+        means, margins = 100.0 * (means / truth - 1.0), 100.0 * margins / truth
+    return format_pairs(means, margins, template)
 
 
 def compare_with_published(
@@ -23,6 +63,18 @@ def compare_with_published(
     keys = ["method", "torque", "against"]
     table = summarise_scores(scores, parameters, [*by, *keys]).merge(published, how="left", on=keys)
     return table[[*by, *keys, "paper", "mean", "sd", "n", *COUNTS]]
+
+
+def format_table(table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
+    """A table as people read it: labels for methods, mean ± half its 95 % interval, difference to the paper, counts."""
+    numbers = [name for name in ("paper", "mean", "sd", "n", *COUNTS, "low", "high") if name in table]
+    cells = table.drop(columns=numbers).assign(method=table["method"].map(labels))
+    settings = cells.select_dtypes("number").columns
+    cells[settings] = cells[settings].map("{:g}".format).astype(object)
+    cells["paper [%]"] = [format_number(value, ".0f") for value in table["paper"]]
+    cells["ours [%]"] = format_pairs(table["mean"], confidence_margin(table["sd"], table["n"]), "{:.1f} ± {:.2f}")
+    cells["difference [points]"] = [format_number(value, "+.1f") for value in table["mean"] - table["paper"]]
+    return cells.assign(**{name: table[name].astype(str) for name in COUNTS})
 
 
 def compare_with_bound(
@@ -39,72 +91,76 @@ def compare_with_bound(
     estimated.loc[~has_estimates] = estimated[has_estimates].all().to_numpy()
     rows = []
     for (point, method), part in details.groupby(["point", "method"], sort=False):
-        for name, truth in truths[point].items():
-            if name in estimated and estimated.loc[method, name]:
-                row = {"point": point, "method": method, "parameter": name, "truth": truth}
-                row |= _summarise_errors(part[name].dropna().to_numpy(), truth, bounds[point, method].get(name, np.nan))
-                rows.append(row | {"covered": _coverage(part, name, truth), **counts.loc[(point, method)].to_dict()})
+        for name in (name for name in truths[point] if name in names and estimated.loc[method, name]):
+            row = {"point": point, "method": method, "parameter": name, "truth": truths[point][name]}
+            row |= _measure_errors(part, name, truths[point][name], bounds[point, method].get(name, np.nan))
+            rows.append(row | counts.loc[(point, method)].to_dict())
     return pd.DataFrame(rows)
 
 
-def _summarise_errors(values: np.ndarray, truth: float, bound: float) -> dict[str, float]:
-    """Errors over trials and their size over the bound; empty where no trial has the parameter."""
-    if not values.size:
-        return {**dict.fromkeys(("mean", "bias", "sd", "rmse"), np.nan), "n": 0, "bound": bound, "ratio": np.nan}
-    rmse = float(np.sqrt(np.mean((values - truth) ** 2)))
-    deviation = np.std(values, ddof=1) if values.size > 1 else np.nan
-    row = {"mean": values.mean(), "bias": values.mean() - truth, "sd": deviation, "rmse": rmse, "n": values.size}
-    return row | {"bound": bound, "ratio": rmse / bound if bound > 0 else np.nan}
+def _measure_errors(part: pd.DataFrame, name: str, truth: float, bound: float) -> dict[str, float]:
+    """Errors over trials, their size over the bound, and the share of the intervals that hold the truth [%]."""
+    values = part[name].dropna()
+    rmse = float(np.sqrt(((values - truth) ** 2).mean()))
+    row = {"mean": values.mean(), "bias": values.mean() - truth, "sd": values.std(), "rmse": rmse, "n": len(values)}
+    ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna().to_numpy(dtype=float)
+    covered = 100.0 * ((ends[:, 0] <= truth) & (truth <= ends[:, 1])).mean() if len(ends) else np.nan
+    return row | {"bound": bound, "ratio": rmse / bound if bound > 0 else np.nan, "covered": covered}
 
 
-def _coverage(part: pd.DataFrame, name: str, truth: float) -> float:
-    """Share of the intervals that hold the truth [%]."""
-    ends = [f"{name}_low", f"{name}_high"]
-    intervals = part[ends].dropna() if set(ends) <= set(part) else pd.DataFrame()
-    if intervals.empty:
-        return np.nan
-    return float(100.0 * ((intervals[ends[0]] <= truth) & (truth <= intervals[ends[1]])).mean())
+def tabulate_omissions(
+    details: pd.DataFrame, points: Mapping[str, Mapping[str, Any]], labels: Mapping[str, str]
+) -> pd.DataFrame:
+    """Means over trials of each method with all steps of the processing and without each, with what that changes."""
+    details = details.reindex(columns=list(dict.fromkeys([*details, *COLUMNS, "failure", "warnings"])))
+    for step in OMITTED_STEPS:  # a warning that says which step is left out
+        details["warnings"] = details["warnings"].fillna("").str.replace(describe_omission(step), "", regex=False)
+    details["warnings"] = details["warnings"].str.strip()
+    counts = count_outcomes(details, ["point", "method"]).set_index(["point", "method"])
+    results = {
+        place: part.set_index("trial")[COLUMNS].astype(float) for place, part in details.groupby(["point", "method"])
+    }
+    filtered = {_condition(settings): point for point, settings in points.items() if settings["antialias_cutoff"]}
+    unfiltered = {_condition(settings): point for point, settings in points.items() if not settings["antialias_cutoff"]}
+    rows = []
+    for condition, point in filtered.items():
+        for method in (name for name in labels if SEPARATOR not in name):
+            places = {COMPLETE: (point, method), FILTER: (unfiltered.get(condition), method)}
+            places |= {STEP_LABELS[step]: (point, f"{method}{SEPARATOR}{step}") for step in OMITTED_STEPS}
+            for step, place in places.items():
+                if place in results:
+                    row = {"condition": condition, "method": labels[method], "omitted_step": step}
+                    changes = _measure_changes(results[place], results[point, method], paired=step != FILTER)
+                    rows.append({**row, **changes, **counts.loc[place]})
+    return pd.DataFrame(rows)
 
 
-def format_number(value: float, spec: str) -> str:
-    """A number in a table for people; a dash if it does not exist."""
-    return "–" if pd.isna(value) else f"{value:{spec}}"
+def _condition(settings: Mapping[str, Any]) -> str:
+    return "without noise" if settings["snr_db"] is None and settings["voluntary"] == 0 else "with noise"
 
 
-def format_means(
-    summary: pd.DataFrame, name: str, template: str = "{:.1f} ± {:.1f}", *, truth: pd.Series | None = None
-) -> list[str]:
-    """Means over trials ± half of their 95 % intervals; as errors in percent where true values are given."""
-    means = summary[f"{name}_mean"]
-    margins = pd.Series(confidence_margin(summary[f"{name}_std"], summary[f"{name}_count"]), summary.index)
-    if truth is not None:
-        means, margins = 100.0 * (means / truth - 1.0), 100.0 * margins / truth
-    return format_pairs(means, margins, template)
+def _measure_changes(values: pd.DataFrame, complete: pd.DataFrame, *, paired: bool) -> dict[str, float]:
+    """Means of all columns and their changes ("cost"), with their margins; paired changes are of the same trials."""
+    means, margins = values.mean(), _margins(values)
+    if paired:
+        differences = (values - complete).dropna()
+        costs, cost_margins = differences.mean(), _margins(differences)
+    else:
+        costs, cost_margins = means - complete.mean(), np.hypot(margins, _margins(complete))
+    numbers = {"mean": means, "margin": margins, "cost": costs, "cost_margin": cost_margins}
+    return {f"{name}_{key}": float(column[name]) for name in COLUMNS for key, column in numbers.items()}
 
 
-def format_table(table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
-    """A table as people read it: labels for methods, mean ± half its 95 % interval, difference to the paper, counts."""
-    numbers = [name for name in ("paper", "mean", "sd", "n", *COUNTS, "low", "high") if name in table]
-    cells = table.drop(columns=numbers).assign(method=table["method"].map(labels))
-    settings = cells.select_dtypes("number").columns
-    cells[settings] = cells[settings].map("{:g}".format).astype(object)
-    cells["paper [%]"] = [format_number(value, ".0f") for value in table["paper"]]
-    cells["ours [%]"] = format_pairs(table["mean"], confidence_margin(table["sd"], table["n"]), "{:.1f} ± {:.2f}")
-    cells["difference [points]"] = [format_number(value, "+.1f") for value in table["mean"] - table["paper"]]
-    return cells.assign(**{name: table[name].astype(str) for name in COUNTS})
+def _margins(values: pd.DataFrame) -> pd.Series:
+    """Half of the 95 % interval of each mean."""
+    return pd.Series(confidence_margin(values.std(), values.count()), values.columns)
 
 
 def write_table(
-    table: pd.DataFrame,
-    stem: str | PathLike[str],
-    shown: pd.DataFrame | None = None,
-    caption: str = "",
-    *,
-    overwrite: bool = False,
+    table: pd.DataFrame, stem: str | PathLike[str], shown: pd.DataFrame, caption: str, *, overwrite: bool = False
 ) -> None:
-    """Write a table as CSV, and as Markdown with its caption."""
+    """Write a table as CSV, and what people read of it as Markdown with its caption."""
     stem = Path(stem)
     write_csv(table, stem.with_name(stem.name + ".csv"), overwrite=overwrite)
     with atomic_file(stem.with_name(stem.name + ".md"), overwrite=overwrite) as path:
-        page = (table if shown is None else shown).to_markdown(index=False)
-        path.write_text(f"{page}\n\n{caption}\n", encoding="utf-8")
+        path.write_text(f"{shown.to_markdown(index=False)}\n\n{caption}\n", encoding="utf-8")

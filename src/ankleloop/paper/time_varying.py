@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 from scipy import stats
 
 from ankleloop.assessment.cramer_rao import trajectory_bound
@@ -17,20 +16,26 @@ from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
-from ankleloop.paper.captions import LOAD
-from ankleloop.paper.trial_counts import count_outcomes
+from ankleloop.paper.captions import LOAD, format_load
+from ankleloop.paper.results import count_outcomes
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 
 NAMES = {"stiffness": "K", "viscosity": "B", "gain": "G"}  # of the trajectories of a simulation
-SCORES = ("nrmse", "bias", "covered", "rise")  # of a trajectory in the table of trials
+SCORES = {"error": "nrmse", "mean_error": "bias", "covered": "covered"}  # columns of the table of trials
 VARIATIONS = {"cycle": "{:g} cycles", "time": "over {:g} s", "schedule": "scheduling variable, {:g} s"}
 PLACES = 101
 SEED = 0  # of the perturbation, on which the bound hardly depends
-SIMULATED = frozenset(SimulationSettings.model_fields)  # points of a study have options of methods beside these
 COVERED = (92.0, 97.0)  # % of the places: shares that a 95 % band is taken to hold
 SPREAD = (0.025, 0.975)  # quantiles of the trials
+
+Points = Mapping[str, Mapping[str, Any]]
+
+
+def _simulated(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of the simulation; points of a study have options of methods beside them."""
+    return {name: value for name, value in settings.items() if name in SimulationSettings.model_fields}
 
 
 def profile_trajectories(settings: Mapping[str, Any], dimension: str, coordinate: np.ndarray) -> dict[str, np.ndarray]:
@@ -38,9 +43,7 @@ def profile_trajectories(settings: Mapping[str, Any], dimension: str, coordinate
 
     Shapes: coordinate (places,); returns (places,).
     """
-    # Points of a study have options of methods beside the settings.
-    known = {name: value for name, value in settings.items() if name in SimulationSettings.model_fields}
-    chosen = SimulationSettings(**{**known, "cycle_jitter": 0.0})
+    chosen = SimulationSettings(**{**_simulated(settings), "cycle_jitter": 0.0})
     time = coordinate * chosen.cycle_duration
     if dimension != "phase":  # a straight path over a record of any length takes each place in turn
         chosen = chosen.model_copy(update={"variation": "time"})
@@ -49,50 +52,33 @@ def profile_trajectories(settings: Mapping[str, Any], dimension: str, coordinate
     return {NAMES[name]: values for name, values in truth._asdict().items()}
 
 
-def average_trajectories(estimates: Sequence[Estimate], settings: Mapping[str, Any]) -> pd.DataFrame:
+def average_trajectories(estimates: Iterable[Estimate], settings: Mapping[str, Any]) -> pd.DataFrame:
     """Mean and spread of trajectories over trials, place by place, beside the truth."""
-    columns = ["parameter", "dimension", "place", "truth", "mean", "sd", "low", "high", "n"]
     curves = [estimate.trajectories for estimate in estimates if estimate.trajectories is not None]
     if not curves:
-        return pd.DataFrame(columns=columns)
-    (dimension,) = curves[0].sizes
+        return pd.DataFrame()
+    dimension = str(next(iter(curves[0].sizes)))
     places = [curve[dimension].values for curve in curves]
     coordinate = np.linspace(max(place[0] for place in places), min(place[-1] for place in places), PLACES)
-    truths = profile_trajectories(settings, str(dimension), coordinate)
-    parts = [_average(name, truths[name], str(dimension), coordinate, curves) for name in TRAJECTORY_TRUTHS]
-    return pd.concat(parts, ignore_index=True)[columns]
+    truths, tables = profile_trajectories(settings, dimension, coordinate), []
+    for name in TRAJECTORY_TRUTHS:
+        values = [np.interp(coordinate, place, curve[name]) for place, curve in zip(places, curves, strict=True)]
+        trials = pd.DataFrame(np.stack(values))
+        low, high = trials.quantile(SPREAD).to_numpy() if len(curves) > 1 else (np.nan, np.nan)
+        table = pd.DataFrame({"place": coordinate, "truth": truths[name], "mean": trials.mean(), "sd": trials.std()})
+        tables.append(table.assign(low=low, high=high, n=trials.count(), parameter=name, dimension=dimension))
+    return pd.concat(tables, ignore_index=True)
 
 
-def average_study(
-    paths: Sequence[str | PathLike[str]], points: Mapping[str, Mapping[str, Any]], methods: Iterable[str]
-) -> pd.DataFrame:
+def average_study(paths: Sequence[str | PathLike[str]], points: Points, methods: Iterable[str]) -> pd.DataFrame:
     """Mean trajectories of every setting and method of a study."""
-    parts = []
-    for (point, settings), method in product(points.items(), methods):
-        table = average_trajectories(list(load_estimates(paths, point, method).values()), settings)
-        if len(table):
-            parts.append(table.assign(point=point, method=method))
-    if not parts:
+    parts = [
+        average_trajectories(load_estimates(paths, point, method).values(), settings).assign(point=point, method=method)
+        for (point, settings), method in product(points.items(), methods)
+    ]
+    if not any(map(len, parts)):
         raise DataError("no estimate of the study has trajectories: add a method riv-tv.")
-    return pd.concat(parts, ignore_index=True)
-
-
-def _average(
-    name: str, truth: np.ndarray, dimension: str, coordinate: np.ndarray, curves: Sequence[xr.Dataset]
-) -> pd.DataFrame:
-    """Mean and spread of one parameter."""
-    values = np.stack([np.interp(coordinate, curve[dimension].values, curve[name].values) for curve in curves])
-    table = pd.DataFrame({"place": coordinate, "truth": truth}).assign(parameter=name, dimension=dimension)
-    table["n"] = np.isfinite(values).sum(axis=0)
-    shown = table["n"].to_numpy() > 0
-    for column in ("mean", "sd", "low", "high"):
-        table[column] = np.nan
-    seen = values[:, shown]
-    table.loc[shown, "mean"] = np.nanmean(seen, axis=0)
-    if len(curves) > 1:
-        table.loc[shown, ["low", "high"]] = np.nanquantile(seen, SPREAD, axis=0).T
-        table.loc[table["n"] > 1, "sd"] = np.nanstd(values[:, table["n"] > 1], axis=0, ddof=1)
-    return table
+    return pd.concat([part for part in parts if len(part)], ignore_index=True)
 
 
 def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.DataFrame:
@@ -103,31 +89,21 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
     .. math:: \text{bias}^2 = \overline{(\overline{\hat K}(\tau) - K(\tau))^2}, \qquad
               \text{random}^2 = \overline{s^2(\tau)}, \qquad \text{total}^2 = \text{bias}^2 + \text{random}^2.
     """
-    rows = []
-    curves = dict(iter(averages.groupby(["point", "method", "parameter"], sort=False)))
-    for (point, method), part in details.groupby(["point", "method"], sort=False):
-        for name in TRAJECTORY_TRUTHS:
-            if f"{name}_nrmse" not in details:
-                continue
-            values = {score: part.get(f"{name}_{score}", pd.Series(dtype=float)).dropna() for score in SCORES}
-            row = {"point": point, "method": method, "parameter": name}
-            for column, score in (("error", "nrmse"), ("mean_error", "bias"), ("covered", "covered")):
-                sample = values[score]
-                row |= {column: sample.mean(), f"{column}_margin": confidence_margin(sample.std(), sample.size)}
-            row |= _divide_error(curves.get((point, method, name)))
-            rows.append(row | {"rise": values["rise"].mean()})
-    keys = ["point", "method"]
+    rows, keys = [], ["point", "method"]
+    curves = dict(iter(averages.groupby([*keys, "parameter"], sort=False)))
+    names = [name for name in TRAJECTORY_TRUTHS if f"{name}_nrmse" in details]
+    for ((point, method), part), name in product(details.groupby(keys, sort=False), names):
+        row = {"point": point, "method": method, "parameter": name}
+        for column, score in SCORES.items():
+            values = part.get(f"{name}_{score}", pd.Series(dtype=float))
+            row |= {column: values.mean(), f"{column}_margin": confidence_margin(values.std(), values.count())}
+        curve = curves.get((point, method, name), pd.DataFrame(columns=averages.columns, dtype=float))
+        scale = 100.0 / curve["truth"].mean()
+        row["bias"] = scale * np.sqrt(((curve["mean"] - curve["truth"]) ** 2).mean())
+        row["random"] = scale * np.sqrt((curve["sd"] ** 2).mean())
+        row["total"] = np.hypot(row["bias"], row["random"])
+        rows.append(row | {"rise": part.get(f"{name}_rise", pd.Series(dtype=float)).mean()})
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), how="left", on=keys)
-
-
-def _divide_error(curve: pd.DataFrame | None) -> dict[str, float]:
-    """Bias, random and total error of a mean trajectory [%]."""
-    if curve is None:
-        return dict.fromkeys(("bias", "random", "total"), np.nan)
-    scale = 100.0 / float(curve["truth"].mean())
-    bias = scale * float(np.sqrt(((curve["mean"] - curve["truth"]) ** 2).mean()))
-    random = scale * float(np.sqrt((curve["sd"] ** 2).mean()))
-    return {"bias": bias, "random": random, "total": float(np.hypot(bias, random))}
 
 
 def count_cycles(details: pd.DataFrame) -> str:
@@ -136,15 +112,9 @@ def count_cycles(details: pd.DataFrame) -> str:
     return " to ".join(dict.fromkeys(f"{count:.0f}" for count in (counts.min(), counts.max()) if counts.size))
 
 
-def setting_titles(points: Mapping[str, Mapping[str, Any]], varied: Sequence[str]) -> dict[str, str]:
-    """Each setting of a study in a few words: what differs between them."""
-    return {point: _title(settings, varied) for point, settings in points.items()}
-
-
-def _title(settings: Mapping[str, Any], varied: Sequence[str]) -> str:
-    parts = []
-    if set(LOAD) & set(varied):
-        parts.append("load " + "/".join(f"{settings[name]:g}" for name in LOAD))
+def title_setting(settings: Mapping[str, Any], varied: Sequence[str]) -> str:
+    """A setting of a study in a few words: what differs between the settings."""
+    parts = [format_load(settings)] if set(LOAD) & set(varied) else []
     if "voluntary" in varied:
         parts.append(f"voluntary {100 * settings['voluntary']:g} %")
     extent = settings["duration"] / (settings["cycle_duration"] if settings["variation"] == "cycle" else 1.0)
@@ -154,26 +124,13 @@ def _title(settings: Mapping[str, Any], varied: Sequence[str]) -> str:
     return ", ".join(parts)
 
 
-def published_rows(published: pd.DataFrame, study: str) -> pd.DataFrame:
-    """Published numbers beside which a study stands."""
-    rows = published[published["study"] == study]
-    texts = [
-        f"{row.low:g} {row.unit}" if row.low == row.high else f"{row.low:g} to {row.high:g} {row.unit}"
-        for row in rows.itertuples()
-    ]
-    return rows.assign(published=texts)[["measure", "published", "conditions", "source"]].reset_index(drop=True)
-
-
-def typical_points(points: Mapping[str, Mapping[str, Any]], most: int = 4) -> list[str]:
+def typical_points(points: Points, most: int = 4) -> list[str]:
     """Points that a figure shows: all of a few, else some at equal distances in their list."""
-    names = list(points)
-    if len(names) <= most:
-        return names
-    step = len(names) / most
-    return [names[int((number + 0.5) * step)] for number in range(most)]
+    names, step = list(points), max(1.0, len(points) / most)
+    return [names[int((number + 0.5) * step)] for number in range(min(most, len(names)))]
 
 
-def compare_with_bound(details: pd.DataFrame, points: Mapping[str, Mapping[str, Any]], method: str) -> pd.DataFrame:
+def compare_with_bound(details: pd.DataFrame, points: Points, method: str) -> pd.DataFrame:
     r"""Errors of a method beside the smallest ones of estimates without bias, for each setting and parameter.
 
     The efficiency is the mean square of the bound over all places, over the mean square error over places and trials.
@@ -182,43 +139,40 @@ def compare_with_bound(details: pd.DataFrame, points: Mapping[str, Mapping[str, 
     """
     rows = []
     for point, part in details[details["method"] == method].groupby("point", sort=False):
-        settings = {name: points[str(point)][name] for name in points[str(point)] if name in SIMULATED}
+        settings = _simulated(points[str(point)])
         if settings.get("variation_shape") == "square":
             continue
         bound = trajectory_bound(seed=SEED, **settings)
         dimension = str(next(iter(bound.sizes)))
         truths = profile_trajectories(settings, dimension, bound[dimension].values)
         for name in TRAJECTORY_TRUTHS:
-            unit = 100.0 / float(truths[name].mean())
-            errors, means = part[f"{name}_nrmse"].dropna(), part[f"{name}_bias"].dropna()
-            row = {"root_error": _mean_square(errors), "bound": unit**2 * float((bound[name] ** 2).mean())}
-            row |= {"root_mean_error": _mean_square(means), "mean_bound": unit**2 * float(bound[f"{name}_mean"] ** 2)}
-            mean_efficiency = 100.0 * row["mean_bound"] / row["root_mean_error"]
-            low, high = mean_efficiency * stats.chi2.ppf((0.025, 0.975), means.size) / means.size
-            efficiencies = {"efficiency": 100.0 * row["bound"] / row["root_error"], "mean_efficiency": mean_efficiency}
-            roots = {key: float(np.sqrt(value)) for key, value in row.items()}
-            rows.append(
-                {"point": point, "parameter": name, **roots, **efficiencies, "mean_low": low, "mean_high": high}
-            )
+            unit, means = 100.0 / truths[name].mean(), part[f"{name}_bias"].dropna()
+            squares = {
+                "root_error": (part[f"{name}_nrmse"] ** 2).mean(),
+                "bound": unit**2 * float((bound[name] ** 2).mean()),
+                "root_mean_error": (means**2).mean(),
+                "mean_bound": unit**2 * float(bound[f"{name}_mean"] ** 2),
+            }
+            efficiency = 100.0 * squares["bound"] / squares["root_error"]
+            of_mean = 100.0 * squares["mean_bound"] / squares["root_mean_error"]
+            low, high = of_mean * stats.chi2.ppf((0.025, 0.975), means.size) / means.size
+            row = {"point": point, "parameter": name, **{key: np.sqrt(value) for key, value in squares.items()}}
+            row |= {"efficiency": efficiency, "mean_efficiency": of_mean, "mean_low": low, "mean_high": high}
+            rows.append(row)
     return pd.DataFrame(rows)
-
-
-def _mean_square(errors: pd.Series) -> float:
-    return float((errors**2).mean())
 
 
 def count_coverage(table: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFrame:
     """How many bands hold the truth at 92 to 97 % of the places, for each method and parameter."""
-    low, high = COVERED
     rows = []
-    bands = table.dropna(subset="covered")
-    for (method, parameter), part in bands.groupby(["method", "parameter"], sort=False):
+    for (method, parameter), part in table.dropna(subset="covered").groupby(["method", "parameter"], sort=False):
         margin = part["covered_margin"].fillna(np.inf)  # of a single trial
-        less, more = part["covered"] + margin < low, part["covered"] - margin > high
-        inside = (part["covered"] - margin >= low) & (part["covered"] + margin <= high)
+        low, high = part["covered"] - margin, part["covered"] + margin
+        less, more = high < COVERED[0], low > COVERED[1]
+        inside = (low >= COVERED[0]) & (high <= COVERED[1])
         least = part.loc[part["covered"].idxmin()]
-        counts = {"less": int(less.sum()), "more": int(more.sum()), "open": int((~(less | more | inside)).sum())}
         half = "" if np.isnan(least["covered_margin"]) else f" ± {least['covered_margin']:.0f}"
+        row = {"method": method, "parameter": parameter, "settings": len(part), "less": less.sum(), "more": more.sum()}
         smallest = f"{least['covered']:.0f}{half} ({titles[least['point']]})"
-        rows.append({"method": method, "parameter": parameter, "settings": len(part), **counts, "smallest": smallest})
+        rows.append(row | {"open": (~(less | more | inside)).sum(), "smallest": smallest})
     return pd.DataFrame(rows, columns=["method", "parameter", "settings", "less", "more", "open", "smallest"])

@@ -159,22 +159,18 @@ def trial_table_columns(path: PathLike) -> list[str]:
 
 
 def read_results(path: PathLike) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Parameters of the trials of a study, and its scores by torque; ordered by point, method and trial."""
+    """Trials of a study without the intervals of their VAF, and their VAF by torque; by point, method and trial."""
     table = read_trial_table(path)
     ranks = [pd.factorize(table[name])[0] for name in ("method", "point")]
     table = table.iloc[np.lexsort((table["trial"], *ranks))].reset_index(drop=True)
-    texts = table.select_dtypes("category").columns
-    table = table.astype(dict.fromkeys(texts, object))
-    pairs = itertools.product(("net", "intrinsic", "reflex"), ("measured", "true"))
-    names = [name for pair in pairs if (name := "_".join(("vaf", *pair))) in table]
+    table = table.astype(dict.fromkeys(table.select_dtypes("category").columns, object))
     keys = table[table.columns[: table.columns.get_loc("trial") + 1]]
     scores = []
-    for name in names:
-        _, torque, against = name.split("_")
-        values = {"vaf": table[name], **{end[1:]: table[f"{name}{end}"] for end in ENDS}}
-        scores.append(keys.assign(torque=torque, against=against, **values))
-    details = table.drop(columns=[f"{name}{end}" for name in names for end in ("", *ENDS)])
-    return details, pd.concat(scores).dropna(subset="vaf").sort_index(kind="stable").reset_index(drop=True)
+    for torque, against in itertools.product(("net", "intrinsic", "reflex"), ("measured", "true")):
+        if (name := f"vaf_{torque}_{against}") in table:
+            low, high = (table.pop(f"{name}{end}") for end in ENDS)
+            scores.append(keys.assign(torque=torque, against=against, vaf=table[name], low=low, high=high))
+    return table, pd.concat(scores).sort_index(kind="stable").reset_index(drop=True)
 
 
 def _read_schema(path: PathLike) -> pa.Schema:

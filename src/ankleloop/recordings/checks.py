@@ -143,21 +143,26 @@ def check_trial(trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | Prepar
     usable, strength = check_instrument(prepared, records, delay)
     loop, feedback = check_loop(records, usable)
     bias, merged = path_bias(records), len(records) > 1
+    findings = [
+        length,
+        *map(merge_findings, zip(*signals, strict=True)),
+        merge_findings(_check_signs(records, by_reference=usable and loop != "open")),
+    ]
+    sign, spectra = findings[-1], estimate_spectra(records)
+    findings += [
+        merge_findings([check_coherence(record) for record in records]),
+        check_excitation([record.inputs[:, 1] for record in records], values.order, values.block_rows),
+        merge_findings([check_drift(record) for record in records]),
+        strength,
+    ]
+    if sign.verdict == "refused":  # loop and methods rest on it
+        return Check(findings, "undecided", {}, spectra, usable)
+    validity = describe_validity(loop, usable, bias, merged=merged)
     return Check(
-        findings=[
-            length,
-            *map(merge_findings, zip(*signals, strict=True)),
-            merge_findings(_check_signs(records, by_reference=usable and loop != "open")),
-            merge_findings([check_coherence(record) for record in records]),
-            check_excitation([record.inputs[:, 1] for record in records], values.order, values.block_rows),
-            merge_findings([check_drift(record) for record in records]),
-            strength,
-            feedback,
-            Finding("methods", "ok" if usable else "warning", describe_validity(loop, usable, bias, merged=merged)),
-        ],
+        findings=[*findings, feedback, Finding("methods", "ok" if usable else "warning", validity)],
         loop=loop,
         methods=valid_methods(loop, usable, bias, merged=merged),
-        spectra=estimate_spectra(records),
+        spectra=spectra,
         reference=usable,
         path_bias=bias,
     )

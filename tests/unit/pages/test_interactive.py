@@ -8,7 +8,7 @@ import pytest
 import ankleloop
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
-from ankleloop.pages.interactive import list_lines, render_interactive_torques, thin
+from ankleloop.pages.interactive import Line, list_lines, render_interactive_torques
 from ankleloop.plotting.style import METHOD_STYLES
 
 HOSTILE = '</script><b>riv & "co"'
@@ -48,7 +48,7 @@ def test_the_window_lies_within_the_record(trial, estimates, window, expected):
 @pytest.fixture(scope="module")
 def lines(trial, estimates):
     styles = dict.fromkeys(estimates, METHOD_STYLES["riv"])
-    return {line[0]: line[4:] for line in list_lines(prepare(trial), estimates, styles, [])}
+    return {line.label: (line.time, line.torques) for line in list_lines(prepare(trial), estimates, styles, [])}
 
 
 def test_estimates_are_centred_and_residuals_are_what_they_leave(lines, estimates):
@@ -69,7 +69,9 @@ def test_estimates_are_centred_and_residuals_are_what_they_leave(lines, estimate
 @pytest.mark.parametrize("size", [1, 400, 1001])
 def test_no_peak_of_a_long_record_is_lost(size):
     samples = np.random.default_rng(1).normal(size=size)
-    low, high = thin(samples, 7).reshape(-1, 2).T
+    time, values = Line("a", "#000000", True, np.arange(size) / 100, {"net": samples}).thin(7)
+    low, high = values["net"].reshape(-1, 2).T
+    assert time.size == 2 * low.size
     bins = np.arange(size) // 7
     assert low.size == -(-size // 7)
     for number in range(low.size):

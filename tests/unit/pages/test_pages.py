@@ -16,8 +16,7 @@ from matplotlib.figure import Figure
 import ankleloop
 from ankleloop.pages import rendering
 from ankleloop.pages.recordings import EmbeddedFigure, embed_figure, embed_recording_figures, render_recording_page
-from ankleloop.pages.rendering import render_template
-from ankleloop.pages.tables import render_table
+from ankleloop.pages.rendering import render_table, render_template
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import Analysis, analyse
 from ankleloop.recordings.checks import Check, Finding

@@ -101,25 +101,18 @@ class Studies(Mapping):
             ",".join(f"{name}={value}" for name, value in part.items()): SimulationSettings(**part).model_dump()
             for part in varied
         }
-        scores, parameters = [], []
+        tables = []
         for (point, values), method in product(points.items(), METHODS[study]):
-            for torque, against in product(("net", "intrinsic", "reflex"), ("measured", "true")):
-                mean = self.vaf(study, values, method, torque)
-                mean = default_vaf(study, values, method, torque) if mean is None else mean
-                row = {"point": point, "method": method, "torque": torque, "against": against}
-                scores.append(row | {"vaf": mean + self.noise(study, point, method, torque)})
             error = self.error(study, values, method)
             error = default_error(study, values, method) if error is None else error
-            row = {"point": point, "method": method, "passes": 27.0, "spectral_radius": 0.8}
-            parameters.append(row | {"K": 150.0 + 1.5 * error + self.noise(study, point, method)})
-        tables = (pd.DataFrame(rows).explode(column) for rows, column in ((scores, "vaf"), (parameters, "K")))
-        scores, parameters = (
-            table.assign(trial=np.arange(len(table)) % self.trials).infer_objects().reset_index(drop=True)
-            for table in tables
-        )
-        return StudyResults(
-            self.kind, points, scores.astype({"vaf": float}), parameters.astype({"K": float}), name=study
-        )
+            columns = {"K": 150.0 + 1.5 * error + self.noise(study, point, method), "trial": range(self.trials)}
+            for torque in ("net", "intrinsic", "reflex"):
+                mean = self.vaf(study, values, method, torque)
+                mean = default_vaf(study, values, method, torque) if mean is None else mean
+                vaf = mean + self.noise(study, point, method, torque)
+                columns |= {f"vaf_{torque}_{against}": vaf for against in ("measured", "true")}
+            tables.append(pd.DataFrame(columns).assign(point=point, method=method, passes=27.0))
+        return StudyResults(self.kind, points, pd.concat(tables, ignore_index=True), name=study)
 
     def noise(self, *key):
         """Deviations of zero mean."""

@@ -4,9 +4,8 @@ import pandas as pd
 import pytest
 from synthetic_results import PUBLISHED, build_ledger
 
-from ankleloop.paper.conclusions import conclude, read_conclusions, summarise, tabulate_table1
 from ankleloop.paper.judgement import CONDITIONAL, NOT_REPRODUCED
-from ankleloop.paper.ledger import VERDICTS, count_held
+from ankleloop.paper.ledger import VERDICTS, conclude, count_held, read_conclusions, summarise, tabulate_table1
 
 CONCLUSIONS = read_conclusions(PUBLISHED.parent / "conclusions.yaml")
 

@@ -6,19 +6,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from ankleloop.paper.checks import bootstrap_rank_correlation
 from ankleloop.paper.judgement import (
     AT_TOLERANCE,
-    BY_CONSTRUCTION,
-    CONTRADICTION,
     LEVEL,
     NOT_REPRODUCED,
     OPEN,
     REPRODUCED,
     Comparison,
-    Fact,
     Mean,
     Measurement,
-    Replicates,
+    half_interval,
     judge,
 )
 
@@ -85,7 +83,7 @@ def test_the_interval_of_a_verdict_shows_it():
     """Reproduced by intervals of 95 %, not reproduced by intervals that hold together: one that is just outside at 95 %
     decides alone, and does not decide among four."""
     sample = np.array([-0.1, 0.0, 0.1])
-    margin = Mean.of(sample).margin()
+    margin = half_interval(Mean.of(sample))
     near = Comparison("", Mean.of(sample + 2.01 + margin), (-2.0, 2.0))
     within = Comparison("", Mean.of(sample), (-2.0, 2.0))
     assert judge([near]).verdict == NOT_REPRODUCED
@@ -126,21 +124,13 @@ def test_wrong_verdicts_are_rare(truth, verdict):
         assert np.mean([result not in (OPEN, AT_TOLERANCE) for result in verdicts]) < 0.08
 
 
-def test_replicates_give_the_percentile_interval():
-    replicates = Replicates(0.0, np.linspace(-1.0, 1.0, 1001))
-    assert replicates.interval() == pytest.approx((-0.95, 0.95), abs=0.002)
-    assert Replicates(-1.0, np.linspace(-0.1, 0.1, 1001)).interval() == pytest.approx((-1.0, 0.095), abs=0.002)
-    assert all(map(math.isnan, Replicates(0.0, np.empty(0)).interval()))
-
-
-@pytest.mark.parametrize(
-    ("fact", "verdict"),
-    [
-        (Fact(21, 20, of_paper=True), CONTRADICTION),
-        (Fact(20, 20, of_paper=True), BY_CONSTRUCTION),
-        (Fact(9, 9), BY_CONSTRUCTION),
-        (Fact(8, 9), NOT_REPRODUCED),
-    ],
-)
-def test_facts(fact, verdict):
-    assert fact.verdict == verdict
+def test_rank_correlation_has_the_percentile_interval_of_its_bootstrap():
+    rng = np.random.default_rng(4)
+    falling = {float(gain): -gain + rng.normal(0.0, 1.0, 6) for gain in range(12)}
+    correlation = bootstrap_rank_correlation(falling)
+    means = [values.mean() for values in falling.values()]
+    assert correlation.value == pytest.approx(stats.spearmanr(list(falling), means).statistic)
+    assert -1.0 <= correlation.low <= correlation.value <= correlation.high < -0.9
+    steps = {gain: np.repeat(-gain, 3) for gain in range(3)}
+    assert bootstrap_rank_correlation(steps).interval() == pytest.approx((-1.0, -1.0))
+    assert math.isnan(bootstrap_rank_correlation({gain: np.array([gain]) for gain in range(3)}).low)

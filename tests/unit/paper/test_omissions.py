@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 from ankleloop.methods.moesp import describe_omission
-from ankleloop.paper.omissions import COMPLETE, STEP_LABELS, tabulate_omissions
+from ankleloop.paper.tables import COMPLETE, STEP_LABELS, tabulate_omissions
 from ankleloop.simulation.settings import SimulationSettings
 
 TRIALS = 6
@@ -23,24 +23,21 @@ SCORES = {"net": "measured", "intrinsic": "true", "reflex": "true"}
 def results():
     """K and all else at random; the fourth trial of one method fails, and the second has a warning of its own."""
     rng = np.random.default_rng(1)
-    parameters, scores = [], []
+    rows = []
     for point in POINTS:
         for method in LABELS:
             for trial in range(TRIALS):
                 key = {"point": point, "method": method, "trial": trial}
                 if (point, method, trial) == ("filter", "pr-without-scaling", 3):
-                    parameters.append(key | {"failure": "no convergence"})
+                    rows.append(key | {"failure": "no convergence"})
                     continue
                 warnings = [describe_omission("scaling")] if "without" in method else []
                 if trial == 1 and method == "pr-without-scaling":
                     warnings.append("unstable")
                 values = dict(zip(["K", "B", "I", "spectral_radius", "pole_error"], rng.normal(5, 1, 5), strict=True))
-                parameters.append(key | values | {"warnings": " ".join(warnings) or np.nan})
-                scores += [
-                    key | {"torque": torque, "against": against, "vaf": rng.normal(90, 1)}
-                    for torque, against in SCORES.items()
-                ]
-    return pd.DataFrame(parameters), pd.DataFrame(scores)
+                values |= {f"vaf_{torque}_{against}": rng.normal(90, 1) for torque, against in SCORES.items()}
+                rows.append(key | values | {"warnings": " ".join(warnings) or np.nan})
+    return pd.DataFrame(rows)
 
 
 def values_of(parameters, point, method):
@@ -49,7 +46,7 @@ def values_of(parameters, point, method):
 
 
 def test_rows_are_conditions_methods_and_steps(results):
-    table = tabulate_omissions(*results, POINTS, LABELS)
+    table = tabulate_omissions(results, POINTS, LABELS)
     scaling, filtering = STEP_LABELS["scaling"], "anti-aliasing filter"
     assert table[["condition", "method", "omitted_step"]].values.tolist() == [
         *(["with noise", "PR-MOESP", step] for step in (COMPLETE, filtering, scaling)),
@@ -61,33 +58,32 @@ def test_rows_are_conditions_methods_and_steps(results):
 
 
 def test_costs_are_of_the_same_trials(results):
-    row = tabulate_omissions(*results, POINTS, LABELS).iloc[2]
-    with_step, without = (values_of(results[0], "filter", name) for name in ("pr", "pr-without-scaling"))
+    row = tabulate_omissions(results, POINTS, LABELS).iloc[2]
+    with_step, without = (values_of(results, "filter", name) for name in ("pr", "pr-without-scaling"))
     assert row["K_mean"] == pytest.approx(without.mean())
     assert row["K_cost"] == pytest.approx((without - with_step.drop(3)).mean())
     interval = stats.ttest_rel(without, with_step.drop(3)).confidence_interval(0.95)
     assert row["K_cost_margin"] == pytest.approx((interval.high - interval.low) / 2)
     alone = stats.ttest_1samp(without, 0.0).confidence_interval(0.95)
     assert row["K_margin"] == pytest.approx((alone.high - alone.low) / 2)
-    vaf = results[1].query("point == 'filter' and method == 'pr-without-scaling' and torque == 'reflex'")["vaf"]
+    vaf = results.query("point == 'filter' and method == 'pr-without-scaling'")["vaf_reflex_true"]
     assert row["vaf_reflex_true_mean"] == pytest.approx(vaf.mean())
 
 
 def test_the_filter_is_compared_between_other_trials(results):
-    table = tabulate_omissions(*results, POINTS, LABELS)
+    table = tabulate_omissions(results, POINTS, LABELS)
     complete, row = table.iloc[0], table.iloc[1]
-    assert row["K_mean"] == pytest.approx(values_of(results[0], "no filter", "pr").mean())
+    assert row["K_mean"] == pytest.approx(values_of(results, "no filter", "pr").mean())
     assert row["K_cost"] == pytest.approx(row["K_mean"] - complete["K_mean"])
     assert row["K_cost_margin"] == pytest.approx(np.hypot(row["K_margin"], complete["K_margin"]))
     assert (complete["K_cost"], complete["K_cost_margin"]) == (0.0, 0.0)
 
 
 def test_a_method_that_always_fails_has_a_row_without_numbers(results):
-    parameters, scores = results
-    failed = (parameters["point"] == "filter") & (parameters["method"] == "pr-without-scaling")
-    parameters.loc[failed, "failure"] = "no convergence"
-    scores = scores[(scores["point"] != "filter") | (scores["method"] != "pr-without-scaling")]
-    row = tabulate_omissions(parameters, scores, POINTS, LABELS).iloc[2]
+    failed = (results["point"] == "filter") & (results["method"] == "pr-without-scaling")
+    results.loc[failed, "failure"] = "no convergence"
+    results.loc[failed, ["K", "vaf_net_measured"]] = np.nan
+    row = tabulate_omissions(results, POINTS, LABELS).iloc[2]
     assert (row["trials"], row["failures"]) == (TRIALS, TRIALS)
     assert np.isnan(row["K_mean"])
     assert np.isnan(row["K_cost"])

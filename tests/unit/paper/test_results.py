@@ -2,14 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop.paper.results import (
-    format_columns,
-    format_pairs,
-    join_scores,
-    summarise_columns,
-    true_spectral_radius,
-    true_values,
-)
+from ankleloop.paper.results import summarise_columns, true_spectral_radius, true_values
 from ankleloop.quantities import QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 
@@ -24,21 +17,6 @@ def parameters():
         for trial in (0, 1)
     ]
     return pd.DataFrame(rows)
-
-
-def test_each_estimate_has_the_scores_of_its_own(parameters):
-    keys = parameters[["point", "method", "trial"]]
-    net = keys.assign(torque="net", against="true", vaf=90.0 + np.arange(8.0))
-    reflex = keys.assign(torque="reflex", against="measured", vaf=10.0)
-    scores = pd.concat([net, reflex]).sample(frac=1.0, random_state=1)
-    table = join_scores(parameters, scores)
-    assert table["vaf_net_true"].tolist() == (90.0 + np.arange(8.0)).tolist()
-    assert set(table["vaf_reflex_measured"]) == {10.0}
-    assert list(table[parameters.columns]) == list(parameters.columns)
-    failed = scores[(scores["point"] != "gain=5") | (scores["method"] != "riv") | (scores["trial"] != 1)]
-    reduced = join_scores(parameters, failed)
-    assert np.isnan(reduced["vaf_net_true"].iloc[1])
-    assert reduced["vaf_net_true"].drop(1).tolist() == table["vaf_net_true"].drop(1).tolist()
 
 
 def test_summary_has_the_order_of_the_rows_and_leaves_out_missing_values(parameters):
@@ -56,17 +34,6 @@ def test_every_true_value_is_that_of_the_simulation():
     assert values == {"K": 150.0, "B": 0.8, "I": 0.015, "G": 13.0, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
     assert set(values) <= set(QUANTITIES)
     assert list(true_values(SimulationSettings.defaults(), ["B", "K"])) == ["B", "K"]
-
-
-def test_numbers_become_text():
-    assert format_pairs([1.25, -3.0], [0.5, 1.0], "{:+.1f} ± {:.1f}") == ["+1.2 ± 0.5", "-3.0 ± 1.0"]
-    table = pd.DataFrame({"method": ["riv"], "K": [150.25]})
-    assert format_columns(table, ["K"], "{:.4g}").to_dict("records") == [{"method": "riv", "K": "150.2"}]
-    assert table["K"].tolist() == [150.25]  # unchanged
-    assert format_pairs([150.0, np.nan], [np.nan, np.nan]) == ["150.0 ± –", "–"]
-    assert format_columns(pd.DataFrame({"K": [np.nan]}), ["K"], "{:.1f}")["K"].tolist() == ["–"]
-    with pytest.raises(ValueError, match="shorter"):
-        format_pairs([1.0, 2.0], [1.0])
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,8 @@ import pytest
 from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, sweep_options, write_trials
 
 from ankleloop.errors import DataError
-from ankleloop.paper.sweep_pictures import describe_design, draw_map, draw_sweep, list_extremes
 from ankleloop.paper.sweep_quantities import label_parameter
-from ankleloop.paper.sweep_study import SweepStudy
+from ankleloop.paper.sweeps import SweepStudy, describe_design, draw_map, draw_sweep, list_extremes
 
 NOTEBOOK = Path(__file__).parents[3] / "notebooks" / "sweep.ipynb"
 POINTS = grid(reflex_gain=[5.0, 10.0, 20.0], voluntary=[0.0, 0.5])
@@ -50,9 +49,11 @@ def test_quantities_without_a_value_are_named_and_left_out(read):
 def test_design_is_described_from_the_table(sweep, read):
     text = describe_design(sweep)
     assert "reflex gain [N·m·s/rad]: 5, 10, 20; relative voluntary torque: 0, 0.5" in text
-    assert "6 points, 6 conditions, 3 trials at each point. 36 identifications: 6 failed, and 0 estimates" in text
+    assert (
+        "Points: 6; conditions: 6; trials at each point: 3. Identifications: 36; failed: 6; with a warning: 0." in text
+    )
     options = read(make_trials(grid(block_rows=[10, 12])), ["block_rows"])
-    assert "2 points, 1 condition (points that differ in options" in describe_design(options)
+    assert "Points: 2; conditions: 1 (points that differ in options" in describe_design(options)
 
 
 def test_axes_choose_the_picture(read):

@@ -20,7 +20,7 @@ from ankleloop.paper.time_varying import (
     count_coverage,
     measure_trajectories,
     profile_trajectories,
-    setting_titles,
+    title_setting,
     typical_points,
 )
 from ankleloop.simulation.settings import SimulationSettings
@@ -95,11 +95,9 @@ def test_settings_are_told_by_what_differs():
         "a": SETTINGS | {"cycle_jitter": 0.06, "duration": 56.0},
         "b": SETTINGS | {"variation": "schedule", "duration": 120.0, "voluntary": 0.3},
     }
-    assert list(setting_titles(points, ["variation"]).values()) == [
-        "40 cycles, durations ± 6 %",
-        "scheduling variable, 120 s",
-    ]
-    assert setting_titles(points, ["voluntary", "load_inertia"])["b"].startswith("load 1.1/7.1/250, voluntary 30 %")
+    assert title_setting(points["a"], ["variation"]) == "40 cycles, durations ± 6 %"
+    assert title_setting(points["b"], ["variation"]) == "scheduling variable, 120 s"
+    assert title_setting(points["b"], ["voluntary", "load_inertia"]).startswith("load 1.1/7.1/250, voluntary 30 %")
     assert typical_points(points) == ["a", "b"]
     assert len(typical_points({str(number): {} for number in range(18)})) == 4
 

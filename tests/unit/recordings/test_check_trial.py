@@ -61,6 +61,9 @@ def test_the_sign_is_detected(closed):
         flipped = check_trial(trial.assign(torque=-trial["torque"]))
         assert flipped.verdict == "refused"
         assert "Set torque_sign: -1" in find(flipped, "sign of the torque").text
+        # Checks that rest on the sign are not made.
+        assert (flipped.loop, flipped.methods) == ("undecided", {})
+        assert not {"loop", "methods"} & {finding.name for finding in flipped.findings}
 
 
 def test_feedback_is_not_taken_for_a_wrong_sign():
@@ -123,11 +126,11 @@ def test_merged_trials_have_the_worst_finding_and_its_trial():
     assert list(check.methods) == ["pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp", "moesp"]
     assert find(check, "length").text.startswith("3 trials of 10 s, 30 s in all at 1000 Hz, without gaps")
     assert find(check, "drift").text.startswith("all 3 trials pass; the first: ")
+    assert find(check, "methods").text.startswith("of those that merge trials, ")
     trials[1] = trials[1].assign(torque=-trials[1]["torque"])
     check = check_trial(trials)
     assert check.verdict == "refused"
     assert find(check, "sign of the torque").text.startswith("trial 2 of 3: ")
-    assert find(check, "methods").text.startswith("of those that merge trials, ")
     with pytest.raises(DataError, match="no trials"):
         check_trial([])
 

@@ -11,7 +11,7 @@ from study_jobs import run_jobs, write_trials
 
 from ankleloop import DataError, UnstableLoopError, evaluate, identify, simulate
 from ankleloop.joint.estimate_files import load_estimates
-from ankleloop.paper.trial_counts import describe_failures
+from ankleloop.paper.results import describe_failures
 from ankleloop.paper.trial_tables import read_results
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies import identification
