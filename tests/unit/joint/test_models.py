@@ -24,15 +24,6 @@ def other():
 
 
 @pytest.mark.parametrize("method", PREDICTING)
-def test_an_offset_of_the_position_changes_nothing(trial, other, method):
-    estimate = identify(trial, method)
-    expected = estimate.predict(other).torque
-    shifted = estimate.predict(other.assign(position=other["position"] + 0.25, torque=other["torque"] - 7.0)).torque
-    for name in expected:
-        np.testing.assert_allclose(shifted[name], expected[name], atol=1e-8)
-
-
-@pytest.mark.parametrize("method", PREDICTING)
 def test_the_recording_rate_is_that_of_the_trial(trial, method):
     """A trial of half the rate has the same torques as far as its velocity has the same band."""
     estimate = identify(trial, method, basis="rectifier")

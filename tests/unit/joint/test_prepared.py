@@ -5,7 +5,7 @@ import pytest
 
 from ankleloop import METHODS, evaluate, identify, simulate
 from ankleloop.joint import prepared as module
-from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis, prepare
+from ankleloop.joint.prepared import PreparedTrial, prepare
 
 OPTIONS = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0}
 SHORT = {"real-time": {"memory": 2.0}}  # options that a short trial needs
@@ -53,17 +53,6 @@ def calls(monkeypatch):
 # --- sharing
 
 
-@pytest.mark.parametrize("order", [1, -1], ids=["in order", "in reverse"])
-def test_methods_that_share_a_trial_give_what_they_give_alone(trials, order):
-    for trial in trials:
-        before, shared = trial.copy(deep=True), prepare(trial)
-        for name in list(METHODS)[::order]:
-            alone, together = identify_by(trial, name), identify_by(shared, name)
-            assert_same_estimate(together, alone)
-            assert evaluate(shared, together).equals(evaluate(trial, alone))
-        assert trial.identical(before)
-
-
 def test_options_do_not_mix(trials):
     """Values of one delay, rate, basis or reference do not serve another."""
     shared = prepare(trials[0])
@@ -105,15 +94,3 @@ def test_a_trial_is_validated_once(trials, monkeypatch):
     assert prepare(shared) is shared
     PreparedTrial(trials[0], validated=True)
     assert len(count) == 1
-
-
-def test_merged_trials_share_a_basis(trials):
-    prepared = [prepare(trial) for trial in trials]
-    basis = fit_shared_basis(prepared, 0.04, "chebyshev", 4)
-    assert basis.scale == max(float(np.abs(trial.velocity(0.04)).max()) for trial in prepared)
-    for trial in prepared:
-        regressors = trial.regressors(delay=0.04, basis=basis, identification_rate=100.0)
-        assert regressors.basis is basis
-        assert regressors.inputs.shape[1] == 3 + 4
-    for alone, together in zip(identify(trials, "pr-moesp"), identify(prepared, "pr-moesp"), strict=True):
-        assert_same_estimate(together, alone)

@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy import signal as sps
 from scipy.integrate import solve_ivp
 
-from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.signals.statespace import companion, lowpass_denominator, step_matrices
 
 
@@ -28,17 +26,6 @@ def test_one_step_against_an_adaptive_solver():
         lambda t, x: A @ x + B[:, 0] * (u0 + (u1 - u0) * t / 0.02), (0, 0.02), start, rtol=1e-10, atol=1e-12
     ).y[:, -1]
     np.testing.assert_allclose(F @ start + before[:, 0] * u0 + after[:, 0] * u1, exact, rtol=1e-7)
-
-
-@pytest.mark.parametrize("pole", [None, 30.0])
-def test_first_order_hold_against_scipy(pole):
-    system = companion(lowpass_denominator(40.0, 0.8, pole))
-    u = np.random.default_rng(3).standard_normal(500)
-    _, expected, _ = sps.dlsim(sps.cont2discrete((*system, np.zeros((1, 1))), 0.01, method="foh"), u)
-    A, B, C, D = ReflexDynamics(40.0, 0.8, pole).matrices(100.0)
-    _, output, _ = sps.dlsim((A, B, C, D, 0.01), u)
-    np.testing.assert_allclose(output, expected, atol=1e-9)
-    assert (C @ np.linalg.solve(np.eye(len(A)) - A, B) + D).item() == pytest.approx(1.0)  # gain at rest
 
 
 @pytest.mark.parametrize("cutoff", [100.0, 1e3, 5e3, 1.2e4, 1e5])

@@ -49,14 +49,6 @@ def test_signals_have_separate_streams():
     np.testing.assert_array_equal(other_joint["reference"][:5000], clean["reference"])
 
 
-def test_torque_is_the_sum_of_its_parts():
-    trial = simulate(seed=4, duration=5.0, voluntary=0.5)
-    parts = sum(trial[f"torque_{name}"] for name in ("intrinsic", "reflex", "voluntary", "noise"))
-    np.testing.assert_allclose(trial["torque"], parts, atol=1e-12)
-    assert trial["torque_intrinsic"].attrs["units"] == "N·m"
-    assert trial.attrs["load_inertia"] == 1.1
-
-
 def test_noise_and_voluntary_torque_have_their_levels():
     levels = []
     for seed in range(10):

@@ -106,20 +106,6 @@ def test_too_few_samples_are_refused():
 # --- instruments
 
 
-@pytest.mark.parametrize("dynamic", [None, [True, False]])
-def test_instruments_are_exact_without_noise(dynamic):
-    rng = np.random.default_rng(9)
-    A, B, C, D = random_model(rng, 3, 2, 2)
-    if dynamic:
-        B[:, 1] = 0.0
-    u, x0, offset = rng.standard_normal((300, 2)), rng.standard_normal(3), np.array([2.0, -3.0])
-    predicted = u + 0.5 * rng.standard_normal(u.shape)  # any correlated signals are valid instruments
-    y = simulate(A, B, C, D, u, x0) + offset
-    estimate = estimate_input_matrices(A, C, u, y, dynamic, predicted)
-    for value, truth in ((estimate.B, B), (estimate.D, D), (estimate.initial_state, x0)):
-        np.testing.assert_allclose(value, truth, atol=1e-8)
-
-
 PLANT = (np.array([[1.5, -0.7], [1.0, 0.0]]), np.array([[1.0], [0.0]]), np.array([[1.0, 0.5]]), np.zeros((1, 1)))
 
 

@@ -145,15 +145,6 @@ def test_the_order_by_default(instruments):
     assert_same_transfer_function(matrices(estimate), truth, 1e-8)
 
 
-def test_dependent_inputs_do_not_disturb_the_poles():
-    """An input that repeats another one two samples late: subspace methods without a rank policy fail."""
-    truth, u, y, _ = simulate_with_reference(inputs=1, outputs=1)
-    late = np.vstack([np.full((2, 1), 5.0), u[:-2]])
-    estimate = moesp(np.hstack([u, late]), y, 8, 3)
-    assert estimate.diagnostics["rank"] == 8 + 2
-    np.testing.assert_allclose(np.poly(estimate.model.poles()), np.poly(truth[0]), atol=1e-7)
-
-
 # --- the model
 
 

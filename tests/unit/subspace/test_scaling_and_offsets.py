@@ -47,13 +47,6 @@ def test_units_of_the_data_are_kept(u, instruments, scaling):
     np.testing.assert_allclose(gain(estimate) * units, GAIN, atol=1e-6)
 
 
-def test_without_scaling_the_rank_policy_compares_units(u):
-    small = u * [1.0, 1e-6]
-    options = {"rank_tolerance": 1e-5, "block_rows": 6, "order": 2}
-    assert moesp(small, simulate(u), **options).diagnostics["rank"] == 12
-    assert moesp(small, simulate(u), **options, scaling=False).diagnostics["rank"] == 6
-
-
 @pytest.mark.parametrize("instruments", ["past-input", "past-input-output"])
 def test_without_offsets_the_data_must_have_none(u, instruments):
     exact = moesp(u, simulate(u), 6, 2, instruments, offsets=False)
