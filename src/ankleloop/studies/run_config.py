@@ -74,10 +74,9 @@ def check_uses(study: SimulatedStudy) -> None:
     """Refuse a method, a window of figures or a notebook for which the points of a study leave nothing."""
     settings, place = study.settings, ("studies", study.name)
     _check_methods(study)
-    for end in sorted({condition["duration"] for condition in study.conditions.values()}):
-        start = settings.figure.start
-        if start >= end and "start" in settings.figure.model_fields_set:
-            raise key_error((*place, "figure", "start [s]"), f"{start:g} s is after the end of trials of {end:g} s.")
+    start, end = settings.figure.start, min(condition["duration"] for condition in study.conditions.values())
+    if start >= end and "start" in settings.figure.model_fields_set:
+        raise key_error((*place, "figure", "start [s]"), f"{start:g} s is after the end of trials of {end:g} s.")
     if settings.notebook == "sweep" or "sweep" in settings.model_fields_set:
         try:
             settings.sweep.check(study.varied, study.methods, settings.against)

@@ -28,19 +28,6 @@ def test_the_configurations_of_the_repository_pass(name):
     check_config_file(FOLDER / name)
 
 
-@pytest.mark.parametrize(
-    ("text", "key", "lines"),
-    [
-        ("a: 1\nb: 2\na: 3\n", "a", (3, 1)),
-        ("studies:\n  files:\n    S1: {file: a.mat}\n    S1: {file: b.mat}\n", "S1", (4, 3)),
-        ("list:\n- {x: 1, y: 2,\n   x: 3}\n", "x", (3, 2)),
-    ],
-)
-def test_a_key_that_stands_twice_is_refused(check_text, text, key, lines):
-    with pytest.raises(ConfigError, match=rf"the key '{key}' in line {lines[0]} stands in line {lines[1]}, too"):
-        check_text(text)
-
-
 @pytest.mark.parametrize("written", ["012", "1_2", "1:30", "1:30.5", "0x1F", "0b11", "1_0.5", "-1:30"])
 def test_numbers_that_yaml_reads_otherwise_are_refused(check_text, written):
     """The oracle is YAML itself: what it makes of the number is not what Python makes of the same letters."""

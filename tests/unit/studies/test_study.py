@@ -74,13 +74,6 @@ def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
     assert [len(chunk) for chunk in table1(points=points, points_per_chunk=10, keep="scores").chunks] == [5]
 
 
-def test_the_article_is_made_where_all_its_studies_are(config, change):
-    assert read_studies(config)[0].article_names == config["article"]
-    part = read_studies(change("run", value=["table1"]))[0]
-    assert (part.run_names, part.article_names) == (["table1"], [])
-    assert read_studies(change("run", value=None))[0].run_names == list(config["studies"])
-
-
 def test_figures_of_a_study(table1):
     assert table1().figures == NOTEBOOKS["table1"] == ("figure3", "order")
     assert table1(notebook=None).figures == ()
