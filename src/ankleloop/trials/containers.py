@@ -1,7 +1,7 @@
 """Channels of a trial in a file: which variables they are, and their samples as numbers, by one rule for all files.
 
-A container (CSV, MATLAB, HDF5, NetCDF, FLB) is a class of `Contents`, which `choose_container` chooses by the suffix.
-Damaged files can kill or halt the process that opens them, so that of `trials.reading_process` does, and no other.
+A container (CSV, MATLAB, HDF5, NetCDF, FLB) is a class of `Contents`, chosen by the suffix in `trials.reading_process`.
+Damaged files can kill or halt the process that opens them, so the one that is started there does, and no other.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from ankleloop.options import as_plain, show_value
 from ankleloop.trials.channels import AmbiguousNameError, Channel, check_size, find_variable, join_units
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
-HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
 TIME_NAMES = ("time", "time_s", "t", "Time", "time_ms", "t_ms", "time_us")
@@ -98,31 +97,6 @@ class Contents(ABC):
 def find_suffix(path: Path) -> str | None:
     """Suffix by which the format of a file is chosen; None if it is unknown."""
     return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), None)
-
-
-def choose_container(path: Path) -> type[Contents]:
-    """Class that opens a file; its module imports the library of the format."""
-    suffix = find_suffix(path)
-    if suffix in (".csv", ".csv.gz"):
-        from ankleloop.trials.csv_files import CsvContents
-
-        return CsvContents
-    if suffix == ".flb":
-        from ankleloop.trials.flb_files import FlbContents
-
-        return FlbContents
-    from ankleloop.trials.binary_files import ClassicNetcdfContents, Hdf5Contents, MatContents
-
-    if suffix in (".h5", ".hdf5") or _is_hdf5(path):
-        return Hdf5Contents
-    return MatContents if suffix == ".mat" else ClassicNetcdfContents
-
-
-def _is_hdf5(path: Path) -> bool:
-    """Whether a file has the signature of HDF5, at its start or behind a user block, as MATLAB writes it."""
-    with open(path, "rb") as file:
-        start = file.read(2048 + len(HDF5_SIGNATURE))
-    return any(start.startswith(HDF5_SIGNATURE, offset) for offset in (0, 512, 1024, 2048))
 
 
 def take_samples(samples: Any, part: slice) -> Any:
