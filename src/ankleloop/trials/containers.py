@@ -18,7 +18,6 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.options import as_plain, show_value
 from ankleloop.trials.channels import AmbiguousNameError, Channel, check_size, find_variable, join_units
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
@@ -192,8 +191,12 @@ def _refuse_text(contents: Contents, name: str, values: np.ndarray) -> None:
         except (TypeError, ValueError, OverflowError):
             raise DataError(
                 f"{contents.path.name}: {name} is not a number {contents.locate_sample(sample)} but "
-                f"{show_value(as_plain(cell))}: correct the file, or choose another variable."
+                f"{_show(cell)}: correct the file, or choose another variable."
             ) from None
+
+
+def _show(cell: Any) -> str:
+    return shorten(repr(cell.item() if isinstance(cell, np.generic) else cell))
 
 
 def _choose_rate(source: str, rates: Sequence[Variable], stated: float | None) -> float | None:
@@ -233,7 +236,7 @@ def _read_rate(source: str, variable: Variable) -> float:
         number = np.array([float(text or value[0])])
     except (TypeError, ValueError, OverflowError, IndexError):
         raise DataError(
-            f"{source}: sampling_rate is {show_value(text or value)} ({variable.name}): pass a single number in Hz."
+            f"{source}: sampling_rate is {_show(text or value)} ({variable.name}): pass a single number in Hz."
         ) from None
     return float(decode(number, variable.attributes, source=source, name=variable.name)[0])
 

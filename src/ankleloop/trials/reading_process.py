@@ -27,12 +27,12 @@ from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ankleloop.errors import DataError, ResourceError
-from ankleloop.trials.channels import Channel, ReadingOptions
+from ankleloop.trials.channels import Channel
 from ankleloop.trials.containers import (
     SUFFIXES,
     Contents,
@@ -41,6 +41,9 @@ from ankleloop.trials.containers import (
     select_channels,
 )
 from ankleloop.trials.files import check_readable, has_right_checksum, stamp_file
+
+if TYPE_CHECKING:
+    from ankleloop.trials.reading_options import ReadingOptions
 
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # of the processor for a file
 BYTES, BYTES_PER_BYTE = 1 << 30, 4  # of memory for a file
