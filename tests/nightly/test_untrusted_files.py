@@ -14,8 +14,8 @@ import scipy.io
 from ankleloop import identify, load_estimate, load_trial, save_estimate, save_trial, simulate
 from ankleloop.errors import DataError
 from ankleloop.trials import reading_process
-from ankleloop.trials.channels import ReadingOptions
 from ankleloop.trials.files import LENGTH
+from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial_files import load_trials, save_trials
 
@@ -37,7 +37,7 @@ def test_a_fork_of_the_program_takes_a_process_of_its_own(tmp_path):
     scipy.io.savemat(good, {"position": np.arange(300.0), "torque": np.arange(300.0), "fs": 500.0})
     script = f"""
         import os, sys
-        from ankleloop.trials.channels import ReadingOptions
+        from ankleloop.trials.reading_options import ReadingOptions
         from ankleloop.trials.reading_process import read_channels, stop
         def read(): return float(read_channels({str(good)!r}, ReadingOptions())["position"].values.sum())
         expected = read()

@@ -11,7 +11,7 @@ from ankleloop import METHODS, method_options
 from ankleloop.methods.moesp import MoespModelOptions, MoespOptions
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.subspace.sources import MemoryOptions, SubspaceOptions
-from ankleloop.trials.channels import ReadingOptions
+from ankleloop.trials.reading_options import ReadingOptions
 
 REQUIRED = {"block_rows": 15, "order": 2, "instruments": "none", "projection": "ordinary", "dt": 1.0}
 MODELS = [

@@ -19,9 +19,9 @@ from ankleloop.recordings.analysis import Analysis, analyse, refused_analysis
 from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.recordings.variation import add_course
-from ankleloop.trials.channels import ReadingOptions
 from ankleloop.trials.files import atomic_file, source_files
 from ankleloop.trials.readers import read_trial
+from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.trial import remove_drift, segment
 
 SUFFIXES = (".nc", ".mat", ".csv")

@@ -9,7 +9,7 @@ from typing import Any, Self
 from pydantic import field_validator, model_validator
 
 from ankleloop.options import option
-from ankleloop.trials.channels import ReadingOptions
+from ankleloop.trials.reading_options import ReadingOptions
 
 
 class Recording(ReadingOptions):

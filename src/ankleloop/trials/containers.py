@@ -1,7 +1,7 @@
 """Channels of a trial in a file: which variables they are, and their samples as numbers, by one rule for all files.
 
-A container (CSV, MATLAB, HDF5, NetCDF, FLB) is a class of `Contents`, which `choose_container` chooses by the suffix.
-Damaged files can kill or halt the process that opens them, so that of `trials.reading_process` does, and no other.
+A container (CSV, MATLAB, HDF5, NetCDF, FLB) is a class of `Contents`, chosen by the suffix in `trials.reading_process`.
+Damaged files can kill or halt the process that opens them, so the one that is started there does, and no other.
 """
 
 from __future__ import annotations
@@ -18,11 +18,9 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.options import as_plain, show_value
 from ankleloop.trials.channels import AmbiguousNameError, Channel, check_size, find_variable, join_units
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
-HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
 TIME_NAMES = ("time", "time_s", "t", "Time", "time_ms", "t_ms", "time_us")
@@ -98,31 +96,6 @@ class Contents(ABC):
 def find_suffix(path: Path) -> str | None:
     """Suffix by which the format of a file is chosen; None if it is unknown."""
     return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), None)
-
-
-def choose_container(path: Path) -> type[Contents]:
-    """Class that opens a file; its module imports the library of the format."""
-    suffix = find_suffix(path)
-    if suffix in (".csv", ".csv.gz"):
-        from ankleloop.trials.csv_files import CsvContents
-
-        return CsvContents
-    if suffix == ".flb":
-        from ankleloop.trials.flb_files import FlbContents
-
-        return FlbContents
-    from ankleloop.trials.binary_files import ClassicNetcdfContents, Hdf5Contents, MatContents
-
-    if suffix in (".h5", ".hdf5") or _is_hdf5(path):
-        return Hdf5Contents
-    return MatContents if suffix == ".mat" else ClassicNetcdfContents
-
-
-def _is_hdf5(path: Path) -> bool:
-    """Whether a file has the signature of HDF5, at its start or behind a user block, as MATLAB writes it."""
-    with open(path, "rb") as file:
-        start = file.read(2048 + len(HDF5_SIGNATURE))
-    return any(start.startswith(HDF5_SIGNATURE, offset) for offset in (0, 512, 1024, 2048))
 
 
 def take_samples(samples: Any, part: slice) -> Any:
@@ -218,8 +191,12 @@ def _refuse_text(contents: Contents, name: str, values: np.ndarray) -> None:
         except (TypeError, ValueError, OverflowError):
             raise DataError(
                 f"{contents.path.name}: {name} is not a number {contents.locate_sample(sample)} but "
-                f"{show_value(as_plain(cell))}: correct the file, or choose another variable."
+                f"{_show(cell)}: correct the file, or choose another variable."
             ) from None
+
+
+def _show(cell: Any) -> str:
+    return shorten(repr(cell.item() if isinstance(cell, np.generic) else cell))
 
 
 def _choose_rate(source: str, rates: Sequence[Variable], stated: float | None) -> float | None:
@@ -259,7 +236,7 @@ def _read_rate(source: str, variable: Variable) -> float:
         number = np.array([float(text or value[0])])
     except (TypeError, ValueError, OverflowError, IndexError):
         raise DataError(
-            f"{source}: sampling_rate is {show_value(text or value)} ({variable.name}): pass a single number in Hz."
+            f"{source}: sampling_rate is {_show(text or value)} ({variable.name}): pass a single number in Hz."
         ) from None
     return float(decode(number, variable.attributes, source=source, name=variable.name)[0])
 

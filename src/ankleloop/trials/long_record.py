@@ -14,10 +14,10 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import compute_rate, compute_rate_of_parts
-from ankleloop.trials.channels import ReadingOptions
 from ankleloop.trials.containers import TIME, find_suffix
 from ankleloop.trials.files import stamp_file
 from ankleloop.trials.readers import choose_rate, parse_options
+from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial import check_sizes
 from ankleloop.trials.validation import check_samples

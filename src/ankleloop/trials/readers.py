@@ -11,8 +11,9 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
-from ankleloop.trials.channels import TRUE_TORQUES, Channel, ReadingOptions, check_unit, time_factor
+from ankleloop.trials.channels import TRUE_TORQUES, Channel, check_unit, time_factor
 from ankleloop.trials.containers import RATE, RATE_NAMES, TIME, TIME_NAMES
+from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial import check_shape, new_trial
 

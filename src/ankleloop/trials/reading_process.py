@@ -27,27 +27,30 @@ from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ankleloop.errors import DataError, ResourceError
-from ankleloop.trials.channels import Channel, ReadingOptions
+from ankleloop.trials.channels import Channel
 from ankleloop.trials.containers import (
     SUFFIXES,
     Contents,
-    choose_container,
     find_suffix,
     find_variables,
     select_channels,
 )
 from ankleloop.trials.files import check_readable, has_right_checksum, stamp_file
 
+if TYPE_CHECKING:
+    from ankleloop.trials.reading_options import ReadingOptions
+
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # of the processor for a file
 BYTES, BYTES_PER_BYTE = 1 << 30, 4  # of memory for a file
 START_SECONDS = 120.0  # until the process is ready, on a machine that is busy or has a slow disk
 PATIENCE = 10.0  # times as long a busy machine or a slow disk may take
 LONGEST_MESSAGE = 1 << 20
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_process import main; main()"
 
 PathLike = str | os.PathLike[str]
@@ -277,6 +280,31 @@ def _answer(pipe: Connection, task: str, name: str, seconds: float, memory: floa
         text = f"{path.name}: the file has changed while it was read: wait until it is whole, and read it again."
         end = {"refusal": text}
     return {**end, **warned}
+
+
+def choose_container(path: Path) -> type[Contents]:
+    """Class that opens a file; its module imports the library of the format."""
+    suffix = find_suffix(path)
+    if suffix in (".csv", ".csv.gz"):
+        from ankleloop.trials.csv_files import CsvContents
+
+        return CsvContents
+    if suffix == ".flb":
+        from ankleloop.trials.flb_files import FlbContents
+
+        return FlbContents
+    from ankleloop.trials.binary_files import ClassicNetcdfContents, Hdf5Contents, MatContents
+
+    if suffix in (".h5", ".hdf5") or _is_hdf5(path):
+        return Hdf5Contents
+    return MatContents if suffix == ".mat" else ClassicNetcdfContents
+
+
+def _is_hdf5(path: Path) -> bool:
+    """Whether a file has the signature of HDF5, at its start or behind a user block, as MATLAB writes it."""
+    with open(path, "rb") as file:
+        start = file.read(2048 + len(HDF5_SIGNATURE))
+    return any(start.startswith(HDF5_SIGNATURE, offset) for offset in (0, 512, 1024, 2048))
 
 
 def _read(container: type[Contents], path: Path, task: str, wanted: dict[str, Any]) -> Iterator[tuple[str, Channel]]:

@@ -7,7 +7,8 @@ import scipy.io
 
 from ankleloop.command_line.check import list_options
 from ankleloop.command_line.reading import map_file, name_recording
-from ankleloop.trials.channels import Channel, ReadingOptions, find_variable
+from ankleloop.trials.channels import Channel, find_variable
+from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import list_variables
 from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ankleloop.trials.channels import ReadingOptions
+from ankleloop.trials.reading_options import ReadingOptions
 
 
 def test_channels():

@@ -1,0 +1,106 @@
+"""Options that map the variables of a file to the channels of a trial."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, Literal, Self
+
+from pydantic import field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from ankleloop.options import Options, option, show_value
+
+NAME = r"(?!torque)[A-Za-z][A-Za-z0-9_]*(?<!_variable)"
+# What a trial has anyway, or what its reading records.
+RESERVED = ("position", "reference", "time", "sampling_rate", "source", "position_unit", "position_sign")
+FORM = "pairs of a name in the trial and the variable of the file, as {'ankle_angle': 'angle'} or 'ankle_angle=angle'"
+
+
+class ReadingOptions(Options):
+    """How the variables of a file become the channels of a trial: their names, units and signs."""
+
+    position: str = option("position", "name of the position variable in the file")
+    torque: str = option("torque", "name of the torque variable in the file")
+    reference: str | None = option(None, "name of the command of the servo in the file; null where it was not recorded")
+    sampling_rate: float | None = option(
+        None, "sampling rate; null takes it from the file", unit="Hz", ge=0.001, le=1e9
+    )
+    position_unit: Literal["rad", "deg"] = option("rad", "unit of position and reference in the file")
+    position_sign: Literal[1, -1] = option(1, "-1 turns position and reference round")
+    torque_sign: Literal[1, -1] = option(1, "-1 turns the torque round, so that it opposes stretch (positive K, B, I)")
+    case: int | None = option(
+        None, "trial of an FLB file, counted from 1; null where the file has one", ge=1, le=1_000_000
+    )
+    variables: dict[str, str] | str | None = option(
+        None,
+        "further variables of the trial, as a schedule or the phase of a cycle: name in the trial and variable of the "
+        "file, as {ankle_angle: angle}; in tables ankle_angle=angle, with commas between several",
+    )
+
+    @field_validator("variables", mode="before")
+    @classmethod
+    def _as_pairs(cls, value: Any) -> Any:
+        """Tables and the command line have pairs as a text."""
+        if value is None:
+            return None
+        pairs = _split_pairs(value) if isinstance(value, str) else value
+        if not isinstance(pairs, Mapping) or not all(
+            isinstance(text, str) and text for pair in pairs.items() for text in pair
+        ):
+            raise ValueError(f"variables must be {FORM}; got {show_value(value)}.")
+        for name in pairs:
+            if name in RESERVED or not re.fullmatch(NAME, name):
+                raise ValueError(
+                    f"variables: a further variable of the trial cannot be called {name!r}: take letters, digits and "
+                    f"underscores, but no name that begins with torque, ends with _variable, or is one of "
+                    f"{', '.join(RESERVED)}."
+                )
+        return dict(pairs)
+
+    @field_validator("position_sign", "torque_sign", mode="before")
+    @classmethod
+    def _as_integer(cls, sign: Any) -> Any:
+        """Signs from tables are often floating-point numbers."""
+        if isinstance(sign, bool):  # which equals 1, but is no sign
+            raise PydanticCustomError("literal_error", "must be 1 or -1", {"expected": "1 or -1"})
+        return int(sign) if type(sign) is float and sign in (1, -1) else sign
+
+    @model_validator(mode="after")
+    def _check_variables(self) -> Self:
+        """A variable that serves as two channels makes every estimate of one by the other perfect, and wrong."""
+        channels: dict[str, str] = {}
+        for channel, name in self.channels.items():
+            other = channels.setdefault(name.strip("/ "), channel)
+            if other != channel:
+                raise ValueError(
+                    f"{other} and {channel} are the same variable, {name!r}: name another one"
+                    f"{', or no reference' * (channel == 'reference')}."
+                )
+        return self
+
+    @property
+    def channels(self) -> dict[str, str]:
+        """Names of the variables in the file by channel; the reference only where it was recorded."""
+        names = {"position": self.position, "torque": self.torque, "reference": self.reference}
+        return {channel: name for channel, name in names.items() if name is not None}
+
+    @property
+    def further(self) -> dict[str, str]:
+        """Names of further variables in the file by their names in the trial."""
+        return dict(self.variables) if isinstance(self.variables, dict) else {}
+
+    def factor(self, channel: str) -> float:
+        """Compute the factor that brings the numbers of the file to rad and N·m, with the sign of the convention."""
+        if channel.startswith("torque"):
+            return float(self.torque_sign)
+        if channel not in ("position", "reference"):
+            return 1.0
+        return self.position_sign * (math.pi / 180.0 if self.position_unit == "deg" else 1.0)
+
+
+def _split_pairs(text: str) -> dict[str, str]:
+    """Names and variables of `name=variable, name=variable`; a name alone has an empty variable."""
+    pairs = (pair.partition("=") for pair in text.split(","))
+    return {name.strip(): variable.strip() for name, _, variable in pairs}
