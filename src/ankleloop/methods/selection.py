@@ -182,10 +182,11 @@ def _instruments(test: PreparedTrial, reference: str, inputs: Mapping[str, Any])
     return regressors.time, np.column_stack(columns)
 
 
-def _project(grid: np.ndarray, instruments: np.ndarray, time: np.ndarray, signals: np.ndarray) -> np.ndarray:
-    """Projection of signals on the instruments, at the times that both have."""
-    rows, common = match_times(grid, time)
-    basis = np.linalg.qr(instruments[rows] - instruments[rows].mean(axis=0))[0]
+def _project(instruments: tuple[np.ndarray, np.ndarray], time: np.ndarray, signals: np.ndarray) -> np.ndarray:
+    """Projection of signals on instruments, at the times that both have."""
+    rows, common = match_times(instruments[0], time)
+    columns = instruments[1][rows]
+    basis = np.linalg.qr(columns - columns.mean(axis=0))[0]
     projection = np.zeros_like(signals)
     projection[:, common] = (signals[:, common] @ basis) @ basis.T
     return projection
@@ -216,7 +217,7 @@ def _score(
         signals -= signals.mean(axis=1, keepdims=True)
         explainable = {"cross-validation": signals}
         if instruments is not None:
-            explainable["instrumental"] = _project(*instruments, time[scored], signals)
+            explainable["instrumental"] = _project(instruments, time[scored], signals)
         # Counted from the start of the half, so that all candidates have the same segments.
         start, stop = test.time[[0, -1]]
         segments = ((time[scored] - start) / SEGMENT).astype(int)

@@ -138,15 +138,6 @@ def test_a_recording_converges_or_lacks_something(recording, order, weighting, b
     assert bool(estimate.intervals) == diagnostics["converged"]
 
 
-def test_a_start_that_is_the_solution_stays_there():
-    equations, start = set_up(simulate(seed=1, duration=20.0), reference="reference")
-    end = solve(equations, start, 50, 0.01).point
-    again = solve(equations, end.parameters, 50, 0.01)
-    assert again.converged
-    assert len(again.path) == 2
-    np.testing.assert_allclose(again.point.parameters.linear, end.parameters.linear, rtol=1e-3)
-
-
 def test_a_delay_that_the_record_does_not_show_is_assumed():
     """The torque responds at once, which no reflex does: the delay goes to its lower limit."""
     trial = simulate(seed=1, closed_loop=False, delay=0.004, omega_n=60.0, duration=30.0)

@@ -28,17 +28,12 @@ def solve(equations: Equations, start: Parameters, max_iterations: int, toleranc
     instruments of the point where it begins, and has to lower the size of their left side. Where the model holds they
     converge fast. Where they have not converged, the search begins again at the best of their points: in open loop g is
     the slope of a criterion, the misfit (the sum of squares, or the likelihood of a residual of unknown spectrum), and
-    a step is accepted if no earlier point has both a smaller merit and a smaller misfit (a filter, Fletcher and Leyffer
-    2002). So the search neither returns to where it was nor ends worse than it began, and it can leave a saddle point
-    of the misfit, where the merit alone would hold it. Steps are those of Newton where the slope of g, with that of
-    weights and instruments, is positive; elsewhere they are damped, along the directions of its symmetric part. A third
-    pole or a delay that reaches its limit is held there. Of a search that does not converge, the point with the
-    smallest merit is returned.
-
-    References
-    ----------
-    R. Fletcher, S. Leyffer, "Nonlinear programming without a penalty function", Mathematical Programming 91, 239-269,
-    2002.
+    a step is accepted if no earlier point has both a smaller merit and a smaller misfit (a filter: Fletcher and
+    Leyffer, Mathematical Programming 91, 239-269, 2002). So the search neither returns to where it was nor ends worse
+    than it began, and it can leave a saddle point of the misfit, where the merit alone would hold it. Steps are those
+    of Newton where the slope of g, with that of weights and instruments, is positive; elsewhere they are damped, along
+    the directions of its symmetric part. A third pole or a delay that reaches its limit is held there. Of a search that
+    does not converge, the point with the smallest merit is returned.
     """
     search = Search(equations, max_iterations, tolerance)
     search.accept(Point(equations, start))

@@ -57,13 +57,8 @@ class TimeVaryingSolution:
 
         with M the sum over cycles of the outer products of their contributions to the left side of the equations, which
         holds whatever the noise does within a cycle; the second term is what the penalties may have smoothed away, for
-        trajectories as rough as they say (Nychka 1988). Weights from the noise are estimates themselves
-        (`ankleloop.methods.riv.covariance.asymptotic_covariance`).
-
-        References
-        ----------
-        D. Nychka, "Bayesian confidence intervals for smoothing splines", Journal of the American Statistical
-        Association 83(404), 1134-1143, 1988.
+        trajectories as rough as they say (Nychka, J. Am. Stat. Assoc. 83(404), 1134-1143, 1988). Weights from the noise
+        are estimates themselves (`ankleloop.methods.riv.covariance.asymptotic_covariance`).
         """
         course = self.equations.inputs.course
         starts = np.searchsorted(course.segment, np.arange(course.segments))
