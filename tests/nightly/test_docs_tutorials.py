@@ -40,7 +40,10 @@ def test_add_a_method(repository, snakemake):
     code = block("add-a-method.md", "import numpy", language="{code-cell} python")
     (methods / "stiffness.py").write_text(code, encoding="utf-8")
     registry = (methods / "registry.py").read_text(encoding="utf-8")
-    registry = registry.replace("real_time\n", "real_time, stiffness\n").replace("riv_tv)", "riv_tv, stiffness)")
+    lines = block("add-a-method.md", "from ankleloop.methods", language="{code-block} python").split("\n")
+    for line in filter(None, map(str.strip, lines)):  # each takes the place of the line that begins alike
+        registry = re.sub(rf"^{re.escape(line[:10])}.*moesp.*$", line, registry, flags=re.MULTILINE)
+    assert registry.count("real_time, stiffness") == registry.count("riv_tv, stiffness") == 1
     (methods / "registry.py").write_text(registry, encoding="utf-8")
     subprocess.run(
         [sys.executable, "-m", "ankleloop.studies.config"],
