@@ -22,7 +22,6 @@ from ankleloop.subspace.matrices import Matrices
 
 if TYPE_CHECKING:
     from control import StateSpace
-
     from matplotlib.figure import Figure
 
 MEASURED = "measured"  # torque of the trial beside those of an estimate
@@ -143,14 +142,8 @@ class Estimate:
         if warnings:
             diagnostics = {**diagnostics, "warnings": [*diagnostics.get("warnings", ()), *warnings]}
         prediction = replace(self, torque=torque, diagnostics=diagnostics)
-        prediction.add_measured(prepared)
+        add_measured(prediction, prepared)
         return prediction
-
-    def add_measured(self, trial: PreparedTrial) -> None:
-        """Put the measured torque of a trial, less its mean, beside the others at their times."""
-        time, rate = self.torque["time"].values, self.torque.attrs["identification_rate"]
-        values = trial.channel_at("torque", time, rate)
-        self.torque[MEASURED] = measured_torque(values - values.mean())
 
     @property
     def vaf_net(self) -> float | None:
@@ -172,8 +165,8 @@ class Estimate:
         --------
         >>> from ankleloop import identify, simulate
         >>> table = identify(simulate(seed=1, duration=20.0), "riv").summary()
-        >>> table.loc["K"].round(1).tolist()
-        [151.2, 144.8, 157.5, 'N·m/rad']
+        >>> print(f"K = {table.value['K']:.0f} {table.unit['K']}")
+        K = 151 N·m/rad
         >>> list(table.index)
         ['K', 'B', 'I', 'G', 'ωn', 'ζ', 'delay']
         """
@@ -259,3 +252,10 @@ class Estimate:
 def measured_torque(values: np.ndarray) -> xr.Variable:
     """The measured torque as a variable of the torques of an estimate; shape of values (N,)."""
     return xr.Variable("time", values, {"units": "N·m", "long_name": "measured torque"})
+
+
+def add_measured(estimate: Estimate, trial: PreparedTrial) -> None:
+    """Put the measured torque of a trial, less its mean, beside those of an estimate, at their times."""
+    torque = estimate.torque
+    values = trial.channel_at("torque", torque["time"].values, torque.attrs["identification_rate"])
+    torque[MEASURED] = measured_torque(values - values.mean())

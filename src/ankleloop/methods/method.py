@@ -12,7 +12,7 @@ from pydantic import model_validator
 
 from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.estimate import Estimate, add_measured
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.options import Options, describe_limits, option
 from ankleloop.quantities import QUANTITIES
@@ -117,7 +117,7 @@ class Method:
         data_warnings = check_data(trials, data_use(chosen, reference))
         estimates = self.identify(trials, chosen) if self.merges else [self.identify(trials[0], chosen)]
         for part, estimate in zip(trials, estimates, strict=True):
-            estimate.add_measured(part)
+            add_measured(estimate, part)
             estimate.diagnostics.setdefault("assumptions", []).extend(_list_assumptions(chosen, reference))
             add_warnings(estimate, data_warnings)
         return estimates if merged else estimates[0]

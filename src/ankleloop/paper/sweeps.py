@@ -144,7 +144,8 @@ class SweepStudy:
         if not self.settings["difference"]:
             return shown
         paired = [name for name in self.quantities if name not in FAULT_SHARES]
-        return pd.concat([shown, pair_methods(self.trials, *self.settings["difference"], paired)], ignore_index=True)
+        first, second = self.settings["difference"]
+        return pd.concat([shown, pair_methods(self.trials, first, second, paired)], ignore_index=True)
 
     @cached_property
     def panels(self) -> list[SweepPanel]:

@@ -126,7 +126,7 @@ def tabulate_omissions(
     for condition, point in filtered.items():
         for method in (name for name in labels if SEPARATOR not in name):
             places = {COMPLETE: (point, method), FILTER: (unfiltered.get(condition), method)}
-            places |= {STEP_LABELS[step]: (point, f"{method}{SEPARATOR}{step}") for step in OMITTED_STEPS}
+            places |= {STEP_LABELS[omitted]: (point, f"{method}{SEPARATOR}{omitted}") for omitted in OMITTED_STEPS}
             for step, place in places.items():
                 if place in results:
                     row = {"condition": condition, "method": labels[method], "omitted_step": step}
