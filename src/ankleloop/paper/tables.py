@@ -113,8 +113,8 @@ def tabulate_omissions(
 ) -> pd.DataFrame:
     """Means over trials of each method with all steps of the processing and without each, with what that changes."""
     details = details.reindex(columns=list(dict.fromkeys([*details, *COLUMNS, "failure", "warnings"])))
-    for step in OMITTED_STEPS:  # a warning that says which step is left out
-        details["warnings"] = details["warnings"].fillna("").str.replace(describe_omission(step), "", regex=False)
+    for omitted in OMITTED_STEPS:  # a warning that says which step is left out
+        details["warnings"] = details["warnings"].fillna("").str.replace(describe_omission(omitted), "", regex=False)
     details["warnings"] = details["warnings"].str.strip()
     counts = count_outcomes(details, ["point", "method"]).set_index(["point", "method"])
     results = {
