@@ -1,4 +1,4 @@
-"""Commands, with their exit status: those of ankleloop, a plan of the workflow, and setting up the environment."""
+"""Commands, with their exit status: those of ankleloop, and a plan of the workflow."""
 
 import os
 import subprocess
@@ -15,24 +15,15 @@ from bad_inputs.inputs import POSITION, TIME, TORQUE, csv_file, csv_text, cut_of
 ROOT = Path(__file__).parents[2]
 
 
-def _run(folder: Path, command: list[str], **environment: str) -> subprocess.CompletedProcess:
-    inherited = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    paths = {"PATH": path, "PYTHONPATH": str(ROOT / "src"), **environment}
-    return subprocess.run(command, cwd=folder, env=inherited | paths, capture_output=True, text=True, check=False)
-
-
 def plan(config: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess:
     """Plan the workflow with a configuration beside that of the repository: snakemake --dry-run."""
     program = str(Path(sys.executable).with_name("snakemake"))
     snakefile = ["--snakefile", str(ROOT / "workflow" / "Snakefile"), "--configfile", str(config)]
-    return _run(config.parent, [program, "--dry-run", "--cores", "1", *snakefile, *arguments], **environment)
-
-
-def set_up(python: Path) -> subprocess.CompletedProcess:
-    """Set up an environment with a Python: make setup."""
-    environment = f"VENV={python.parent / 'environment'}"
-    return _run(ROOT, ["make", "setup", environment, f"PYTHON={python if python.is_file() else ''}"])
+    command = [program, "--dry-run", "--cores", "1", *snakefile, *arguments]
+    inherited = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    variables = inherited | {"PATH": path, "PYTHONPATH": str(ROOT / "src"), **environment}
+    return subprocess.run(command, cwd=config.parent, env=variables, capture_output=True, text=True, check=False)
 
 
 def verb(*arguments: str) -> partial:
@@ -62,16 +53,10 @@ def _recordings(folder: Path) -> Path:
     return text_file("config.yaml", f"run: [r]\nstudies: {{r: {study}}}\n")(folder)
 
 
-row = partial(rows_of(plan), error=None, status=1)
-
-ROWS: list[BadInput] = [
-    row(
-        "a folder of recordings in a variable that is not set",
-        _recordings,
-        "LABORATORY",
-    ),
-]
 DATA, USAGE = 1, 2
+row = partial(rows_of(plan), error=None, status=DATA)
+
+ROWS: list[BadInput] = [row("a folder of recordings in a variable that is not set", _recordings, "LABORATORY")]
 ROWS += [
     rows_of(verb(*arguments))(wrong, make, *says, error=None, status=status)
     for wrong, make, arguments, status, says in (
@@ -119,6 +104,3 @@ ROWS += [
         ),
     )
 ]
-if os.name == "posix":
-    make = partial(rows_of(set_up), error=None, status=2)
-    ROWS += []
