@@ -141,7 +141,7 @@ def test_foreign_and_truncated_matlab_files_are_refused(fitted, tmp_path):
         with pytest.raises(DataError, match=f"e.mat: {message}"):
             load_estimate(path)
     scipy.io.savemat(path, {"position": np.ones(3)})
-    with pytest.raises(DataError, match="e.mat: there is no struct 'estimate'"):
+    with pytest.raises(DataError, match=r"e.mat: there is no struct 'estimate'"):
         load_estimate(path)
 
 
