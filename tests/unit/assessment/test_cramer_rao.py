@@ -88,17 +88,6 @@ def test_an_efficient_method_reaches_the_bound():
 # --- degenerate settings
 
 
-def test_without_a_reflex_its_dynamics_have_no_bound():
-    """The others have the bound of a reflex so weak that its dynamics do not matter."""
-    bound = cramer_rao(seed=1, duration=20.0, reflex_gain=0.0, known_delay=False)
-    weak = cramer_rao(seed=1, duration=20.0, reflex_gain=1e-4, known_delay=False)
-    assert {name for name, value in bound.items() if value == np.inf} == {"omega_n", "zeta", "delay"}
-    assert all(weak[name] > 1e3 for name in ("omega_n", "zeta"))
-    fixed = cramer_rao(seed=1, duration=20.0, reflex_gain=1e-4)
-    for name in ("K", "B", "I", "G"):
-        assert 0 < bound[name] <= fixed[name]
-
-
 def test_the_bound_of_a_record_without_disturbance_is_zero():
     exact = cramer_rao(seed=1, duration=20.0, snr_db=None, voluntary=0.0)
     assert set(exact.values()) == {0.0}

@@ -131,29 +131,17 @@ def test_damaged_files_are_refused_with_what_is_missing(fitted, tmp_path, change
         load_estimate(tmp_path / "e.nc")
 
 
-@pytest.mark.parametrize("container", CONTAINERS)
-def test_foreign_and_truncated_files_are_refused(trial, fitted, tmp_path, container):
-    path = tmp_path / f"e{container}"
-    with pytest.raises(DataError, match=f"e{container}: there is no such file"):
-        load_estimate(path)
+def test_foreign_and_truncated_matlab_files_are_refused(fitted, tmp_path):
+    path = tmp_path / "e.mat"
     save_estimate(fitted, path)
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(DataError, match=f"e{container}: not a readable {container} file"):
-        load_estimate(path)
-    path.write_text("torques")
-    with pytest.raises(DataError, match=f"e{container}: not a readable {container} file"):
-        load_estimate(path)
-    if container == ".mat":
-        path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + 500 * b" ")
-        with pytest.raises(DataError, match=r"e.mat: a MATLAB v7.3 file: save it with -v7"):
+    half = path.read_bytes()[: path.stat().st_size // 2]
+    v73 = b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + 500 * b" "
+    for content, message in ((half, "not a readable .mat file"), (v73, "a MATLAB v7.3 file: save it with -v7")):
+        path.write_bytes(content)
+        with pytest.raises(DataError, match=f"e.mat: {message}"):
             load_estimate(path)
-    if container == ".nc":
-        save_trial(trial, path, overwrite=True)
-        message = "e.nc: no estimate file"
-    else:
-        scipy.io.savemat(path, {"position": np.ones(3)})
-        message = "e.mat: there is no struct 'estimate'"
-    with pytest.raises(DataError, match=message):
+    scipy.io.savemat(path, {"position": np.ones(3)})
+    with pytest.raises(DataError, match=r"e.mat: there is no struct 'estimate'"):
         load_estimate(path)
 
 

@@ -85,16 +85,6 @@ def test_exact_recovery(order, inputs, outputs, mask, seed):
     assert np.isfinite(estimate.condition)
 
 
-def test_equal_inputs_share_their_coefficients():
-    rng = np.random.default_rng(6)
-    A, B, C, D = random_model(rng, 2, 1, 1)
-    u = rng.standard_normal((200, 1))
-    estimate = estimate_input_matrices(A, C, np.hstack([u, u]), simulate(A, B, C, D, u, np.zeros(2)))
-    assert estimate.rank == 1 + 2 + 2 + 1
-    np.testing.assert_allclose(estimate.B, np.hstack([B, B]) / 2, atol=1e-9)
-    np.testing.assert_allclose(estimate.D, np.hstack([D, D]) / 2, atol=1e-9)
-
-
 def test_too_few_samples_are_refused():
     rng = np.random.default_rng(8)
     A, _, C, _ = random_model(rng, 3, 2, 1)
