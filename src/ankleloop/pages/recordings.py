@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -53,18 +53,18 @@ class EmbeddedFigure:
     data: pd.DataFrame | None = field(default=None, compare=False, repr=False)  # numbers that the figure draws
 
 
-def embed_figure(figure: Figure) -> EmbeddedFigure:
+def embed_figure(figure: Figure, interactive: str = "") -> EmbeddedFigure:
     """Convert a figure to a picture inside a page."""
     width = min(LARGEST_WIDTH, round(PIXELS_PER_INCH * figure.get_size_inches()[0]))
     source = f"data:image/png;base64,{base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()}"
-    return EmbeddedFigure(source, width, data=getattr(figure, "data", None))
+    return EmbeddedFigure(source, width, interactive, getattr(figure, "data", None))
 
 
 def embed_recording_figures(
     trial: xr.Dataset | None, analysis: Analysis, *, start: float = 10.0, length: float = 5.0
 ) -> dict[str, EmbeddedFigure]:
     """Draw the figures of the page of a recording."""
-    figures = {}
+    figures, interactive = {}, {}
     if analysis.check.spectra:
         figures["spectra"] = spectra_figure(analysis.check.spectra)
     if trial is not None and analysis.estimates:
@@ -72,17 +72,15 @@ def embed_recording_figures(
         marked = _mark_labels(analysis)
         estimates = {marked[label]: estimate for label, estimate in analysis.estimates.items()}
         figures["torques"] = torque_figure(recording, estimates, start=start, length=length)
+        window = {"start": start, "length": length}
+        interactive["torques"] = render_interactive_torques(recording, estimates, window=window)
         figures["models"] = model_figure(estimates)
         styles = method_styles({label: estimate.method for label, estimate in estimates.items()})
         if changing := _select_changing(estimates):
             figures["trajectories"] = trajectories_figure(changing, styles=styles)
         tests = {marked[label]: test for label, test in analysis.residuals.items()}
         figures["residuals"] = residual_figure(tests, styles=styles)
-    embedded = {name: embed_figure(figure) for name, figure in figures.items()}
-    if "torques" in embedded:
-        interactive = render_interactive_torques(recording, estimates, window={"start": start, "length": length})
-        embedded["torques"] = replace(embedded["torques"], interactive=interactive)
-    return embedded
+    return {name: embed_figure(figure, interactive.get(name, "")) for name, figure in figures.items()}
 
 
 def render_recording_page(
@@ -122,16 +120,15 @@ def _answer(valid: pd.DataFrame, label: str | None) -> str:
 
 def _select_changing(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
     """Estimates with trajectories over what the first of them has, and riv beside them; none without any."""
-    curves = {
-        label: estimate.trajectories for label, estimate in estimates.items() if estimate.trajectories is not None
-    }
-    if not curves:
+    curves = {label: part.trajectories for label, part in estimates.items() if part.trajectories is not None}
+    sizes = {label: curve.sizes.keys() for label, curve in curves.items()}
+    first = next(iter(sizes.values()), None)
+    if first is None:
         return {}
-    dimensions = next(iter(curves.values())).sizes.keys()
     return {
-        label: estimate
-        for label, estimate in estimates.items()
-        if (estimate.method == "riv" if label not in curves else curves[label].sizes.keys() == dimensions)
+        label: part
+        for label, part in estimates.items()
+        if (sizes[label] == first if label in sizes else part.method == "riv")
     }
 
 

@@ -201,10 +201,7 @@ def summarise(ledger: pd.DataFrame, conclusions: Conclusions) -> list[str]:
 def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
     """Table 1 as the paper prints it, "paper → ours ± half a 95 % interval", and the verdict of each cell."""
     rows = ledger[ledger["id"].str.startswith("table1/")]
-    texts = [
-        f"{row.paper:g} → " + ("–" if pd.isna(row.ours) else f"{row.ours:.1f} ± {row.uncertainty:.1g}")
-        for row in rows.itertuples()
-    ]
+    texts = [f"{row.paper:g} → {format_result(row.ours, row.uncertainty, '.1f')}" for row in rows.itertuples()]
     methods, torques = rows["statement"].str.split(" by ").str[-1], rows["id"].str.split("/").str[-1] + " [% VAF]"
     cells = pd.DataFrame({"method": methods, "torque": torques, "cell": texts})
     table = cells.pivot(index="method", columns="torque", values="cell").loc[methods.unique(), torques.unique()]

@@ -182,10 +182,3 @@ def test_page_of_a_refused_recording_has_its_reason_and_no_figures():
     assert "bad.csv: torque is not finite" in page.texts
     assert "img" not in page.elements
     assert "Methods" not in page.texts
-
-
-def test_merged_trials_have_all_their_files():
-    parts = [{"file": "first.csv"}, {"file": "second.csv"}]
-    analysis = refused_analysis("too short")
-    page = check_page(render_recording_page("M1", mapping(parts=parts), analysis, recommend(analysis), {}))
-    assert "subject S1, condition rest, trial 1, file first.csv, file second.csv" in page.texts

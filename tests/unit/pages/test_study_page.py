@@ -45,9 +45,15 @@ def test_rows_of_curves_have_a_panel_for_each_column(page):
 
 
 def test_the_note_of_a_figure_counts_trials_and_says_what_rings_are(page):
-    note = page.fold("A note.", rings=True).data
+    note = page.fold("A note.").data
     assert page.typical == "g=13"
-    for words in ("A note.", "2 trials at each point", "1 of 8 (RIV 1)", "1 of 8 (PR &lt;&amp;&gt; 1)", "Rings mark"):
+    for words in (
+        "A note.",
+        "2 trials at each point",
+        "1 of 8 (RIV 1)",
+        "1 of 8 (PR &lt;&amp;&gt; 1)",
+        "In figures they have rings",
+    ):
         assert words in note
     assert fold("<b>", ["a", "", "b"]).data == "<details><summary>&lt;b&gt;</summary><p>a b</p></details>"
 

@@ -203,12 +203,6 @@ def test_a_missing_study_or_measurement_leaves_the_claim_open(check):
         assert np.isnan(row["ours"])
 
 
-@pytest.mark.parametrize("check", MEASURED)
-def test_a_missing_quantity_leaves_the_claim_open(check):
-    row = build_ledger(measurements={MEASURED[check]: None}).loc[CHECKS[check]]
-    assert (row["verdict"], row["reason"]) == (OPEN, f"{MEASURED[check]} was not measured.")
-
-
 def ledgers_without_a_point():
     """Ledgers without each point in turn, by study and number of the point."""
     for study, points in POINTS.items():

@@ -60,14 +60,6 @@ def test_summary_equals_numpy_on_each_group(trials):
         assert row.warnings == int(part["warned"].sum()) == 1
 
 
-def test_faults_are_counted_and_are_shares_of_all_trials(trials):
-    summary = summarise_sweep(trials, ["voluntary", "method"], ["failures", "warnings"])
-    shares = summary.pivot(index=["voluntary", "method"], columns="quantity", values="mean")
-    assert shares.loc[(0.5, "moesp"), "failures"] == 25.0
-    assert shares.loc[(0.0, "moesp"), "failures"] == 0.0
-    assert (shares["warnings"] == 25.0).all()
-
-
 def test_empty_values_are_a_group_of_their_own(tmp_path):
     table = make_trials(grid(snr_db=[10.0, np.nan], closed_loop=[True, False]))
     trials = read_sweep(write_trials(tmp_path / "t.parquet", table), ["snr_db", "closed_loop"], ["K"], SETTINGS)

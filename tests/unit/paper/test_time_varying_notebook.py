@@ -19,10 +19,6 @@ ROOT = Path(__file__).parents[3]
 # Points in the place of those of the configuration; fewer and shorter ones.
 SMALL = {
     "time-varying": [{"voluntary": 0.05, "duration": 16.8}, {"voluntary": 1.0, "duration": 14.0}],
-    "time-varying-modes": [
-        {"variation": "cycle", "cycle_jitter": 0.06, "cycle_onsets": "phase", "schedule": None},
-        {"variation": "schedule", "cycle_jitter": 0.0, "cycle_onsets": None, "schedule": "schedule"},
-    ],
     "square-wave": [{"voluntary": 0.05}],
     "open-loop-cycles": [{"voluntary": 0.0}],
 }

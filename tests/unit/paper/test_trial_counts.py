@@ -94,8 +94,3 @@ def test_reasons_of_failures_are_counted_whatever_their_numbers():
             "53 of 106 identifications failed; means leave them out. 50 of them, such as riv at gain=0: the loop is "
             "unstable after 0 s. 3 of them, such as riv at gain=50: no pole"
         )
-
-
-def test_rare_reasons_of_failures_are_counted():
-    table = pd.DataFrame({"point": "only", "method": "riv", "failure": [letter * 3 for letter in "abcdefg"]})
-    assert describe_failures(table).endswith(": eee. Other reasons are in the table of trials (2)")
