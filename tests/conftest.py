@@ -22,7 +22,7 @@ def pytest_addoption(parser):
     parser.addoption(
         "--update-expected",
         action="store_true",
-        help="write tests/regression/expected anew from the reduced configuration instead of comparing with it",
+        help="write tests/regression/expected again from the reduced configuration instead of comparing with it",
     )
 
 

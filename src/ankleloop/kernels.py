@@ -15,8 +15,8 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 log = logging.getLogger(__name__)
 
 NO_FOLDER = (
-    "neither the folder of ankleloop nor the home of this user can be written, so each process compiles its kernels "
-    "anew, which takes some seconds: name a folder of yours by the environment variable NUMBA_CACHE_DIR."
+    "neither the folder of ankleloop nor the home of this user can be written, so each process compiles its "
+    "kernels again, which takes some seconds: name a folder of yours by the environment variable NUMBA_CACHE_DIR."
 )
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -26,7 +26,7 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
     """Decorator that compiles a function by numba and keeps the machine code for other processes.
 
     The files are where numba has them: in the folder that `NUMBA_CACHE_DIR` names, beside the module, or in the home of
-    the user. Where none of these can be written, each process compiles anew. A file that is damaged, or that cannot be
+    the user. Where none of these can be written, each process compiles. A file that is damaged, or that cannot be
     written, is no error: the function is compiled.
     """
 

@@ -192,7 +192,7 @@ def check_results(study):
             folders = [f"results/{kind}/{study.name}" for kind in KINDS]
             sys.exit(
                 f"{path} was made with other settings, and the record of that in .snakemake is lost: delete "
-                f"{', '.join(folders)} and {table_file(study)}, and run again: they are made anew."
+                f"{', '.join(folders)} and {table_file(study)}, and run again."
             )
 
 

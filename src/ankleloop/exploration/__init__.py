@@ -1,1 +1,1 @@
-"""Exploration: a short experiment that is simulated, identified and drawn anew with every change of a setting."""
+"""Exploration: a short experiment that is simulated, identified and drawn again with every change of a setting."""

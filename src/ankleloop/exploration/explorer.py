@@ -1,4 +1,4 @@
-"""Widgets over an experiment of two methods: every change simulates, identifies and draws it anew."""
+"""Widgets over an experiment of two methods: every change simulates, identifies and draws it."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
         version = file.number("format_version")
         if version > VERSION:
             raise DataError(
-                f"{file.source}: version {version:g} of the format, of which this library knows versions up to "
+                f"{file.source}: version {version:g} of the format, and this library knows versions up to "
                 f"{VERSION}: install the newest ankleloop."
             )
         return _read_estimate(groups)
@@ -244,7 +244,7 @@ def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int
     estimates = {}
     for path in paths:
         check_readable(path)
-        with name_errors(path, "estimate file", "delete it and run again; it is made anew"):
+        with name_errors(path, "estimate file", "delete it and run again"):
             filters = [("point", "==", point), ("name", "==", name)]
             table = parquet.read_table(path, filters=filters, page_checksum_verification=True)
             for row in table.to_pylist():

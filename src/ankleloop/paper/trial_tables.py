@@ -29,7 +29,7 @@ PathLike = str | os.PathLike[str]
 
 GROUP_ROWS = 20_000  # that are written at a time
 HASH = b"settings"  # key of the hash of the settings that made a file
-REMEDY = "delete it, and run again: it is made anew"
+REMEDY = "delete it, and run again"
 TYPES = {
     **dict.fromkeys(("study", "point", "method", "reference", "intervals", "failure", "warnings"), pa.string()),
     **dict.fromkeys(("trial", "order", "passes", "cycles"), pa.int64()),

@@ -80,7 +80,7 @@ def recommend(analysis: Analysis) -> Recommendation:
         texts.append(f"Left out because of a warning: {', '.join(left_out['label'])}")
     if len(unscored):
         labels = ", ".join(unscored["label"])
-        texts.append(f"Not compared, for want of a score of the unseen half without a warning: {labels}")
+        texts.append(f"Not compared, because the unseen half has no score without a warning: {labels}")
     return Recommendation(row["label"], " ".join(f"{text}." for text in texts))
 
 

@@ -207,7 +207,7 @@ class SimulationStudy(_StudySettings):
     simulation: SimulationSettings = option(description="settings of every trial", default_factory=SimulationSettings)
     points: Points = option(
         description="settings and options that vary, by name (`METHOD.option` is that of one method): lists or ranges "
-        "of values, all combinations of which are points; a random design; a table, or a list, of points",
+        "of values, whose combinations are points; a random design; a table, or a list, of points",
         default_factory=lambda: [{}],
     )
     against: Literal["measured"] | None = option(

@@ -146,7 +146,7 @@ class MatContents(Contents):
 
 
 def _check_elements(path: Path) -> None:
-    """Refuse a MATLAB v5 file that ends within a variable: its library leaves out the variables behind, in silence."""
+    """Refuse a MATLAB v5 file that ends within a variable: its library leaves out those behind and says nothing."""
     size = path.stat().st_size
     with open(path, "rb") as file:
         order = {b"IM": "little", b"MI": "big"}.get(file.read(128)[126:128])

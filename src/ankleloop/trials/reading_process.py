@@ -76,7 +76,7 @@ def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path | io.
     """Provide what can be opened in this process in place of a file of this library.
 
     It is the file itself if its checksum is right. The contents of a file without a checksum (of an older version, or
-    changed by another program) are written anew into memory by the other process.
+    changed by another program) are written again into memory by the other process.
     """
     check_readable(path)
     path = Path(path)
@@ -342,7 +342,7 @@ def _limit(seconds: float, memory: float) -> float:
 
 
 def _copy_file(container: type[Contents], path: Path) -> bytes:
-    """The contents of a MATLAB or NetCDF-4 file, written anew: what is damaged or unusual in it stays behind."""
+    """The contents of a MATLAB or NetCDF-4 file, written again: what is damaged or unusual in it stays behind."""
     copy = io.BytesIO()
     if path.suffix == ".mat":
         import scipy.io

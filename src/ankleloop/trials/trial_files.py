@@ -22,7 +22,7 @@ CHUNK_MEMORY = 2**25  # bytes of the signals read at a time, where the trials ar
 ATTRIBUTES = "trial_attributes"  # of each trial, as JSON
 FAILURE = "failure"  # why a trial is missing, else empty
 INDEX = ("point", "number", ATTRIBUTES, FAILURE)
-KIND, REMEDY = "trial file", "delete it and run again; it is made anew"
+KIND, REMEDY = "trial file", "delete it and run again"
 
 Path = str | os.PathLike[str]
 

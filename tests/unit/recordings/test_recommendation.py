@@ -108,8 +108,8 @@ def test_a_warning_keeps_the_best_score_from_being_recommended():
     unseen = {"PR": residual(1.0, 1), "RIV": residual(10.0, 2)}
     for row, remark in (
         (warned(PR), "Left out because of a warning: PR."),
-        ({**PR, "unseen_warnings": "not converged"}, "Not compared, for want of a score of the unseen half"),
-        ({**PR, "vaf_unseen": np.nan}, "Not compared, for want of a score of the unseen half"),
+        ({**PR, "unseen_warnings": "not converged"}, "Not compared, because the unseen half has no score"),
+        ({**PR, "vaf_unseen": np.nan}, "Not compared, because the unseen half has no score"),
     ):
         recommendation = recommend(make_analysis("open", [row, RIV], unseen=unseen))
         assert recommendation.label == "RIV"

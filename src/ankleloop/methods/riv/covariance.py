@@ -20,7 +20,7 @@ FEWEST = 8  # cosines of a short record
 LAGS = 0.5  # s
 WHITENING = 1.0  # Hz
 LEVEL = 0.01
-LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters the logarithms of which are normally distributed
+LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters whose logarithms are normally distributed
 WIDEST = 50.0  # of such a logarithm
 
 

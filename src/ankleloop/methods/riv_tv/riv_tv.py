@@ -37,7 +37,7 @@ class RivTvOptions(Options):
         unit="s",
     )
     schedule: str | None = option(
-        None, "scheduling variable of the trial, of which K, B and G are functions; null without cycles: of time"
+        None, "scheduling variable of the trial: K, B and G are functions of it; null without cycles: of time"
     )
     knots: tuple[int, int, int] = option((12, 8, 12), "numbers of splines of K, B and G; penalties smooth them")
     inertia_knots: int = option(

@@ -25,7 +25,7 @@ LARGEST_STEPS = {"omega_n": 0.3, "zeta": 0.3, "pole": 0.3, "delay": 0.008, "torq
 CONVERGED = 0.02  # of its standard error: largest step of a parameter of the dynamics
 SMOOTHING_STEPS = 5  # of the penalties in one round
 LARGEST_PENALTY, SMALLEST_PENALTY = 1e8, 1e-8  # in units of the information over the penalty
-RENEWED = 1e-4  # s: change of the delay for which inputs are made anew
+RENEWED = 1e-4  # s: change of the delay for which inputs are made again
 
 
 @dataclass(frozen=True, eq=False)
