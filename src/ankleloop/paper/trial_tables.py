@@ -86,8 +86,7 @@ def join_tables(
 ) -> None:
     """Join the tables of all chunks, each with the hash that it should have; memory does not grow with the study.
 
-    The rows do not depend on how the trials are divided into chunks, and their order only where the points of one
-    condition are divided, which are more than a job takes.
+    Neither rows nor their order depend on how the trials are divided into chunks.
     """
     for chunk, expected in chunks.items():
         if read_hash(chunk) != expected:
