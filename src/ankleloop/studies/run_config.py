@@ -185,14 +185,14 @@ def report_parameters(study: Study, files: Mapping[str, Iterable[str]], **places
         "title": study.title,
         "labels": study.labels,
         "algorithms": {name: method.method for name, method in study.methods.items()},
-        "points": {} if settings.notebook == "sweep" else study.points,
+        "points": study.points if settings.notebook in NEEDS else {},  # the others read tables alone
         "varied": list(study.varied),
         "figure": settings.figure.model_dump(),
         "trials": trials,
         "estimates": estimates,
         **places,
     }
-    if settings.notebook == "sweep":  # it reads the table of all trials alone
+    if settings.notebook == "sweep":
         parameters |= {"settings": settings.simulation.model_dump(), "sweep": settings.sweep.model_dump()}
     is_simulated = isinstance(study, SimulatedStudy)
     return {"study": {**parameters, **({"table_file": "".join(tables)} if is_simulated else {"tables": tables})}}
