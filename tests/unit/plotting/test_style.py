@@ -6,20 +6,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from ankleloop.plotting.panels import Panel, draw_panels, finish, panel_grid
-from ankleloop.plotting.style import REFERENCE_LINE, SCREEN_DOTS_PER_INCH, TWO_COLUMNS, DataFigure, save_figure
+from ankleloop.plotting.style import REFERENCE_LINE, SCREEN_DOTS_PER_INCH, DataFigure, save_figure
 
 
 def entries(figure):
     """Entries of all rows of the legend."""
     return [[text.get_text() for text in legend.get_texts()] for legend in figure.legends]
-
-
-@pytest.mark.parametrize(("count", "rows"), [(2, 1), (3, 1), (4, 2)])
-def test_grid_has_a_panel_for_each_and_hides_the_rest(count, rows):
-    figure, axes = panel_grid(count, 3, 50.0)
-    assert figure.get_size_inches().tolist() == [TWO_COLUMNS / 25.4, 50.0 * rows / 25.4]
-    assert list(axes) == [axis for axis in figure.axes if axis.get_visible()]
-    assert len(axes) == count
 
 
 def test_panels_of_one_quantity_share_it_and_label_it_once_in_a_row():

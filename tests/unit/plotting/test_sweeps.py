@@ -72,19 +72,6 @@ def bars_of(figure):
     return [axis for axis in figure.axes if axis.get_label() == "<colorbar>"]
 
 
-def test_lines_have_a_panel_for_each_quantity_and_each_difference():
-    figure = draw(lines_figure(effects(GAIN), [GAIN], PANELS))
-    labels = [axis.get_ylabel().replace("\n", " ") for axis in panels_of(figure)]
-    assert labels == [
-        "reflex VAF [%]",
-        "Δ reflex VAF [points]",
-        "K [N·m/rad]",
-        "Δ K [N·m/rad]",
-        "failed trials [%]",
-    ]
-    assert panels_of(figure)[-1].get_xlabel().replace("\n", " ") == "reflex gain [N·m·s/rad]"
-
-
 def test_lines_are_the_means_and_bands_their_ends():
     axis = panels_of(draw(lines_figure(effects(GAIN), [GAIN], [VAF])))[0]
     line = next(line for line in axis.get_lines() if line.get_label() == "RIV")

@@ -44,12 +44,6 @@ def test_what_is_not_identified_is_blank_and_grey():
     assert "not identified" in [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
-def test_without_blanks_there_is_no_grey_and_no_entry():
-    figure = trajectories_figure({"riv-tv": make_estimate()})
-    assert not any(grey_fields(axis) for axis in figure.axes)
-    assert "not identified" not in [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-
-
 def test_the_table_has_trajectories_bands_excitation_and_truth():
     truths = make_estimate().trajectories
     data = trajectories_figure({"riv-tv": make_estimate(blank=slice(0, 10))}, truths).data
@@ -85,11 +79,6 @@ def test_inertia_has_a_panel_where_it_varies():
 def test_trajectories_over_different_things_are_refused():
     with pytest.raises(ValueError, match="functions of one thing, got phase, time"):
         trajectories_figure({"a": make_estimate(), "b": make_estimate("time")})
-
-
-def test_the_scheduling_variable_has_its_name_at_the_abscissa():
-    figure = trajectories_figure({"a": make_estimate("schedule")}, variable="ankle angle [rad]")
-    assert figure.axes[3].get_xlabel() == "ankle angle [rad]"
 
 
 def test_ordinates_of_means_follow_truth_and_means_and_not_the_spread():
