@@ -18,6 +18,8 @@ from ankleloop.errors import DataError
 from ankleloop.trials.channels import check_size
 from ankleloop.trials.containers import Contents, Variable
 
+BLOCK = 1 << 20  # characters that are read at a time
+LONGEST_LINE = 1 << 20  # characters
 LAST = 101  # rows whose digits are compared
 ENCODINGS = {b"\xff\xfe\x00\x00": "UTF-32", b"\x00\x00\xfe\xff": "UTF-32", b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
 
@@ -31,20 +33,12 @@ class CsvContents(Contents):
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
-        with self._open() as file:
-            start = file.buffer.read(4)
-        for mark, encoding in ENCODINGS.items():
-            if start.startswith(mark):
-                raise DataError(f"{path.name}: the text is {encoding}: save it as CSV in UTF-8.")
         self._columns: dict[str, np.ndarray] = {}
-        lines = self._lines()
-        self._header_line, header = next(lines, (0, ""))
-        if not header:
-            raise DataError(f"{path.name}: the table has no header: name its columns in the first line.")
-        self._header = _split(header)
-        self._rows, self._longest = 0, 0
+        self._header_line, self._header = self._read_header()
+        self._rows, self._longest, self._is_ended = 0, 0, True
+        self._shortest, self._shortest_line = len(self._header), 0
         self._last: deque[tuple[int, str]] = deque(maxlen=LAST)  # numbered lines
-        self._measure(lines)
+        self._measure()
 
     def find(self, name: str) -> Variable | None:
         """Column of a name; None if there is none."""
@@ -64,14 +58,19 @@ class CsvContents(Contents):
     def load(self, names: Sequence[str]) -> None:
         """Read columns in one pass: numbers, or objects where some are text."""
         columns = {name: self._header.index(name) for name in names}
+        for name, column in columns.items():
+            if self._rows and self._shortest <= column:
+                raise DataError(
+                    f"{self.path.name}: line {self._shortest_line} has {_count(self._shortest)} and the header "
+                    f"{len(self._header)}: {name} is missing there; correct the line."
+                )
         if not self._rows:
             self._columns |= {name: np.empty(0) for name in names}
             return
-        present = sorted(column for column in columns.values() if column < self._longest)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text among numbers is refused by its line
             frame = pd.read_csv(
-                self.path, header=None, skiprows=self._header_line, usecols=present,
+                self.path, header=None, skiprows=self._header_line, usecols=sorted(columns.values()),
                 names=range(self._longest), index_col=False, skipinitialspace=True,
             )  # fmt: skip
         if len(frame) != self._rows:
@@ -79,15 +78,18 @@ class CsvContents(Contents):
                 f"{self.path.name}: there are {self._rows} lines with samples, but {len(frame)} rows: a quotation "
                 "mark is open; remove it."
             )
-        frame = frame.reindex(columns=sorted(columns.values()))  # of columns without a cell the samples are missing
         for name, column in columns.items():
             self._check_last_cell(name, column)
             self._columns[name] = frame[column].to_numpy()
 
     def locate_sample(self, sample: int) -> str:
         """Describe where a sample is in the file: by its line, the header's among them."""
-        numbers = [number for number, _ in self._lines()]
-        return f"in line {numbers[sample + 1]}"
+        for number, line in self._lines():
+            if number > self._header_line and line.strip():
+                if sample == 0:
+                    return f"in line {number}"
+                sample -= 1
+        return "behind the last line"
 
     def _read(self, name: str) -> np.ndarray:
         if name not in self._columns:
@@ -99,53 +101,96 @@ class CsvContents(Contents):
         file: TextIO = open_text(self.path, "rt", encoding="utf-8-sig", errors="surrogateescape")
         return file
 
-    def _lines(self) -> Iterator[tuple[int, str]]:
-        """Lines that are not empty, with their numbers."""
+    def _blocks(self) -> Iterator[tuple[int, str]]:
+        """Pieces of the text that end with a line, and the numbers of their first lines."""
+        first = 1
         with self._open() as file:
-            for number, line in enumerate(file, 1):
-                if "\0" in line:
+            while text := file.read(BLOCK):
+                rest = file.readline(LONGEST_LINE)
+                text += rest
+                self._is_ended = text.endswith("\n")
+                if len(rest) == LONGEST_LINE:
+                    number = first + text.count("\n")
+                    raise DataError(f"{self.path.name}: line {number} is longer than {LONGEST_LINE} bytes: no table.")
+                if "\0" in text:
                     raise DataError(
                         f"{self.path.name}: byte 0 in a table of text: it is no text, or UTF-16; save it as UTF-8."
                     )
-                if not line.isascii() and (wrong := re.search("[\udc80-\udcff]", line)):
-                    byte = ord(wrong[0]) - 0xDC00
-                    raise DataError(
-                        f"{self.path.name}: line {number} is not UTF-8 (byte 0x{byte:02x}): save it as UTF-8."
-                    )
-                if line.strip():
-                    yield number, line
+                if not text.isascii():
+                    self._check_encoding(first, text)
+                yield first, text
+                first += text.count("\n")
 
-    def _measure(self, lines: Iterator[tuple[int, str]]) -> None:
+    def _lines(self) -> Iterator[tuple[int, str]]:
+        """Lines with their numbers."""
+        for first, text in self._blocks():
+            yield from enumerate(text.removesuffix("\n").split("\n"), first)
+
+    def _check_encoding(self, first: int, text: str) -> None:
+        wrong = re.search("[\udc80-\udcff]", text)
+        if wrong:
+            line, byte = first + text.count("\n", 0, wrong.start()), ord(wrong[0]) - 0xDC00
+            raise DataError(f"{self.path.name}: line {line} is not UTF-8 (byte 0x{byte:02x}): save it as UTF-8.")
+
+    def _read_header(self) -> tuple[int, list[str]]:
+        with self._open() as file:
+            start = file.buffer.read(4)
+        for mark, encoding in ENCODINGS.items():
+            if start.startswith(mark):
+                raise DataError(f"{self.path.name}: the text is {encoding}: save it as CSV in UTF-8.")
+        for number, line in self._lines():
+            if line.strip():
+                return number, _split(line)
+        raise DataError(f"{self.path.name}: the table has no header: name its columns in the first line.")
+
+    def _measure(self) -> None:
         """Count rows and cells; refuse a line that has too many, and a last one that has too few."""
-        width, number, count = len(self._header), 0, 0
-        for number, line in lines:
-            count = line.count(",") + 1
-            if count > width or '"' in line:  # it may have more cells than the header if they are empty
-                cells = _split(line)
-                count = len(cells)
-                if any(cells[width:]):
-                    raise DataError(
-                        f"{self.path.name}: line {number} has {_count(count)} and the header {width}: correct the "
-                        "line; write decimal points, not commas."
-                    )
-            self._rows += 1
-            self._longest = max(self._longest, count)
-            self._last.append((number, line))
-        check_size(self._rows, f"{self.path.name}: the table")
-        if count < min(width - (self._header[-1] == ""), self._longest):
+        width = len(self._header)
+        for first, text in self._blocks():
+            lines = text.removesuffix("\n").split("\n")
+            characters = np.frombuffer(text.encode(), np.uint8)
+            starts = np.append(0, np.flatnonzero(characters == ord("\n")) + 1)[: len(lines)]
+            counts = np.add.reduceat(characters == ord(","), starts, dtype=int) + 1
+            unusual = (counts != width) | (counts == 1) | ('"' in text)
+            for row in np.flatnonzero(unusual):
+                counts[row] = self._count_cells(first + int(row), lines[row])
+            counts[: max(0, self._header_line + 1 - first)] = 0
+            samples = np.flatnonzero(counts)
+            self._rows += samples.size
+            check_size(self._rows, f"{self.path.name}: the table")
+            self._longest = max(self._longest, int(counts.max()))
+            self._last.extend((first + int(row), lines[row]) for row in samples[-LAST:])
+        if self._last:
+            number, line = self._last[-1]
+            cells = len(_split(line))
+            if cells < min(width - (self._header[-1] == ""), self._longest):
+                raise DataError(
+                    f"{self.path.name}: the last line ({number}) has {_count(cells)} and the header {width}: the file "
+                    "is cut off; copy it again, or delete this line."
+                )
+
+    def _count_cells(self, number: int, line: str) -> int:
+        """Cells of a row, 0 of a line without samples; a row may have more than the header if they are empty."""
+        if number <= self._header_line or not line.strip():
+            return 0
+        cells, width = _split(line), len(self._header)
+        if any(cells[width:]):
             raise DataError(
-                f"{self.path.name}: the last line ({number}) has {_count(count)} and the header {width}: the file is "
-                "cut off; copy it again, or delete this line."
+                f"{self.path.name}: line {number} has {_count(len(cells))} and the header {width}: correct the line; "
+                "write decimal points, not commas."
             )
+        if len(cells) < self._shortest:
+            self._shortest, self._shortest_line = len(cells), number
+        return len(cells)
 
     def _check_last_cell(self, name: str, column: int) -> None:
         """Refuse, or warn of, a file that ends within its last number, which therefore may have lost digits."""
         *before, (number, line) = self._last
         cells = _split(line)
-        if line.endswith("\n") or column != len(cells) - 1:
+        if self._is_ended or column != len(cells) - 1:
             return
         decimals = _decimals(cells[column])
-        usual = {_decimals((_split(row) + [""] * column)[column]) for _, row in before}
+        usual = {_decimals(_split(row)[column]) for _, row in before}
         if len(usual) == 1 and usual != {0} and decimals in usual:
             return  # as many decimals as in the rows before: it is whole
         fault = f"{self.path.name}: the file ends within line {number}, at the {name} {cells[column]!r}"

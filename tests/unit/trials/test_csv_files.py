@@ -43,9 +43,9 @@ def test_lines_are_numbered_as_editors_do(tmp_path):
     assert [contents.locate_sample(k) for k in (0, 49)] == ["in line 3", f"in line {len(lines)}"]
 
 
-def test_a_cell_or_a_column_that_is_missing_is_no_number(tmp_path):
-    assert np.isnan(columns(tmp_path, "position,torque,note\n1,2\n1,2,3\n", "note")["note"][0])
-    assert np.isnan(columns(tmp_path, "position,torque,note,\n1,2\n1,2\n", "position", "note")["note"]).all()
+def test_a_line_without_a_wanted_cell(tmp_path):
+    message = refused(tmp_path, "position,torque,note\n1,2\n1,2,3\n", "note")
+    assert message == "a.csv: line 2 has 2 cells and the header 3: note is missing there; correct the line."
 
 
 def test_commas_at_the_ends_of_lines(tmp_path):
