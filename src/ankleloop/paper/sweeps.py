@@ -136,8 +136,9 @@ class SweepStudy:
         shown = self.trials[self.trials["method"].isin([item.method for item in self.series])]
         if not self.settings["difference"]:
             return shown
+        first, second = self.settings["difference"]
         paired = [name for name in self.quantities if name not in FAULT_SHARES]
-        return pd.concat([shown, pair_methods(self.trials, *self.settings["difference"], paired)], ignore_index=True)
+        return pd.concat([shown, pair_methods(self.trials, first, second, paired)], ignore_index=True)
 
     @cached_property
     def panels(self) -> list[SweepPanel]:

@@ -128,10 +128,10 @@ def tabulate_omissions(
         for method in (name for name in labels if SEPARATOR not in name):
             places = {COMPLETE: (point, method), FILTER: (unfiltered.get(condition), method)}
             places |= {STEP_LABELS[step]: (point, f"{method}{SEPARATOR}{step}") for step in OMITTED_STEPS}
-            for step, place in places.items():
+            for label, place in places.items():
                 if place in results:
-                    row = {"condition": condition, "method": labels[method], "omitted_step": step}
-                    changes = _measure_changes(results[place], results[point, method], paired=step != FILTER)
+                    row = {"condition": condition, "method": labels[method], "omitted_step": label}
+                    changes = _measure_changes(results[place], results[point, method], paired=label != FILTER)
                     rows.append({**row, **changes, **counts.loc[place]})
     return pd.DataFrame(rows)
 
