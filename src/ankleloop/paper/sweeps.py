@@ -143,8 +143,8 @@ class SweepStudy:
         shown = self.trials[self.trials["method"].isin([item.method for item in self.series])]
         if not self.settings["difference"]:
             return shown
-        paired = [name for name in self.quantities if name not in FAULT_SHARES]
         first, second = self.settings["difference"]
+        paired = [name for name in self.quantities if name not in FAULT_SHARES]
         return pd.concat([shown, pair_methods(self.trials, first, second, paired)], ignore_index=True)
 
     @cached_property

@@ -14,7 +14,8 @@ import pandas as pd
 from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
 from ankleloop.paper.results import COUNTS, count_outcomes, summarise_scores
 from ankleloop.signals.vaf import confidence_margin
-from ankleloop.trials.files import atomic_file, write_csv
+from ankleloop.trials.csv_output import write_csv
+from ankleloop.trials.files import atomic_file
 
 COMPLETE = "none"  # label of what the complete processing leaves out
 FILTER = "anti-aliasing filter"
@@ -113,8 +114,8 @@ def tabulate_omissions(
 ) -> pd.DataFrame:
     """Means over trials of each method with all steps of the processing and without each, with what that changes."""
     details = details.reindex(columns=list(dict.fromkeys([*details, *COLUMNS, "failure", "warnings"])))
-    for omitted in OMITTED_STEPS:  # a warning that says which step is left out
-        details["warnings"] = details["warnings"].fillna("").str.replace(describe_omission(omitted), "", regex=False)
+    for step in OMITTED_STEPS:  # a warning that says which step is left out
+        details["warnings"] = details["warnings"].fillna("").str.replace(describe_omission(step), "", regex=False)
     details["warnings"] = details["warnings"].str.strip()
     counts = count_outcomes(details, ["point", "method"]).set_index(["point", "method"])
     results = {
@@ -126,11 +127,11 @@ def tabulate_omissions(
     for condition, point in filtered.items():
         for method in (name for name in labels if SEPARATOR not in name):
             places = {COMPLETE: (point, method), FILTER: (unfiltered.get(condition), method)}
-            places |= {STEP_LABELS[omitted]: (point, f"{method}{SEPARATOR}{omitted}") for omitted in OMITTED_STEPS}
-            for step, place in places.items():
+            places |= {STEP_LABELS[step]: (point, f"{method}{SEPARATOR}{step}") for step in OMITTED_STEPS}
+            for label, place in places.items():
                 if place in results:
-                    row = {"condition": condition, "method": labels[method], "omitted_step": step}
-                    changes = _measure_changes(results[place], results[point, method], paired=step != FILTER)
+                    row = {"condition": condition, "method": labels[method], "omitted_step": label}
+                    changes = _measure_changes(results[place], results[point, method], paired=label != FILTER)
                     rows.append({**row, **changes, **counts.loc[place]})
     return pd.DataFrame(rows)
 
