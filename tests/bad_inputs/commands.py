@@ -79,7 +79,7 @@ ROWS += [
             text_file("a.csv", csv_text({"time": TIME, "angle_deg": POSITION, "torque": TORQUE})),
             ("check", "FILE", "--position-unit", "rad"),
             DATA,
-            ("angle_deg is in 'deg' according to the file", "on the command line this is --position-unit."),
+            ("angle_deg is in 'deg' according to the file", "next: ankleloop check", "--position-unit deg"),
         ),
         (
             "half a file",

@@ -31,7 +31,7 @@ def running(snakemake):
 
 def describe(snakemake):
     """Rule and wildcards of a job, and how many trials or recordings it takes."""
-    arguments, points = snakemake.params.get("arguments", {}), snakemake.params.get("points", {})
+    arguments, points = (getattr(snakemake.params, name, {}) for name in ("arguments", "points"))
     trials = sum(part["stop"] - part["first"] for part in arguments.get("conditions", {}).values())
     counts = [f"{trials} trials"] * bool(trials) + [f"{len(points)} recordings"] * bool(points)
     return ", ".join([" ".join([snakemake.rule.replace("_", " "), *snakemake.wildcards]), *counts])

@@ -58,7 +58,8 @@ def correct_command(text: str, words: Sequence[str]) -> list[str]:
     for match in OPTION_WORDS.finditer(text):
         groups = match.groupdict()
         for name in (groups["part"] or groups["name"] or groups["flag"] or groups["variables"]).split(", "):
-            options.setdefault(name, groups["value"] or groups["number"] or UNKNOWN.get(name, "-1"))
+            stated = groups["value"] or groups["number"]
+            options[name] = stated or options.get(name) or UNKNOWN.get(name, "-1")
     if words and words[-2:] == ["--torque-sign", "-1"] and options.get("torque_sign") == "-1":
         options["torque_sign"] = "1"
     command = ["ankleloop", *words]

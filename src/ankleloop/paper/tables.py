@@ -14,8 +14,7 @@ import pandas as pd
 from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
 from ankleloop.paper.results import COUNTS, count_outcomes, summarise_scores
 from ankleloop.signals.vaf import confidence_margin
-from ankleloop.trials.csv_output import write_csv
-from ankleloop.trials.files import atomic_file
+from ankleloop.trials.files import atomic_file, write_csv
 
 COMPLETE = "none"  # label of what the complete processing leaves out
 FILTER = "anti-aliasing filter"

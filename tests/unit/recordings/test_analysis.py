@@ -202,7 +202,7 @@ def test_a_refused_recording_has_only_its_reason():
 
 
 def test_a_half_that_is_too_short_does_not_stop_the_fit_of_the_whole():
-    analysis = analyse(simulate(seed=5, duration=14.0), {"riv": METHODS["riv"]})
+    analysis = analyse(simulate(seed=5, duration=8.0), {"riv": METHODS["riv"]})
     row = analysis.table.loc[0]
     assert row["valid"]
     assert np.isnan(row["vaf_unseen"])

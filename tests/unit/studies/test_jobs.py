@@ -89,7 +89,6 @@ def test_rows_are_ordered_by_condition_trial_point_and_method(results):
         "high",
     ]
     assert scores["torque"].tolist()[:4] == ["net", "net", "intrinsic", "reflex"]
-    assert not any(name.startswith("vaf_") for name in parameters)
 
 
 def test_the_library_gives_the_same_without_the_workflow(results):
