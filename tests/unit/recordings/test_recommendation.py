@@ -6,7 +6,7 @@ import pytest
 
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.checks import Check, Finding
-from ankleloop.recordings.comparison import UnseenTorque
+from ankleloop.recordings.comparison import TorqueResidual
 from ankleloop.recordings.recommendation import (
     Recommendation,
     format_with_interval,
@@ -30,7 +30,7 @@ def residual(size, seed, samples=6000):
     """Torque of the unseen half, and a residual of a size [%] of its variance."""
     y = np.random.default_rng(0).standard_normal(samples)
     e = np.random.default_rng(seed).standard_normal(samples)
-    return [UnseenTorque(np.arange(samples) / 100, y, np.sqrt(size / 100) * e, 100.0)]
+    return [TorqueResidual(np.arange(samples) / 100, y, np.sqrt(size / 100) * e, 100.0)]
 
 
 def make_analysis(loop, rows, *, unseen=None, reference=True):
