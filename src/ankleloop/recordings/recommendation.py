@@ -143,8 +143,7 @@ def _describe_stiffness(row: pd.Series) -> str:
 
 def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
     """What speaks against too much trust in a method: change of the joint, caution, an incomplete model."""
-    texts = []
-    changing = list(_select_changing(valid)["label"])
+    texts, changing = [], list(_select_changing(valid)["label"])
     if row["label"] in changing:
         texts.append("This is the mean over the recording; the trajectories show the change")
     elif changing:

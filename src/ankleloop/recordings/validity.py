@@ -131,19 +131,15 @@ def usual_methods(*, reference: bool, changing: bool = False) -> dict[str, dict[
     else:
         suffix, weighting, instrumental, subspace = ", position as reference", {"weighting": "flat"}, POSITION, {}
         spline, degrees, orders = {"basis": "spline"}, {"degree": [6, DEGREE, 12]}, {"order": [2, 3]}
+    riv = {**instrumental, **weighting}
     rows: list[tuple[str, str, dict[str, Any], dict[str, Any]]] = [
-        (
-            "riv",
-            f"Refined instrumental variables (spline){suffix}",
-            {**instrumental, **weighting, **spline},
-            {**degrees, **orders},
-        ),
+        ("riv", f"Refined instrumental variables (spline){suffix}", {**riv, **spline}, {**degrees, **orders}),
         ("pr-moesp", f"PR-MOESP{suffix}", {**instrumental, **subspace, "degree": DEGREE, "block_rows": 20}, {}),
         ("pi-moesp", "PI-MOESP (spline)", {**subspace, "block_rows": 20, **spline}, degrees),
         ("parallel-cascade", "Parallel cascade, to convergence", {}, {}),
     ]
     if changing:
-        rows.append(("riv-tv", f"Joint that changes (riv-tv){suffix}", {**instrumental, **weighting}, {}))
+        rows.append(("riv-tv", f"Joint that changes (riv-tv){suffix}", riv, {}))
     return {
         method: {"label": label, "method": method, "options": options, "select": select}
         for method, label, options, select in rows
