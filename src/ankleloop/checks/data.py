@@ -17,17 +17,16 @@ from ankleloop.checks.movement import (
     check_relation,
     check_scale,
     check_sign,
+    check_signs_by_reference,
     check_size,
     check_velocity,
-    fit_stiffness_by_instruments,
     motion_products,
     reference_correlations,
 )
 from ankleloop.checks.reference import find_reference_faults
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
-from ankleloop.joint.regressors import MOTION, Grid, Regressors
-from ankleloop.signals.reference import project_on_reference
+from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.trials.validation import REQUIRED
 
 MOTION_CHECKS = (check_scale, check_size, check_relation)
@@ -84,11 +83,7 @@ def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str
         # Least squares may be off by fed-back torque; what the reference explains is not.
         record = _regressors(trial, delay, rate, reference)
         if check_reference([record]).verdict == "ok":
-            assert record.reference is not None
-            projection = project_on_reference([record.reference], [motion.signals.T], record.rate)
-            signals, residuals = projection.signals[0], projection.residuals[0]
-            instruments = signals[:, :MOTION] - residuals[:, :MOTION]
-            sign = check_sign(*fit_stiffness_by_instruments(signals[:, :MOTION], signals[:, MOTION], instruments))
+            (sign,) = check_signs_by_reference([record])
     return [finding for finding in (*findings, sign) if finding.verdict != "ok"]
 
 

@@ -14,7 +14,7 @@ from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import MOTION, Grid, Regressors
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import PASSBAND
-from ankleloop.signals.reference import unseen_share
+from ankleloop.signals.reference import project_on_reference, unseen_share
 from ankleloop.signals.spectra import segment_spectra
 from ankleloop.subspace.hankel import hankel_gram
 from ankleloop.trials.validation import REQUIRED
@@ -145,6 +145,17 @@ def check_sign(stiffness: np.ndarray, explained: float) -> Finding:
             "rectifier would see the wrong half).",
         )
     return Finding("sign of the torque", "ok", f"{text}: the torque opposes stretch.")
+
+
+def check_signs_by_reference(records: Sequence[Regressors]) -> list[Finding]:
+    """Sign of the torque of each record by what the reference explains, which fed-back torque does not bias."""
+    channels = [np.column_stack([record.inputs[:, :MOTION], record.torque]) for record in records]
+    references = [record.reference for record in records if record.reference is not None]
+    projection = project_on_reference(references, channels, records[0].rate)
+    return [
+        check_sign(*fit_stiffness_by_instruments(x[:, :MOTION], x[:, MOTION], (x - residual)[:, :MOTION]))
+        for x, residual in zip(projection.signals, projection.residuals, strict=True)
+    ]
 
 
 @once

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.assessment.residuals import ResidualTest, residual_test
-from ankleloop.assessment.scores import evaluate, parameter_row
+from ankleloop.assessment.scores import TRIM, evaluate, parameter_row
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
@@ -21,12 +21,13 @@ from ankleloop.methods.registry import find_method, identify
 from ankleloop.methods.riv.alternatives import compute_shifts, format_shifts
 from ankleloop.methods.selection import check_selection
 from ankleloop.recordings.checks import Check, check_trial
-from ankleloop.recordings.comparison import UnseenTorque, unseen_torque
+from ankleloop.recordings.comparison import TorqueResidual, torque_residual
 from ankleloop.recordings.validity import caution, reason_against
 from ankleloop.signals.sampling import match_times
 from ankleloop.trials.trial import segment
 
 OTHER_DELAY = 0.01  # s
+DEFAULTS: Mapping[str, Any] = {"options": {}, "select": None, "criterion": None}
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +49,7 @@ class Analysis:
     # method with a warning have none), tests of the residual. One row without a method if the recording was refused.
     table: pd.DataFrame = field(repr=False)
     # By the label of the method what its fit to the first half leaves of the second.
-    unseen: dict[str, list[UnseenTorque]] = field(default_factory=dict, repr=False)
+    unseen: dict[str, list[TorqueResidual]] = field(default_factory=dict, repr=False)
 
     @property
     def estimates(self) -> dict[str, Estimate]:
@@ -97,9 +98,10 @@ def analyse(
     [['riv', True], ['PI-MOESP', False]]
     """
     trials = [trial] if isinstance(trial, (xr.Dataset, PreparedTrial)) else list(trial)
+    methods = {label: {**DEFAULTS, **specification} for label, specification in methods.items()}
     for specification in methods.values():  # wrong options are refused before anything is fitted
-        method, options = find_method(specification["method"]), specification.get("options", {})
-        select, criterion = specification.get("select"), specification.get("criterion")
+        method, options = find_method(specification["method"]), specification["options"]
+        select, criterion = specification["select"], specification["criterion"]
         check_selection(f"method {method.name!r}", method.options, options, select, criterion)
     check = check_trial(trials, reference=reference, **largest_options(methods))
     if check.verdict == "refused":
@@ -109,12 +111,12 @@ def analyse(
     for number, (label, specification) in enumerate(methods.items(), start=1):
         log.info("method %d of %d: %s", number, len(methods), label)
         row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": specification["method"]}
+        rows.append(row)
         row["valid"] = True
         try:
-            _refuse_invalid(check, specification, len(trials) > 1)
-            estimates, unseen, scores = _fit(prepared, specification)
+            estimates, unseen, scores = _fit(prepared, check, specification)
             test = _test_residual(prepared, estimates, check.instrumental, reference)
-            row |= scores | _describe_estimates(prepared, specification, check, estimates, test)
+            row |= scores | _describe_estimate(prepared, check, specification, estimates[0], test)
             analysis.records[label], analysis.residuals[label] = estimates, test
             if unseen:
                 analysis.unseen[label] = unseen
@@ -124,7 +126,6 @@ def analyse(
                 log.warning("%s failed", label, exc_info=True)
                 reason = f"it failed numerically ({type(error).__name__}: {error})"
             row |= {"valid": False, "trusted": False, "warnings": reason}
-        rows.append(row)
     return replace(analysis, table=pd.DataFrame(rows))
 
 
@@ -135,108 +136,44 @@ def refused_analysis(check: Check) -> Analysis:
 
 def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Largest order and number of block rows that any method may use: the movement has to excite as much."""
-    values: dict[str, list[int]] = {"order": [2], "block_rows": [15]}
+    largest = {"order": 2, "block_rows": 15}
     for specification in methods.values():
-        for name, candidates in values.items():
-            used = [specification.get("options", {}).get(name), *(specification.get("select") or {}).get(name, ())]
-            candidates += [value for value in used if value is not None]
-    return {name: max(candidates) for name, candidates in values.items()}
-
-
-def _describe_estimates(
-    trials: list[PreparedTrial],
-    specification: Mapping[str, Any],
-    check: Check,
-    estimates: list[Estimate],
-    test: ResidualTest,
-) -> dict[str, Any]:
-    """Columns of the table about the estimates of a method; the parameters are those of the first trial."""
-    estimate, warnings = estimates[0], estimates[0].fit_warnings
-    row = {f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")}
-    row |= parameter_row(trials[0], estimate)
-    if warnings:  # the covariance belongs to a solution that was not reached, or to another model
-        withheld = {f"{name}_{end}" for name in estimate.intervals for end in ("low", "high")} | {"intervals"}
-        row = {name: value for name, value in row.items() if name not in withheld}
-    # Warnings about the data concern all methods alike, so they do not decide between them.
-    about_data = estimate.diagnostics.get("data_warnings", ())
-    cautions = caution(specification["method"], check.loop, check.reference), *about_data
-    return row | {
-        "warnings": " ".join(warnings),
-        "trusted": not warnings,
-        "caution": " ".join(filter(None, cautions)),
-        # A test whether the joint changes takes what the model or an instrument leaves out for a change.
-        "incomplete": bool(test.related or about_data or estimate.diagnostics.get("alternatives")),
-        "assumptions": " ".join(_describe_assumptions(trials, estimate, specification)),
-    }
-
-
-def _describe_assumptions(
-    trials: list[PreparedTrial], estimate: Estimate, specification: Mapping[str, Any]
-) -> list[str]:
-    """What an estimate takes for granted, with what another delay would do, and what it lacks."""
-    diagnostics, delay = estimate.diagnostics, estimate.reflex["delay"]
-    texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
-    others: dict[str, dict[str, Any]] = {}
-    if "delay" not in estimate.intervals:
-        others[f"A delay of {1000 * OTHER_DELAY:g} ms more"] = {"delay": delay + OTHER_DELAY}
-    if any("polynomial" in text for text in texts):
-        others["A rectifier in place of the polynomial"] = {"delay": delay, "basis": "rectifier"}
-    values = {**estimate.stiffness, **estimate.reflex}
-    for name, changes in others.items():
-        try:
-            other = _identify_all(trials, specification["method"], **specification.get("options", {}) | changes)[0]
-            shifts = compute_shifts(values, {**other.stiffness, **other.reflex})
-            texts.append(f"{name} would move {format_shifts(shifts)}.")
-        except DataError as error:
-            texts.append(f"What it would do cannot be told ({name}): {error}")
-    for row in diagnostics.get("alternatives", ()):
-        texts.append(f"With {row['effect']} in the model it would move {format_shifts(row['shifts'])}.")
-    return [text[0].upper() + text[1:] for text in texts]
-
-
-def _refuse_invalid(check: Check, specification: Mapping[str, Any], merged: bool) -> None:
-    """Refuse a method that is not valid for this recording."""
-    method, options = specification["method"], specification.get("options", {})
-    if merged and not find_method(method).merges:
-        raise DataError("it identifies one trial at a time, and does not merge them")
-    reason = reason_against(method, options, loop=check.loop, reference=check.reference, path_bias=check.path_bias)
-    if reason:
-        raise DataError(reason)
+        for name, value in largest.items():
+            candidates = (specification.get("select") or {}).get(name, ())
+            largest[name] = max(value, specification.get("options", {}).get(name) or value, *candidates)
+    return largest
 
 
 def _fit(
-    trials: list[PreparedTrial], specification: Mapping[str, Any]
-) -> tuple[list[Estimate], list[UnseenTorque], dict[str, Any]]:
+    trials: list[PreparedTrial], check: Check, specification: Mapping[str, Any]
+) -> tuple[list[Estimate], list[TorqueResidual], dict[str, Any]]:
     """Estimates of the whole, what the fit to one half leaves of the other, and the scores of both."""
-    method, options = specification["method"], specification.get("options", {})
-    select = specification.get("select") or None
+    method, options, select = specification["method"], specification["options"], specification["select"] or None
+    merged = len(trials) > 1
+    if reason := reason_against(method, options, check.loop, check.reference, check.path_bias, merged=merged):
+        raise DataError(reason)
     first, second = _split_halves(trials)
     scores: dict[str, Any] = {"vaf_unseen": np.nan, "selected": ""}
-    unseen: list[UnseenTorque] = []
+    unseen: list[TorqueResidual] = []
     chosen: dict[str, Any] = {}
     try:
-        half = _identify_all(first, method, select=select, criterion=specification.get("criterion"), **options)
-        chosen = half[0].diagnostics["selection"]["chosen"] if select else {}
+        half = _identify(first, method, select=select, criterion=specification["criterion"], **options)[0]
+        chosen = half.diagnostics["selection"]["chosen"] if select else {}
         scores["selected"] = ", ".join(f"{name} {value}" for name, value in chosen.items())
-        scores["unseen_warnings"] = " ".join(half[0].fit_warnings)
-        predictions = [(part, _predict(half[0], part, options)) for part in second]
-        scores |= _score(predictions, {"net": "vaf_unseen"})
-        unseen = [unseen_torque(*prediction) for prediction in predictions]
+        scores["unseen_warnings"] = " ".join(half.fit_warnings)
+        if half.trajectories is not None and "time" in half.trajectories.sizes:
+            raise DataError("the parameters are functions of time, and were fitted before the times of the other half.")
+        # Cycles of the other half begin at onsets of the whole recording.
+        onsets = {} if options.get("cycle_onsets") is None else {"cycle_onsets": options["cycle_onsets"]}
+        predictions = [half.predict(part, **onsets) for part in second]
+        scores |= _score(second, predictions, {"net": "vaf_unseen"})
+        unseen = [torque_residual(*pair, trim=TRIM) for pair in zip(second, predictions, strict=True)]
     except DataError as error:
         if select and not chosen:  # without a choice there are no options to fit the whole with
             raise
         scores["unseen_warnings"] = f"there is none: {error}"
-    whole = _identify_all(trials, method, **options, **chosen)
-    columns = {torque: f"vaf_{torque}" for torque in TORQUES}
-    return whole, unseen, scores | _score(zip(trials, whole, strict=True), columns)
-
-
-def _predict(estimate: Estimate, part: PreparedTrial, options: Mapping[str, Any]) -> Estimate:
-    """Torques of a part that was not fitted; its cycles begin at onsets of the whole recording."""
-    if estimate.trajectories is not None and "time" in estimate.trajectories.sizes:
-        raise DataError("the parameters are functions of time, and were fitted before the times of the other half.")
-    onsets = options.get("cycle_onsets")
-    return estimate.predict(part) if onsets is None else estimate.predict(part, cycle_onsets=onsets)
+    whole = _identify(trials, method, **options, **chosen)
+    return whole, unseen, scores | _score(trials, whole, {torque: f"vaf_{torque}" for torque in TORQUES})
 
 
 def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], list[PreparedTrial]]:
@@ -251,16 +188,15 @@ def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], lis
     return [first], [second]
 
 
-def _identify_all(trials: list[PreparedTrial], method: str, **options: Any) -> list[Estimate]:
+def _identify(trials: list[PreparedTrial], method: str, **options: Any) -> list[Estimate]:
     """One estimate for each trial; several trials are merged."""
     return identify(trials, method, **options) if len(trials) > 1 else [identify(trials[0], method, **options)]
 
 
-def _score(pairs: Iterable[tuple[PreparedTrial, Estimate]], columns: Mapping[str, str]) -> dict[str, float]:
+def _score(trials: list[PreparedTrial], estimates: list[Estimate], columns: Mapping[str, str]) -> dict[str, float]:
     """VAFs against the measured torque: means over merged trials, or the VAF of a single trial with its interval."""
-    tables = [
-        evaluate(trial, estimate, against="measured", intervals=True).set_index("torque") for trial, estimate in pairs
-    ]
+    pairs = zip(trials, estimates, strict=True)
+    tables = [evaluate(*pair, against="measured", intervals=True).set_index("torque") for pair in pairs]
     scores = {}
     for torque, column in columns.items():
         scores[column] = float(np.mean([table.loc[torque, "vaf"] for table in tables]))
@@ -276,15 +212,63 @@ def _test_residual(
 
     It is tested against the position, or unless the loop is open against what the reference explains of it.
     """
-    longest = int(np.argmax([part.samples("time").size for part in trials]))
-    trial, estimate = trials[longest], estimates[longest]
-    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
-    residual = trial.channel_at("torque", time, rate) - estimate.torque["net"].values
+    trial, estimate = max(zip(trials, estimates, strict=True), key=lambda pair: pair[0].samples("time").size)
+    part = torque_residual(trial, estimate)
     if not instrumental:
-        return residual_test(residual, trial.channel_at("position", time, rate), rate)
+        return residual_test(part.residual, trial.channel_at("position", part.time, part.rate), part.rate)
     regressors = trial.regressors(
-        delay=estimate.reflex["delay"], basis="rectifier", identification_rate=rate, reference=reference
+        delay=estimate.reflex["delay"], basis="rectifier", identification_rate=part.rate, reference=reference
     )
-    predicted = trial.predict_inputs(regressors)[:, 0]
-    rows, common = match_times(regressors.time, time)
-    return residual_test(residual[common], predicted[rows], rate)
+    rows, common = match_times(regressors.time, part.time)
+    return residual_test(part.residual[common], trial.predict_inputs(regressors)[rows, 0], part.rate)
+
+
+def _describe_estimate(
+    trials: list[PreparedTrial],
+    check: Check,
+    specification: Mapping[str, Any],
+    estimate: Estimate,
+    test: ResidualTest,
+) -> dict[str, Any]:
+    """Columns of the table about the estimate of the first trial."""
+    row = {f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")}
+    row |= parameter_row(trials[0], estimate)
+    warnings, diagnostics = estimate.fit_warnings, estimate.diagnostics
+    if warnings:  # the covariance belongs to a solution that was not reached, or to another model
+        for name in ("intervals", *(f"{name}_{end}" for name in estimate.intervals for end in ("low", "high"))):
+            row.pop(name, None)
+    # Warnings about the data concern all methods alike, so they do not decide between them.
+    about_data = diagnostics.get("data_warnings", ())
+    cautions = caution(specification["method"], check.loop, check.reference), *about_data
+    texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
+    texts += _compare_assumptions(trials, specification, estimate, any("polynomial" in text for text in texts))
+    for alternative in diagnostics.get("alternatives", ()):
+        shifts = format_shifts(alternative["shifts"])
+        texts.append(f"With {alternative['effect']} in the model it would move {shifts}.")
+    return row | {
+        "warnings": " ".join(warnings),
+        "trusted": not warnings,
+        "caution": " ".join(filter(None, cautions)),
+        # A test whether the joint changes takes what the model or an instrument leaves out for a change.
+        "incomplete": bool(test.related or about_data or diagnostics.get("alternatives")),
+        "assumptions": " ".join(text[0].upper() + text[1:] for text in texts),
+    }
+
+
+def _compare_assumptions(
+    trials: list[PreparedTrial], specification: Mapping[str, Any], estimate: Estimate, polynomial: bool
+) -> Iterator[str]:
+    """What another delay would do, and a rectifier in the place of a polynomial."""
+    delay = estimate.reflex["delay"]
+    others: dict[str, dict[str, Any]] = {}
+    if "delay" not in estimate.intervals:
+        others[f"A delay of {1000 * OTHER_DELAY:g} ms more"] = {"delay": delay + OTHER_DELAY}
+    if polynomial:
+        others["A rectifier in place of the polynomial"] = {"delay": delay, "basis": "rectifier"}
+    for name, changes in others.items():
+        try:
+            other = _identify(trials, specification["method"], **specification["options"] | changes)[0]
+            values = ({**part.stiffness, **part.reflex} for part in (estimate, other))
+            yield f"{name} would move {format_shifts(compute_shifts(*values))}."
+        except DataError as error:
+            yield f"What it would do cannot be told ({name}): {error}"

@@ -12,16 +12,15 @@ import xarray as xr
 from ankleloop.checks.channels import VERDICTS, Finding, merge_findings
 from ankleloop.checks.data import check_signals, refuse_repeated_trials
 from ankleloop.checks.loop import check_loop, path_bias
-from ankleloop.checks.movement import check_excitation, check_sign, fit_stiffness_by_instruments
+from ankleloop.checks.movement import check_excitation, check_sign, check_signs_by_reference, motion_products
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
 from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import MOTION, Regressors
+from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import Trial, delay_option, rate_option
 from ankleloop.options import Options, option, show_fields
 from ankleloop.recordings.validity import describe_validity, valid_methods
-from ankleloop.signals.reference import project_on_reference
 
 Methods = dict[str, dict[str, Any]]
 
@@ -142,42 +141,25 @@ def check_trial(trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | Prepar
     signals = [check_signals(part, record.grid, delay) for part, record in zip(prepared, records, strict=True)]
     usable, strength = check_instrument(prepared, records, delay)
     loop, feedback = check_loop(records, usable)
-    bias, merged = path_bias(records), len(records) > 1
+    if usable and loop != "open":
+        signs = check_signs_by_reference(records)
+    else:
+        motions = (motion_products(part, record.grid) for part, record in zip(prepared, records, strict=True))
+        signs = [check_sign(motion.stiffness, motion.explained) for motion in motions]
+    sign = merge_findings(signs)
     findings = [
         length,
         *map(merge_findings, zip(*signals, strict=True)),
-        merge_findings(_check_signs(records, by_reference=usable and loop != "open")),
-    ]
-    sign, spectra = findings[-1], estimate_spectra(records)
-    findings += [
+        sign,
         merge_findings([check_coherence(record) for record in records]),
         check_excitation([record.inputs[:, 1] for record in records], values.order, values.block_rows),
         merge_findings([check_drift(record) for record in records]),
         strength,
     ]
+    spectra = estimate_spectra(records)
     if sign.verdict == "refused":  # loop and methods rest on it
         return Check(findings, "undecided", {}, spectra, usable)
+    bias, merged = path_bias(records), len(records) > 1
     validity = describe_validity(loop, usable, bias, merged=merged)
-    return Check(
-        findings=[*findings, feedback, Finding("methods", "ok" if usable else "warning", validity)],
-        loop=loop,
-        methods=valid_methods(loop, usable, bias, merged=merged),
-        spectra=spectra,
-        reference=usable,
-        path_bias=bias,
-    )
-
-
-def _check_signs(records: Sequence[Regressors], *, by_reference: bool) -> list[Finding]:
-    """Sign of the torque of each record; by what the reference explains of its movement unless the loop is open."""
-    channels = [np.column_stack([record.inputs[:, :MOTION], record.torque]) for record in records]
-    signals = instruments = [channel - channel.mean(axis=0) for channel in channels]
-    if by_reference:
-        references = [record.reference for record in records if record.reference is not None]
-        projection = project_on_reference(references, channels, records[0].rate)
-        signals = projection.signals
-        instruments = [signal - rest for signal, rest in zip(signals, projection.residuals, strict=True)]
-    return [
-        check_sign(*fit_stiffness_by_instruments(signal[:, :MOTION], signal[:, MOTION], instrument[:, :MOTION]))
-        for signal, instrument in zip(signals, instruments, strict=True)
-    ]
+    findings += [feedback, Finding("methods", "ok" if usable else "warning", validity)]
+    return Check(findings, loop, valid_methods(loop, usable, bias, merged=merged), spectra, usable, bias)

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ankleloop.assessment.scores import TRIM
-from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial
 
@@ -18,8 +16,8 @@ FEWEST = 5  # blocks
 
 
 @dataclass(frozen=True, eq=False)
-class UnseenTorque:
-    """Torque of a trial that was not fitted, and what a model leaves of it."""
+class TorqueResidual:
+    """Torque of a trial, and what a model leaves of it."""
 
     time: np.ndarray  # shape (N,): time in the trial [s]
     measured: np.ndarray  # shape (N,): measured torque [N·m]
@@ -35,22 +33,16 @@ class VafDifference:
     low: float  # lower end of its 95 % interval
     high: float  # upper end of its 95 % interval
 
-    @property
-    def distinct(self) -> bool:
-        """Whether the interval excludes zero."""
-        return self.low > 0 or self.high < 0
 
-
-def unseen_torque(trial: PreparedTrial, prediction: Estimate) -> UnseenTorque:
-    """Torque of a trial, and what the prediction of a model leaves of it; the ends are left out as in scores."""
-    time, rate = prediction.torque["time"].values, prediction.torque.attrs["identification_rate"]
-    inside = (time >= time[0] + TRIM) & (time <= time[-1] - TRIM)
+def torque_residual(trial: PreparedTrial, estimate: Estimate, *, trim: float = 0.0) -> TorqueResidual:
+    """Torque of a trial, and what an estimate leaves of it, without the ends that are to be trimmed [s]."""
+    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    inside = (time >= time[0] + trim) & (time <= time[-1] - trim)
     measured = trial.channel_at("torque", time, rate)
-    residual = measured - prediction.torque["net"].values
-    return UnseenTorque(time[inside], measured[inside], residual[inside], rate)
+    return TorqueResidual(time[inside], measured[inside], (measured - estimate.torque["net"].values)[inside], rate)
 
 
-def compare_unseen(first: Sequence[UnseenTorque], second: Sequence[UnseenTorque]) -> VafDifference:
+def compare_unseen(first: Sequence[TorqueResidual], second: Sequence[TorqueResidual]) -> VafDifference | None:
     r"""Difference of the VAFs of two methods, with an interval that knows that both predict the same torque.
 
     With residuals e₁ and e₂ of the torque y, each less its mean, the difference is
@@ -59,15 +51,14 @@ def compare_unseen(first: Sequence[UnseenTorque], second: Sequence[UnseenTorque]
               \psi_t = 100 \, \frac{e_{2,t}^2 - e_{1,t}^2}{\overline{y^2}} - d \, \frac{y_t^2}{\overline{y^2}}
 
     and the mean of ψ is asymptotically normal around zero. Its variance comes from means over blocks of two seconds,
-    its interval from Student's distribution. What is hard to predict for both methods cancels in it.
+    its interval from Student's distribution. What is hard to predict for both methods cancels in it. None
+    if too little was scored at the same rate.
     """
-    if len(first) != len(second) or any(a.rate != b.rate for a, b in zip(first, second, strict=True)):
-        raise DataError("the methods were not scored on the same samples.")
     differences, weights, blocks = [], [], []
     for a, b in zip(first, second, strict=True):
         _, rows_a, rows_b = np.intersect1d(np.round(a.time * a.rate), np.round(b.time * b.rate), return_indices=True)
         count = round(rows_a.size / (BLOCK * a.rate))
-        if count:
+        if count and a.rate == b.rate:
             signals = a.measured[rows_a], a.residual[rows_a], b.residual[rows_b]
             y, e_a, e_b = ((x - x.mean()) ** 2 for x in signals)
             difference = 100.0 * float(np.sum(e_b - e_a) / np.sum(y))
@@ -76,12 +67,9 @@ def compare_unseen(first: Sequence[UnseenTorque], second: Sequence[UnseenTorque]
             differences.append(difference)
             weights.append(count)
     if len(blocks) < FEWEST:
-        raise DataError(
-            f"{len(blocks)} blocks of {BLOCK:g} s were not fitted, and {FEWEST} are needed to compare methods."
-        )
+        return None
     mean = float(np.average(differences, weights=weights))
     # Differences of several trials scatter as well.
     scatter = np.repeat(np.array(differences) - mean, weights) + np.array(blocks)
-    deviation = np.sqrt(np.mean(scatter**2) / (len(blocks) - 1))
-    margin = float(special.stdtrit(len(blocks) - 1, 0.975) * deviation)
-    return VafDifference(mean, mean - margin, mean + margin)
+    margin = special.stdtrit(len(blocks) - 1, 0.975) * np.sqrt(np.mean(scatter**2) / (len(blocks) - 1))
+    return VafDifference(mean, mean - float(margin), mean + float(margin))

@@ -72,12 +72,9 @@ def tabulate_analysis(
 ) -> pd.DataFrame:
     """Rows of an analysis for a table of many recordings."""
     recommendation, table = recommend(analysis), analysis.table
-    labels = table.get("label", pd.Series(index=table.index, dtype=object))
-    table = table.assign(
-        key=labels.map(keys),
-        recommended=labels.eq(recommendation.label) & labels.notna(),
-        recommendation=recommendation.text,
-    )
+    labels = table.reindex(columns=["label"])["label"].astype(object)
+    columns = {"key": labels.map(keys), "recommended": labels.eq(recommendation.label) & labels.notna()}
+    table = table.assign(**columns, recommendation=recommendation.text)
     groups = pd.DataFrame({"recording": name, **{group: mapping[group] for group in GROUPS}}, index=table.index)
     return pd.concat([groups, table], axis=1)
 

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from ankleloop.errors import DataError
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import Analysis
-from ankleloop.recordings.comparison import VafDifference, compare_unseen
+from ankleloop.recordings.comparison import TorqueResidual, compare_unseen
 from ankleloop.recordings.validity import VALIDITY
 from ankleloop.recordings.variation import LEVEL
 
@@ -60,7 +59,9 @@ def recommend(analysis: Analysis) -> Recommendation:
     """
     check, table = analysis.check, analysis.table.reindex(columns=analysis.table.columns.union(COLUMNS, sort=False))
     valid, trusted = select_valid_methods(table), select_trusted_methods(table)
-    comparable = trusted if check.instrumental else _select_comparable(trusted)
+    # The fit to the first half has no warning either, and a score of the second.
+    scored = trusted["vaf_unseen"].notna() & trusted["unseen_warnings"].isin(NOTHING)
+    comparable = trusted if check.instrumental else trusted[scored]
     if comparable.empty:
         reason = "no method without a warning could be scored on the half that was not fitted"
         if valid.empty:
@@ -71,70 +72,58 @@ def recommend(analysis: Analysis) -> Recommendation:
     if check.instrumental:
         row, reason = _choose_by_reference(check.loop, trusted, valid)
     else:
-        row, reason = _choose_by_vaf(analysis, comparable)
+        row, reason = _choose_by_vaf(analysis.unseen, comparable)
     condition = "If the loop was open: " if check.loop == "undecided" and not check.reference else ""
     texts = [f"{condition}take {row['label']}: {reason}", _describe_stiffness(row), *_reservations(row, valid)]
-    left_out = valid[~valid["label"].isin(trusted["label"])]
-    unscored = trusted[~trusted["label"].isin(comparable["label"])]
-    if len(left_out):
-        texts.append(f"Left out because of a warning: {', '.join(left_out['label'])}")
-    if len(unscored):
-        labels = ", ".join(unscored["label"])
-        texts.append(f"Not compared, because the unseen half has no score without a warning: {labels}")
+    for start, rows, rest in (
+        ("Left out because of a warning", valid, trusted),
+        ("Not compared, because the unseen half has no score without a warning", trusted, comparable),
+    ):
+        labels = ", ".join(rows.loc[~rows["label"].isin(rest["label"]), "label"])
+        texts += [f"{start}: {labels}"] if labels else []
     return Recommendation(row["label"], " ".join(f"{text}." for text in texts))
 
 
 def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) -> tuple[pd.Series, str]:
     """The preferred method among those that rest on the reference, and the reason."""
-    loop = "the loop is closed" if loop == "closed" else "feedback is not excluded"
     changing = _select_changing(trusted)
+    row = changing.iloc[0] if len(changing) else _prefer(trusted)
     if len(changing):
-        reason = f"{loop}, torque that is fed back does not bias it, and its test says that K, B or G change"
-        return changing.iloc[0], reason
-    row = _prefer(trusted)
-    if row["method"] == "riv":
-        return row, f"{loop}, and torque that is fed back does not bias it"
-    riv = "riv has a warning" if valid["method"].eq("riv").any() else "there is no valid riv"
-    return row, f"{loop}, {riv}, and of the others this is the first in the order of preference"
+        reason = "torque that is fed back does not bias it, and its test says that K, B or G change"
+    elif row["method"] == "riv":
+        reason = "and torque that is fed back does not bias it"
+    else:
+        riv = "riv has a warning" if valid["method"].eq("riv").any() else "there is no valid riv"
+        reason = f"{riv}, and of the others this is the first in the order of preference"
+    return row, f"{'the loop is closed' if loop == 'closed' else 'feedback is not excluded'}, {reason}"
 
 
-def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> tuple[pd.Series, str]:
+def _choose_by_vaf(unseen: Mapping[str, list[TorqueResidual]], comparable: pd.DataFrame) -> tuple[pd.Series, str]:
     """The method that explains most of the unseen half, or the preferred one of those that cannot be told from it."""
-    differences = {pair: _compare(analysis, *pair) for pair in itertools.permutations(comparable["label"], 2)}
-    beaten = {worse for (_, worse), value in differences.items() if value is not None and value.low > 0}
+    pairs = [pair for pair in itertools.permutations(comparable["label"], 2) if unseen.keys() >= set(pair)]
+    gains = {pair: compare_unseen(unseen[pair[0]], unseen[pair[1]]) for pair in pairs}
+    beaten = {worse for (_, worse), gain in gains.items() if gain and gain.low > 0}
     row = _prefer(comparable[~comparable["label"].isin(beaten)])
-    others = {first: value for (first, second), value in differences.items() if second == row["label"]}
+    others = {label: gains.get((label, row["label"])) for label in comparable["label"] if label != row["label"]}
     score = f"{row['vaf_unseen']:.1f} % of the half that was not fitted"
     if not others:
         return row, f"it is the only one that could be scored without a warning ({score})"
-    ties = {label: value for label, value in others.items() if value is None or not value.distinct}
-    if ties:
-        return row, _describe_ties(row, score, ties)
-    margin = min(-value.high for value in others.values() if value is not None)
-    return row, f"it explains most ({score}), by {margin:.2g} points or more (95 % confidence)"
-
-
-def _describe_ties(row: pd.Series, score: str, ties: Mapping[str, VafDifference | None]) -> str:
-    """Why a method is taken although others explain the unseen half as well, or may do so."""
+    ends = {label: (gain.low, gain.high) for label, gain in others.items() if gain}
+    unclear = [label for label in others if label not in ends or ends[label][1] >= 0]
+    if not unclear:
+        margin = min(-high for _, high in ends.values())
+        return row, f"it explains most ({score}), by {margin:.2g} points or more (95 % confidence)"
     rule = "it comes first from few parameters to many (riv, the MOESP family, the parallel cascade)"
     if row["method"] == "riv":
         rule = "it is the one whose parameters have intervals"
     text = f"of the methods that the data do not tell apart {rule}. It explains {score}"
-    equal = {label: value for label, value in ties.items() if value and max(-value.low, value.high) <= WIDEST}
+    equal = [label for label in unclear if label in ends and max(-ends[label][0], ends[label][1]) <= WIDEST]
     if equal:
-        ends = ", ".join(f"{label} ({value.low:+.2g} … {value.high:+.2g} points)" for label, value in equal.items())
-        text += f"; as good there, as far as the half can tell (95 % interval of their difference from it): {ends}"
-    if unclear := ", ".join(label for label in ties if label not in equal):
-        text += f"; against {unclear} this cannot be judged: the half is too short, or too irregular"
-    return text
-
-
-def _compare(analysis: Analysis, first: str, second: str) -> VafDifference | None:
-    """Difference of the VAFs of two methods on the unseen half; None if it cannot be judged."""
-    try:
-        return compare_unseen(analysis.unseen[first], analysis.unseen[second])
-    except (DataError, KeyError):
-        return None
+        shown = ", ".join("{} ({:+.2g} … {:+.2g} points)".format(label, *ends[label]) for label in equal)
+        text += f"; as good there, as far as the half can tell (95 % interval of their difference from it): {shown}"
+    if wide := ", ".join(label for label in unclear if label not in equal):
+        text += f"; against {wide} this cannot be judged: the half is too short, or too irregular"
+    return row, text
 
 
 def _prefer(rows: pd.DataFrame) -> pd.Series:
@@ -148,15 +137,13 @@ def _describe_stiffness(row: pd.Series) -> str:
     text = f"K = {row['K']:.4g} {QUANTITIES['K'].unit}"
     if pd.isna(row.get("K_low")):
         return f"{text}, without an interval"
-    kind = row.get("intervals")
-    kind = f"{kind} " if isinstance(kind, str) else ""
+    kind = f"{row['intervals']} " if pd.notna(row.get("intervals")) else ""
     return f"{text} ({kind}95 % interval {row['K_low']:.4g} … {row['K_high']:.4g})"
 
 
 def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
     """What speaks against too much trust in a method: change of the joint, caution, an incomplete model."""
-    texts = []
-    changing = list(_select_changing(valid)["label"])
+    texts, changing = [], list(_select_changing(valid)["label"])
     if row["label"] in changing:
         texts.append("This is the mean over the recording; the trajectories show the change")
     elif changing:
@@ -171,11 +158,6 @@ def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
 def _select_changing(rows: pd.DataFrame) -> pd.DataFrame:
     """Methods whose parameters may change, and whose test says that they do; of an incomplete model it says nothing."""
     return rows[(rows["variation_p"] < LEVEL) & rows["incomplete"].ne(True)]
-
-
-def _select_comparable(trusted: pd.DataFrame) -> pd.DataFrame:
-    """Methods whose fit to the first half has no warning either, and a score of the second."""
-    return trusted[trusted["vaf_unseen"].notna() & trusted["unseen_warnings"].isin(NOTHING)]
 
 
 def select_valid_methods(table: pd.DataFrame) -> pd.DataFrame:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.time_varying_course import make_course
 from ankleloop.methods.registry import find_method
@@ -65,34 +64,34 @@ def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]
 
 def describe_variations(analysis: Analysis) -> dict[str, str]:
     """Whether the joint of a recording changes, in sentences, by the label of each method whose parameters may."""
-    return {
-        label: f"{_describe_test(analysis, label, estimate, curves)} {_compare_with_constant(analysis, label, curves)}"
-        for label, estimate in analysis.estimates.items()
-        if (curves := estimate.trajectories) is not None
-    }
+    rows = {row.get("label"): row for row in analysis.table.to_dict("records")}
+    texts = {}
+    for label, estimate in analysis.estimates.items():
+        if (curves := estimate.trajectories) is not None:
+            place = curves[str(next(iter(curves.sizes)))]
+            test = _describe_test(estimate.diagnostics["variation_p"], place, rows[label]["incomplete"])
+            texts[label] = f"{test} {_compare_with_constant(analysis, rows, label, DIMENSIONS[str(place.name)][1])}"
+    return texts
 
 
-def _describe_test(analysis: Analysis, label: str, estimate: Estimate, trajectories: xr.Dataset) -> str:
+def _describe_test(probabilities: Mapping[str, float], place: xr.DataArray, incomplete: bool) -> str:
     """The test whether a constant joint is refused, and whether the model is complete enough for it."""
-    dimension = str(next(iter(trajectories.sizes)))
-    words = DIMENSIONS[dimension][0]
-    p = {name: float(value) for name, value in estimate.diagnostics["variation_p"].items()}
-    probability = f"probability of {_show(p['all'])} (test at the level of {100 * LEVEL:g} %)."
+    words = DIMENSIONS[str(place.name)][0]
+    p = {name: "less than 0.001" if p < 0.001 else f"{p:.2g}" for name, p in probabilities.items()}
+    probability = f"probability of {p['all']} (test at the level of {100 * LEVEL:g} %)."
     text = (
         f"No change of K, B or G {words} is shown: a constant joint gives as large a variation with a {probability} A "
         "change that is smaller than the bands may be there."
     )
-    if p["all"] < LEVEL:
+    if changes := probabilities["all"] < LEVEL:
         text = f"K, B or G change {words}: in a constant joint so large a variation has a {probability}"
-    alone = ", ".join(f"{name} {_show(p[name])}" for name in "KBG")
-    text += f" Each of them alone, while the others may change: {alone}."
-    if p["all"] < LEVEL and analysis.table.set_index("label").loc[label, "incomplete"]:
+    text += f" Each of them alone, while the others may change: {', '.join(f'{name} {p[name]}' for name in 'KBG')}."
+    if changes and incomplete:
         text += (
             " But the model is not complete, or the record has a fault, and what a model leaves out may be taken for "
             "a change. So the test decides nothing here."
         )
-    if dimension == "schedule":
-        place = trajectories[dimension]
+    if place.name == "schedule":
         unit = f" {place.attrs['units']}" if place.attrs.get("units") else ""
         text += (
             f" The trajectories reach from {float(place[0]):.3g} to {float(place[-1]):.3g}{unit}, the 2nd to the 98th "
@@ -101,25 +100,18 @@ def _describe_test(analysis: Analysis, label: str, estimate: Estimate, trajector
     return text
 
 
-def _compare_with_constant(analysis: Analysis, label: str, trajectories: xr.Dataset) -> str:
+def _compare_with_constant(analysis: Analysis, rows: Mapping[str, Mapping[str, Any]], label: str, data: str) -> str:
     """VAF of unseen data beside that of a time-invariant fit."""
-    data = DIMENSIONS[str(next(iter(trajectories.sizes)))][1]
-    table = analysis.table.set_index("label")
-    score = table.loc[label, "vaf_unseen"]
+    row, score = rows[label], rows[label]["vaf_unseen"]
     if np.isnan(score):
-        return f"There is no VAF of {data}: {table.loc[label, 'unseen_warnings'].removeprefix('there is none: ')}"
+        return f"There is no VAF of {data}: {row['unseen_warnings'].removeprefix('there is none: ')}"
     text = f"Of the torque of {data} the trajectories explain {score:.1f} %"
-    constant = next((name for name in analysis.unseen if analysis.estimates[name].method == "riv"), None)
+    constant = next((name for name in analysis.unseen if rows[name]["method"] == "riv"), None)
     if constant is None:
         return f"{text}. To compare it with a time-invariant fit, name riv among the methods."
-    text += f", the time-invariant fit ({constant}) {table.loc[constant, 'vaf_unseen']:.1f} %"
-    try:
-        gain = compare_unseen(analysis.unseen[label], analysis.unseen[constant])
-    except DataError:
+    text += f", the time-invariant fit ({constant}) {rows[constant]['vaf_unseen']:.1f} %"
+    gain = compare_unseen(analysis.unseen[label], analysis.unseen[constant])
+    if gain is None:
         return f"{text}; the difference cannot be judged: the unseen part is too short."
-    verdict = "" if gain.distinct else ", so they cannot be told apart by it"
+    verdict = "" if gain.low > 0 or gain.high < 0 else ", so they cannot be told apart by it"
     return f"{text}: a difference of {gain.difference:.1f} points (95 %: {gain.low:.1f} … {gain.high:.1f}){verdict}."
-
-
-def _show(p: float) -> str:
-    return "less than 0.001" if p < 0.001 else f"{p:.2g}"

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy import signal as sps
 
-from ankleloop import DataError, vaf
-from ankleloop.recordings.comparison import UnseenTorque, compare_unseen
+from ankleloop import vaf
+from ankleloop.recordings.comparison import TorqueResidual, compare_unseen
 
 
 def part(y, residual, start=0):
-    return UnseenTorque(np.arange(start, start + y.size) / 100, y, residual, 100.0)
+    return TorqueResidual(np.arange(start, start + y.size) / 100, y, residual, 100.0)
 
 
 def coloured(rng, size):
@@ -41,7 +41,6 @@ def test_a_common_difficulty_cancels():
     parts = [part(y, 0.5 * hard), part(y, 0.5 * hard + 0.1 * extra)]
     difference = compare_unseen([parts[0]], [parts[1]])
     assert difference.difference == pytest.approx(vaf(y, y - 0.5 * hard) - vaf(y, y - 0.5 * hard - 0.1 * extra))
-    assert difference.distinct == (difference.low > 0)
     assert difference.high - difference.low < 3
     swapped = compare_unseen([parts[1]], [parts[0]])
     assert (swapped.low, swapped.high) == pytest.approx((-difference.high, -difference.low))
@@ -54,9 +53,6 @@ def test_only_common_samples_count():
     assert compare_unseen([whole], [late]) == expected
 
 
-def test_too_little_is_refused():
+def test_too_little_is_not_judged():
     y, e = np.random.default_rng(4).standard_normal((2, 700))
-    with pytest.raises(DataError, match="4 blocks of 2 s were not fitted, and 5 are needed"):
-        compare_unseen([part(y, e)], [part(y, 2 * e)])
-    with pytest.raises(DataError, match="same samples"):
-        compare_unseen([part(y, e)], [part(y, e), part(y, e)])
+    assert compare_unseen([part(y, e)], [part(y, 2 * e)]) is None

@@ -3,21 +3,16 @@ import pandas as pd
 import pytest
 
 import ankleloop
-from ankleloop.recordings.files import analyse_files, export_estimates, load_recording, tabulate_analysis
+from ankleloop.recordings.files import (
+    analyse_files,
+    export_estimate,
+    export_estimates,
+    load_recording,
+    tabulate_analysis,
+)
 
-MAPPING = {
-    "file": "trial.csv",
-    "position": "angle",
-    "torque": "moment",
-    "position_unit": "deg",
-    "torque_sign": -1,
-    "start": None,
-    "stop": None,
-    "drift": None,
-    "subject": "S1",
-    "condition": "rest",
-    "trial": 2,
-}
+MAPPING = {"position": "angle", "torque": "moment", "position_unit": "deg", "torque_sign": -1}
+MAPPING |= {"subject": "S1", "condition": "rest", "trial": 2}
 METHODS = {"PR-MOESP": {"method": "pr-moesp", "options": {"reference": "position"}}}
 
 
@@ -40,20 +35,11 @@ def test_recording_is_read_by_its_mapping(path, simulated):
     trial = load_recording(path, MAPPING)
     np.testing.assert_allclose(trial["position"], simulated["position"], atol=1e-12)
     np.testing.assert_allclose(trial["torque"], simulated["torque"] + 2.0 * simulated["time"].values, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("start", "stop", "ends"), [(2.0, 5.0, (2.0, 5.0)), (None, 5.0, (0.0, 5.0)), (2.0, None, (2.0, 11.999))]
-)
-def test_recording_is_cut_to_its_part(path, start, stop, ends):
-    time = load_recording(path, {**MAPPING, "start": start, "stop": stop})["time"].values
-    assert (time[0], time[-1]) == pytest.approx(ends, abs=2e-3)
-
-
-def test_drift_is_removed(path, simulated):
-    torque = load_recording(path, {**MAPPING, "drift": 1})["torque"].values
-    slope, _ = np.polyfit(simulated["time"], torque, 1)
-    assert abs(slope) < 1e-9
+    level = load_recording(path, {**MAPPING, "drift": 1})["torque"]
+    assert abs(np.polyfit(simulated["time"], level, 1)[0]) < 1e-9
+    for start, stop, ends in ((2.0, 5.0, (2.0, 5.0)), (None, 5.0, (0.0, 5.0)), (2.0, None, (2.0, 11.999))):
+        time = load_recording(path, {**MAPPING, "start": start, "stop": stop})["time"].values
+        assert (time[0], time[-1]) == pytest.approx(ends, abs=2e-3)
 
 
 def test_analysis_has_a_table_and_exports(path, tmp_path):
@@ -104,3 +90,19 @@ def test_path_that_cannot_be_opened_is_refused_and_stops_no_job(tmp_path, name):
 def test_nothing_is_exported_of_a_refused_recording(tmp_path):
     export_estimates({}, tmp_path / "A2")
     assert not (tmp_path / "A2").exists()
+
+
+@pytest.mark.parametrize("method", ["riv", "pr-moesp", "parallel-cascade"])
+def test_other_programs_read_the_numbers_of_an_export(method, tmp_path):
+    trial = ankleloop.simulate(seed=1, duration=20.0)
+    estimate = ankleloop.identify(trial, method, basis="rectifier")
+    for suffix in (".nc", ".mat", ".csv"):
+        export_estimate(estimate, tmp_path / f"e{suffix}")
+    for suffix in (".nc", ".mat"):
+        loaded = ankleloop.load_estimate(tmp_path / f"e{suffix}")
+        assert loaded.predict(trial).torque.identical(estimate.predict(trial).torque)
+    exported = pd.read_csv(tmp_path / "e.csv")
+    assert list(exported) == ["time_s", "torque_net_nm", "torque_intrinsic_nm", "torque_reflex_nm"]
+    np.testing.assert_allclose(exported["torque_reflex_nm"], estimate.torque["reflex"], rtol=1e-12)
+    with pytest.raises(ankleloop.DataError, match=r"e.xlsx: estimates are exported as .nc, .mat, .csv; got .xlsx"):
+        export_estimate(estimate, tmp_path / "e.xlsx")

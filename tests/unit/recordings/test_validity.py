@@ -6,27 +6,19 @@ from ankleloop import METHODS
 from ankleloop.recordings.validity import caution, describe_validity, reason_against, valid_methods
 
 CORRELATED, UNCORRELATED = 30.0, 2.0
-CASES = [
-    ("closed", True, CORRELATED),
-    ("open", True, CORRELATED),
-    ("open", True, UNCORRELATED),
-    ("undecided", True, CORRELATED),
-    ("undecided", False, CORRELATED),
-    ("undecided", False, UNCORRELATED),
-]
+STATES = [("closed", True), ("open", True), ("undecided", True), ("undecided", False)]
 
 
-@pytest.mark.parametrize(("loop", "reference", "path_bias"), CASES)
+@pytest.mark.parametrize(("loop", "reference"), STATES)
+@pytest.mark.parametrize("path_bias", [CORRELATED, UNCORRELATED])
 @pytest.mark.parametrize("merged", [True, False])
 def test_check_and_analysis_agree(loop, reference, path_bias, merged):
     """What the check lists, with its options, is what the analysis does not refuse."""
     methods = valid_methods(loop, reference, path_bias, merged=merged)
     for name in METHODS:
-        reason = reason_against(name, methods.get(name, {}), loop=loop, reference=reference, path_bias=path_bias)
-        if merged and not METHODS[name].merges:
-            assert name not in methods
-        else:
-            assert (reason is None) == (name in methods), name
+        reason = reason_against(name, methods.get(name, {}), loop, reference, path_bias, merged=merged)
+        assert (reason is None) == (name in methods), name
+        assert METHODS[name].merges or not merged or name not in methods
     text = describe_validity(loop, reference, path_bias, merged=merged)
     assert "  " not in text
     assert text.endswith(".")
@@ -36,21 +28,19 @@ def test_open_loop_has_every_method_if_the_perturbation_decorrelates():
     assert set(valid_methods("open", True, UNCORRELATED)) == set(METHODS)
     assert describe_validity("open", True, UNCORRELATED) == "all."
     assert set(METHODS) - set(valid_methods("open", True, CORRELATED)) == {"real-time"}
-    assert "one after the other" in reason_against(
-        "parallel-cascade", {"max_passes": 1}, loop="open", reference=True, path_bias=CORRELATED
-    )
+    assert "one after the other" in reason_against("parallel-cascade", {"max_passes": 1}, "open", True, CORRELATED)
 
 
 @pytest.mark.parametrize("loop", ["closed", "undecided"])
 def test_least_squares_and_the_position_are_refused_unless_the_loop_is_open(loop):
-    state = {"loop": loop, "reference": True, "path_bias": CORRELATED}
-    assert f"the loop is {loop}" in reason_against("pr-moesp", {}, **state)
+    state = loop, True, CORRELATED
+    assert f"the loop is {loop}" in reason_against("pr-moesp", {}, *state)
     instruments = {"input_matrices": "instruments"}
-    assert reason_against("pr-moesp", instruments, **state) is None
+    assert reason_against("pr-moesp", instruments, *state) is None
     for method, options in (("riv", {}), ("eiv-moesp", instruments)):
-        assert "open loop only" in reason_against(method, {**options, "reference": "position"}, **state)
+        assert "open loop only" in reason_against(method, {**options, "reference": "position"}, *state)
     for method in ("moesp", "parallel-cascade", "real-time"):
-        assert "not valid in closed loop" in reason_against(method, {}, **state)
+        assert "not valid in closed loop" in reason_against(method, {}, *state)
 
 
 def test_cautions_stand_where_a_method_is_valid_with_a_bias():
