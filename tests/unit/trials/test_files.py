@@ -25,7 +25,6 @@ from ankleloop import (
     simulate,
 )
 from ankleloop.joint.estimate_files import EstimateTable
-from ankleloop.paper.tables import write_table
 from ankleloop.recordings.files import export_estimate
 from ankleloop.trials.files import (
     _partial_path,
@@ -34,6 +33,7 @@ from ankleloop.trials.files import (
     check_output,
     check_readable,
     source_files,
+    write_csv,
     write_netcdf,
 )
 from ankleloop.trials.group_files import write_groups
@@ -92,7 +92,7 @@ WRITERS = {
     "save_estimate.mat": ("x.mat", lambda t, e, path, **o: save_estimate(e, path, **o)),
     "estimate table": ("x.parquet", lambda t, e, path, **o: write_estimates(e, path, **o)),
     "export_estimate.csv": ("x.csv", lambda t, e, path, **o: export_estimate(e, path, **o)),
-    "write_table": ("x.csv", lambda t, e, path, **o: write_table(t.to_dataframe().head(), path.with_suffix(""), **o)),
+    "write_csv": ("x.csv", lambda t, e, path, **o: write_csv(t.to_dataframe().head(), path, **o)),
     "save_figure": ("x.png", lambda t, e, path, **o: save_figure(path, **o)),
 }
 writers = pytest.mark.parametrize("writer", WRITERS)
