@@ -12,14 +12,13 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.estimate import TRIM, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.options import check_choice, check_flag, check_number, show_value
 from ankleloop.signals.vaf import vaf, vaf_with_interval
 
 SCORE_COLUMNS = ("torque", "against", "vaf", "low", "high")
 CORRELATED = 1.0  # s: over this the squares of torques may be correlated
-TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
 DIAGNOSTICS = ("order", "spectral_radius", "passes", "converged", "stable", "reference", "cycles")
 TRAJECTORY_TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}  # variables of a trial
 TORQUE_TRUTHS = {"torque_intrinsic", "torque_reflex", "torque_noise"}

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MEASURED = "measured"  # torque of the trial beside those of an estimate
-TRIM = 1.0  # s at either end: transients are not scored
+TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,9 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.assessment.residuals import ResidualTest, residual_test
-from ankleloop.assessment.scores import TRIM, evaluate, parameter_row
+from ankleloop.assessment.scores import evaluate, parameter_row
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
-from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.estimate import TRIM, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import find_method, identify
