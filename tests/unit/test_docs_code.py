@@ -27,8 +27,6 @@ SIMULATED = "trial = another_trial = ankleloop.simulate(seed=1, duration=20.0)\n
 BEFORE = {
     "docs/reference/estimates.md": f"import ankleloop\n{SIMULATED}estimate = ankleloop.identify(trial, 'pr-moesp')\n",
     "docs/how-to/recordings.md": f"import ankleloop\n{SIMULATED}",
-    "docs/reliability.md": "from bad_inputs.csv_files import row, csv_file\nfrom bad_inputs.inputs import TIME\n"
-    "gap = TIME + 1.0 * (TIME > TIME[100])\n",
 }
 
 
