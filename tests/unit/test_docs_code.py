@@ -5,18 +5,70 @@ import io
 import itertools
 import re
 import shutil
+import textwrap
 from pathlib import Path
+from typing import NamedTuple
 
 import h5py
 import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 import yaml
-from docs_blocks import ROOT, documentation_pages, read_blocks, top_level_parts
 
 import ankleloop
 from ankleloop.studies.config import SimulationStudy
 from ankleloop.studies.run_config import read_run
+
+ROOT = Path(__file__).parents[2]
+FENCE = re.compile(
+    r"^(?P<indent> *)(?P<marks>`{3,})(?P<language>[^\n`]*)\n(?P<code>.*?)^(?P=indent)(?P=marks) *$",
+    re.MULTILINE | re.DOTALL,
+)
+OUTSIDE = ("README.md", "CONTRIBUTING.md", "SECURITY.md", "config/README.md", "data/README.md")
+
+
+class Block(NamedTuple):
+    """A block of code: page and line, language, tags, and the output behind it, if there is one."""
+
+    page: str
+    place: str
+    language: str
+    code: str
+    tags: str
+    output: str | None = None
+
+
+def documentation_pages():
+    """All pages with text of ours, relative to the repository."""
+    return [*OUTSIDE, *(path.relative_to(ROOT).as_posix() for path in sorted((ROOT / "docs").rglob("*.md")))]
+
+
+def read_blocks(page):
+    """The blocks of a page; a block `text` that follows another one is its output."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    blocks, end = [], 0
+    for match in FENCE.finditer(text):
+        language, code = match["language"].strip(), textwrap.dedent(match["code"])
+        if language == "text" and blocks and not text[end : match.start()].strip() and blocks[-1].output is None:
+            blocks[-1] = blocks[-1]._replace(output=code)
+        else:
+            tags = re.match(r":tags: \[(.*)\]\n", code)
+            code = code[tags.end() :] if tags else code
+            language = "python" if language == "{code-cell} python" else language
+            line = text.count("\n", 0, match.start()) + 1
+            blocks.append(Block(page, f"{page}:{line}", language, code, tags[1] if tags else ""))
+        end = match.end()
+    return blocks
+
+
+def top_level_parts(code):
+    """A block of YAML, cut before each line that begins a key at the top level.
+
+    Blocks that show alternatives have a key several times, which no YAML file may have.
+    """
+    parts = re.split(r"^(?=[\w-]+:)", code, flags=re.MULTILINE)
+    return [part for part in parts if re.match(r"[\w-]+:", part)]
+
 
 BLOCKS = [block for page in documentation_pages() for block in read_blocks(page)]
 CONFIG = ROOT / "config" / "config.yaml"
