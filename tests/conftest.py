@@ -1,14 +1,12 @@
-import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from workflow_runs import STUDY, Run
+from workflow_runs import PROGRAM, STUDY, Run, environment
 
 import ankleloop
 
@@ -65,14 +63,11 @@ def repository(copy_repository):
 def snakemake():
     """Run snakemake in a folder, with the library of a copy of the repository, and return its output."""
 
-    def run(repository, *arguments, folder=None, check=True, **environment):
-        program = Path(sys.executable).with_name("snakemake")
-        inherited = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
-        path = f"{program.parent}{os.pathsep}{os.environ['PATH']}"
+    def run(repository, *arguments, folder=None, check=True, **variables):
         process = subprocess.run(
-            [str(program), "--cores", "2", *arguments],
+            [str(PROGRAM), "--cores", "2", *arguments],
             cwd=folder or repository,
-            env={**inherited, "PYTHONPATH": str(repository / "src"), "PATH": path, **environment},
+            env=environment(repository, **variables),
             capture_output=True,
             text=True,
         )
@@ -95,11 +90,11 @@ def start(repository, study_file, tmp_path):
     """Start a run of the small study, or of another configuration, in a folder; the test may leave it running."""
     runs = []
 
-    def start(folder, *arguments, **environment):
+    def start(folder, *arguments, **variables):
         folder.mkdir(exist_ok=True)
         if "--configfile" not in arguments:
             arguments = ("--configfile", str(study_file), *arguments)
-        run = Run(repository, folder, tmp_path / f"run{len(runs)}.log", *arguments, **environment)
+        run = Run(repository, folder, tmp_path / f"run{len(runs)}.log", *arguments, **variables)
         runs.append(run)
         return run
 

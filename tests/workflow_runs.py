@@ -33,23 +33,28 @@ CHUNKS = 4
 DATED = {".snakemake_timestamp", "index.html", "ro-crate-metadata.json"}
 
 
+def environment(repository, **variables):
+    """Variables of Snakemake with the library of a copy of the repository."""
+    inherited = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
+    modules = os.pathsep.join(filter(None, [str(repository / "src"), inherited.get("PYTHONPATH")]))
+    path = f"{PROGRAM.parent}{os.pathsep}{inherited['PATH']}"
+    return {**inherited, "PYTHONPATH": modules, "PATH": path, **variables}
+
+
 class Run:
     """Snakemake in a folder, in a process group of its own.
 
     Its output goes to a file outside of the folder, which may be full or read-only.
     """
 
-    def __init__(self, repository, folder, log, *arguments, **environment):
+    def __init__(self, repository, folder, log, *arguments, **variables):
         self.log = Path(log)
-        inherited = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
-        path = f"{PROGRAM.parent}{os.pathsep}{os.environ['PATH']}"
-        modules = os.pathsep.join(filter(None, [str(repository / "src"), os.environ.get("PYTHONPATH")]))
         cores = [] if "--workflow-profile" in arguments else ["--cores", "2"]
         with self.log.open("w") as file:
             self.process = subprocess.Popen(
                 [str(PROGRAM), *cores, "--snakefile", str(repository / "Snakefile"), *arguments],
                 cwd=folder,
-                env={**inherited, "PYTHONPATH": modules, "PATH": path, **environment},
+                env=environment(repository, **variables),
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
