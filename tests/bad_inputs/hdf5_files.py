@@ -59,7 +59,7 @@ def _forbidden(folder: Path) -> Path:
 
 def _rows_of_files() -> list[BadInput]:
     return [
-        row("the file is cut off", cut_off(hdf5_file()), "a.h5: cannot be read as .h5", WHOLE),
+        row("the file is cut off", cut_off(hdf5_file()), "a.h5: not a readable .h5 file", WHOLE),
         row(
             "a claim of 8 TiB",
             _claim,
@@ -93,7 +93,7 @@ def _rows_of_attributes() -> list[BadInput]:
         row(
             "position in V",
             hdf5_file(change=_unit("position", "V")),
-            "a.h5: position is in 'v'",
+            "a.h5: position is in 'V'",
             "convert it to rad or deg",
         ),
         row("torque in N", hdf5_file(change=_unit("torque", "N")), "a.h5: torque is in 'N'", "convert it to N·m"),
@@ -138,4 +138,4 @@ def _rows_of_records() -> list[BadInput]:
 
 ROWS = [*_rows_of_files(), *_rows_of_attributes(), *_rows_of_records()]
 if os.geteuid() != 0:  # the administrator may read every file
-    ROWS.append(row("a file that may not be read", _forbidden, "a.h5: cannot be read", "ermission"))
+    ROWS.append(row("a file that may not be read", _forbidden, "a.h5: the file cannot be opened", "ermission"))

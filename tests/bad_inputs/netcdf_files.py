@@ -14,7 +14,7 @@ classic = partial(netcdf_file, engine="scipy")
 
 
 ROWS: list[BadInput] = [
-    row("classic: the file is cut off", cut_off(classic()), "a.nc: cannot be read as .nc", WHOLE),
+    row("classic: the file is cut off", cut_off(classic()), "a.nc: not a readable .nc file", WHOLE),
     row("no torque", netcdf_file(torque=None), "a.nc: there is no variable 'torque'", "Name one of these"),
     row(
         "samples that are missing by _FillValue",
