@@ -93,7 +93,7 @@ def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Readin
         reasons[channel] = "by its name" if name else "no variable has such a name"
     if "position_unit" not in stated:
         position = next((v for v in variables if v.name == stated["position"].lstrip("/")), None)
-        unit = None if position is None else find_position_unit(position)
+        unit = None if position is None else find_position_unit(position.name, position.unit)
         reasons["position_unit"] = "stated by the file" if unit else "assumed; --position-unit deg if it is in degrees"
         stated["position_unit"] = unit or "rad"
     return Reading(_parse_recording(path, stated), reasons)

@@ -66,7 +66,7 @@ def test_check_refuses_a_file_that_is_damaged(run, tmp_path):
     (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0" + bytes(300))
     result = run("check", tmp_path / "a.mat")
     assert result.status == 1
-    assert result.err.startswith("error: a.mat: cannot be read as .mat")
+    assert result.err.startswith("error: a.mat: not a readable .mat file")
 
 
 # --- plan
@@ -192,7 +192,7 @@ def test_identify_several_files(run, trial, tmp_path):
     estimate = load_estimate(tmp_path / "results" / "S1" / "pr-moesp.nc")
     assert estimate.diagnostics["order"] == 3
     assert table.loc["S1", "K"] == pytest.approx(estimate.stiffness["K"])
-    assert "S3.mat: cannot be read as .mat" in table.loc["S3", "reasons"]
+    assert "S3.mat: not a readable .mat file" in table.loc["S3", "reasons"]
     command = f"next: ankleloop identify {tmp_path / 'S2.h5'} --method pr-moesp --option order=3 --output "
     assert f"{command}{tmp_path / 'results'} --torque-sign -1\n" in result.err
     assert run("identify", *files, *options).status == 2  # nothing is replaced unasked
