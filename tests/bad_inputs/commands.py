@@ -93,7 +93,7 @@ ROWS += [
             _identified,
             ("identify", "FILE"),
             USAGE,
-            ("a.html: the file exists already", "--overwrite", "--output"),
+            ("a.html: the file exists already", "next: ankleloop identify", "--overwrite"),
         ),
         (
             "a sweep over a setting that does not exist",
