@@ -6,8 +6,7 @@ from typing import Any
 
 import yaml
 
-from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config_files import check_config_file
+from ankleloop.studies.checking import ConfigError, check_config_file
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import Study
 from bad_inputs.bad_input import rows_of

@@ -44,7 +44,7 @@ def _rows_of_recordings() -> list[BadInput]:
             "NO_SUCH_VARIABLE is not set",
             "export NO_SUCH_VARIABLE=",
         ),
-        row("a folder that does not exist", recordings(folder="/no/such"), "line", "/no/such, does not exist"),
+        row("a folder that does not exist", recordings(folder="/no/such"), "line", "files exists", "/no/such/a.mat"),
         row(
             "recordings whose names differ in capitals",
             recordings(files={"S1": {"file": "a.mat"}, "s1": {"file": "b.mat"}}),

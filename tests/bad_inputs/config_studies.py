@@ -30,8 +30,8 @@ def _rows_of_simulations() -> list[BadInput]:
         row(
             "no list of values",
             study(points={"zeta": 1.0}),
-            f"{place} → points: each setting must have a list",
-            "zeta: 1.0",
+            f"{place} → points → zeta: must be a list of values",
+            "got 1.0",
         ),
         row(
             "10,000,000,000 points",

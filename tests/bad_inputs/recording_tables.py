@@ -4,8 +4,7 @@ from functools import partial
 from pathlib import Path
 
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config import Recording
-from ankleloop.studies.recording_tables import read_recordings
+from ankleloop.studies.recording_settings import Recording, read_recordings
 from bad_inputs.bad_input import BadInput, rows_of
 from bad_inputs.inputs import missing, text_file
 
@@ -24,12 +23,11 @@ def table(*lines: str, header: str = "file,subject,torque_sign"):
 
 
 ROWS: list[BadInput] = [
-    row("there is no table", missing("table.csv"), "there is no table", "table.csv"),
+    row("there is no table", missing("table.csv"), "table.csv: the file cannot be read"),
     row(
         "semicolons between the cells",
         table("a.mat;S1;1", header="file;subject;torque_sign"),
-        "table.csv, line 1: the columns are separated by semicolons",
-        "commas",
+        "table.csv, line 1: separate the columns by commas, not by semicolons",
     ),
     row(
         "unknown column",
@@ -38,11 +36,16 @@ ROWS: list[BadInput] = [
         "unknown key 'torqe_sign'",
         "did you mean 'torque_sign'",
     ),
-    row("more cells than columns", table("a.mat,S1,1,7"), "table.csv, line 2: '7' is in no named column", "quotes"),
+    row(
+        "more cells than columns",
+        table("a.mat,S1,1,7"),
+        "table.csv, line 2: the row does not fit the 3 columns",
+        "quotes",
+    ),
     row(
         "a number with a decimal comma",
         table('a.mat,"3,5"', header="file,start"),
-        "table.csv, line 2 → start [s]",
+        "table.csv, line 2 → start: must be a finite number",
         "'3,5'",
     ),
     row("a name twice", table("a.mat,S1", "b.mat,S1", header="file,name"), "table.csv, line 3: the name 'S1' is taken"),

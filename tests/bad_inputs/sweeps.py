@@ -7,8 +7,7 @@ from typing import Any
 
 import yaml
 
-from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config_files import check_config_file
+from ankleloop.studies.checking import ConfigError, check_config_file
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import Study
 from bad_inputs.bad_input import BadInput, rows_of
@@ -66,7 +65,7 @@ def _rows_of_names() -> list[BadInput]:
         row(
             "an option that is fixed and varied",
             study(points={"order": [2, 3]}, methods=METHODS | {"pr": {"method": "pr-moesp", "options": {"order": 2}}}),
-            "order: the method pr has order under options as well",
+            "order: the method pr has order under options or select as well",
         ),
         row(
             "block rows that the order does not allow at one point",
@@ -92,20 +91,26 @@ def _rows_of_designs() -> list[BadInput]:
         row(
             "a Sobol design whose count is no power of two",
             design(count=100),
-            f"{PLACE}: the count of a Sobol design is a power of two, which fills space evenly: 64 or 128, got 100",
+            f"{PLACE}: the count of a Sobol design is a power of two: 64 or 128, got 100",
         ),
     ]
 
 
 def _rows_of_tables() -> list[BadInput]:
     return [
-        row("no table of points", study(points={"table": "nowhere.csv"}), "there is no table", "nowhere.csv"),
-        row("an unknown column", table("zetta", "1"), "sweep.csv", "'zetta' is not a setting of the simulation"),
-        row("an empty cell", table("zeta,delay", "1,0.04", ",0.05"), "line 3: the cell of the column 'zeta' is empty"),
+        row("no table of points", study(points={"table": "nowhere.csv"}), "nowhere.csv: the file cannot be read"),
+        row("an unknown column", table("zetta", "1"), PLACE, "'zetta' is not a setting of the simulation"),
+        row(
+            "an empty cell",
+            table("zeta,delay", "1,0.04", ",0.05"),
+            "sweep.csv, line 3",
+            "zeta: must be a finite number",
+        ),
         row(
             "settings that do not go together in a row",
             table("duration,recording_rate", "50,1000", "0.0015,1000"),
-            "line 3: duration × recording_rate must be a whole number",
+            "sweep.csv, line 3",
+            "duration × recording_rate must be a whole number",
         ),
     ]
 

@@ -80,7 +80,7 @@ def identify_recording(study: RecordedStudy, folder: Path, *, overwrite: bool) -
     # In the same folder, so that what is complete only takes its name there.
     with tempfile.TemporaryDirectory(prefix=".ankleloop-", dir=folder) as temporary:
         results = Path(temporary)
-        ((_, table, _),) = analyse_recordings(study.mappings(0), study.analysed_methods, results, window)
+        ((_, table, _),) = analyse_recordings(study.chunks[0], study.analysed_methods, results, window)
         write_csv(table, results / f"{name}-parameters.csv")
         for output in outputs:
             if (results / output).exists():

@@ -96,8 +96,7 @@ def _write(new: Path, text: str, files: Sequence[Path], *, overwrite: bool) -> N
     """Write a configuration that the workflow accepts."""
     import yaml
 
-    from ankleloop.studies.checking import ConfigError
-    from ankleloop.studies.config_files import check_config_file
+    from ankleloop.studies.checking import ConfigError, check_config_file
     from ankleloop.studies.run_config import read_run
     from ankleloop.trials.files import atomic_file
 

@@ -16,8 +16,7 @@ import numpy as np
 import yaml
 
 from ankleloop import DataError, LongRecord, read_trial
-from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config_files import check_config_file
+from ankleloop.studies.checking import ConfigError, check_config_file
 from ankleloop.studies.study import read_studies
 from ankleloop.trials import reading_process
 from ankleloop.trials.validation import validate
