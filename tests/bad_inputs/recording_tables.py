@@ -27,7 +27,7 @@ ROWS: list[BadInput] = [
     row(
         "semicolons between the cells",
         table("a.mat;S1;1", header="file;subject;torque_sign"),
-        "table.csv, line 1: separate the columns by commas, not by semicolons",
+        "table.csv, line 1: columns have names of their own, with commas between them (no semicolons",
     ),
     row(
         "unknown column",

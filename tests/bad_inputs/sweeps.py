@@ -70,7 +70,7 @@ def _rows_of_names() -> list[BadInput]:
         row(
             "block rows that the order does not allow at one point",
             points(order=[2, 3], block_rows=[3, 12]),
-            f"{PLACE} → block_rows=3,order=3",
+            "methods → pr → options: at the point block_rows=3,order=3",
             "block_rows must be larger than the order (3), got 3",
         ),
     ]

@@ -13,7 +13,6 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import zip_longest
 from pathlib import Path
 from string import Template
 from typing import Annotated, Any, get_args, get_origin
@@ -63,7 +62,6 @@ def check(model: type[Options], values: Any, *place: str) -> Any:
     if kind.startswith("union_tag"):
         keys.append(context["discriminator"].strip("'"))
     if kind == "extra_forbidden":
-        keys.pop()
         known = [field.alias or key for key, field in owner.model_fields.items()]
         sentence = f"unknown key {name!r}{suggest_name(name, known)}; known here: {', '.join(known)}"
     elif kind in ("missing", "union_tag_not_found"):
@@ -75,7 +73,8 @@ def check(model: type[Options], values: Any, *place: str) -> Any:
         sentence = f"must consist of letters A-Z a-z, digits and {signs}, and begin with a letter or digit"
     else:
         sentence = describe_error(fault, owner.unit(name), owner.limits(name)) + _find_remedy(kind, fault["input"])
-    raise ConfigError(f"{' → '.join((*place, *keys))}: {sentence.rstrip('.')}.", (*place[1:], *keys))
+    text = " → ".join((*place, *(keys[:-1] if kind == "extra_forbidden" else keys)))
+    raise ConfigError(f"{text}: {sentence.rstrip('.')}.", (*place[1:], *keys))
 
 
 def _find_remedy(kind: str, value: Any) -> str:
@@ -204,40 +203,36 @@ def find_key(keys: Sequence[str], paths: Sequence[PathLike]) -> str:
     for path in paths:
         node = _parse(path, yaml.compose)
         for depth, key in enumerate(keys, start=1):
-            if not isinstance(node, yaml.MappingNode):
+            pairs: dict[str, tuple[yaml.Node, yaml.Node]] = {}
+            if isinstance(node, yaml.MappingNode):
+                yaml.SafeLoader("").flatten_mapping(node)  # what it takes over by << stands before its own keys
+                pairs = {name.value: (name, value) for name, value in node.value}
+            if key not in pairs:
                 break
-            yaml.SafeLoader("").flatten_mapping(node)  # what it takes over by << stands before its own keys
-            pair = next((pair for pair in reversed(node.value) if pair[0].value == key), None)
-            if pair is None:
-                break
-            node = pair[1]
+            name, node = pairs[key]
             if depth >= best:
-                best, place = depth, f"{path}, line {pair[0].start_mark.line + 1}"
+                best, place = depth, f"{path}, line {name.start_mark.line + 1}"
     return place
 
 
 def read_rows(path: PathLike) -> Iterator[tuple[str, dict[str, str]]]:
     """Place and cells of each row of a CSV table, as text without spaces around it; empty rows are left out."""
-    reader = csv.reader(io.StringIO(read_text(path)), strict=True)
+    reader = csv.DictReader(io.StringIO(read_text(path)), restkey="", strict=True)
     try:
-        keys = [key.strip() for key in next(reader, [])]
-        if any(sign in key for key in keys for sign in ";\t"):
-            raise ConfigError(f"{path}, line 1: separate the columns by commas, not by semicolons or tabulators.")
-        for key in keys:
-            if key and keys.count(key) > 1:
-                raise ConfigError(f"{path}, line 1: {keys.count(key)} columns are called {key!r}.")
+        reader.fieldnames = keys = [key.strip() for key in reader.fieldnames or ()]
+        named = list(filter(None, keys))
+        if len(set(named)) < len(named) or any(sign in key for key in keys for sign in ";\t"):
+            form = "columns have names of their own, with commas between them (no semicolons, no tabulators)"
+            raise ConfigError(f"{path}, line 1: {form}; got {', '.join(keys)}.")
         for row in reader:
-            texts = [text.strip() for text in row]
-            if not any(texts):
-                continue
-            place = f"{path}, line {reader.line_num}"
-            spare = [text for key, text in zip_longest(keys, texts, fillvalue="") if text and not key]
-            if spare or len(texts) < len(keys):
+            place, spare = f"{path}, line {reader.line_num}", any(row.pop("", ""))
+            if spare or (None in row.values() and any(row.values())):
                 raise ConfigError(
                     f"{place}: the row does not fit the {len(keys)} columns: put texts with commas in quotes, and "
                     "write the commas of empty cells, too. Is the table cut off?"
                 )
-            yield place, {key: text for key, text in zip(keys, texts, strict=False) if key}
+            if any(row.values()):
+                yield place, {key: text.strip() for key, text in row.items()}
     except csv.Error as error:
         raise ConfigError(f"{path}, line {reader.line_num}: this is not CSV: {error}.") from None
 

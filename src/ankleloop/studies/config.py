@@ -25,7 +25,7 @@ from pydantic import (
 
 from ankleloop.methods.registry import METHODS
 from ankleloop.methods.selection import check_selection
-from ankleloop.options import Options, option, show_value, suggest_name
+from ankleloop.options import Options, option, suggest_name
 from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import check_cases
@@ -179,8 +179,7 @@ class _StudySettings(Options):
         check_cases("methods", self.methods)
         for name, method in self.methods.items():
             if name in METHODS and name != method.method:
-                other = f"another method than {method.method}"
-                raise ValueError(f"methods: {name} is the name of {other}: choose another name")
+                raise ValueError(f"methods: {name} is the name of another method: choose another name")
         label, count = Counter(method.label or name for name, method in self.methods.items()).most_common(1)[0]
         if count > 1:
             raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
@@ -225,10 +224,7 @@ class SimulationStudy(_StudySettings):
     @model_validator(mode="after")
     def _check_study(self) -> Self:
         if self.figure.trial >= self.trials:
-            numbers = f"those of {self.trials} trials are 0 to {self.trials - 1}"
-            raise ValueError(f"figure: trial: there is no trial {self.figure.trial}; {numbers}")
-        if self.trials_per_chunk and (self.points_per_chunk or 1) > 1:
-            raise ValueError("a chunk is some points, or part of the trials of one: set points_per_chunk to 1")
+            raise ValueError(f"figure: trial: there is no trial {self.figure.trial}; the last one is {self.trials - 1}")
         return self
 
 
@@ -263,8 +259,8 @@ def _check_list(key: str, names: Sequence[str] | None, kind: str, known: Collect
     """Refuse names in a list that are unknown, or stand twice."""
     for name, count in Counter(names or ()).items():
         if name not in known:
-            there = f"there are {', '.join(known)}"
-            raise ValueError(f"{key}: there is no {kind} {show_value(name)}{suggest_name(name, known)}; {there}")
+            close = suggest_name(name, known)
+            raise ValueError(f"{key}: there is no {kind} {name!r}{close}; there are {', '.join(known)}")
         if count > 1:
             raise ValueError(f"{key}: {name!r} is listed twice")
 

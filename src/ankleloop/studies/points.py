@@ -140,9 +140,9 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
             if isinstance(value, (list, Mapping)):
                 fault = f"{name} must be a single value or a text with commas, got {show_value(value)}"
                 raise ConfigError(f"{' → '.join(where)}: {fault}.", place)
-        divided, models = _divide_values(parameters, given), {}
+        models = {}
         for owner, base in owners.items():
-            values = divided.get(owner, {})
+            values = _values_of(owner, parameters, given)
             key = (owner, repr(values))
             if key not in checked:
                 chosen = {name: getattr(base, name) for name in base.model_fields_set}
@@ -150,13 +150,18 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
             models[owner] = checked[key]
         complete = {name: _find_value(parameter, models, given.get(name)) for name, parameter in parameters.items()}
         made = {name: complete[name] for name in given}
-        options = _divide_values(parameters, made)
-        settings = options.pop(SIMULATION, {})
-        point = Point(point_name(made), point_name(settings), complete, options)
+        settings, *options = (_values_of(owner, parameters, made) for owner in owners)
+        chosen = {name: values for name, values in zip(methods, options, strict=True) if values}
+        point = Point(point_name(made), point_name(settings), complete, chosen)
         if points.setdefault(tuple(complete.values()), point) is not point:
             raise ConfigError(f"{' → '.join(where)}: the point {point.name} is listed twice.", place)
         conditions.setdefault(point.condition, {**dict(shared), **settings})
     return list(points.values()), conditions, parameters
+
+
+def _values_of(owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of a point that belong to an owner, by their names there."""
+    return {parameters[name].field: value for name, value in values.items() if owner in parameters[name].owners}
 
 
 def _find_value(parameter: Parameter, models: Mapping[str, Options], given: Any) -> Any:
@@ -165,15 +170,6 @@ def _find_value(parameter: Parameter, models: Mapping[str, Options], given: Any)
         return given
     first, *others = (getattr(models[owner], parameter.field) for owner in parameter.owners)
     return first if all(other == first for other in others) else None
-
-
-def _divide_values(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Values of a point by their owners and by their names there."""
-    divided: dict[str, dict[str, Any]] = {}
-    for name, value in values.items():
-        for owner in parameters[name].owners:
-            divided.setdefault(owner, {})[parameters[name].field] = value
-    return divided
 
 
 def _list_combinations(

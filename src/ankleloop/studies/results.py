@@ -5,7 +5,6 @@ Earlier runs may have left other files in the same folders: only those of the st
 
 from __future__ import annotations
 
-import hashlib
 import json
 import mimetypes
 import os
@@ -22,6 +21,7 @@ import pandas as pd
 import ankleloop
 from ankleloop.pages.index import Figure, Results
 from ankleloop.paper.ledger import VERDICTS
+from ankleloop.studies.resources import hash_file
 from ankleloop.trials.files import atomic_file
 
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"  # Process Run Crate: one action, from objects to results
@@ -34,6 +34,7 @@ LINKS = {
     "Tables: to sort and search": "tables.html",
     "Ledger as CSV": "verification.csv",
     "Configuration with all defaults": "configuration.json",
+    "Versions of all packages": "provenance.json",
     "Metadata of the run (RO-Crate)": "ro-crate-metadata.json",
 }
 OF_ARTICLE = {"article.html", "ledger.html", "verification.csv"}
@@ -61,14 +62,14 @@ Studies = Mapping[str, Mapping[str, Any]]  # title, kind, points, methods, trial
 def read_provenance(root: str | os.PathLike[str]) -> dict[str, Any]:
     """Read version, commit (empty outside of a working copy of git), whether files differ from it, and packages."""
     commit = _ask_git(root, "rev-parse", "HEAD") if os.path.exists(os.path.join(root, ".git")) else ""
-    names = {d.metadata["Name"]: d.version for d in metadata.distributions() if d.metadata["Name"]}
+    packages = {d.metadata["Name"]: d.version for d in metadata.distributions() if d.metadata["Name"]}
     return {
         "version": ankleloop.__version__,
         "commit": commit,
         "changed": bool(commit) and bool(_ask_git(root, "status", "--porcelain", "--untracked-files=no")),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.release()} on {platform.machine()}",
-        "packages": {name: names[name] for name in sorted(names, key=str.lower)},
+        "packages": dict(sorted(packages.items())),
     }
 
 
@@ -96,7 +97,9 @@ def write_crate(
         relative = path.relative_to(folder).as_posix()
         kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
         found = {"name": relative, "encodingFormat": kind, "contentSize": str(path.stat().st_size)}
-        return crate.add_file(path, relative, properties={**found, "sha256": hash_file(path), **properties})
+        return crate.add_file(
+            path, relative, properties={**found, "sha256": hash_file(path, path.stat().st_mtime_ns), **properties}
+        )
 
     version = "+".join(filter(None, [provenance["version"], provenance["commit"]]))
     version += " with changes that are not committed" * provenance["changed"]
@@ -119,12 +122,6 @@ def write_crate(
         partial.write_text(text, encoding="utf-8")
 
 
-def hash_file(path: Path) -> str:
-    """Hash of a file by SHA-256, as hexadecimal digits."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def collect_results(
     folder: Path, studies: Studies, times: pd.DataFrame, provenance: Provenance, ledger: pd.DataFrame | None = None
 ) -> Results:
@@ -137,10 +134,6 @@ def collect_results(
     left_out = OF_ARTICLE if ledger is None else set()
     verdicts = {} if ledger is None else ledger["verdict"].value_counts().reindex(list(VERDICTS), fill_value=0)
     recordings = _tabulate_recordings(studies)
-    packages = [f"{name} {version}" for name, version in provenance["packages"].items()]
-    details = {f"Packages ({len(packages)})": "\n".join(packages)}
-    if find("configuration.json"):
-        details["Configuration with all defaults"] = (folder / "configuration.json").read_text(encoding="utf-8")
     return Results(
         links={text: path for text, path in LINKS.items() if path not in left_out and find(path)},
         verdicts={str(verdict): int(count) for verdict, count in verdicts.items()},
@@ -151,7 +144,6 @@ def collect_results(
         recording_links=[find(f"reports/{row.study}/{row.recording}.html") for row in recordings.itertuples()],
         run_times=_tabulate_run_times(times),
         provenance=_describe_provenance(provenance, times, studies),
-        details=details,
     )
 
 

@@ -8,9 +8,8 @@ from typing import Any
 
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import decimation_grid
-from ankleloop.methods.registry import METHODS
 from ankleloop.studies.checking import ConfigError, find_key, key_error
-from ankleloop.studies.config import Config, MethodSettings
+from ankleloop.studies.config import Config
 from ankleloop.studies.points import SIMULATION
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy, Study, read_studies
 
@@ -29,7 +28,6 @@ NEEDS = {
     "design": ("settings", "truths"),
     "time-varying": ("estimates", "truths", "variation", "trajectories"),
 }
-REFERENCES = ("reference", "position")  # variables of a simulated trial that may serve as reference
 
 
 def read_run(
@@ -79,38 +77,25 @@ def check_uses(study: SimulatedStudy) -> None:
 def _check_methods(study: SimulatedStudy) -> None:
     """Refuse options with which a method could identify no trial, or whose estimates could not be in one file."""
     place = ("studies", study.name)
-    checked = set()
     for point in study.point_list:
         duration, rate = (study.conditions[point.condition][name] for name in ("duration", "recording_rate"))
         for name, method in study.methods.items():
-            varied = point.options.get(name, {})
-            key = (name, duration, rate, *varied.items())
-            fault = "" if key in checked else _find_fault(method, varied, duration, rate)
-            checked.add(key)
+            options = {**method.fixed_options, **point.options.get(name, {})}
+            rows, order = options.get("block_rows"), options.get("order") or 1
+            fault = f"block_rows must be larger than the order ({order}), got {rows}." if rows and rows <= order else ""
+            if "identification_rate" in options:
+                delay = options.get("delay") or 0.0
+                try:
+                    decimation_grid(round(duration * rate), rate, options["identification_rate"], delay)
+                except DataError as error:
+                    fault = str(error)
             if fault:
-                raise key_error(
-                    (*place, *(("points", point.name, name) if varied else ("methods", name, "options"))), fault
-                )
+                raise key_error((*place, "methods", name, "options"), f"at the point {point.name}: {fault}")
     for column, parameter in study.parameters.items():
         is_rate = parameter.field == "identification_rate" and SIMULATION not in parameter.owners
         if is_rate and study.settings.keep != "scores":
             message = "estimates of different rates are not kept in one file: set keep: scores."
             raise key_error((*place, "points", column), message)
-
-
-def _find_fault(method: MethodSettings, varied: Mapping[str, Any], duration: float, rate: float) -> str:
-    """Why a method cannot identify any simulated trial of some length and rate."""
-    reference = METHODS[method.method].reference(method.options.model_copy(update=varied))
-    if reference is not None and reference not in REFERENCES:
-        return f"a simulated trial has no {reference!r} to serve as reference; it has {', '.join(REFERENCES)}."
-    options = {**method.fixed_options, **varied}
-    if "identification_rate" in options:
-        try:
-            decimation_grid(round(duration * rate), rate, options["identification_rate"], options.get("delay") or 0.0)
-        except DataError as error:
-            return str(error)
-    rows, order = options.get("block_rows"), options.get("order") or 1
-    return f"block_rows must be larger than the order ({order}), got {rows}." if rows and rows <= order else ""
 
 
 def find_need(study: SimulatedStudy) -> str:

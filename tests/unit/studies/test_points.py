@@ -166,9 +166,12 @@ def test_options_are_checked_with_those_that_they_go_with(change):
     for points, message in (
         (
             {"order": [2, 4], "block_rows": [3, 5]},
-            r"points → block_rows=3,order=4 → pr-moesp: block_rows must be larger",
+            r"pr-moesp → options: at the point block_rows=3,order=4: block_rows must be larger",
         ),
-        ({"pr-moesp.identification_rate": [100, 70]}, r"identification_rate=70\.0 → pr-moesp: .*1000 Hz.*70 Hz"),
+        (
+            {"pr-moesp.identification_rate": [100, 70]},
+            r"pr-moesp → options: at the point .*identification_rate=70\.0: .*1000 Hz.*70 Hz",
+        ),
         ({"pr-moesp.identification_rate": [100, 50]}, r"pr-moesp\.identification_rate: .*set keep: scores"),
     ):
         config = change("studies", "table1", "points", value=points)
