@@ -4,6 +4,7 @@ import logging
 import os
 import re
 import runpy
+from multiprocessing import get_context
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,8 +19,7 @@ from ankleloop.command_line.main import MISTAKE
 from ankleloop.command_line.reading import map_file
 from ankleloop.command_line.terminal import show_progress
 from ankleloop.recordings.validity import usual_methods
-from ankleloop.studies.config_files import check_config_file
-from ankleloop.studies.recordings import run_in_child
+from ankleloop.studies.checking import check_config_file
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import read_studies
 from ankleloop.trials.files import write_csv
@@ -95,7 +95,7 @@ def run_workflow(path, reading, folder, methods):
     folder.mkdir()
     job = SimpleNamespace(
         params=SimpleNamespace(
-            points=study.mappings(0),
+            points=study.chunks[0],
             methods=study.analysed_methods,
             figure=study.settings.figure.model_dump(),
             settings="",
@@ -227,8 +227,10 @@ def test_the_delay_is_given_or_estimated(recording):
 def test_progress_of_another_process(capfd):
     """The analysis runs in a fork: its log shows which method is being fitted."""
     log = logging.getLogger("ankleloop.recordings.analysis")
-    with show_progress(), run_in_child(log.info) as call:
-        call("method %d of %d: %s", 1, 2, "riv")
+    with show_progress():
+        process = get_context("fork").Process(target=log.info, args=("method %d of %d: %s", 1, 2, "riv"))
+        process.start()
+        process.join()
         logging.getLogger("ankleloop.joint").info("nothing for the user")
     assert re.fullmatch(r"method 1 of 2: riv\n", capfd.readouterr().err)
     assert not log.handlers
