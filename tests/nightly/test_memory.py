@@ -20,9 +20,8 @@ STEP = 5e6  # bytes by which a peak varies; one channel of each trial that is ke
 JOBS = {"short": (4.0, 1000, 10_000), "default": (50.0, 100, 300)}
 
 LARGEST_MEMORY = """
-import json, logging, shutil, sys
+import json, logging, sys
 from ankleloop import LongRecord, identify_file
-from ankleloop.paper.trial_tables import join_tables
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.identification import identify_trials, read_trials
 from ankleloop.studies.simulation import simulate_trials
@@ -65,14 +64,6 @@ identify_trials(read_trials(f"{folder}/trials.nc", points), files, "s", points, 
 """,
     "sweep": 'identify_trials(simulate_trials("s", 1, conditions), files, "s", points, methods, {})',
 }
-TABLE = """
-folder, count, rows = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-chunks = {f"{folder}/{number}.parquet": "" for number in range(count)}
-for path in chunks:
-    shutil.copyfile(f"{folder}/scores.parquet", path)
-join_tables(f"{folder}/table.parquet", chunks, [], count * rows, "")
-print(json.dumps(largest_memory()))
-"""
 RECORD = """
 identify_file(LongRecord(sys.argv[1]), sys.argv[2]).torque.close()
 print(json.dumps(largest_memory()))
@@ -123,11 +114,3 @@ def test_memory_does_not_grow_with_the_length_of_a_record(tmp_path):
                     variable[start : start + trial.sizes["time"]] = trial[name].values
         peaks.append(run(RECORD, str(path), str(tmp_path / f"{samples}.nc")))
     assert peaks[1] - peaks[0] < CHANNEL, peaks
-
-
-def test_memory_does_not_grow_with_the_table_of_a_study(tmp_path):
-    trials, chunks = 500, (20, 200)
-    sweep = PROGRAM.replace("{job}", STEPS["sweep"])
-    run(sweep, str(tmp_path), "4.0", "0", str(trials))
-    few, many = (run(TABLE, str(tmp_path), str(count), str(2 * trials)) for count in chunks)
-    assert many - few < 50 * 2 * trials * (chunks[1] - chunks[0]), (few, many)  # a row has 30 numbers of 8 bytes

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,6 @@ from ankleloop.trials.reading_process import name_errors
 
 PathLike = str | os.PathLike[str]
 
-GROUP_ROWS = 20_000  # that are written at a time
 HASH = b"settings"  # key of the hash of the settings that made a file
 REMEDY = "delete it, and run again"
 TYPES = {
@@ -84,7 +83,7 @@ def join_tables(
     settings: str,
     text: PathLike | None = None,
 ) -> None:
-    """Join the tables of all chunks, each with the hash that it should have; memory does not grow with the study.
+    """Join the tables of all chunks, each with the hash that it should have.
 
     Neither rows nor their order depend on how the trials are divided into chunks.
     """
@@ -93,23 +92,18 @@ def join_tables(
             raise DataError(f"{chunk}: the table was made with other settings: {REMEDY}.")
     schema = pa.unify_schemas([_read_schema(chunk).remove_metadata() for chunk in chunks])
     names = _order_columns(schema.names, varied)
-    schema = pa.schema([_describe(schema.field(name), varied) for name in names], metadata={HASH: settings})
-    tables = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_batches(use_threads=False)
-    count, reasons = 0, set()
-    with atomic_file(path, overwrite=True) as partial:
-        with parquet.ParquetWriter(partial, schema, compression="zstd", write_page_checksum=True) as writer:
-            for table in _group_rows(tables):
-                writer.write_table(table)
-                count += len(table)
-                reasons |= set(table["failure"].unique().to_pylist())
-        if count != rows:
-            raise DataError(
-                f"{next(iter(chunks))} …: the tables have {count} of {rows} rows: delete them, and run again."
-            )
-        if None not in reasons:
-            raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
-        if text is not None:
-            write_csv(parquet.read_table(partial).to_pandas(integer_object_nulls=True), text, overwrite=True)
+    schema = pa.schema([_describe(schema.field(name), varied) for name in names])
+    table = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_table(use_threads=False)
+    if len(table) != rows:
+        raise DataError(
+            f"{next(iter(chunks))} …: the tables have {len(table)} of {rows} rows: delete them, and run again."
+        )
+    reasons = set(table["failure"].unique().to_pylist())
+    if None not in reasons:
+        raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
+    save_table(table, path, settings)
+    if text is not None:
+        write_csv(table.to_pandas(integer_object_nulls=True), text, overwrite=True)
 
 
 def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -152,11 +146,6 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
         return table.to_pandas(use_threads=False)
 
 
-def trial_table_columns(path: PathLike) -> list[str]:
-    """Columns of the table of the trials of a study."""
-    return list(_read_schema(path).names)
-
-
 def read_results(path: PathLike) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Trials of a study without the intervals of their VAF, and their VAF by torque; by point, method and trial."""
     table = read_trial_table(path)
@@ -176,19 +165,6 @@ def _read_schema(path: PathLike) -> pa.Schema:
     check_readable(path)
     with name_errors(path, "table of trials", REMEDY):
         return parquet.read_schema(path)
-
-
-def _group_rows(batches: Iterable[pa.RecordBatch]) -> Iterator[pa.Table]:
-    """The same rows in groups of equal size, which do not depend on the chunks."""
-    waiting: list[pa.RecordBatch] = []
-    for batch in batches:
-        waiting.append(batch)
-        while sum(map(len, waiting)) >= GROUP_ROWS:
-            rows = pa.Table.from_batches(waiting)
-            yield rows.slice(0, GROUP_ROWS).combine_chunks()
-            waiting = rows.slice(GROUP_ROWS).to_batches()
-    if waiting:
-        yield pa.Table.from_batches(waiting).combine_chunks()
 
 
 def _split_end(name: str) -> tuple[str, str]:

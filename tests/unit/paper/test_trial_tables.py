@@ -7,8 +7,7 @@ from study_jobs import run_jobs
 
 from ankleloop import DataError
 from ankleloop.methods.registry import METHODS
-from ankleloop.paper import trial_tables
-from ankleloop.paper.trial_tables import join_tables, read_hash, read_results, read_trial_table, trial_table_columns
+from ankleloop.paper.trial_tables import join_tables, read_hash, read_results, read_trial_table
 from ankleloop.studies.study import read_studies
 
 UNSTABLE = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0}
@@ -50,7 +49,6 @@ def test_rows_are_those_of_the_chunks(results, table):
 
 def test_types_units_and_order_of_columns(table):
     schema = parquet.read_schema(table)
-    assert schema.names == trial_table_columns(table)
     assert schema.names[: len(VARIED) + 5] == ["study", "point", *VARIED, "method", "trial", "vaf_net_true"]
     assert schema.names[-2:] == ["failure", "warnings"]
     place = schema.names.index("K")
@@ -99,13 +97,6 @@ def join(results, path, **changes):
     join_tables(path, results.scores, **arguments | changes)
 
 
-def test_groups_of_rows_change_nothing(results, table, tmp_path, monkeypatch):
-    monkeypatch.setattr(trial_tables, "GROUP_ROWS", 5)
-    join(results, tmp_path / "t.parquet")
-    assert parquet.ParquetFile(tmp_path / "t.parquet").num_row_groups == -(-3 * len(METHODS) * 2 // 5)
-    pd.testing.assert_frame_equal(read_trial_table(tmp_path / "t.parquet"), read_trial_table(table), check_exact=True)
-
-
 def test_a_table_of_other_settings_is_refused(results, tmp_path):
     (tmp_path / "old.parquet").write_text("old")
     other = read_study(seed=2)
@@ -143,7 +134,7 @@ def test_a_damaged_table_is_refused(table, tmp_path, place):
         read_trial_table(tmp_path / "t.parquet")
     (tmp_path / "t.parquet").write_bytes(table.read_bytes()[:-100])
     with pytest.raises(DataError, match="not a readable table of trials"):
-        trial_table_columns(tmp_path / "t.parquet")
+        read_hash(tmp_path / "t.parquet")
 
 
 def test_an_unknown_column_is_refused(table):
