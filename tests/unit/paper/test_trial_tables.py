@@ -1,4 +1,4 @@
-"""The table of all trials of a study: types and units of its columns, and refusal of what is not whole."""
+"""The table of all trials of a study: types of its columns, and refusal of what is not whole."""
 
 import pandas as pd
 import pytest
@@ -47,7 +47,7 @@ def test_rows_are_those_of_the_chunks(results, table):
     )
 
 
-def test_types_units_and_order_of_columns(table):
+def test_types_and_order_of_columns(table):
     schema = parquet.read_schema(table)
     assert schema.names[: len(VARIED) + 5] == ["study", "point", *VARIED, "method", "trial", "vaf_net_true"]
     assert schema.names[-2:] == ["failure", "warnings"]
@@ -58,9 +58,6 @@ def test_types_units_and_order_of_columns(table):
     assert {types[name] for name in ("K", "G_high", "reflex_gain", "snr_db", "vaf_net_true_low")} == {"double"}
     assert {types[name] for name in ("closed_loop", "stable", "converged")} == {"bool"}
     assert {types[name] for name in ("point", "riv.basis", "failure", "warnings", "intervals")} == {"string"}
-    units = {field.name: field.metadata[b"unit"].decode() for field in schema}
-    assert (units["K_low"], units["reflex_gain"], units["vaf_net_true"]) == ("N·m/rad", "N·m·s/rad", "%")
-    assert all(field.metadata[b"description"] for field in schema)
 
 
 def test_failures_have_rows_without_numbers(table):
@@ -124,7 +121,7 @@ def test_a_study_without_any_estimate_is_refused_with_a_reason(tmp_path):
         run_jobs(read_study(points=POINTS[2:]), tmp_path)
 
 
-@pytest.mark.parametrize("place", [0.0, 0.5, 0.98])
+@pytest.mark.parametrize("place", [0.0, 0.2, 0.98])
 def test_a_damaged_table_is_refused(table, tmp_path, place):
     data = bytearray(table.read_bytes())
     start = int(place * len(data))
