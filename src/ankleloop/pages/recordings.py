@@ -16,11 +16,7 @@ from ankleloop.plotting.style import method_styles, render_figure
 from ankleloop.plotting.torques import torque_figure
 from ankleloop.plotting.trajectories import trajectories_figure
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.recommendation import (
-    format_with_interval,
-    select_trusted_methods,
-    select_valid_methods,
-)
+from ankleloop.recordings.recommendation import format_with_interval
 from ankleloop.recordings.variation import describe_variations
 
 if TYPE_CHECKING:
@@ -93,7 +89,7 @@ def render_recording_page(
     index: str | None = None,
 ) -> str:
     """Page of a recording: recommendation, checks, methods side by side, change of the joint, figures, residuals."""
-    valid, marked = select_valid_methods(analysis.table), _mark_labels(analysis)
+    valid, marked = analysis.table[analysis.table["valid"]], _mark_labels(analysis)
     body = render_template(
         "recording.html.j2",
         title=name,
@@ -153,7 +149,7 @@ def _format_cell(row: pd.Series, name: str) -> str:
 
 def _mark_labels(analysis: Analysis) -> dict[str, str]:
     """Labels of the methods that were fitted, with a mark on those that have a warning."""
-    trusted = set(select_trusted_methods(analysis.table).get("label", ()))
+    trusted = set(analysis.table[analysis.table["trusted"]].get("label", ()))
     return {label: label if label in trusted else SUSPECT.format(label) for label in analysis.estimates}
 
 

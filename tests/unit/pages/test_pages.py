@@ -14,12 +14,13 @@ from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
 import ankleloop
+from ankleloop import DataError
 from ankleloop.pages import rendering
 from ankleloop.pages.recordings import EmbeddedFigure, embed_figure, embed_recording_figures, render_recording_page
 from ankleloop.pages.rendering import render_table, render_template
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.analysis import Analysis, analyse
-from ankleloop.recordings.checks import Check, Finding
+from ankleloop.recordings.analysis import analyse
+from ankleloop.recordings.files import refuse_recording
 from ankleloop.recordings.recommendation import recommend
 
 SCRIPTS = [
@@ -91,11 +92,6 @@ def recording():
     return trial, analyse(trial, methods)
 
 
-def refused_analysis(text):
-    table = pd.DataFrame([{"verdict": "refused", "reasons": text}])
-    return Analysis(Check([Finding("file", "refused", text)], "undecided", {}), {}, {}, table)
-
-
 def placeholder_figures():
     names = ("spectra", "torques", "models", "residuals")
     return dict.fromkeys(names, EmbeddedFigure("data:image/png;base64,", 400))
@@ -165,7 +161,7 @@ def test_recording_page_marks_what_is_not_to_be_trusted(recording):
 def test_recording_page_escapes_every_text(recording):
     _, analysis = recording
     hostile = mapping(subject=HOSTILE, condition=HOSTILE, trial=HOSTILE, parts=[{"file": HOSTILE}])
-    for result in (analysis, refused_analysis(HOSTILE)):
+    for result in (analysis, refuse_recording(DataError(HOSTILE))):
         html = render_recording_page(HOSTILE, hostile, result, recommend(result), placeholder_figures())
         page = check_page(html)
         assert f"subject {HOSTILE}, condition {HOSTILE}, trial {HOSTILE}, file {HOSTILE}" in page.texts
@@ -173,7 +169,7 @@ def test_recording_page_escapes_every_text(recording):
 
 
 def test_page_of_a_refused_recording_has_its_reason_and_no_figures():
-    analysis = refused_analysis("bad.csv: torque is not finite")
+    analysis = refuse_recording(DataError("bad.csv: torque is not finite"))
     figures = embed_recording_figures(None, analysis)
     page = check_page(render_recording_page("A3", mapping(subject=""), analysis, recommend(analysis), figures))
     heading = page.texts.index("A3", page.texts.index("Contents"))
