@@ -11,12 +11,11 @@ import bokeh
 import pandas as pd
 import pytest
 from jinja2 import UndefinedError
-from matplotlib.figure import Figure
 
 import ankleloop
 from ankleloop import DataError
 from ankleloop.pages import rendering
-from ankleloop.pages.recordings import EmbeddedFigure, embed_figure, embed_recording_figures, render_recording_page
+from ankleloop.pages.recordings import EmbeddedFigure, embed_recording_figures, render_recording_page
 from ankleloop.pages.rendering import render_table, render_template
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import analyse
@@ -105,13 +104,6 @@ def test_templates_refuse_missing_values():
 def test_links_are_of_the_first_column_only():
     page = Reader(render_table(pd.DataFrame({"recording": ["A1"], "reason": ["A1"]}), ["A1.html"]))
     assert page.elements.count("a") == 1
-
-
-def test_figures_are_inside_the_page_and_at_most_as_wide_as_it():
-    figures = [embed_figure(Figure(figsize=(width, 2.0))) for width in (4.0, 20.0)]
-    assert [figure.width for figure in figures] == [550, 980]
-    assert all(figure.source.startswith("data:image/png;base64,") for figure in figures)
-    assert embed_figure(Figure(figsize=(4.0, 2.0))) == figures[0]
 
 
 def test_recording_page_has_checks_methods_figures_and_tests(recording):
