@@ -47,7 +47,7 @@ ROWS: list[BadInput] = [
     row(
         "v5: two names of the rate that differ",
         mat_file(sample_rate=1000.0),
-        "a.mat: sample_rate and fs is 1000 Hz and 500 Hz in the file",
+        "a.mat: the sampling rate is stated as 1000 Hz, but sample_rate and fs runs at 500 Hz",
         "pass sampling_rate",
     ),
 ]

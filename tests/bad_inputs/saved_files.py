@@ -78,7 +78,7 @@ def _rows_of_trials() -> list[BadInput]:
             "its checksum is wrong",
             "restore it from a copy",
         ),
-        row("trial: another program's NetCDF", netcdf_file(), "a.nc: there is no coordinate time"),
+        row("trial: another program's NetCDF", netcdf_file(), "a.nc: there is no variable time"),
     ]
 
 

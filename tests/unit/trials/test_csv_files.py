@@ -42,11 +42,6 @@ def test_lines_are_numbered_as_editors_do(tmp_path):
     assert [contents.locate_sample(k) for k in (0, 49)] == ["in line 3", f"in line {len(lines)}"]
 
 
-def test_a_line_without_a_wanted_cell(tmp_path):
-    message = refused(tmp_path, "position,torque,note\n1,2\n1,2,3\n", "note")
-    assert message == "a.csv: line 2 has 2 cells and the header 3: note is missing there; correct the line."
-
-
 def test_commas_at_the_ends_of_lines(tmp_path):
     for header, row in (("position,torque,", "1,2"), ("position,torque", "1,2,,")):
         assert columns(tmp_path, f"{header}\n{row}\n{row}\n")["torque"].tolist() == [2, 2]
@@ -65,7 +60,6 @@ def test_columns_of_one_name(tmp_path, header):
         ("position,torque\n1,2\n1,\udce4\n", "line 3 is no text in UTF-8 (byte 0xe4): save it as CSV in UTF-8"),
         ("\ufeffposition,torque\n1,2\n".encode("utf-16"), "line 1 is no text in UTF-8 (byte 0xff): save it"),
         ("position,torque\n1,2\0\n", "line 2 is no text in UTF-8 (byte 0x00): save it"),
-        ('position,torque\n1,"2\n3,4"\n', "there are 2 lines with samples, but 1 rows: a quotation mark is open"),
     ],
 )
 def test_what_is_no_table(tmp_path, text, message):
