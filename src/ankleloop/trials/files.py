@@ -180,7 +180,8 @@ def write_netcdf(groups: Mapping[str, xr.Dataset], path: PathLike, *, overwrite:
 
 def source_files(*data: xr.Dataset) -> set[str]:
     """Files from which data sets have been opened."""
-    encodings = [holder.encoding for part in data for holder in (part, *part.variables.values())]
+    encodings = [part.encoding for part in data]
+    encodings += [variable.encoding for part in data for variable in part.variables.values()]
     return {encoding["source"] for encoding in encodings if isinstance(encoding.get("source"), str)}
 
 

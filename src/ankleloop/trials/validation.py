@@ -28,14 +28,14 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
                 f"{source}: there is no variable {name} among {sorted(map(str, trial.variables))}: make the trial with "
                 "new_trial, or name the variable in read_trial."
             )
-    for name, variable in trial.variables.items():
+    for name, variable in ((str(name), variable) for name, variable in trial.variables.items()):
         if variable.dims != ("time",) or variable.dtype != np.float64:
             raise DataError(
                 f"{source}: {name} is of type {variable.dtype} and of shape {variable.shape} over {variable.dims}, not "
                 "one float64 for each time: make the trial with new_trial; put numbers into attrs."
             )
-        if name in CHANNELS or str(name).startswith("torque"):
-            check_unit(str(name), str(name), str(variable.attrs.get("units", "")), "rad", source=source)
+        if name in CHANNELS or name.startswith("torque"):
+            check_unit(name, name, str(variable.attrs.get("units", "")), "rad", source=source)
     time = trial.variables["time"].values
     measured = compute_rate(time, source=source)
     if "sampling_rate" not in trial.attrs:
