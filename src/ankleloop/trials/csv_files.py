@@ -6,7 +6,7 @@ import csv
 import gzip
 import warnings
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,6 @@ class CsvContents(Contents):
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
-        self._columns: dict[str, np.ndarray] = {}
         self._header: list[str] = []
         self._header_line, self._rows, self._longest = 0, 0, 0
         self._last: deque[tuple[int, str]] = deque(maxlen=LAST)  # numbered lines
@@ -43,24 +42,23 @@ class CsvContents(Contents):
                 f"{self.path.name}: {len(columns)} columns are called {name!r} (columns {', '.join(columns)}): give "
                 "each a name of its own."
             )
-        return Variable(name, (self._rows,), lambda part: self._columns[name][part]) if columns else None
+        return Variable(name, (self._rows,), lambda part: self._read(name)[part]) if columns else None
 
     def names(self) -> Iterable[str]:
         """Names of the columns."""
         return filter(None, self._header)
 
-    def load(self, names: Sequence[str]) -> None:
-        """Read columns in one pass: numbers, or objects where some are text."""
-        columns = {name: self._header.index(name) for name in names}
+    def _read(self, name: str) -> np.ndarray:
+        """Numbers of a column, or objects where some are text."""
+        column = self._header.index(name)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text among numbers is refused by its line
             frame = pd.read_csv(
-                self.path, header=None, skiprows=self._header_line, usecols=sorted(columns.values()),
-                names=range(self._longest), index_col=False, skipinitialspace=True,
+                self.path, header=None, skiprows=self._header_line, usecols=[column], names=range(self._longest),
+                index_col=False, skipinitialspace=True, skip_blank_lines=True,
             )  # fmt: skip
-        for name, column in columns.items():
-            self._check_last_cell(name, column)
-            self._columns[name] = frame[column].to_numpy()
+        self._check_last_cell(name, column)
+        return frame[column].to_numpy()
 
     def locate_sample(self, sample: int) -> str:
         """Describe where a sample is in the file: by its line, the header's among them."""

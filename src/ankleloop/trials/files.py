@@ -199,11 +199,8 @@ def check_readable(path: PathLike) -> None:
 
 
 def stamp_file(path: PathLike) -> tuple[int, ...]:
-    """What changes with a file; nothing of one that is gone."""
-    try:
-        status = os.stat(path)
-    except OSError:
-        return ()
+    """What changes with a file."""
+    status = os.stat(path)
     return status.st_ino, status.st_size, status.st_mtime_ns
 
 

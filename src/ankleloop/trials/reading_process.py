@@ -42,11 +42,10 @@ PATIENCE = 20.0  # times as long a busy machine or a slow disk may take
 BYTES, BYTES_PER_BYTE = 1 << 30, 4  # of memory for a file
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_process import main; main()"
-WHOLE = "check that the file is whole and its suffix right"
+WHOLE = "check that the file is whole and its suffix right, or restore it from a copy"
 # How the process may end without an answer, and what that says, which is nothing about the file.
 ENDS = {
     "SIGKILL": "the process that reads it was killed (SIGKILL), most often because memory was short: free memory",
-    "SIGTERM": "the process that reads it was killed (SIGTERM)",
     "SIGALRM": "it was not read in time: the computer is busy, or the disk slow",
 }
 NO_START = f"the process that reads it did not start: {sys.executable} -P -c ... failed; use another Python"
@@ -212,12 +211,13 @@ def _answer(
     try:
         container = choose_container(path)  # a library is imported without limits
         _limit(seconds, memory)
-        if task == "try":
-            _load(path)
-            return {"warnings": []}
         if task == "read" and "part" not in wanted:
             has_checksum(path)
         contents = container(path, case)
+        if task == "try":
+            for variable in filter(None, map(contents.find, contents.names())):
+                variable.read(slice(None))
+            return {"warnings": []}
         channels = find_variables(contents).items() if task == "list" else select_channels(contents, **wanted)
         for role, channel in channels:
             pipe.send_bytes(json.dumps([role, channel.name, channel.unit, channel.shape]).encode())
@@ -248,19 +248,6 @@ def choose_container(path: Path) -> type[Contents]:
     if start.startswith(HDF5_SIGNATURE) or start.endswith(HDF5_SIGNATURE):  # behind the header that MATLAB writes
         return Hdf5Contents
     return {".flb": FlbContents, ".mat": MatContents, ".nc": ClassicNetcdfContents}.get(suffix, Hdf5Contents)
-
-
-def _load(path: Path) -> None:
-    """Read all of a MATLAB or NetCDF-4 file of this library."""
-    if path.suffix == ".mat":
-        import scipy.io
-
-        scipy.io.loadmat(path, appendmat=False)
-    else:
-        import xarray as xr
-
-        with xr.open_datatree(path, engine="h5netcdf", decode_cf=False) as tree:
-            tree.load()
 
 
 def _limit(seconds: float, memory: float) -> None:

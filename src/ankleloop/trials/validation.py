@@ -108,8 +108,6 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     Speed is the change between the mean of the 3 ms before a sample and the mean of the 3 ms after it: a difference of
     neighbours at 1 kHz would turn a noise of 0.02 rad into 20 rad/s and more.
     """
-    if position.size < 2:
-        return 0, 0.0
     half = min(_speed_margin(rate), (position.size - 1) // 2)
     end = position.size - half
     with np.errstate(over="ignore", invalid="ignore"):  # of what is refused

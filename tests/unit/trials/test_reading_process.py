@@ -61,10 +61,7 @@ def replace_reader(monkeypatch):
                     if path.name == "a.mat":
                         {statement}
                     super().__init__(path)
-            def load(path):
-                {statement}
             reading_process.choose_container = lambda path: Reader
-            reading_process._load = load
             reading_process.main()
         """
         monkeypatch.setattr(reading_process, "PROGRAM", textwrap.dedent(program))
