@@ -97,9 +97,7 @@ def write_crate(
         relative = path.relative_to(folder).as_posix()
         kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
         found = {"name": relative, "encodingFormat": kind, "contentSize": str(path.stat().st_size)}
-        return crate.add_file(
-            path, relative, properties={**found, "sha256": hash_file(path, path.stat().st_mtime_ns), **properties}
-        )
+        return crate.add_file(path, relative, properties={**found, "sha256": hash_file(path), **properties})
 
     version = "+".join(filter(None, [provenance["version"], provenance["commit"]]))
     version += " with changes that are not committed" * provenance["changed"]
