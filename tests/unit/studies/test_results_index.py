@@ -63,16 +63,6 @@ def test_what_is_there_is_listed(folder):
     assert results.run_times == {}
 
 
-def test_studies_and_recordings_of_one_name_have_links_of_their_own(folder):
-    results = collect(folder)
-    assert results.studies["title"].tolist()[1:] == ["Recordings"] * 2
-    assert results.study_links == ["reports/table1.html", "", ""]
-    assert results.recording_links == ["reports/laboratory/A1.html", "", "reports/clinic/A1.html", ""]
-    page = render_index(results)
-    assert page.count('href="reports/laboratory/A1.html"') == page.count('href="reports/clinic/A1.html"') == 1
-    assert "gone" not in page
-
-
 def test_the_article_of_an_earlier_run_is_left_out(folder):
     results = collect(folder, ledger=None)
     assert list(results.links.values()) == ["configuration.json"]
