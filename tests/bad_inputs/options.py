@@ -32,7 +32,7 @@ def _rows_of_methods() -> list[BadInput]:
         ),
         wrong(
             "unknown option of a method",
-            "method 'riv' has no option 'blok_rows'; it has order",
+            "method 'riv' has no option 'blok_rows'; it has identification_rate",
             method="riv",
             blok_rows=3,
             error=TypeError,

@@ -19,6 +19,7 @@ MOTION = len(INTRINSIC_NAMES)
 # decimated position, and basis functions before decimation instead of after it.
 InputStep = Literal["kernel-derivatives", "early-nonlinearity"]
 TORQUES = ("net", "intrinsic", "reflex")
+MEASURED = "measured"  # torque of the trial beside those of an estimate
 
 
 class Grid(NamedTuple):
@@ -96,7 +97,7 @@ class Regressors:
 
 
 def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.Dataset:
-    """Net, intrinsic and reflex torque [N·m] over time [s], with units and names.
+    """Net, intrinsic and reflex, or measured, torque [N·m] over time [s], with units and names.
 
     Shapes: time, torques (N,).
 
@@ -105,9 +106,7 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
     >>> torque["net"].attrs["units"], torque.attrs["identification_rate"]
     ('N·m', 100.0)
     """
-    variables = {
-        name: ("time", torque, {"units": "N·m", "long_name": f"estimated {name} torque"})
-        for name, torque in torques.items()
-    }
+    names = {name: f"{'' if name == MEASURED else 'estimated '}{name} torque" for name in torques}
+    variables = {name: ("time", torques[name], {"units": "N·m", "long_name": names[name]}) for name in torques}
     coordinate = ("time", np.asarray(time, dtype=float), {"units": "s", "long_name": "time"})
     return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": float(rate)})

@@ -83,12 +83,7 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
         slope = np.median(np.diff(phase)[np.diff(phase) > 0]) * trial.rate if starts.size else 1.0
         values = time[starts] - phase[starts] / slope
     else:
-        try:
-            values = np.asarray(onsets, dtype=float)
-        except (TypeError, ValueError):
-            raise DataError(
-                "the onsets of the cycles are no numbers: give the start of every cycle in seconds."
-            ) from None
+        values = np.asarray(onsets, dtype=float)
     _check_onsets(values, float(time[0]), float(time[-1]))
     return values
 
@@ -97,16 +92,14 @@ def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
     """Refuse onsets that are not those of the record, and a cycle that is far longer or shorter than the others."""
     if onsets.ndim != 1 or onsets.size < 2:
         raise DataError("there are fewer than two onsets of cycles: give the start of every cycle in seconds.")
-    bad = np.flatnonzero(~np.isfinite(onsets))
-    if bad.size:
-        raise DataError(f"onset {bad[0] + 1} of {onsets.size} is {onsets[bad[0]]:g}: leave it out, or give its time.")
     durations = np.diff(onsets)
-    shortest, longest, cycle = int(np.argmin(durations)), int(np.argmax(durations)), float(np.median(durations))
-    if durations[shortest] <= 0:
+    if not (durations > 0).all():
+        k = int(np.argmin(durations > 0))
         raise DataError(
-            f"onset {shortest + 2} of {onsets.size} ({onsets[shortest + 1]:g} s) is not after onset {shortest + 1} "
-            f"({onsets[shortest]:g} s): sort them, and leave out those that are there twice."
+            f"onset {k + 2} of {onsets.size} ({onsets[k + 1]:g} s) is not after onset {k + 1} ({onsets[k]:g} s): sort "
+            "them, and leave out those that are there twice or are no times."
         )
+    shortest, longest, cycle = int(np.argmin(durations)), int(np.argmax(durations)), float(np.median(durations))
     beyond = onsets[0] < start - 1.5 * cycle or onsets[-1] > stop + 1.5 * cycle
     missing = onsets[0] > start + 2.5 * cycle or onsets[-1] < stop - 2.5 * cycle
     if (beyond and missing) or cycle > stop - start:  # those of a whole trial cover its segments

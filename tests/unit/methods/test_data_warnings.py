@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from ankleloop import METHODS, DataError, identify, new_trial, segment, simulate
-from ankleloop.joint.prepared import prepare
+from ankleloop import METHODS, DataError, identify, new_trial, simulate
 from ankleloop.methods.method import Method
 from ankleloop.methods.selection import select_options
 
@@ -180,19 +179,3 @@ def test_a_warning_about_the_data_does_not_hide_one_about_a_fit(trial):
     selection = select_options(FAULTS["clipped torque"][0](trial), fit, {"order": [1, 2]})
     assert [row["warnings"] for row in selection.candidates] == [["not converged"], []]
     assert selection.chosen == {"order": 2}
-
-
-def test_each_check_is_made_once_for_all_methods(trial, monkeypatch):
-    from ankleloop.checks import data as data_checks
-
-    calls = []
-
-    def count(*values, check=data_checks.check_signals):
-        calls.append(1)
-        return check(*values)
-
-    monkeypatch.setattr(data_checks, "check_signals", count)
-    prepared = prepare(segment(trial, 0.0, 10.0))
-    for method in ("pr-moesp", "eiv-moesp", "parallel-cascade", "riv"):
-        identify(prepared, method)
-    assert len(calls) == 1

@@ -110,7 +110,7 @@ def check_path(solution):
 def test_a_hard_record_converges(path, options):
     """The iteration without second derivatives does not converge on these records."""
     record = make_incomplete_record(path)
-    solution = solve(*set_up(record, reference="position", **options), 50, 0.01)
+    solution = solve(*set_up(record, reference="position", **options))
     assert solution.converged
     assert len(solution.path) > REFINED
     check_path(solution)
@@ -125,7 +125,7 @@ def test_a_hard_record_converges(path, options):
 def test_a_recording_converges_or_lacks_something(recording, order, weighting, basis):
     part = recording.isel(time=slice(0, 30_000))
     options = {"order": order, "weighting": weighting, "basis": basis[0], "degree": basis[1], "reference": "position"}
-    check_path(solve(*set_up(part, **options), 50, 0.01))
+    check_path(solve(*set_up(part, **options)))
     estimate = identify(part, "riv", **options)
     diagnostics = estimate.diagnostics
     assert diagnostics["criterion"] <= diagnostics["criterion_start"]
