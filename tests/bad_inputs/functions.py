@@ -29,8 +29,8 @@ def _rows_of_identification() -> list[BadInput]:
         row(
             "folds shorter than a selection needs",
             lambda trial: select_options(trial, fit, {"order": [1, 2]}),
-            "makes 2 folds",
-            "use a longer record",
+            "a selection needs 8 s",
+            "Record longer",
             make=lambda folder: simulated_trial(duration=6.0),
         ),
         row(

@@ -105,7 +105,7 @@ def _rows_of_estimates() -> list[BadInput]:
             "estimate: written by a newer version",
             changed_file(estimate_file(), newer),
             "e.nc: version 99 of the format",
-            "install the newest ankleloop",
+            "install the newest one",
         ),
         load(
             "estimate: a field of the model is removed",

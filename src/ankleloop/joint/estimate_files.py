@@ -145,8 +145,7 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
         version = file.number("format_version")
         if version > VERSION:
             raise DataError(
-                f"{file.source}: version {version:g} of the format, and this library knows versions up to "
-                f"{VERSION}: install the newest ankleloop."
+                f"{file.source}: version {version:g} of the format is newer than this library: install the newest one."
             )
         return _read_estimate(groups)
 

@@ -126,8 +126,7 @@ class DriveSpectra(NamedTuple):
         energy = power.sum(axis=1)
         if not energy.all():
             raise DataError(
-                "an input of the reflex path is zero throughout, as the rectified velocity is where the velocity is "
-                "never positive: check the sign of the position, or record stretches in both directions."
+                "an input of the reflex is zero: the velocity is never positive. Check the sign of the position."
             )
         starts = np.arange(0, spectra.shape[1], max(1, round(BIN * len(drive) / rate)))
         products = np.einsum("if,jf->ijf", spectra.conj(), spectra).real

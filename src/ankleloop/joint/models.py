@@ -184,8 +184,7 @@ class ResponseModel:
         rows = slice(max(leads, self.reflex.size - 1), regressors.torque.size - leads)
         if rows.stop - rows.start < 2:
             raise DataError(
-                f"the trial has {regressors.torque.size} samples; the impulse responses take {rows.start} before and "
-                f"{leads} after each of them: record longer."
+                f"the trial has {regressors.torque.size} samples, responses take {rows.start + leads}: record longer."
             )
         position, drive = regressors.inputs[:, 0], regressors.inputs[:, -1]
         intrinsic = np.convolve(position - position.mean(), self.intrinsic)[leads:][rows]

@@ -37,10 +37,7 @@ def decimation_grid(samples: int, rate: float, identification_rate: float, delay
     first, after = recording_margins(rate, factor, delay)
     count = (samples - 1 - after - first) // factor + 1
     if count < 2:
-        raise DataError(
-            f"the record of {samples / rate:.3g} s is too short: its filters touch "
-            f"{(first + after) / rate:.3g} s at the ends. Record longer."
-        )
+        raise DataError(f"the record of {samples / rate:.3g} s is too short for its filters. Record longer.")
     return Grid(factor, first, count)
 
 

@@ -104,9 +104,8 @@ def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
     missing = onsets[0] > start + 2.5 * cycle or onsets[-1] < stop - 2.5 * cycle
     if (beyond and missing) or cycle > stop - start:  # those of a whole trial cover its segments
         raise DataError(
-            f"the onsets of the cycles go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {start:g} to "
-            f"{stop:g} s: give them in seconds of the record, neither milliseconds nor samples; a segment keeps the "
-            "times of its trial."
+            f"the onsets go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {start:g} to {stop:g} s: give them "
+            "in seconds of the record, neither milliseconds nor samples; a segment keeps the times of its trial."
         )
     for k, fault in ((longest, "missing"), (shortest, "too many")):
         if not cycle / UNEVEN <= durations[k] <= cycle * UNEVEN:
@@ -135,8 +134,7 @@ def make_course(trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] 
     count = (values.size - 2 * margin) // length
     if count < FEWEST_CYCLES:
         raise DataError(
-            f"the record of {values.size / rate:.3g} s is too short: riv-tv without cycles needs "
-            f"{FEWEST_CYCLES * SEGMENT + 2 * MARGIN:g} s."
+            f"the record is too short: riv-tv without cycles needs {FEWEST_CYCLES * SEGMENT + 2 * MARGIN:g} s."
         )
     number = np.arange(count * length)
     rows = slice(margin, margin + number.size)
@@ -159,8 +157,7 @@ def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cour
     if edges.size - 1 < FEWEST_CYCLES:
         raise DataError(
             f"too few whole cycles lie more than {MARGIN:g} s within the record: {max(edges.size - 1, 0)} with onsets "
-            f"from {onsets[0]:g} to {onsets[-1]:g} s, and riv-tv needs {FEWEST_CYCLES}. Record more cycles; about 20 "
-            "give useful bands."
+            f"from {onsets[0]:g} to {onsets[-1]:g} s, and riv-tv needs {FEWEST_CYCLES}. Record more cycles."
         )
     first, stop = np.searchsorted(time, edges[[0, -1]] - half)
     segment = np.searchsorted(edges, time[first:stop] + half, side="right") - 1
@@ -209,8 +206,7 @@ def _schedule_limits(
         if share > COMMON:
             raise DataError(
                 f"{name} follows the perturbation: {100 * share:.0f} % of its fast changes are those of the {channel}. "
-                "What is a function of it is taken out of the torque, and with it the effect of the perturbation. Give "
-                "its slow part, filtered below about 1 Hz, as the schedule."
+                "It takes their effect out of the torque. Give its slow part, filtered below about 1 Hz."
             )
     return low, high
 

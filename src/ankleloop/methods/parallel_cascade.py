@@ -86,8 +86,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     unknowns = lags[0].size + lags[1].size
     if rows.size < 2 * unknowns:
         raise DataError(
-            f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer, or shorten "
-            "intrinsic_lags and reflex_lags."
+            f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer or shorten the lags."
         )
 
     *lagged, target = _compress(trial, regressors, leads, longest)

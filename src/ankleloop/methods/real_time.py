@@ -79,8 +79,7 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     first = round(settling * rate)
     if torque.size < first + 2 * rate:
         raise DataError(
-            f"the record of {torque.size / rate:.3g} s is too short for a settling time of {settling:g} s: record at "
-            "least two seconds more than that, or shorten memory or settling."
+            f"the record of {torque.size / rate:.3g} s is too short for {settling:g} s of settling: record longer."
         )
     chunk = max(1, round(rate / UPDATE_RATE))
     forgetting = float(np.exp(-1.0 / (options.memory * rate)))

@@ -102,8 +102,7 @@ def select_options(
     criterion = criterion or ("instrumental" if has_reference else "cross-validation")
     if criterion == "instrumental" and not has_reference:
         raise DataError(
-            f"the instrumental criterion needs a reference, and the trial has no {reference!r} beside its position: "
-            "use criterion='cross-validation'."
+            f"the instrumental criterion needs a reference, and there is no {reference!r}: use 'cross-validation'."
         )
     inputs = {"delay": NOMINAL_DELAY if delay is None else delay, "identification_rate": identification_rate}
     halves = _halve(record, reference if criterion == "instrumental" else None, inputs)
@@ -131,8 +130,7 @@ def check_selection(
     listed = isinstance(select, Mapping) and all(isinstance(part, kinds) and len(part) for part in select.values())
     if not listed or (criterion is not None and not select):
         raise ValueError(
-            "select must be a dict of options, each with a list of at least one value to choose from, got "
-            f"{show_value(select)}."
+            f"select must be a dict of options, each with a list of at least one value, got {show_value(select)}."
         )
     if "identification_rate" in select:
         raise ValueError(
@@ -150,9 +148,9 @@ def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, Any])
     edges = np.linspace(time[0], time[-1] + 1.0 / rate, 3)
     shortest = 2.0 * SETTLING + SEGMENT
     if edges[1] - edges[0] < shortest:
+        duration = edges[-1] - edges[0]
         raise DataError(
-            f"the record of {edges[-1] - edges[0]:.3g} s makes 2 folds of {edges[1] - edges[0]:.3g} s, but a selection "
-            f"needs folds of {shortest:g} s: use a longer record, or set the options."
+            f"the record of {duration:.3g} s is too short: a selection needs {2 * shortest:g} s. Record longer."
         )
     first, second = (prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges))
     pairs = ((second, first), (first, second))
@@ -191,8 +189,7 @@ def _score(
         estimate = fit(training)
         if estimate.trajectories is not None and "time" in estimate.trajectories.sizes:
             raise DataError(
-                "its parameters are functions of time, and those of one half are not those of the other: give "
-                "cycle_onsets or a schedule, or set the options without a selection."
+                "its parameters change with time, and those of one half are not those of the other: set the options."
             )
         warnings += estimate.fit_warnings  # those about the data concern all candidates alike
         torque = estimate.predict(test, cycle_onsets=cycle_onsets).torque

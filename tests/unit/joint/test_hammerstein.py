@@ -81,10 +81,3 @@ def test_physical_parameters_without_noise(method, options, accuracy):
     # A spline rounds the corner.
     np.testing.assert_allclose(curve["torque"], truth, atol=0.05 * np.ptp(truth))
     assert estimate.diagnostics["separation"]["rank_one"] > 0.9999
-
-
-def test_a_third_pole_is_reported():
-    trial = simulate(seed=1, zeta=0.7, pole=50.0, snr_db=None, voluntary=0.0)
-    reflex = identify(trial, "pr-moesp", basis="rectifier", order=3).reflex
-    assert reflex["pole"] == pytest.approx(50.0, rel=0.05)
-    assert reflex["omega_n"] == pytest.approx(40.0, rel=0.03)

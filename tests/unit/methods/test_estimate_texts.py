@@ -37,15 +37,9 @@ def test_the_default_is_the_method_that_feedback_does_not_bias(noisy):
 @pytest.mark.parametrize(
     ("method", "options", "texts"),
     [
-        ("riv", {}, []),
         ("riv", {"delay": 0.04}, ["the reflex delay is 40 ms."]),
         ("riv", {"reference": "position"}, ["the loop is open: the position"]),
         ("pr-moesp", {}, ["the reflex is a polynomial", "little torque is fed back", "the reflex delay"]),
-        (
-            "pr-moesp",
-            {"input_matrices": "instruments", "basis": "rectifier", "delay": 0.05},
-            ["the reflex delay is 50"],
-        ),
         ("parallel-cascade", {}, ["the loop is open: no reference", "the reflex delay"]),
     ],
 )

@@ -1,6 +1,5 @@
 """Identification chunk by chunk against identification in memory."""
 
-import h5py
 import numpy as np
 import pytest
 
@@ -43,18 +42,6 @@ def test_the_estimate_is_that_in_memory(trial, saved, tmp_path, method, chunk):
     assert_equal(estimate, whole)
     measured = prepare(trial).channel_at("torque", whole.torque["time"].values, 100.0)
     assert estimate.diagnostics["vaf"] == pytest.approx(ankleloop.vaf(measured, whole.torque["net"].values), abs=1e-4)
-
-
-def test_a_record_in_degrees_with_other_names_and_another_sign_of_the_torque(trial, tmp_path):
-    path = tmp_path / "long.h5"
-    with h5py.File(path, "w") as file:
-        file["angle"], file["moment"] = np.degrees(trial["position"].values), -trial["torque"].values
-        file["command"] = np.degrees(trial["reference"].values)
-    names = {"position": "angle", "torque": "moment", "reference": "command"}
-    record = LongRecord(path, 1000.0, **names, position_unit="deg", torque_sign=-1)
-    estimate = identify_file(record, tmp_path / "torques.nc", chunk=1000)
-    estimate.torque.close()
-    assert estimate.stiffness["K"] == pytest.approx(ankleloop.identify(trial, "pr-moesp").stiffness["K"], rel=1e-5)
 
 
 @pytest.mark.parametrize(

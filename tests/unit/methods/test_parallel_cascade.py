@@ -104,5 +104,5 @@ def test_the_first_pass_is_biased_in_closed_loop_and_the_last_one_not(clean):
 
 
 def test_responses_longer_than_the_record_are_refused(noisy):
-    with pytest.raises(DataError, match=r"leaves \d+ samples for 510 unknowns: record longer, or shorten"):
+    with pytest.raises(DataError, match=r"leaves \d+ samples for 510 unknowns: record longer or shorten"):
         identify(noisy.isel(time=slice(0, 10_000)), "parallel-cascade", reflex_lags=5.0)

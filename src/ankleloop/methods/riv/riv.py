@@ -166,8 +166,7 @@ def _warnings(solution: Search) -> list[str]:
         names = dict.fromkeys("G" if name.startswith("c") else name for name in solution.flat)
         cause = "" if left_band else f" The record hardly shows a common change of {', '.join(names)}."
         warnings.append(
-            f"not converged after {len(solution.path) - 1} iterations: the parameters are those of the best one, "
-            f"without intervals.{cause}"
+            f"not converged after {len(solution.path) - 1} iterations: the best one is given, without intervals.{cause}"
         )
     return warnings
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from ankleloop.methods.riv.equations import Equations, Parameters, Point, solve_scaled
@@ -36,8 +34,7 @@ def solve(equations: Equations, start: Parameters) -> Search:
     the directions of its symmetric part. A third pole or a delay that reaches its limit is held there. Of a search that
     does not converge, the point with the smallest merit is returned.
     """
-    search = Search(equations)
-    search.accept(Point(equations, start))
+    search = Search(equations, start)
     while len(search.path) <= REFINED and not search.finished and search.refine():
         pass
     if not search.finished:
@@ -51,22 +48,20 @@ def solve(equations: Equations, start: Parameters) -> Search:
     return search
 
 
-@dataclass
 class Search:
     """A search and its result."""
 
-    equations: Equations
-    point: Point = field(init=False)  # end of the path; of a search that has ended, its result
-    free: np.ndarray = field(init=False)  # unknowns that are not held
-    path: list[Point] = field(default_factory=list)  # the start, and the point after each iteration
-    merits: list[float] = field(default_factory=list)  # merit of each point of the path
-    # Index of the first point of the filter: the last change of what is held, or where the search began again.
-    first: int = 0
-    held: set[str] = field(default_factory=set)  # names of the unknowns that are held at a limit
-    damping: float = 0.0
-    finished: bool = False  # whether the last step was within the tolerance
-    # Where the search did not converge, the unknowns a common change of which the record shows least.
-    flat: tuple[str, ...] = ()
+    def __init__(self, equations: Equations, start: Parameters) -> None:
+        self.equations = equations
+        self.path: list[Point] = []  # the start, and the point after each iteration
+        self.merits: list[float] = []  # merit of each point of the path
+        self.first = 0  # point of the filter: the last change of what is held, or where the search began again
+        self.held: set[str] = set()  # names of the unknowns that are held at a limit
+        self.damping = 0.0
+        self.finished = False  # whether the last step was within the tolerance
+        # Where the search did not converge, the unknowns a common change of which the record shows least.
+        self.flat: list[str] = []
+        self.accept(Point(equations, start))
 
     @property
     def converged(self) -> bool:
@@ -75,7 +70,8 @@ class Search:
 
     def accept(self, point: Point) -> None:
         """Add a point to the path."""
-        self.point = point
+        self.point = point  # end of the path; of a search that has ended, its result
+        # Unknowns that are not held.
         self.free = np.flatnonzero([name not in self.held for name in point.names])
         self.path.append(point)
         self.merits.append(point.merit(self.free))
@@ -84,7 +80,7 @@ class Search:
         """End a search that has not converged at the point with the smallest merit."""
         directions, curvatures = self._directions()
         parts = np.abs(directions[:, np.argmin(np.abs(curvatures))]) * np.sqrt(np.diag(self.point.information))
-        self.flat = tuple(np.array(self.point.names)[parts > CONTRIBUTION * parts.max()].tolist())
+        self.flat = np.array(self.point.names)[parts > CONTRIBUTION * parts.max()].tolist()
         self.point = min(self.path, key=lambda point: point.merit(self.free))
 
     def refine(self) -> bool:

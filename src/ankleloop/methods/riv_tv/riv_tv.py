@@ -199,8 +199,7 @@ def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dic
         ranges = [f"{coordinate[start]:.3g} to {coordinate[stop - 1]:.3g}" for start, stop in edges.reshape(-1, 2)]
         if ranges:
             warnings.append(
-                f"{name} is not identified at {course.dimension} {', '.join(ranges)}: the perturbation hardly excites "
-                "the joint there."
+                f"{name} is not identified at {course.dimension} {', '.join(ranges)}: it is hardly excited there."
             )
     # The F statistic of the direction that the instruments explain least, which weak instruments have below 10.
     independent = solution.system.torque.size * equations.share / equations.bases.size - 1.0
@@ -229,8 +228,7 @@ def _check_perturbation(equations: TimeVaryingEquations) -> None:
     if share < LOCKED:
         raise DataError(
             f"{100 * max(1.0 - share, 0.0):.0f} % of the power of {equations.reference_name} repeats with the cycle: "
-            "the perturbation is locked to it, so its effect cannot be told from the torque of the movement. Draw a "
-            "new pseudorandom sequence for every cycle, independent of its phase."
+            "the perturbation is locked to it. Draw a new pseudorandom sequence for every cycle."
         )
 
 
@@ -249,9 +247,8 @@ def _check_cycles(equations: TimeVaryingEquations) -> list[str]:
     if common > SAME_PHASE:
         return []
     return [
-        f"the movement is not the same at all onsets of cycles (its phases agree by {common:.2f}, usually by "
-        f"{SAME_PHASE:g} and more): are they those of another trial, or counted from another time? K, B and G over "
-        "phase are wrong then."
+        f"the movement is not the same at all onsets of cycles (its phases agree by {common:.2f}): are they those of "
+        "another trial, or counted from another time? K, B and G over phase are wrong then."
     ]
 
 
@@ -271,8 +268,7 @@ def _check_schedule(equations: TimeVaryingEquations) -> list[str]:
     late = (reach - best) / equations.rate
     return [
         f"the slow movement follows the schedule {abs(late):.2g} s {'earlier' if late > 0 else 'later'} than its "
-        f"samples say (it explains {100 * shares[best]:.0f} % then, {100 * shares[reach]:.0f} % at once): is the "
-        "schedule shifted in time, or that of another trial?"
+        "samples say: is the schedule shifted in time, or that of another trial?"
     ]
 
 
