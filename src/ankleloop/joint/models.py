@@ -264,9 +264,9 @@ class TimeVaryingModel:
         if outside <= BEYOND:
             return []
         name = self.variable if self.dimension == "schedule" else "the time"
+        low, high = self.limits
         return [
-            f"{name} lies beyond the fitted range of {self.limits[0]:.3g} to {self.limits[1]:.3g} for "
-            f"{100 * outside:.2g} % of the samples, which have the parameters of its end."
+            f"{name} lies beyond the fitted range of {low:.3g} to {high:.3g} for {100 * outside:.2g} % of the samples."
         ]
 
 

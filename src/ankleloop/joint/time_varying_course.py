@@ -219,17 +219,12 @@ def _fast_changes(x: np.ndarray) -> np.ndarray:
     return changes / norm if norm > 0 else changes
 
 
-def describe_schedule(trial: xr.Dataset, schedule: str | None) -> dict[str, str]:
-    """Name and unit of the scheduling variable of a trial, as `trajectory_dataset` takes them."""
-    if schedule is None:
-        return {}
-    return {"variable": schedule, "variable_unit": str(trial[schedule].attrs.get("units", ""))}
-
-
 def trajectory_dataset(
     dimension: str, coordinate: np.ndarray, values: Mapping[str, np.ndarray], **schedule: str
 ) -> xr.Dataset:
-    """Trajectories over phase, time or a scheduling variable, with units and names; see `describe_schedule`.
+    """Trajectories over phase, time or a scheduling variable, with units and names.
+
+    `schedule` are `variable` and `variable_unit`, name and unit of the scheduling variable, where they are known.
 
     Shapes: coordinate (places,), values (places,).
     """

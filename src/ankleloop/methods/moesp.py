@@ -43,10 +43,7 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
     "scaling": {"scaling": False},
     "mean-removal": {"offsets": False},
 }
-POLYNOMIAL = (
-    "the reflex is a polynomial of the velocity. Of a rectified one, five terms make G 13 to 21 % too large, I up to 6 "
-    "% too small, and change K by less than 1 % (without noise)."
-)
+POLYNOMIAL = "the reflex is a polynomial of the velocity: of a rectified one, five terms make G 13 to 21 % too large."
 
 
 class MoespModelOptions(KnownDelayOptions, BasisOptions):

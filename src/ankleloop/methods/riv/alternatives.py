@@ -26,14 +26,11 @@ EFFECTS = {
     "delay": ("a reflex delay of {:.3g} ms", "give no delay, so that it is estimated"),
     "order": ("a third pole of the reflex at {:.3g} rad/s", "take order=3"),
     "lag": ("a torque recorded {:.2g} ms {} the position", "record both through equal filters"),
-    "high-pass": (
-        "a high-pass of {:.2g} Hz in the torque",
-        "record the torque without AC coupling or removal of drift",
-    ),
+    "high-pass": ("a high-pass of {:.2g} Hz in the torque", "record without AC coupling or removal of drift"),
     "friction": ("a friction of {:.2g} N·m", "measure the friction of the bearing, and subtract it"),
     "direction": (
         "a reflex gain of {:.3g} N·m·s/rad in the other direction",
-        "if position and torque are positive the other way, turn round position, torque and reference",
+        "turn all signs round if they are reversed",
     ),
     "compression": ("a torque that is flat where it is large", "widen the range of the torque sensor"),
 }

@@ -13,7 +13,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.time_varying_course import Splines, describe_schedule, make_course, trajectory_dataset
+from ankleloop.joint.time_varying_course import Splines, make_course, trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, RectifierOptions, RefinedOptions
 from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
 from ankleloop.methods.riv.equations import DELAY_LIMITS
@@ -152,7 +152,8 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     bases, course = equations.bases, equations.course
     places = np.linspace(0.0, 1.0, PLACES)
     curves, excitation = solution.find_trajectories(places)
-    schedule = describe_schedule(trial.trial, options.schedule)
+    unit = str(trial.trial[options.schedule].attrs.get("units", "")) if options.schedule else ""
+    schedule = {"variable": options.schedule or "", "variable_unit": unit}
     coordinate = course.limits[0] + (course.limits[1] - course.limits[0]) * places
     delay, dynamics, means = solution.delay, parameters.dynamics, solution.means
     inputs = ModelInputs(fit_basis(trial.velocity(delay), "rectifier", 1), delay, equations.rate, trial.rate)
