@@ -46,6 +46,14 @@ ROWS = [
         "--position-unit deg",
     ),
     row("half a file", cut_off(mat_file()), "check", DATA, "error: a.mat:", "file is whole"),
-    row("results that exist", identified, "identify", USAGE, "the file exists already", "--overwrite", "--output"),
+    row(
+        "results that exist",
+        identified,
+        "identify",
+        USAGE,
+        "the file exists already",
+        "next: ankleloop identify",
+        "--overwrite",
+    ),
     row("an unknown setting", missing("a.yaml"), "study --sweep reflexgain", USAGE, "no setting 'reflexgain'"),
 ]

@@ -5,10 +5,8 @@ from typing import Any
 
 import yaml
 
-from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config import Recording
-from ankleloop.studies.config_files import check_config_file
-from ankleloop.studies.recording_tables import read_recordings
+from ankleloop.studies.checking import ConfigError, check_config_file
+from ankleloop.studies.recording_settings import Recording, read_recordings
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import Study
 from bad_inputs.bad_input import rows_of
@@ -100,7 +98,7 @@ ROWS = [
     row("a key twice", text("studies:\n  s: {seed: 1, seed: 2}\n"), "config.yaml: the key 'seed' in line 2 stands in"),
     row("there is no file", missing("config.yaml"), "config.yaml", "the file cannot be read"),
     row("the number 012", line("points_per_chunk: 012"), "config.yaml, line 9", "012 as 10", "quotes"),
-    row("the name no without quotes", text("studies:\n  no: {}\n"), "line 2: YAML reads the key no as true or false"),
+    row("the name no without quotes", text("studies:\n  no: {}\n"), "line 2: YAML reads the key no as bool"),
     row("a name with a brace", config(studies={"{a}": STUDY}), "studies → {a}", "must consist of letters A-Z a-z"),
     row("a misspelt study in run", config(run=["t"]), "run: there is no study 't'"),
     # studies and their methods
@@ -115,28 +113,46 @@ ROWS = [
     row("Figure 4 of one point", study(notebook="figure4"), f"{PLACE} → notebook: figure4 needs one setting"),
     row("efficiency without a delay", study(notebook="efficiency"), "needs a method riv with the option delay: n"),
     # points of a sweep
-    row("no list of values", points(zeta=1.0), f"{POINTS}: each setting must have a list", "zeta: 1.0"),
+    row("no list of values", points(zeta=1.0), f"{POINTS} → zeta: must be a list of values", "got 1.0"),
     row("a value that is listed twice", points(zeta=[1, 1.0]), f"{POINTS}: the point zeta=1.0 is listed twice"),
     row("a misspelt option", points(block_row=[12]), f"{POINTS}: 'block_row' is not a setting", "'block_rows'?"),
     row("10,000,000,000 points", MANY, f"{POINTS}: 10,000,000,000 points are more than 100,000"),
-    row("fixed and varied", FIXED_AND_VARIED, "order: the method a has order under options as well"),
-    row("few block rows at a point", points(order=[2, 3], block_rows=[3, 12]), f"{POINTS} → block_rows=3,order=3"),
+    row("fixed and varied", FIXED_AND_VARIED, "order: the method a has order under options or select as well"),
+    row(
+        "few block rows at a point",
+        points(order=[2, 3], block_rows=[3, 12]),
+        "options: at the point block_rows=3,order=3",
+    ),
     row("logarithms of zero", points(voluntary=LOGARITHMIC), "voluntary: a logarithmic scale begins above 0, got"),
-    row("a Sobol design of 100", study(points=DESIGN), "a Sobol design is a power of two", "64 or 128, got 100"),
-    row("no table of points", points(table="nowhere.csv"), "there is no table", "nowhere.csv"),
-    row("an unknown column", sweep_table("zetta", "1"), "sweep.csv", "'zetta' is not a setting of the simulation"),
-    row("an empty cell", sweep_table("zeta,delay", "1,0.04", ",0.05"), "line 3: the cell of the column 'zeta'"),
+    row("a Sobol design of 100", study(points=DESIGN), "a Sobol design is a power of two: 64 or 128, got 100"),
+    row("no table of points", points(table="nowhere.csv"), "nowhere.csv: the file cannot be read"),
+    row("an unknown column", sweep_table("zetta", "1"), PLACE, "'zetta' is not a setting of the simulation"),
+    row(
+        "an empty cell",
+        sweep_table("zeta,delay", "1,0.04", ",0.05"),
+        "sweep.csv, line 3",
+        "zeta: must be a finite number",
+    ),
     row("an axis that does not vary", NO_SUCH_AXIS, f"{PLACE} → sweep: axes", "(did you mean 'zeta'?)"),
     # recordings
     row("a recording without a file", recordings({"S1": {"torque": "t"}}), "files → S1: the key 'file' is missing"),
     row("cycles and a schedule", CYCLES_AND_SCHEDULE, "S1", "cycle_onsets and schedule exclude each other"),
     row("a variable that is not set", recordings(folder="${NO_SUCH}/x"), "NO_SUCH is not set", "export NO_SUCH="),
-    row("a folder that does not exist", recordings(folder="/no/such"), "line", "/no/such, does not exist"),
+    row("a folder that does not exist", recordings(folder="/no/such"), "line", "files exists", "/no/such/a.mat"),
     row("names that differ in capitals", CAPITALS, "files: 'S1' and 's1' differ in capitals only"),
-    table("no table of recordings", missing("table.csv"), "there is no table", "table.csv"),
-    table("semicolons", recording_table("file;subject", "a.mat;S1"), "line 1: the columns are separated by", "commas"),
+    table("no table of recordings", missing("table.csv"), "table.csv: the file cannot be read"),
+    table(
+        "semicolons",
+        recording_table("file;subject", "a.mat;S1"),
+        "line 1: columns have names of their own, with commas",
+    ),
     table("unknown column", recording_table("file,torqe_sign", "a.mat,1"), "unknown key 'torqe_sign'", "did you mean"),
-    table("more cells than columns", recording_table("file", "a.mat,S1"), "line 2: 'S1' is in no named column"),
-    table("a decimal comma", recording_table("file,start", 'a.mat,"3,5"'), "table.csv, line 2 → start [s]", "'3,5'"),
+    table("more cells than columns", recording_table("file", "a.mat,S1"), "line 2: the row does not fit the 1 columns"),
+    table(
+        "a decimal comma",
+        recording_table("file,start", 'a.mat,"3,5"'),
+        "table.csv, line 2 → start: must be a finite number",
+        "'3,5'",
+    ),
     table("a name twice", recording_table("file,name", "a.mat,S1", "b.mat,S1"), "line 3: the name 'S1' is taken"),
 ]

@@ -47,5 +47,5 @@ ROWS = [
     row("several cases, and none is named", text_file("a.flb", 2 * WHOLE), CASES),
     row("no such case", text_file("a.flb", 2 * WHOLE), "a.flb: there is no case 3", "has 2", call=read_case_3),
     row("the samples are cut off", text_file("a.flb", WHOLE[:-1]), "a.flb", "(case 1 is cut off)", "file is whole"),
-    row("another kind of file", text_file("a.flb", flb_case(version=1)), "a.flb", "version 1", "its suffix is right"),
+    row("another kind of file", text_file("a.flb", flb_case(version=1)), "a.flb", "version 1", "its suffix right"),
 ]

@@ -19,9 +19,8 @@ GROWTH = 4e3  # bytes for each trial: its attributes, and its places in temporar
 FILLED, COUNT = 1000, 10_000  # trials that fill the buffers of the job and of the libraries, and how many there are
 
 IMPORTS = """
-import json, logging, shutil, sys
+import json, logging, sys
 from ankleloop import LongRecord, identify_file
-from ankleloop.paper.trial_tables import join_tables
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.identification import identify_trials, read_trials
 from ankleloop.studies.simulation import simulate_trials
@@ -62,14 +61,6 @@ elif job == "identify":
 else:
     identify_trials(simulate_trials("s", 1, conditions), files, "s", points, methods, {})
 print(json.dumps([*peaks.memory, largest_memory()]))
-"""
-TABLE = """
-folder, count, rows = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-chunks = {f"{folder}/{number}.parquet": "" for number in range(count)}
-for path in chunks:
-    shutil.copyfile(f"{folder}/scores.parquet", path)
-join_tables(f"{folder}/table.parquet", chunks, [], count * rows, "")
-print(json.dumps(largest_memory()))
 """
 RECORD = """
 identify_file(LongRecord(sys.argv[1]), sys.argv[2]).torque.close()
@@ -113,10 +104,3 @@ def test_memory_does_not_grow_with_the_length_of_a_record(tmp_path):
                     variable[start : start + trial.sizes["time"]] = trial[name].values
         peaks.append(run(RECORD, path, tmp_path / f"{count}.nc"))
     assert peaks[1] - peaks[0] < 8 * (samples[1] - samples[0]), peaks  # a single channel
-
-
-def test_memory_does_not_grow_with_the_table_of_a_study(tmp_path):
-    trials, chunks = 500, (20, 200)
-    run(JOB, tmp_path, "sweep", trials, trials)
-    few, many = (run(TABLE, tmp_path, count, 2 * trials) for count in chunks)
-    assert many - few < 50 * 2 * trials * (chunks[1] - chunks[0]), (few, many)  # a row has 30 numbers of 8 bytes

@@ -13,8 +13,7 @@ from snakemake_interface_common.exceptions import WorkflowError
 
 import ankleloop
 from ankleloop.pages.rendering import render_table
-from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config_files import check_config_file
+from ankleloop.studies.checking import ConfigError, check_config_file
 
 ROOT = Path(__file__).parents[2]
 
@@ -58,7 +57,7 @@ def test_a_template_in_a_configuration_is_refused(tmp_path):
     path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     with pytest.raises(ConfigError, match=r"line 1: with the key __use_yte__ Snakemake runs Python code"):
         check_config_file(path)
-    command = [sys.executable, "-m", "ankleloop.studies.config_files", path]
+    command = [sys.executable, "-m", "ankleloop.studies.checking", path]
     process = subprocess.run(command, capture_output=True, text=True)
     assert process.returncode == 1
     assert "__use_yte__" in process.stderr

@@ -1,27 +1,32 @@
-"""Variables and attributes of HDF5 files (NetCDF-4 and MATLAB v7.3 among them), MATLAB v5 and classic NetCDF."""
+"""Variables and attributes of HDF5 files (NetCDF-4 and MATLAB v7.3 among them), MATLAB v5, classic NetCDF and FLB."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import io
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
 import scipy.io
 
 from ankleloop.errors import DataError
-from ankleloop.trials.containers import Contents, Variable, as_text, raise_type, take_samples
+from ankleloop.trials.channels import LISTED
+from ankleloop.trials.containers import Contents, Variable, take_samples
+from ankleloop.trials.files import UnreadableError
 
-MOST_OBJECTS = 5_000  # that are visited to list the variables
 NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
+TYPES = {4: "<f4", 2: "<i2", -2: "<u2"}  # of the samples of FLB files, by their format
+LEVELS = 65535  # of format -2, from the lower end of the range to the upper one
 
 
 class Hdf5Contents(Contents):
     """Variables of an HDF5 file.
 
-    Soft links are followed within the file. Samples outside of it (external links, external storage, virtual data
-    sets) are refused: HDF5 puts zeros where such a file is missing.
+    Links are followed within the file. Samples outside of it (external links, external storage, virtual data sets) are
+    refused: HDF5 puts zeros where such a file is missing.
     """
 
     def __init__(self, path: Path, case: int | None = None) -> None:
@@ -34,36 +39,25 @@ class Hdf5Contents(Contents):
         node = self._resolve(name)
         if not isinstance(node, h5py.Dataset) or _is_only_dimension(node):
             return None
-        if node.is_virtual or node.external:
+        if node.is_virtual or node.external or node.file.filename != self._file.filename:
             raise DataError(
                 f"{self.path.name}: the samples of {name} are in other files: copy them into one file, for example by "
                 "h5repack or with MATLAB."
             )
-        attributes = node.attrs
-        kind = as_text(attributes.get("MATLAB_class", ""))
-        # For an empty array MATLAB stores its size instead, which would pass for samples.
-        if node.shape is None or np.any(attributes.get("MATLAB_empty", 0)):
-            return Variable(name, (0,), lambda _: np.empty(0), attributes)
+        return Variable(
+            name, (0,) if node.shape is None else node.shape, lambda part: take_samples(node, part), node.attrs
+        )
 
-        def read(part: slice) -> Any:
-            if kind in ("char", "logical"):  # which MATLAB stores as numbers
-                raise_type(self.path.name, name, kind)
-            return take_samples(node, part)
-
-        return Variable(name, node.shape, read, attributes)
-
-    def names(self) -> Iterator[str]:
+    def names(self) -> Iterable[str]:
         """Full names of the variables; MATLAB's internals, #refs# and #subsystem#, are left out."""
         names: list[str] = []
-        visited = iter(range(MOST_OBJECTS))
 
-        def visit(name: str, node: Any) -> bool | None:
+        def visit(name: str, node: Any) -> None:
             if isinstance(node, h5py.Dataset) and not name.startswith("#") and not _is_only_dimension(node):
                 names.append(name.replace("/", self.separator))
-            return None if next(visited, None) is not None else True
 
         self._file.visititems(visit)
-        yield from names
+        return names
 
     def find_attribute(self, owner: str, name: str) -> Any:
         """Attribute of a variable, a group, or of the file, whose name is empty; None if there is none."""
@@ -72,28 +66,7 @@ class Hdf5Contents(Contents):
 
     def _resolve(self, name: str) -> Any:
         """Object of a full name; None if there is none."""
-        path = name.replace(self.separator, "/")
-        if not path.strip("/"):
-            return self._file
-        link = self._file.get(path, getlink=True)
-        if link is None:
-            return None
-        if isinstance(link, h5py.ExternalLink):
-            raise DataError(
-                f"{self.path.name}: {name} is a link to {link.path} in another file, {link.filename}: read that."
-            )
-        try:
-            node = self._file[path]
-        except KeyError:
-            if not isinstance(link, h5py.SoftLink):
-                raise
-            raise DataError(
-                f"{self.path.name}: {name} is a link to {link.path!r}, which is not in the file: copy the file again, "
-                "or name another variable."
-            ) from None
-        if node.file.filename != self._file.filename:
-            raise DataError(f"{self.path.name}: {name} is in another file, {node.file.filename}: read that.")
-        return node
+        return self._file.get(name.replace(self.separator, "/") or "/")
 
 
 def _is_only_dimension(data: h5py.Dataset) -> bool:
@@ -109,7 +82,7 @@ class MatContents(Contents):
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
-        _check_elements(path)
+        _check_end(path)
         self._top = {name: (tuple(map(int, shape)), kind) for name, shape, kind in scipy.io.whosmat(path, False)}
         self._loaded: dict[str, Any] = {}
 
@@ -120,48 +93,30 @@ class MatContents(Contents):
         if kind == "struct":
             value = self._fields(top).get(name)
             return None if value is None else Variable(name, np.shape(value), lambda _: value)
-        if name not in self._top:
-            return None
-        if kind in ("logical", "sparse"):  # which become numbers, or an object, once they are loaded
-            return Variable(name, shape, lambda _: raise_type(self.path.name, name, kind))
-        return Variable(name, shape, lambda _: self._value(name))
+        return Variable(name, shape, lambda _: self._load(name)) if name in self._top else None
 
     def names(self) -> Iterator[str]:
         """Full names of the variables."""
         for name, (_, kind) in self._top.items():
             yield from self._fields(name) if kind == "struct" else (name,)
 
-    def load(self, names: Sequence[str]) -> None:
-        """Load several variables in one pass over the file."""
-        tops = {name.split(self.separator, 1)[0] for name in names} - {*self._loaded}
-        if tops:
-            self._loaded |= scipy.io.loadmat(self.path, None, False, variable_names=sorted(tops), simplify_cells=True)
-
-    def _value(self, top: str) -> Any:
-        self.load([top])
+    def _load(self, top: str) -> Any:
+        if top not in self._loaded:
+            self._loaded |= scipy.io.loadmat(self.path, None, False, variable_names=[top], simplify_cells=True)
         return self._loaded[top]
 
     def _fields(self, top: str) -> dict[str, Any]:
-        return dict(_flatten_struct({top: self._value(top)}))
+        return dict(_flatten_struct({top: self._load(top)}))
 
 
-def _check_elements(path: Path) -> None:
+def _check_end(path: Path) -> None:
     """Refuse a MATLAB v5 file that ends within a variable: its library leaves out those behind and says nothing."""
-    size = path.stat().st_size
     with open(path, "rb") as file:
-        order = {b"IM": "little", b"MI": "big"}.get(file.read(128)[126:128])
-        if order is None:  # of v4
-            return
-        position = 128
-        while position < size:
-            tag = file.read(8)
-            count = int.from_bytes(tag[4:8], order)  # type: ignore[arg-type]
-            if len(tag) < 8 or position + 8 + count > size:
-                raise DataError(
-                    f"{path.name}: cannot be read as .mat (it ends within the variable at byte {position}): "
-                    "check that the file is whole."
-                )
-            position = file.seek(position + 8 + count)
+        order = {b"IM": "little", b"MI": "big"}.get(file.read(128)[126:])
+        while order and (tag := file.read(8)):  # the others are v4
+            position = file.seek(int.from_bytes(tag[4:], order), 1)  # type: ignore[arg-type]
+            if position > path.stat().st_size:
+                raise UnreadableError("it ends within a variable")
 
 
 def _flatten_struct(struct: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -177,12 +132,7 @@ class ClassicNetcdfContents(Contents):
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
-        with open(path, "rb") as file:
-            if file.read(4) == b"CDF\x05":
-                raise DataError(f"{path.name}: classic NetCDF with 64-bit data: convert it by nccopy -k nc4.")
         self._file = scipy.io.netcdf_file(path, "r", mmap=True, maskandscale=False)
-        if self._file._recs < 0:
-            raise DataError(f"{path.name}: the number of records is not known: it is still written, or damaged.")
 
     def find(self, name: str) -> Variable | None:
         """Variable of a name; None if there is none."""
@@ -191,11 +141,111 @@ class ClassicNetcdfContents(Contents):
             return None
         return Variable(name, found.data.shape, lambda part: take_samples(found.data, part), found._attributes)
 
-    def names(self) -> Iterator[str]:
+    def names(self) -> Iterable[str]:
         """Names of the variables."""
-        yield from self._file.variables
+        return self._file.variables
 
     def find_attribute(self, owner: str, name: str) -> Any:
         """Attribute of a variable, or of the file, whose name is empty; None if there is none."""
         holder = self._file.variables.get(owner) if owner else self._file
         return None if holder is None else holder._attributes.get(name)
+
+
+@dataclass(frozen=True)
+class _Case:
+    """What stands before the samples of a case of an FLB file, and where they begin."""
+
+    names: list[str]  # of the channels, of each realization
+    length: int  # samples of a channel
+    type: str  # of the samples, a key of numpy
+    rate: float  # Hz
+    comment: str
+    ranges: np.ndarray  # lowest and highest value of each channel, shape (2, channels)
+    start: int  # byte at which the samples begin
+
+    def describe(self) -> str:
+        """Channels, duration and comment."""
+        comment = f", {self.comment[:60]!r}" if self.comment else ""
+        return f"{', '.join(self.names)}, {self.length / self.rate:.4g} s at {self.rate:g} Hz{comment}"
+
+
+class FlbContents(Contents):
+    """Channels of one case of an FLB file ("filelb"), a sequence of cases (trials) of named channels of equal length.
+
+    A case begins with its version (2, 3 or 4), the numbers of its dimensions and realizations (not in version 2), and
+    number, length and format of its channels; names, sampling interval, comment and ranges follow, then the samples,
+    channel by channel. All is little endian. Channels of several realizations have its number behind a slash.
+    """
+
+    def __init__(self, path: Path, case: int | None = None) -> None:
+        super().__init__(path)
+        size = path.stat().st_size
+        with open(path, "rb") as file:
+            cases = [_read_case(file, size, 1)]
+            while size - file.tell() >= 4:
+                cases.append(_read_case(file, size, len(cases) + 1))
+        if case is None and len(cases) > 1:
+            listed = "; ".join(f"case {k}: {other.describe()}" for k, other in enumerate(cases[:LISTED], 1))
+            raise DataError(f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.")
+        if (case or 1) > len(cases):
+            raise DataError(f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1.")
+        self._case = cases[(case or 1) - 1]
+
+    def find(self, name: str) -> Variable | None:
+        """Channel of a name; None if there is none."""
+        case = self._case
+        if name not in case.names:
+            return None
+        if case.names.count(name) > 1:
+            raise DataError(f"{self.path.name}: there are several channels {name!r}: give each a name of its own.")
+        samples = np.memmap(self.path, case.type, "r", case.start, (len(case.names), case.length))
+        channel, scale = case.names.index(name), {}
+        if case.type == TYPES[-2]:
+            low, high = case.ranges[:, channel % case.ranges.shape[1]]
+            scale = {"scale_factor": (high - low) / LEVELS, "add_offset": low}
+        return Variable(name, (case.length,), lambda part: samples[channel, part], scale)
+
+    def names(self) -> Iterable[str]:
+        """Names of the channels."""
+        return self._case.names
+
+    def find_attribute(self, owner: str, name: str) -> Any:
+        """The sampling rate, which belongs to the file."""
+        return self._case.rate if (owner, name) == ("", "sampling_rate") else None
+
+
+def _read_case(file: BinaryIO, size: int, number: int) -> _Case:
+    """Read what describes the next case, and go to its end."""
+
+    def read(kind: str, count: int = 1) -> np.ndarray:
+        length = np.dtype(kind).itemsize * count
+        if not 0 <= length <= size - file.tell():
+            raise UnreadableError(f"case {number} is cut off")
+        return np.frombuffer(file.read(length), kind)
+
+    def read_text() -> str:
+        return read("u1", int(read("<i4")[0])).tobytes().decode("latin-1").strip("\0 ")
+
+    version = int(read("<i4")[0])
+    if version not in (2, 3, 4):
+        raise UnreadableError(f"case {number} is of version {version}, and there are 2, 3 and 4")
+    realizations = 1 if version == 2 else int(read("<i4", 2)[1])
+    channels, length, kind = read("<i4", 3).tolist()
+    if kind not in TYPES:
+        raise UnreadableError(f"case {number} has samples of format {kind}, and 4, 2 and -2 are read: convert it")
+    read_text()  # the domain, time
+    interval = float(read("<f4", 2)[0])
+    comment = read_text()
+    names = [read_text() or f"channel {channel + 1}" for channel in range(channels)]
+    ranges = read("<f8", 2 * channels).reshape(2, channels)
+    if not (channels > 0 and length > 0 and realizations > 0 and 0.0 < interval < np.inf):
+        raise UnreadableError(f"case {number} has no samples, or no sampling interval")
+    if realizations > 1:
+        names = [f"{name}/{k}" for k in range(1, realizations + 1) for name in names]
+    start, count = file.tell(), length * len(names) * np.dtype(TYPES[kind]).itemsize
+    if count > size - start:
+        raise UnreadableError(f"case {number} is cut off")
+    file.seek(count, io.SEEK_CUR)
+    rate = 1.0 / interval
+    rate = round(rate) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
+    return _Case(names, length, TYPES[kind], float(rate), comment, ranges, start)

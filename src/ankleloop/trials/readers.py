@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
-from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
+from ankleloop.signals.sampling import (
+    check_same_rate,
+    compute_rate_of_parts,
+    format_samples,
+    parse_rate,
+)
 from ankleloop.trials.channels import TRUE_TORQUES, Channel, check_unit, time_factor
 from ankleloop.trials.containers import RATE, RATE_NAMES, TIME, TIME_NAMES
 from ankleloop.trials.reading_options import ReadingOptions
@@ -19,6 +23,8 @@ from ankleloop.trials.trial import check_shape, new_trial
 
 if TYPE_CHECKING:
     import os
+
+    import numpy as np
 
 LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
 
@@ -84,15 +90,10 @@ def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
     ReadingOptions.check_names("read_trial", mapping)
     options = parse_options(path.name, **mapping)
     channels = read_channels(path, options, extras=TRUE_TORQUES)
-    values = {role: np.ravel(channel.values) for role, channel in channels.items()}
-
-    def measure(factor: float, name: str) -> float:
-        times = values[TIME] if factor == 1.0 else values[TIME] * factor
-        return compute_rate(times, source=path.name, name=name)
-
-    rate = choose_rate(channels, options, measure, source=path.name)
+    rate = choose_rate(channels, options, lambda: [channels[TIME].values], source=path.name)
+    signals = {role: channel.values for role, channel in channels.items() if role not in (TIME, RATE)}
     trial = new_trial(
-        **{role: values[role] * options.factor(role) for role in channels if role not in (TIME, RATE)},
+        **{role: values * options.factor(role) for role, values in signals.items()},
         sampling_rate=rate,
         source=path.name,
         **{f"{role}_variable": channels[role].name for role in (*options.channels, *options.further)},
@@ -116,20 +117,22 @@ def parse_options(source: str, **values: Any) -> ReadingOptions:
 
 
 def choose_rate(
-    channels: Mapping[str, Channel], options: ReadingOptions, measure: Callable[[float, str], float], *, source: str
+    channels: Mapping[str, Channel],
+    options: ReadingOptions,
+    times: Callable[[], Iterable[np.ndarray]],
+    *,
+    source: str,
 ) -> float:
     """Check units and shapes of channels, and choose the sampling rate: the stated one, else that of the times.
 
-    The times, whose rate is measured for a factor that makes seconds of them, must agree.
+    All that the file says of it, and the times, which are read in parts, must agree with a rate of the file.
     """
     for role, channel in channels.items():
         if role not in (TIME, RATE):
             if role not in options.further:
                 check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
             check_shape(channel.shape, channel.name, source=source)
-    stated = options.sampling_rate
-    if stated is None and RATE in channels:
-        stated = parse_rate(channels[RATE].values.item(), source=source)
+    stated = _find_rate(channels, options.sampling_rate, source)
     if TIME not in channels:
         if stated is None:
             raise DataError(
@@ -144,25 +147,24 @@ def choose_rate(
             f"{source}: {time.name} has {format_samples(samples)} but position has {size}: cut both to the same."
         )
     factor = time_factor(time.name, time.unit, source=source)
-    measured = measure(factor or 1.0, time.name)
-    if factor is None:
-        _check_plausible(stated, measured, time.name, source)
-    if stated is None:
-        return measured
-    check_same_rate(stated, measured, source=source, name=time.name)
-    return stated
-
-
-def _check_plausible(stated: float | None, measured: float, name: str, source: str) -> None:
-    """Refuse times in ms or µs, where the file does not state a unit."""
-    for unit, factor in (("ms", 1e3), ("µs", 1e6)):
-        if stated is not None and abs(measured * factor - stated) <= 0.01 * stated:
-            raise DataError(
-                f"{source}: {name} seems to be in {unit}: it runs at {measured:.9g} Hz in s, and the sampling rate is "
-                f"{stated:.9g} Hz: write it in s, or call it time_{unit.replace('µ', 'u')}."
-            )
-    if stated is None and measured < LOWEST_RATE:
+    parts = (part * (factor or 1.0) for part in times())
+    measured = compute_rate_of_parts(parts, samples, source=source, name=time.name)
+    if stated is None and factor is None and measured < LOWEST_RATE:
         raise DataError(
-            f"{source}: {name} runs at {measured:.9g} Hz, too slow for a joint: is it in ms? Then call it time_ms; or "
-            "pass sampling_rate in Hz."
+            f"{source}: {time.name} runs at {measured:.9g} Hz, too slow for a joint: is it in ms? Then call it "
+            "time_ms; or pass sampling_rate in Hz."
         )
+    check_same_rate(stated or measured, measured, source=source, name=time.name)
+    return stated or measured
+
+
+def _find_rate(channels: Mapping[str, Channel], stated: float | None, source: str) -> float | None:
+    """Sampling rate that is stated, or else that of the file; refuses those of a file that contradict it."""
+    if RATE not in channels:
+        return stated
+    rates = [parse_rate(number, source=source) for number in channels[RATE].values]
+    if stated is not None:  # which of several rates is right
+        rates = [min(rates, key=lambda rate: abs(rate - stated))]
+    for rate in rates:
+        check_same_rate(stated or rates[0], rate, source=source, name=channels[RATE].name)
+    return stated or rates[0]

@@ -48,7 +48,7 @@ def run_job(folder, tmp_path, monkeypatch):
         study = read_studies({"studies": {"laboratory": settings}})[1]["laboratory"]
         job = SimpleNamespace(
             params=SimpleNamespace(
-                points=study.mappings(0),
+                points=study.chunks[0],
                 methods=study.analysed_methods,
                 figure=study.settings.figure.model_dump(),
                 settings=study.hashes[0],
@@ -112,7 +112,7 @@ def no_pages(monkeypatch):
 def test_a_killed_process_stops_the_job(run_job, monkeypatch):
     """As where memory was short: that is no result, and says nothing of the recording."""
     monkeypatch.setattr(files, "analyse", fail_on_bad(files.analyse, signal.SIGKILL))
-    message = r"recording bad, .*bad\.nc: the process of the analysis came to no end \(it was killed by SIGKILL\)"
+    message = r"recording bad, .*bad\.nc: the process of the analysis was killed"
     with pytest.raises(SystemExit, match=message):
         run_job("good", "bad", "after")
 

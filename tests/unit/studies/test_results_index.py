@@ -8,7 +8,7 @@ import pytest
 
 from ankleloop.pages.index import render_index
 from ankleloop.paper.ledger import VERDICTS
-from ankleloop.studies.results import collect_results, measure_span, read_run_times
+from ankleloop.studies.results import collect_results, read_run_times
 
 HOSTILE = "<b>&co"
 PROVENANCE = {"version": "1.2.3", "commit": "0123abcd" * 5, "changed": True, "python": "3.11.2", "system": "Linux"}
@@ -39,6 +39,7 @@ def folder(tmp_path):
     ]
     for name in ("laboratory", "clinic"):
         table = pd.DataFrame(rows, columns=columns).assign(condition="rest", trial=None)
+        table = table if name == "laboratory" else table[2:].drop(columns=["label", "recommended"])
         table.to_parquet(results / f"scores/{name}.parquet")
     return results
 
@@ -59,18 +60,8 @@ def test_what_is_there_is_listed(folder):
     assert [figure.name for figure in results.figures[STUDIES["table1"]["title"]]] == ["table1-order"]
     recordings = results.recordings.set_index(["study", "recording"])
     assert recordings.loc[("laboratory", "A1"), "recommended method"] == HOSTILE
-    assert recordings["verdict"].tolist() == ["usable", "refused"] * 2
+    assert recordings["verdict"].tolist() == ["usable", "refused", "refused"]
     assert results.run_times == {}
-
-
-def test_studies_and_recordings_of_one_name_have_links_of_their_own(folder):
-    results = collect(folder)
-    assert results.studies["title"].tolist()[1:] == ["Recordings"] * 2
-    assert results.study_links == ["reports/table1.html", "", ""]
-    assert results.recording_links == ["reports/laboratory/A1.html", "", "reports/clinic/A1.html", ""]
-    page = render_index(results)
-    assert page.count('href="reports/laboratory/A1.html"') == page.count('href="reports/clinic/A1.html"') == 1
-    assert "gone" not in page
 
 
 def test_the_article_of_an_earlier_run_is_left_out(folder):
@@ -98,9 +89,6 @@ def test_the_page_opens_with_what_was_found(folder):
         PROVENANCE["commit"],
         "not committed",
         "3.11.2",
-        "7: table1",
-        "numpy 2.1",
-        "&#34;run&#34;",
     )
     assert [text for text in texts if text not in page] == []
 
@@ -121,12 +109,9 @@ def test_times_of_the_jobs_of_the_run(folder):
     times = read_run_times(folder.parent / "logs", JOBS)
     jobs = [("article", ""), ("identify", "table1"), ("identify", "table1"), ("report", "table1")]
     assert list(zip(times["rule"], times["study"], strict=True)) == jobs
-    first, last, duration = measure_span(times)
-    assert (first.timestamp(), last.timestamp()) == (985.0, 2003.0)
-    assert duration == pytest.approx(20.0 + 5.0 + 3.0)
     results = collect(folder, jobs=JOBS)
     rules = results.run_times["By rule"]
     assert rules["rule"].tolist() == ["identify", "report", "article"]
-    assert rules.iloc[0].tolist() == ["identify", "2", "30.0", "20.0", "27.0", "400"]
-    assert results.run_times["By study"].set_index("study").loc["table1", "sum [s]"] == "35.0"
-    assert results.studies.set_index("study").loc["table1", "time of its jobs [min]"] == "0.58"
+    assert rules.iloc[0].tolist() == ["identify", "2", "30", "20", "27", "400"]
+    assert results.studies.set_index("study").loc["table1", "time of its jobs [min]"] == "0.58333"
+    assert dict(results.provenance)["Jobs"] == "4, from 1970-01-01 00:16 to 1970-01-01 00:33 UTC"
