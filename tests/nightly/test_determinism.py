@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from pyarrow import parquet
 from workflow_runs import STUDY
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -20,7 +21,7 @@ CHUNKS = {
 
 @pytest.fixture(scope="module")
 def tables(repository, snakemake, tmp_path_factory):
-    """Tables of the study, as bytes, for each number of cores and each division into chunks."""
+    """Tables of the study for each number of cores and each division into chunks, which Parquet states by its hash."""
 
     def make(chunks, cores):
         folder = tmp_path_factory.mktemp("run")
@@ -30,7 +31,8 @@ def tables(repository, snakemake, tmp_path_factory):
         path.write_text(yaml.safe_dump(config), encoding="utf-8")
         snakefile = str(repository / "Snakefile")
         snakemake(repository, "--snakefile", snakefile, "--configfile", str(path), "--cores", cores, folder=folder)
-        return {file.name: file.read_bytes() for file in (folder / "results" / "tables").iterdir()}
+        files = (folder / "results" / "tables").iterdir()
+        return {f.name: parquet.read_table(f) if f.suffix == ".parquet" else f.read_bytes() for f in files}
 
     return {name: make(*arguments) for name, arguments in CHUNKS.items()}
 

@@ -71,7 +71,7 @@ def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Record
     unit, remark = stated.get("position_unit"), ""
     if unit is None:
         position = next((v for v in variables if v.name == stated["position"].lstrip("/")), None)
-        unit = find_position_unit(position) if position else None
+        unit = find_position_unit(position.name, position.unit) if position else None
         remark = " (stated by the file)" if unit else " (assumed: --position-unit deg if it is in degrees)"
     try:
         recording = Recording.parse("the options", **stated | {"file": path.name, "position_unit": unit or "rad"})

@@ -17,7 +17,7 @@ import xarray as xr
 from ankleloop.errors import NUMERICAL_ERRORS, DataError, describe_error
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.moesp import MEMBERS, REGRESSION_TOLERANCE, MoespOptions
+from ankleloop.methods.moesp import MoespOptions, subspace_arguments
 from ankleloop.paper.judgement import Mean
 from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.moesp import moesp
@@ -34,79 +34,53 @@ Runs = dict[str, Callable[[], Any]]
 def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
     """Measure time and memory of two methods on some trials, and the ranks that decide on their form."""
     models = {method: MoespOptions.parse(method, **options.get(method, {})) for method in COMPARED}
-    times: dict[str, list[float]] = {method: [] for method in COMPARED}
-    memory: dict[str, list[float]] = {method: [] for method in COMPARED}
+    costs: list[dict[tuple[str, str], float]] = []  # of each trial, by quantity and method
     rows: list[dict[str, Any]] = []
     for number, trial in enumerate(trials):
         try:
             runs, regressors = _prepare_runs(trial, models)
             if not rows:  # the first runs are not timed
-                rows = _count_rows(runs, models["pr-moesp"], regressors["pr-moesp"])
-            seconds = _time_runs(runs)
+                rows = _count_rows(runs, models["pr-moesp"], regressors)
+            cost = {("milliseconds", method): 1e3 * seconds for method, seconds in _time_runs(runs).items()}
         except NUMERICAL_ERRORS as error:
             log.warning("trial %d is left out: %s", number, describe_error(error))
             continue
-        for method, value in seconds.items():
-            times[method].append(1e3 * value)
-        if len(memory[COMPARED[0]]) < MEMORY_TRIALS:
-            for method, run in runs.items():
-                memory[method].append(_peak_memory(run) / 1e6)
-        log.info("measured trial %d", number)
-    if not times[COMPARED[0]]:
+        if len(costs) < MEMORY_TRIALS:
+            cost |= {("megabytes", method): _peak_memory(run) / 1e6 for method, run in runs.items()}
+        costs.append(cost)
+    if not costs:
         raise DataError("there is no trial that both methods identify: see the failures of the study.")
-    for quantity, values in (("milliseconds", times), ("megabytes", memory)):
-        rows += [_summarise(f"{method}_{quantity}", values[method]) for method in COMPARED]
-        rows.append(_summarise_ratio(f"{quantity}_ratio", values))
+    table = pd.DataFrame(costs)
+    for quantity in ("milliseconds", "megabytes"):
+        values = [table[quantity, method].dropna() for method in COMPARED]
+        rows += [_summarise(f"{method}_{quantity}", part) for method, part in zip(COMPARED, values, strict=True)]
+        ratio = _summarise(f"{quantity}_ratio", np.log(values[1] / values[0]))  # its geometric mean
+        rows.append(ratio | {name: float(np.exp(ratio[name])) for name in ("value", "low", "high")})
     return pd.DataFrame(rows)
 
 
-def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> tuple[Runs, dict[str, Regressors]]:
-    """Runs of both methods on a trial, and their regressors."""
+def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> tuple[Runs, Regressors]:
+    """Subspace identification by each method from its regressors, and those of the last one."""
     prepared = prepare(trial)
-    regressors = {
-        method: prepared.regressors(
+    runs: Runs = {}
+    for method, model in models.items():
+        regressors = prepared.regressors(
             delay=model.delay,
             basis=model.basis or "chebyshev",
             degree=model.degree,
             identification_rate=model.identification_rate,
             reference=model.reference,
         )
-        for method, model in models.items()
-    }
-    return {method: partial(_run, method, models[method], regressors[method]) for method in COMPARED}, regressors
+        arguments = subspace_arguments(model, regressors, method)
+        runs[method] = partial(moesp, regressors.inputs, regressors.torque, reference=regressors.reference, **arguments)
+    return runs, regressors
 
 
-def _summarise(quantity: str, values: list[float]) -> dict[str, Any]:
+def _summarise(quantity: str, values: pd.Series) -> dict[str, Any]:
     """Mean over trials with its interval."""
     mean = Mean.of(values)
     low, high = mean.interval()
     return {"quantity": quantity, "value": mean.value, "low": low, "high": high, "n": len(values)}
-
-
-def _summarise_ratio(quantity: str, values: Mapping[str, list[float]]) -> dict[str, Any]:
-    """Geometric mean over trials of the ratio of the second method to the first."""
-    first, second = (np.log(values[method]) for method in COMPARED)
-    row = _summarise(quantity, list(second - first))
-    return row | {name: float(np.exp(row[name])) for name in ("value", "low", "high")}
-
-
-def _run(method: str, options: MoespOptions, regressors: Regressors) -> Any:
-    """Subspace identification by a method, from its regressors."""
-    instruments, projection = MEMBERS[method]
-    return moesp(
-        regressors.inputs,
-        regressors.torque,
-        options.block_rows,
-        options.order,
-        instruments,
-        options.projection or projection,
-        regressors.reference,
-        dynamic=None if options.free_b else regressors.reflex,
-        instrument_rows=options.instrument_rows,
-        instrument_leads=options.instrument_leads,
-        rank_tolerance=options.rank_tolerance,
-        regression_tolerance=REGRESSION_TOLERANCE,
-    )
 
 
 def _time_runs(runs: Runs) -> dict[str, float]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from os import PathLike
 from typing import Any
 
@@ -23,36 +22,27 @@ from ankleloop.paper.sweep_quantities import (
     label_parameter,
 )
 from ankleloop.paper.tables import format_pairs
-from ankleloop.paper.trial_tables import read_trial_table, trial_table_columns
-from ankleloop.plotting.style import method_styles
-from ankleloop.plotting.sweeps import (
-    FAULT_SHARE,
-    MOST_LISTED,
-    SweepAxis,
-    SweepPanel,
-    SweepSeries,
-    lines_figure,
-    maps_figure,
-)
+from ankleloop.paper.trial_tables import read_trial_table
+from ankleloop.plotting.style import MethodStyle, method_styles
+from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.simulation.settings import SimulationSettings
 
 MOST_COLUMNS = 8  # parameters over which lines are drawn
-MOST_SLICES = 4  # combinations of other parameters that have panels of their own
-LINE_BINS = {"bins": 40, "most": 100}  # of lines over a single parameter
 LEAST_SHARE = 0.5  # of the trials of a point that need an estimate for its mean to be ranked
+FAULT_SHARE = 0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked
 QUANTILES = {"low": 0.1, "median": 0.5, "high": 0.9}  # between the outer ones are 80 % of the trials
-TRIAL = ["point", "trial"]
 STATISTICS = ["mean", "sd", "n", "margin", *QUANTILES]
 FAULTS = ["trials", "failures", "warnings"]
+DIFFERENCE = MethodStyle("#222222", "o")
 BANDS = {
     "mean": "bands are 95 % confidence intervals of the mean over the conditions of a value, or over its trials where "
     "it has one condition",
     "trials": "bands hold 80 % of the trials (quantiles 10 to 90 %)",
 }
 MARKS = (
-    f" A ring, or an asterisk behind a number: at least {100 * FAULT_SHARE:g} % of the trials of a mean failed, which "
-    "it leaves out, or came with a warning, which it holds. A cross: no trial has a value."
+    f" A ring, or an asterisk: at least {100 * FAULT_SHARE:g} % of the trials of a mean failed, which it leaves out, "
+    "or came with a warning, which it holds. A cross: no trial has a value."
 )
 EXTREMES = (
     "Points with the best and the worst mean (of an error: by the root mean square over trials), or the lowest and "
@@ -80,15 +70,18 @@ class SweepStudy:
     (['reflex_gain'], 1)
     """
 
-    trials: pd.DataFrame  # a row for each point, method and trial, with the quantities, and whether it failed or warned
+    # A row for each point, method and trial with the quantities, and whether it failed or warned; behind them, as a
+    # method of its own, differences of two methods.
+    trials: pd.DataFrame
     parameters: tuple[SweepAxis, ...]  # parameters with more than one value
     axes: tuple[SweepAxis, ...]  # those that pictures are drawn over
     quantities: list[str]  # that are shown
     absent: list[str]  # quantities that the configuration names and the table does not have
-    methods: Mapping[str, str]  # label of each method of the study
-    settings: Mapping[str, Any]  # fields of `ankleloop.studies.config.SweepSettings`
-    simulation: Mapping[str, Any]  # settings of the simulation that all points share
-    algorithms: Mapping[str, str] = field(default_factory=dict)  # in the registry; by default those of the same name
+    labels: Mapping[str, str]  # of the methods that are shown
+    difference: str  # label of the difference of two methods; empty without one
+    panels: Mapping[tuple[str, bool], SweepPanel]  # by quantity, and whether it is that of the difference
+    styles: Mapping[str, MethodStyle]  # by label
+    band: str  # what bands of lines hold, a key of `BANDS`
 
     @classmethod
     def read(
@@ -101,12 +94,12 @@ class SweepStudy:
         algorithms: Mapping[str, str] | None = None,
     ) -> SweepStudy:
         """Read the table of trials of a study, whose parameters are the columns `varied`."""
-        columns = trial_table_columns(path)
-        wanted = list(settings["quantities"] or default_quantities(columns))
-        quantities = [name for name in wanted if name in FAULT_SHARES or (error_source(name) or name) in columns]
-        needed = {*(settings["methods"] or methods), *(settings["difference"] or ())}
-        trials = read_sweep(path, varied, quantities, simulation)
-        trials = trials[trials["method"].isin(needed)].reset_index(drop=True)
+        table = read_trial_table(path)
+        wanted = list(settings["quantities"] or default_quantities(table.columns))
+        trials = measure_trials(table, varied, wanted, simulation)
+        quantities = [name for name in wanted if trials[name].notna().any()]
+        if not quantities:
+            raise DataError(f"{path}: no method has a value of {', '.join(wanted)}: name other quantities under sweep.")
         points = trials.drop_duplicates("point")
         axes = {
             name: SweepAxis.of(name, label_parameter(name, methods), points[name], CONDITIONS.get(name))
@@ -114,88 +107,86 @@ class SweepStudy:
         }
         parameters = tuple(axis for axis in axes.values() if len(axis.values) > 1)
         drawn = tuple(axes[name] for name in settings["axes"] or ()) or parameters[:MOST_COLUMNS]
-        shown = [name for name in quantities if trials[name].notna().any()]
-        if not shown:
-            raise DataError(f"{path}: no method has a value of {', '.join(wanted)}: name other quantities under sweep.")
-        absent = [name for name in wanted if name not in shown]
-        drawn = drawn or tuple(axes.values())[:1]
-        return cls(trials, parameters, drawn, shown, absent, methods, settings, simulation, algorithms or {})
-
-    @cached_property
-    def series(self) -> list[SweepSeries]:
-        """Methods that are shown; each keeps its style whichever of the others are."""
-        shown = self.settings["methods"] or self.methods
-        styles = method_styles({name: self.algorithms.get(name, name) for name in self.methods})
-        return [SweepSeries(name, label, styles[name]) for name, label in self.methods.items() if name in shown]
-
-    @cached_property
-    def difference(self) -> SweepSeries | None:
-        """The difference of two methods, where it is to be shown."""
-        if not self.settings["difference"]:
-            return None
-        first, second = self.settings["difference"]
-        label = f"{self.methods[first]} − {self.methods[second]}"
-        return SweepSeries(f"{first} − {second}", label, is_difference=True)
-
-    @cached_property
-    def shown_trials(self) -> pd.DataFrame:
-        """Trials of the methods that are shown, and differences of methods behind them."""
-        shown = self.trials[self.trials["method"].isin([item.method for item in self.series])]
-        if not self.settings["difference"]:
-            return shown
-        first, second = self.settings["difference"]
-        paired = [name for name in self.quantities if name not in FAULT_SHARES]
-        return pd.concat([shown, pair_methods(self.trials, first, second, paired)], ignore_index=True)
-
-    @cached_property
-    def panels(self) -> list[SweepPanel]:
-        """Quantities of the methods that are shown and, behind each, of the difference."""
-        varied, panels = {axis.name for axis in self.parameters}, []
-        for name in self.quantities:
-            quantity, marked = SWEEP_QUANTITIES[name], name not in FAULT_SHARES
-            truth = None  # of a parameter that all points share
-            if name in SETTINGS and SETTINGS[name] not in varied:
-                truth = true_values(self.simulation, [name])[name]
-            panels.append(SweepPanel(name, quantity.label, self.series, desired_value(name), truth, marked))
-            if self.difference and marked:
-                label = f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
-                panels.append(SweepPanel(name, label, [self.difference], "zero"))
-        return panels
+        labels = {name: label for name, label in methods.items() if name in (settings["methods"] or methods)}
+        styles = method_styles({name: (algorithms or {}).get(name, name) for name in methods})
+        shown, pair = trials[trials["method"].isin(list(labels))], settings["difference"] or ()
+        difference = " − ".join(methods[name] for name in pair)
+        if pair:
+            paired = [name for name in quantities if name not in FAULT_SHARES]
+            shown = pd.concat([shown, pair_methods(trials, pair[0], pair[1], paired)], ignore_index=True)
+        return cls(
+            shown,
+            parameters,
+            drawn or tuple(axes.values())[:1],
+            quantities,
+            [name for name in wanted if name not in quantities],
+            labels,
+            difference,
+            _list_panels(quantities, [axis.name for axis in parameters], simulation, with_difference=bool(pair)),
+            {label: styles[name] for name, label in labels.items()} | {difference: DIFFERENCE},
+            settings["band"],
+        )
 
     def summarise(self) -> pd.DataFrame:
         """Means over trials of each point and method, as `summarise_sweep`."""
         by = ["point", *(axis.name for axis in self.parameters), "method"]
-        return summarise_sweep(self.shown_trials, by, self.quantities)
+        return summarise_sweep(self.trials, by, self.quantities)
+
+    def label_rows(self, summary: pd.DataFrame) -> pd.DataFrame:
+        """A summary as figures take it: labels of panels and series, and marks; of shares of trials without marks."""
+        series = summary["method"].map(self.labels).fillna(self.difference)
+        is_difference = ~summary["method"].isin(list(self.labels))
+        keys = list(zip(summary["quantity"], is_difference, strict=True))
+        table = summary.assign(
+            series=series, panel=[self.panels[key].label if key in self.panels else "" for key in keys]
+        )
+        table = table[table["panel"] != ""].rename(columns={"mean": "value"})
+        faults, has_marks = table["failures"] + table["warnings"], ~table["quantity"].isin(FAULT_SHARES)
+        failed = has_marks & (table["failures"] == table["trials"])
+        marked = has_marks & (faults > 0) & (faults >= FAULT_SHARE * table["trials"]) & ~failed
+        return table.assign(marked=marked, failed=failed).drop(columns="quantity")
 
 
-def read_sweep(
-    path: str | PathLike[str], varied: Sequence[str], quantities: Sequence[str], simulation: Mapping[str, Any]
+def _list_panels(
+    quantities: Sequence[str], varied: Sequence[str], simulation: Mapping[str, Any], *, with_difference: bool
+) -> dict[tuple[str, bool], SweepPanel]:
+    """Panels of quantities and, behind each, of the difference of two methods."""
+    panels = {}
+    for name in quantities:
+        quantity, truth = SWEEP_QUANTITIES[name], None  # of a parameter that all points share
+        if name in SETTINGS and SETTINGS[name] not in varied:
+            truth = true_values(simulation, [name])[name]
+        panels[name, False] = SweepPanel(name, quantity.label, desired_value(name), truth)
+        if with_difference and name not in FAULT_SHARES:
+            label = f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
+            panels[name, True] = SweepPanel(name, label, "zero")
+    return panels
+
+
+def measure_trials(
+    table: pd.DataFrame, varied: Sequence[str], quantities: Sequence[str], simulation: Mapping[str, Any]
 ) -> pd.DataFrame:
-    """Read what pictures of a sweep need of a table of trials; errors are relative to the truth of each point."""
-    columns = trial_table_columns(path)
-    names = {name: error_source(name) or name for name in quantities if name not in FAULT_SHARES}
-    # Where the points of a sweep have a value of the same name, the estimate has another column.
-    sources = {name: f"{name}_estimated" if f"{name}_estimated" in columns else name for name in names.values()}
-    others = [name for name in ("failure", "warnings", *SETTINGS.values()) if name in columns]
-    wanted = dict.fromkeys([*TRIAL, "method", *varied, *others, *sources.values()])
-    table = read_trial_table(path, columns=list(wanted))
+    """Quantities of each trial of a table; errors are relative to the truth of each point, in per cent."""
     faults = list_faults(table)
-    trials = table[[*TRIAL, *varied, "method"]].assign(failed=faults["failures"], warned=faults["warnings"])
+    trials = table[["point", "trial", *varied, "method"]].assign(failed=faults["failures"], warned=faults["warnings"])
     for name in quantities:
         if name in FAULT_SHARES:
             trials[name] = 100.0 * faults[name]
             continue
-        trials[name] = table[sources[names[name]]].astype(float)
-        if names[name] != name:  # an error [%], which does not exist where the truth is 0
-            setting = SETTINGS[names[name]]
+        source = error_source(name) or name
+        # Where the points of a sweep have a value of the same name, the estimate has another column.
+        values = table.get(f"{source}_estimated", table.get(source, pd.Series(np.nan, table.index))).astype(float)
+        if source != name:  # an error [%] does not exist where the truth is 0
+            setting = SETTINGS[source]
             truth = table.get(setting, pd.Series(simulation.get(setting), table.index)).astype(float)
-            trials[name] = 100.0 * (trials[name] / truth.where(truth != 0) - 1.0)
+            values = 100.0 * (values / truth.where(truth != 0) - 1.0)
+        trials[name] = values
     return trials
 
 
 def pair_methods(trials: pd.DataFrame, first: str, second: str, quantities: Sequence[str]) -> pd.DataFrame:
     """Differences of two methods, trial by trial: both have identified the same record."""
-    own, other = (trials[trials["method"] == method].set_index(TRIAL) for method in (first, second))
+    own, other = (trials[trials["method"] == name].set_index(["point", "trial"]) for name in (first, second))
     other = other.reindex(own.index)
     table = own.assign(method=f"{first} − {second}", **{name: own[name] - other[name] for name in quantities})
     failed, warned = own["failed"] | other["failed"], own["warned"] | other["warned"]
@@ -222,7 +213,7 @@ def summarise_sweep(trials: pd.DataFrame, by: Sequence[str], quantities: Sequenc
 
 
 def summarise_effects(
-    trials: pd.DataFrame, axis: SweepAxis, quantities: Sequence[str], *, most: int = MOST_LISTED, bins: int = 10
+    trials: pd.DataFrame, axis: SweepAxis, quantities: Sequence[str], *, binned: bool = True
 ) -> pd.DataFrame:
     """Means over all trials of the same value of a parameter, or of a bin of values, whatever the others are.
 
@@ -232,9 +223,9 @@ def summarise_effects(
     """
     settings = [name for name in SimulationSettings.model_fields if name in trials]
     condition = _group(trials, settings).ngroup() if settings else 0
-    value = axis.bin(trials[axis.name], most, bins)
-    table = trials.assign(parameter=axis.name, value=value, condition=condition)
-    by = ["parameter", "value", "method"]
+    values = axis.bin(trials[axis.name]) if binned else trials[axis.name]
+    table = trials.assign(parameter=axis.name, setting=values, condition=condition)
+    by = ["parameter", "setting", "method"]
     several = _group(table, by)["condition"].transform("nunique") > 1
     table["unit"] = table["condition"].where(several, table["trial"])
     units = _group(table, [*by, "unit"])[list(quantities)].mean().reset_index().assign(failed=False, warned=False)
@@ -255,28 +246,29 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     """The picture of a sweep with its caption: lines over one axis, maps over two, a matrix of effects over more."""
     if len(sweep.axes) == 2:
         return draw_map(sweep)
-    band, bins = sweep.settings["band"], LINE_BINS if len(sweep.axes) == 1 else {}
-    effects = pd.concat([summarise_effects(sweep.shown_trials, axis, sweep.quantities, **bins) for axis in sweep.axes])
-    if band == "mean":
+    binned = len(sweep.axes) > 1
+    effects = pd.concat([summarise_effects(sweep.trials, axis, sweep.quantities, binned=binned) for axis in sweep.axes])
+    if sweep.band == "mean":
         effects = _add_ends(effects)
     effects.loc[effects["quantity"].isin(FAULT_SHARES), ["low", "high"]] = np.nan  # counts have no band
-    return lines_figure(effects, sweep.axes, sweep.panels), f"{_describe(sweep, sweep.axes)}; {BANDS[band]}.{MARKS}"
+    figure = lines_figure(sweep.label_rows(effects), sweep.axes, list(sweep.panels.values()), sweep.styles)
+    return figure, f"{_describe(sweep, sweep.axes)}; {BANDS[sweep.band]}.{MARKS}"
 
 
 def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
-    """Maps over the first two axes of a sweep; a few values of the other parameters have panels of their own."""
+    """Maps over the first two axes of a sweep; a random design is binned."""
     x, y = sweep.axes[:2]
-    trials = sweep.shown_trials
-    slices = list_slices(trials, [axis for axis in sweep.parameters if axis.name not in (x.name, y.name)])
-    table = trials.assign(x=trials[x.name], y=trials[y.name], slice=trials["point"].map(slices) if slices else "")
-    cells = _add_ends(summarise_sweep(table, ["x", "y", "slice", "method"], sweep.quantities))
-    is_grid = 2 * len(trials[[x.name, y.name]].drop_duplicates()) >= len(x.values) * len(y.values)
-    names = list(dict.fromkeys(slices.values())) or [""]
-    figure = maps_figure(cells, (x, y), sweep.panels, names, is_grid=is_grid)
-    text = _describe(sweep, sweep.parameters if slices else (x, y))
-    truths = [SWEEP_QUANTITIES[panel.quantity].symbol for panel in sweep.panels if panel.truth is not None]
+    trials = sweep.trials
+    if 2 * len(trials[[x.name, y.name]].drop_duplicates()) < len(x.values) * len(y.values):  # no grid
+        trials = trials.assign(**{axis.name: axis.bin(trials[axis.name]) for axis in (x, y)})
+        x, y = (SweepAxis.of(axis.name, axis.label, trials[axis.name], axis.words) for axis in (x, y))
+    table = trials.assign(x=trials[x.name], y=trials[y.name])
+    cells = sweep.label_rows(_add_ends(summarise_sweep(table, ["x", "y", "method"], sweep.quantities)))
+    figure = maps_figure(cells, (x, y), list(sweep.panels.values()))
+    truths = [SWEEP_QUANTITIES[panel.quantity].symbol for panel in sweep.panels.values() if panel.truth is not None]
     white = f" White is the true value of {', '.join(truths)}." if truths else ""
-    return figure, f"{text}. Arrows at the ends of colour bars: some values are beyond them.{white}{MARKS}"
+    text = f"{_describe(sweep, sweep.axes[:2])}. The ends of colour bars stand for all values beyond them."
+    return figure, f"{text}{white}{MARKS}"
 
 
 def _add_ends(table: pd.DataFrame) -> pd.DataFrame:
@@ -284,19 +276,13 @@ def _add_ends(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(low=table["mean"] - table["margin"], high=table["mean"] + table["margin"])
 
 
-def list_slices(trials: pd.DataFrame, others: list[SweepAxis]) -> dict[str, str]:
-    """Slice of each point: the values of the parameters that are not axes of the map, where there are few of them."""
-    points = trials.drop_duplicates("point").set_index("point")
-    words = {point: ", ".join(axis.describe(row[axis.name]) for axis in others) for point, row in points.iterrows()}
-    return words if 1 < len(set(words.values())) <= MOST_SLICES else {}
-
-
 def _describe(sweep: SweepStudy, axes: tuple[SweepAxis, ...]) -> str:
     """What a picture over some parameters shows."""
-    others = [axis.description for axis in sweep.parameters if axis not in axes]
+    names = {axis.name for axis in axes}
+    others = [axis.description for axis in sweep.parameters if axis.name not in names]
     text = f"Means over trials against {', '.join(axis.description for axis in axes)}"
     text += f"; each is over all values of {', '.join(others)}" if others else ""
-    return text + (f"; differences (Δ) are {sweep.difference.label}, trial by trial" if sweep.difference else "")
+    return text + (f"; differences (Δ) are {sweep.difference}, trial by trial" if sweep.difference else "")
 
 
 def describe_design(sweep: SweepStudy) -> str:
@@ -304,36 +290,32 @@ def describe_design(sweep: SweepStudy) -> str:
     points = sweep.trials.drop_duplicates("point")
     settings = [axis.name for axis in sweep.parameters if axis.name in SimulationSettings.model_fields]
     conditions = len(points[settings].drop_duplicates()) if settings else 1
-    own = sweep.trials[sweep.trials["method"].isin([item.method for item in sweep.series])]
-    numbers = own.groupby(["point", "method"], sort=False, observed=True).size()
-    trials = " to ".join(f"{number}" for number in dict.fromkeys([numbers.min(), numbers.max()]))
-    shared = " (points that differ in options of methods alone share their trials)" * (conditions < len(points))
+    own = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
+    trials = own.groupby(["point", "method"], observed=True).size().max()
     absent = ", ".join(SWEEP_QUANTITIES[name].symbol for name in sweep.absent)
     return (
-        f"Varied: {'; '.join(map(_list_values, sweep.parameters)) or 'nothing'}. Points: {len(points):,}; conditions: "
-        f"{conditions:,}{shared}; trials at each point: {trials}. Identifications: {len(own):,}; failed: "
-        f"{own['failed'].sum():,}; with a warning: {own['warned'].sum():,}."
+        f"Varied: {'; '.join(map(_list_values, sweep.parameters)) or 'nothing'}. Points: {len(points):,}; conditions "
+        f"(points that differ in options alone share their trials): {conditions:,}; trials at each point: {trials}. "
+        f"Identifications: {len(own):,}; failed: {own['failed'].sum():,}; with a warning: {own['warned'].sum():,}."
     ) + (f" No method of this study gives {absent}." if absent else "")
 
 
 def _list_values(axis: SweepAxis) -> str:
     """A parameter with its values, or with their limits where there are many."""
-    if axis.ordered and len(axis.values) > 5:
-        scale = ", spaced logarithmically" if axis.kind == "log" else ""
-        limits = f"{axis.texts[0]} to {axis.texts[-1]} {axis.unit}".rstrip()
-        return f"{axis.description} {limits} ({len(axis.values):,} values{scale})"
-    return f"{axis.heading}: {', '.join(axis.texts)}"
+    texts = [axis.format(value) for value in axis.values]
+    if axis.ordered and len(texts) > 5:
+        return f"{axis.heading}: {texts[0]} to {texts[-1]} ({len(texts):,} values)"
+    return f"{axis.heading}: {', '.join(texts)}"
 
 
 def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     """Points with the best and the worst mean of each quantity and method; highest and lowest without a goal."""
     ranked = summary[summary["mean"].notna() & (summary["n"] >= LEAST_SHARE * summary["trials"])]
-    labels = {item.method: item.label for item in sweep.series}
+    groups = dict(list(ranked.groupby(["quantity", "method"], observed=True)))
     rows = []
     for name in sweep.quantities:
-        for method, label in labels.items():
-            part = ranked[(ranked["quantity"] == name) & (ranked["method"] == method)]
-            for rank, index in _rank(part, name):
+        for method, label in sweep.labels.items():
+            for rank, index in _rank(groups.get((name, method), ranked[:0]), name):
                 point = summary.loc[index]
                 row = {"quantity": SWEEP_QUANTITIES[name].label, "method": label, "rank": rank}
                 row |= {axis.heading: axis.format(point[axis.name]) for axis in sweep.parameters}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,17 +17,13 @@ import pyarrow as pa
 from pyarrow import dataset, parquet
 
 from ankleloop.errors import DataError
-from ankleloop.methods.registry import METHODS
-from ankleloop.options import Options
 from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
-from ankleloop.quantities import QUANTITIES, Quantity
-from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.quantities import QUANTITIES
 from ankleloop.trials.files import atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
 
 PathLike = str | os.PathLike[str]
 
-GROUP_ROWS = 20_000  # that are written at a time
 HASH = b"settings"  # key of the hash of the settings that made a file
 REMEDY = "delete it, and run again"
 TYPES = {
@@ -36,20 +32,8 @@ TYPES = {
     **dict.fromkeys(("converged", "stable"), pa.bool_()),
 }  # of columns that hold no floating-point numbers
 FIRST, LAST = ("study", "point"), ("failure", "warnings")
-ENDS = {"_low": "lower end of the 95 % interval of the ", "_high": "upper end of the 95 % interval of the "}
+ENDS = ("_low", "_high")  # of the 95 % interval of a quantity
 ESTIMATED = "_estimated"  # ending of an estimate whose name is that of a parameter of the sweep
-OTHERS = {
-    "study": "study",
-    "point": "point of the study",
-    "method": "name of the method in the study",
-    "trial": "number of the trial at its point",
-    "reference": "signal that served as reference",
-    "intervals": "kind of the intervals",
-    "converged": "whether the iteration converged",
-    "stable": "whether the model is stable",
-    "failure": "why there is no estimate; empty where there is one",
-    "warnings": "warnings that came with the estimate",
-}
 ORDER = {name: rank for rank, name in enumerate([*QUANTITIES, *SWEEP_QUANTITIES])}
 
 
@@ -84,7 +68,7 @@ def join_tables(
     settings: str,
     text: PathLike | None = None,
 ) -> None:
-    """Join the tables of all chunks, each with the hash that it should have; memory does not grow with the study.
+    """Join the tables of all chunks, each with the hash that it should have.
 
     Neither rows nor their order depend on how the trials are divided into chunks.
     """
@@ -92,24 +76,18 @@ def join_tables(
         if read_hash(chunk) != expected:
             raise DataError(f"{chunk}: the table was made with other settings: {REMEDY}.")
     schema = pa.unify_schemas([_read_schema(chunk).remove_metadata() for chunk in chunks])
-    names = _order_columns(schema.names, varied)
-    schema = pa.schema([_describe(schema.field(name), varied) for name in names], metadata={HASH: settings})
-    tables = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_batches(use_threads=False)
-    count, reasons = 0, set()
-    with atomic_file(path, overwrite=True) as partial:
-        with parquet.ParquetWriter(partial, schema, compression="zstd", write_page_checksum=True) as writer:
-            for table in _group_rows(tables):
-                writer.write_table(table)
-                count += len(table)
-                reasons |= set(table["failure"].unique().to_pylist())
-        if count != rows:
-            raise DataError(
-                f"{next(iter(chunks))} …: the tables have {count} of {rows} rows: delete them, and run again."
-            )
-        if None not in reasons:
-            raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
-        if text is not None:
-            write_csv(parquet.read_table(partial).to_pandas(integer_object_nulls=True), text, overwrite=True)
+    schema = pa.schema([schema.field(name) for name in _order_columns(schema.names, varied)])
+    table = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_table(use_threads=False)
+    if len(table) != rows:
+        raise DataError(
+            f"{next(iter(chunks))} …: the tables have {len(table)} of {rows} rows: delete them, and run again."
+        )
+    reasons = set(table["failure"].unique().to_pylist())
+    if None not in reasons:
+        raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
+    save_table(table, path, settings)
+    if text is not None:
+        write_csv(table.to_pandas(integer_object_nulls=True), text, overwrite=True)
 
 
 def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -152,11 +130,6 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
         return table.to_pandas(use_threads=False)
 
 
-def trial_table_columns(path: PathLike) -> list[str]:
-    """Columns of the table of the trials of a study."""
-    return list(_read_schema(path).names)
-
-
 def read_results(path: PathLike) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Trials of a study without the intervals of their VAF, and their VAF by torque; by point, method and trial."""
     table = read_trial_table(path)
@@ -178,43 +151,12 @@ def _read_schema(path: PathLike) -> pa.Schema:
         return parquet.read_schema(path)
 
 
-def _group_rows(batches: Iterable[pa.RecordBatch]) -> Iterator[pa.Table]:
-    """The same rows in groups of equal size, which do not depend on the chunks."""
-    waiting: list[pa.RecordBatch] = []
-    for batch in batches:
-        waiting.append(batch)
-        while sum(map(len, waiting)) >= GROUP_ROWS:
-            rows = pa.Table.from_batches(waiting)
-            yield rows.slice(0, GROUP_ROWS).combine_chunks()
-            waiting = rows.slice(GROUP_ROWS).to_batches()
-    if waiting:
-        yield pa.Table.from_batches(waiting).combine_chunks()
-
-
-def _split_end(name: str) -> tuple[str, str]:
-    """Name of a quantity, and `_low` or `_high` where the column is an end of its interval."""
-    end = next((end for end in ENDS if name.endswith(end)), "")
-    return name.removesuffix(end).removesuffix(ESTIMATED), end
-
-
 def _order_columns(names: Collection[str], varied: Sequence[str]) -> list[str]:
     """Keys, scores, parameters and diagnostics, faults."""
     first = [*FIRST, *varied, "method", "trial"]
 
     def place(name: str) -> tuple[bool, int, str]:
-        return not name.startswith("vaf_"), ORDER.get(_split_end(name)[0], len(ORDER)), name.replace("_low", "_ends")
+        base = name.removesuffix("_low").removesuffix("_high").removesuffix(ESTIMATED)
+        return not name.startswith("vaf_"), ORDER.get(base, len(ORDER)), name.replace("_low", "_ends")
 
     return [*first, *sorted(set(names) - {*first, *LAST}, key=place), *LAST]
-
-
-def _describe(field: pa.Field, varied: Collection[str]) -> pa.Field:
-    """A column with its unit and description."""
-    base, end = _split_end(field.name)
-    quantity = SWEEP_QUANTITIES.get(base) or QUANTITIES.get(base) or Quantity(OTHERS.get(base, base), base, "1")
-    unit, words = quantity.unit, ENDS.get(end, "") + quantity.name
-    if field.name in varied:
-        option = field.name.rpartition(".")[2]
-        models: list[type[Options]] = [SimulationSettings, *(method.options for method in METHODS.values())]
-        model = next(model for model in models if option in model.model_fields)
-        unit, words = model.unit(option), model.model_fields[option].description or option
-    return field.with_metadata({"unit": unit, "description": words})

@@ -4,6 +4,7 @@ import logging
 import os
 import re
 import runpy
+from multiprocessing import get_context
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,8 +19,7 @@ from ankleloop.command_line.main import MISTAKE
 from ankleloop.command_line.reading import map_file
 from ankleloop.command_line.terminal import show_progress
 from ankleloop.recordings.validity import usual_methods
-from ankleloop.studies.config_files import check_config_file
-from ankleloop.studies.recordings import run_in_child
+from ankleloop.studies.checking import check_config_file
 from ankleloop.studies.run_config import read_run
 from ankleloop.studies.study import read_studies
 from ankleloop.trials.files import write_csv
@@ -59,7 +59,7 @@ def test_check_refuses_a_file_that_is_damaged(run, tmp_path):
     (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0" + bytes(300))
     result = run("check", tmp_path / "a.mat")
     assert result.status == 1
-    assert result.err.startswith("error: a.mat: cannot be read as .mat")
+    assert result.err.startswith("error: a.mat: not a readable .mat file")
 
 
 # --- plan
@@ -95,7 +95,7 @@ def run_workflow(path, reading, folder, methods):
     folder.mkdir()
     job = SimpleNamespace(
         params=SimpleNamespace(
-            points=study.mappings(0),
+            points=study.chunks[0],
             methods=study.analysed_methods,
             figure=study.settings.figure.model_dump(),
             settings="",
@@ -185,7 +185,7 @@ def test_identify_several_files(run, trial, tmp_path):
     estimate = load_estimate(tmp_path / "results" / "S1" / "pr-moesp.nc")
     assert estimate.diagnostics["order"] == 3
     assert table.loc["S1", "K"] == pytest.approx(estimate.stiffness["K"])
-    assert "S3.mat: cannot be read as .mat" in table.loc["S3", "reasons"]
+    assert "S3.mat: not a readable .mat file" in table.loc["S3", "reasons"]
     command = f"next: ankleloop identify {tmp_path / 'S2.h5'} --method pr-moesp --option order=3 --output "
     assert f"{command}{tmp_path / 'results'} --torque-sign -1\n" in result.err
     # Nothing is replaced unasked, and nothing is identified before all results that exist are found.
@@ -227,8 +227,10 @@ def test_the_delay_is_given_or_estimated(recording):
 def test_progress_of_another_process(capfd):
     """The analysis runs in a fork: its log shows which method is being fitted."""
     log = logging.getLogger("ankleloop.recordings.analysis")
-    with show_progress(), run_in_child(log.info) as call:
-        call("method %d of %d: %s", 1, 2, "riv")
+    with show_progress():
+        process = get_context("fork").Process(target=log.info, args=("method %d of %d: %s", 1, 2, "riv"))
+        process.start()
+        process.join()
         logging.getLogger("ankleloop.joint").info("nothing for the user")
     assert re.fullmatch(r"method 1 of 2: riv\n", capfd.readouterr().err)
     assert not log.handlers

@@ -2,6 +2,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, sweep_options, write_trials
 
@@ -33,8 +34,8 @@ def sweep(read):
 def test_standard_quantities_and_axes_are_those_of_the_table(sweep):
     assert sweep.quantities == ["vaf_net_true", "vaf_intrinsic_true", "vaf_reflex_true", "K_error", "G_error"]
     assert [axis.name for axis in sweep.axes] == ["reflex_gain", "voluntary"]
-    assert sweep.difference.label == "Refined instrumental variables − PR-MOESP"
-    assert set(sweep.shown_trials["method"]) == {"riv", "moesp", "riv − moesp"}
+    assert sweep.difference == "Refined instrumental variables − PR-MOESP"
+    assert set(sweep.trials["method"]) == {"riv", "moesp", "riv − moesp"}
 
 
 def test_quantities_without_a_value_are_named_and_left_out(read):
@@ -50,10 +51,11 @@ def test_design_is_described_from_the_table(sweep, read):
     text = describe_design(sweep)
     assert "reflex gain [N·m·s/rad]: 5, 10, 20; relative voluntary torque: 0, 0.5" in text
     assert (
-        "Points: 6; conditions: 6; trials at each point: 3. Identifications: 36; failed: 6; with a warning: 0." in text
+        "Points: 6; conditions (points that differ in options alone share their trials): 6; trials at each point: 3. "
+        "Identifications: 36; failed: 6; with a warning: 0." in text
     )
     options = read(make_trials(grid(block_rows=[10, 12])), ["block_rows"])
-    assert "Points: 2; conditions: 1 (points that differ in options" in describe_design(options)
+    assert "share their trials): 1;" in describe_design(options)
 
 
 def test_axes_choose_the_picture(read):
@@ -66,9 +68,22 @@ def test_axes_choose_the_picture(read):
     assert figure.axes[0].get_xlabel() == "relative voluntary torque [1]"
     assert "relative voluntary torque; each is over all values of reflex gain, block rows; bands are" in caption
     figure, caption = draw_map(read(table, varied, quantities=["K"]))
-    titles = [axis.get_title().split("\n")[-1] for axis in figure.axes if axis.get_title()]
-    assert titles == ["block rows 10 samples", "block rows 12 samples"] * 2
-    assert caption.startswith("Means over trials against reflex gain, relative voluntary torque, block rows.")
+    assert [axis.get_title() for axis in figure.axes if axis.get_title()] == list(LABELS.values())
+    assert "relative voluntary torque; each is over all values of block rows." in caption
+
+
+def test_only_a_relevant_share_of_faults_is_marked(sweep):
+    counts = {"trials": [100, 100, 20, 5, 5], "failures": [4, 5, 0, 5, 0], "warnings": [0, 0, 1, 0, 0]}
+    rows = sweep.label_rows(pd.DataFrame(counts).assign(quantity="K_error", method="riv", mean=1.0))
+    assert rows["marked"].tolist() == [False, True, True, False, False]
+    assert rows["failed"].tolist() == [False, False, False, True, False]
+
+
+def test_maps_of_random_designs_are_over_bins(read):
+    rng = np.random.default_rng(1)
+    points = [{"reflex_gain": gain, "voluntary": noise} for gain, noise in rng.uniform(0.1, 9.0, (60, 2))]
+    figure, _ = draw_map(read(make_trials(points, trials=1), ["reflex_gain", "voluntary"], quantities=["K"]))
+    assert figure.axes[0].images[0].get_array().shape == (10, 10)
 
 
 def test_extremes_are_the_ends_of_the_means(sweep):

@@ -2,9 +2,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
-from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, write_trials
+from synthetic_sweep import LABELS, SETTINGS, grid, make_trials
 
-from ankleloop.paper.sweeps import list_slices, pair_methods, read_sweep, summarise_effects, summarise_sweep
+from ankleloop.paper.sweeps import measure_trials, pair_methods, summarise_effects, summarise_sweep
 from ankleloop.plotting.sweeps import SweepAxis
 
 QUANTITIES = ["vaf_net_true", "K_error", "G_error", "failures", "warnings"]
@@ -22,8 +22,8 @@ def table():
 
 
 @pytest.fixture
-def trials(table, tmp_path):
-    return read_sweep(write_trials(tmp_path / "t.parquet", table), VARIED, QUANTITIES, SETTINGS)
+def trials(table):
+    return measure_trials(table, VARIED, QUANTITIES, SETTINGS)
 
 
 def test_errors_are_relative_to_the_truth_of_each_point(trials, table):
@@ -31,9 +31,9 @@ def test_errors_are_relative_to_the_truth_of_each_point(trials, table):
     np.testing.assert_allclose(trials["K_error"], 100 * (table["K"] - 150.0) / 150.0)
 
 
-def test_error_of_a_truth_of_zero_does_not_exist(tmp_path):
+def test_error_of_a_truth_of_zero_does_not_exist():
     table = make_trials(grid(reflex_gain=[0.0, 10.0])).assign(G=1.0)
-    trials = read_sweep(write_trials(tmp_path / "t.parquet", table), ["reflex_gain"], ["G_error", "G"], SETTINGS)
+    trials = measure_trials(table, ["reflex_gain"], ["G_error", "G"], SETTINGS)
     without = table["reflex_gain"] == 0.0
     assert trials.loc[without, "G_error"].isna().all()
     assert trials.loc[~without, "G_error"].notna().all()
@@ -60,9 +60,9 @@ def test_summary_equals_numpy_on_each_group(trials):
         assert row.warnings == int(part["warned"].sum()) == 1
 
 
-def test_empty_values_are_a_group_of_their_own(tmp_path):
+def test_empty_values_are_a_group_of_their_own():
     table = make_trials(grid(snr_db=[10.0, np.nan], closed_loop=[True, False]))
-    trials = read_sweep(write_trials(tmp_path / "t.parquet", table), ["snr_db", "closed_loop"], ["K"], SETTINGS)
+    trials = measure_trials(table, ["snr_db", "closed_loop"], ["K"], SETTINGS)
     summary = summarise_sweep(trials, ["snr_db", "closed_loop", "method"], ["K"])
     assert len(summary) == 8
     assert summary["snr_db"].isna().sum() == 4
@@ -76,10 +76,6 @@ def test_differences_are_those_of_the_same_trial(trials):
     got = pairs.set_index(["point", "trial"])["K_error"].reindex(expected.index)
     pd.testing.assert_series_equal(got, expected)
     assert got.isna().sum() == 3  # one method failed
-
-
-def test_a_pair_failed_where_one_method_did(trials):
-    pairs = pair_methods(trials, "riv", "moesp", ["K_error"])
     assert pairs["failed"].sum() == 3
     assert set(pairs["method"]) == {"riv − moesp"}
     assert not (pairs["failed"] & pairs["warned"]).any()
@@ -90,19 +86,19 @@ def test_effect_has_the_interval_over_conditions(trials):
     effects = summarise_effects(trials, axis, ["vaf_net_true"])
     part = trials[(trials["voluntary"] == 0.5) & (trials["method"] == "moesp")]
     means = part.groupby("reflex_gain")["vaf_net_true"].mean()
-    row = effects[(effects["value"] == 0.5) & (effects["method"] == "moesp")].iloc[0]
+    row = effects[(effects["setting"] == 0.5) & (effects["method"] == "moesp")].iloc[0]
     low, _ = stats.t.interval(0.95, 2, means.mean(), stats.sem(means))
     assert (row["mean"], row["mean"] - row["margin"], row["n"]) == pytest.approx((means.mean(), low, 3))
     assert (row["trials"], row["failures"]) == (12, 3)
 
 
-def test_effect_of_an_option_has_the_interval_over_trials(tmp_path):
+def test_effect_of_an_option_has_the_interval_over_trials():
     table = make_trials(grid(block_rows=[12, 18]), trials=6)
-    trials = read_sweep(write_trials(tmp_path / "t.parquet", table), ["block_rows"], ["K"], SETTINGS)
+    trials = measure_trials(table, ["block_rows"], ["K"], SETTINGS)
     effects = summarise_effects(trials, SweepAxis.of("block_rows", "block rows", [12, 18]), ["K"])
     assert (effects["n"] == 6).all()
     part = table[(table["block_rows"] == 12) & (table["method"] == "riv")]["K"]
-    row = effects[(effects["value"] == 12) & (effects["method"] == "riv")].iloc[0]
+    row = effects[(effects["setting"] == 12) & (effects["method"] == "riv")].iloc[0]
     low, high = stats.t.interval(0.95, 5, part.mean(), stats.sem(part))
     assert (row["mean"] - row["margin"], row["mean"] + row["margin"]) == pytest.approx((low, high))
 
@@ -111,15 +107,7 @@ def test_effects_of_many_values_are_means_over_bins():
     values = np.linspace(0.0, 1.0, 50)
     trials = make_trials([{"voluntary": value} for value in values], trials=1).assign(failed=False, warned=False)
     effects = summarise_effects(trials, SweepAxis.of("voluntary", "v", values), ["K"])
-    assert effects["value"].nunique() == 10
+    assert effects["setting"].nunique() == 10
     assert effects["trials"].sum() == len(trials)
     first = trials[(trials["voluntary"] < 0.1) & (trials["method"] == "riv")]["K"].mean()
-    assert effects[effects["method"] == "riv"].sort_values("value")["mean"].iloc[0] == pytest.approx(first)
-
-
-def test_few_values_of_other_parameters_have_slices(trials):
-    axis = SweepAxis.of("voluntary", "voluntary torque [1]", trials["voluntary"])
-    slices = list_slices(trials, [axis])
-    assert sorted(set(slices.values())) == ["voluntary torque 0", "voluntary torque 0.5"]
-    many = make_trials(grid(voluntary=[0.1 * k for k in range(6)]))
-    assert list_slices(many, [SweepAxis.of("voluntary", "v", many["voluntary"])]) == {}
+    assert effects[effects["method"] == "riv"].sort_values("setting")["mean"].iloc[0] == pytest.approx(first)

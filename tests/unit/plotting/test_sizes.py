@@ -15,7 +15,7 @@ from ankleloop.plotting.panels import Panel, estimates_figure
 from ankleloop.plotting.recordings import recordings_figure, residual_figure, spectra_figure
 from ankleloop.plotting.studies import curves_figure, interval_figure, order_figure, ratio_figure, traces_figure
 from ankleloop.plotting.style import METHOD_STYLES, ONE_COLUMN, STYLE, TWO_COLUMNS, ordinal_styles
-from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, SweepSeries, lines_figure, maps_figure
+from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
 from ankleloop.plotting.trajectories import mean_trajectories_figure, trajectories_figure
 
 SMALLEST = 6.0  # pt
@@ -24,11 +24,7 @@ TRUTHS = {"p": ("K [N·m/rad]", 1.0)}
 METHODS = [f"a method with a name of some length, variant {number}" for number in range(5)]
 LINE = np.linspace(0.1, 1.0, 20)
 AXIS = SweepAxis.of("voluntary", "relative voluntary torque [1]", [0.1, 0.2, 0.4, 0.8])
-SERIES = [SweepSeries(name, name) for name in METHODS[:2]]
-SWEEP = [SweepPanel("vaf", "reflex VAF, true [%]", SERIES, "high")]
-DIFFERENCE = [
-    SweepPanel("vaf", "Δ reflex VAF, true [points]", [SweepSeries("d", "difference", is_difference=True)], "zero")
-]
+SWEEP = [SweepPanel("vaf", "reflex VAF, true [%]", "high"), SweepPanel("vaf", "Δ VAF, true [points]", "zero")]
 
 
 def trials(**columns):
@@ -38,11 +34,11 @@ def trials(**columns):
     return pd.DataFrame(rows)
 
 
-def means(**columns):
-    places = [{"place": place, "x": place, "y": y} for place in AXIS.values for y in AXIS.values]
-    rows = [{**place, "method": item.method, "quantity": "vaf", **columns} for place in places for item in SERIES]
-    values = {"mean": 90.0, "margin": 1.0, "low": 80.0, "high": 95.0, "trials": 3, "failures": 0, "warnings": 1}
-    return pd.DataFrame(rows).assign(**values, parameter="voluntary", value=0.1, slice="")
+def means():
+    table = pd.DataFrame([{"x": x, "y": y, "setting": x} for x in AXIS.values for y in AXIS.values])
+    parts = [table.assign(panel=panel.label, series=name) for panel in SWEEP for name in METHODS[:2]]
+    values = {"value": 90.0, "low": 80.0, "high": 95.0, "marked": True, "failed": False}
+    return pd.concat(parts).assign(**values, parameter="voluntary")
 
 
 def rows_of(**columns):
@@ -91,8 +87,8 @@ FIGURES = {
     "spectra": lambda: spectra_figure(dict.fromkeys(("frequency", "position", "torque", "coherence"), LINE)),
     "residuals": lambda: residual_figure(residuals()),
     "group": group,
-    "lines": lambda: lines_figure(means(), [AXIS], (SWEEP + DIFFERENCE) * 3),
-    "effects": lambda: lines_figure(means(), [AXIS, AXIS], SWEEP),
+    "lines": lambda: lines_figure(means(), [AXIS], SWEEP, ordinal_styles(METHODS)),
+    "effects": lambda: lines_figure(means(), [AXIS, replace(AXIS, name="noise")], SWEEP, ordinal_styles(METHODS)),
     "maps": lambda: maps_figure(means(), (AXIS, replace(AXIS, label="noise [1]")), SWEEP),
     "trajectories": changing,
     "mean trajectories": mean_trajectories,

@@ -14,8 +14,7 @@ from ankleloop.recordings.files import analyse_files
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.recordings.variation import add_course, check_course, describe_variations
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.recording_settings import Recording
-from ankleloop.studies.recording_tables import read_recordings
+from ankleloop.studies.recording_settings import Recording, read_recordings
 
 CHANGE = {"stiffness_variation": 0.4, "gain_variation": 0.4, "load": (0.1, 10.0, 100.0), "voluntary": 0.3}
 METHODS = {
