@@ -142,23 +142,15 @@ def count_held(ledger: pd.DataFrame) -> str:
 def format_ledger(ledger: pd.DataFrame) -> str:
     """The ledger as a page."""
     counts = ledger["verdict"].value_counts()
-    summary = [f"- {counts.get(verdict, 0)} × **{verdict}**: {meaning}" for verdict, meaning in VERDICTS.items()]
-    lines = [
-        "# Verification",
-        "",
-        f"{count_held(ledger)}, under the assumptions that are stated. One rule in code judges all rows (column `how` "
-        "of `verification.csv` says what is compared; the claims are in `data/published`):",
-        "",
-        *summary,
-        "",
-        "± is half of the 95 % confidence interval of the result. The difference is that which decides the verdict, "
-        "with its interval: our result less the published one, or less what column `how` names. It is compared with "
-        "the tolerance.",
-        "",
-        tabulate_ledger(ledger).to_markdown(index=False, disable_numparse=True),
-        "",
-    ]
-    return "\n".join(lines)
+    summary = "\n".join(f"- {counts.get(verdict, 0)} × **{verdict}**: {text}" for verdict, text in VERDICTS.items())
+    table = tabulate_ledger(ledger).to_markdown(index=False, disable_numparse=True)
+    return (
+        f"# Verification\n\n{count_held(ledger)}, under the assumptions that are stated. One rule in code judges all "
+        "rows (column `how` of `verification.csv` says what is compared; the claims are in `data/published`):\n\n"
+        f"{summary}\n\n± is half of the 95 % confidence interval of the result. The difference is that which decides "
+        "the verdict, with its interval: our result less the published one, or less what column `how` names. It is "
+        f"compared with the tolerance.\n\n{table}\n"
+    )
 
 
 def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:

@@ -7,8 +7,8 @@ import pytest
 from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, sweep_options, write_trials
 
 from ankleloop.errors import DataError
-from ankleloop.paper.sweep_quantities import label_parameter
 from ankleloop.paper.sweeps import SweepStudy, describe_design, draw_map, draw_sweep, list_extremes
+from ankleloop.paper.trial_tables import label_parameter
 
 NOTEBOOK = Path(__file__).parents[3] / "notebooks" / "sweep.ipynb"
 POINTS = grid(reflex_gain=[5.0, 10.0, 20.0], voluntary=[0.0, 0.5])
