@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from ankleloop.paper.checks import CLAIM_CHECKS, Compared, Fact
+from ankleloop.paper.checks import CLAIM_CHECKS, Fact
 from ankleloop.paper.evidence import Case, MissingEvidence, StudyResults
 from ankleloop.paper.judgement import (
     AT_TOLERANCE,
@@ -88,20 +88,12 @@ def _table_claim(name: str, number: Mapping[str, Any], labels: Mapping[str, str]
 
 def _check(case: Case) -> dict[str, Any]:
     """Verdict on a claim, with the numbers that it rests on and its reason."""
-    conditions = case.claim["conditions"]
     try:
         result = CLAIM_CHECKS[case.claim["check"]](case)
     except MissingEvidence as missing:
         return {"verdict": OPEN, "reason": str(missing)}
     if isinstance(result, Fact):
         return {"verdict": result.verdict, "ours": result.value, "reason": f"{result.reason}."}
-    outcome = _judge(result)
-    if outcome["verdict"] == REPRODUCED and isinstance(conditions, str):
-        outcome["verdict"] = CONDITIONAL
-    return outcome
-
-
-def _judge(result: Compared) -> dict[str, Any]:
     judgement = judge(result.comparisons)
     ours = result.ours or judgement.decisive.ours
     difference_low, difference_high = judgement.interval
@@ -111,8 +103,9 @@ def _judge(result: Compared) -> dict[str, Any]:
         texts += f" (of {len(result.comparisons)} results the decisive one)"
     reason = f"{result.what}: {texts}" + (f"; {result.remark}" if result.remark else "")
     explanation = judgement.explanation
+    has_condition = judgement.verdict == REPRODUCED and isinstance(case.claim["conditions"], str)
     return {
-        "verdict": judgement.verdict,
+        "verdict": CONDITIONAL if has_condition else judgement.verdict,
         "ours": ours.value,
         "uncertainty": half_interval(ours),
         "difference": judgement.decisive.difference,

@@ -118,13 +118,6 @@ def test_point_whose_estimates_warn_is_never_the_best(read):
     }
 
 
-def test_point_with_few_estimates_is_not_ranked(read):
-    table = make_trials(POINTS, trials=4, fail=lambda row: row["voluntary"] == 0.0 and row["trial"] > 0)
-    table.loc[table["voluntary"] == 0.0, "vaf_net_true"] += 0.5
-    sweep = read(table, ["reflex_gain", "voluntary"], quantities=["vaf_net_true"])
-    assert set(list_extremes(sweep, sweep.summarise())["relative voluntary torque"]) == {"0.5"}
-
-
 def test_options_of_one_method_have_its_name_and_unit():
     assert label_parameter("moesp.block_rows", LABELS) == "block rows of PR-MOESP [samples]"
     assert label_parameter("block_rows", LABELS) == "block rows [samples]"

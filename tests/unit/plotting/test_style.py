@@ -23,14 +23,6 @@ def test_panels_of_one_quantity_share_it_and_label_it_once_in_a_row():
     assert [axis.get_ylabel() for axis in axes] == ["VAF [%]", "", "K [N·m/rad]"]
 
 
-def test_labels_of_shared_axes_stand_at_the_outer_panels():
-    figure, axes = panel_grid(5, 3, 40.0, sharex=True)
-    for axis in axes:
-        axis.set_xlabel("gain [1]")
-    finish(figure)
-    assert [axis.get_xlabel() for axis in axes] == ["", "", "gain [1]", "gain [1]", "gain [1]"]
-
-
 def test_legend_has_each_label_once_and_marks_at_its_end():
     figure, axes = panel_grid(2, 2, 40.0)
     for axis in axes:

@@ -56,15 +56,6 @@ def test_the_table_has_trajectories_bands_excitation_and_truth():
     np.testing.assert_allclose(excitation["value"][:10], 0.001)
 
 
-def test_an_estimate_without_trajectories_is_a_line():
-    constant = SimpleNamespace(
-        method="riv", trajectories=None, diagnostics={}, stiffness={"K": 90.0, "B": 1.0}, reflex={"G": 9.0}
-    )
-    figure = trajectories_figure({"riv-tv": make_estimate(), "riv": constant})
-    line = next(line for line in figure.axes[0].get_lines() if line.get_label() == "riv")
-    assert set(line.get_ydata()) == {90.0}
-
-
 def test_inertia_has_a_panel_where_it_varies():
     constant, varying = make_estimate(), make_estimate()
     constant.stiffness, constant.reflex = {"I": 0.015}, {}
