@@ -26,7 +26,7 @@ def run_jobs(study, folder):
     for chunk, parts in enumerate(study.chunks):
         arguments = study.identification(chunk)
         if settings.keep == "everything":
-            trials = read_trials(trial_files[study.trial_chunk_of(chunk)], arguments["conditions"])
+            trials = read_trials(trial_files[study.trial_chunk_numbers[chunk]], arguments["conditions"])
         else:
             trials = simulate_trials(study.name, precision=settings.precision, **study.simulation(parts))
         files = {"scores": folder / f"scores-{chunk}.parquet"}

@@ -28,6 +28,7 @@ from ankleloop.errors import DataError
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 KINDS = {"int": "a whole number", "float": "a finite number", "bool": "true or false", "string": "text", "str": "text"}
+KINDS |= {"list": "a list in brackets", "dict": "a mapping of keys to values", "model": "a mapping of keys to values"}
 BOUNDS = {"greater_than_equal": "ge", "less_than_equal": "le", "greater_than": "gt", "less_than": "lt"}
 IS_WITHIN = {"ge": operator.ge, "le": operator.le, "gt": operator.gt, "lt": operator.lt}
 PLAIN = (str, bool, int, NoneType, dict, list, tuple)  # types that need no conversion; floats may be whole numbers

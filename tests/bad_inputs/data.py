@@ -1,7 +1,6 @@
 """Records that are valid as files, and cannot carry a conclusion."""
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -9,149 +8,98 @@ import xarray as xr
 from ankleloop import check_trial, identify, new_trial
 from ankleloop.errors import DataError
 from ankleloop.signals.decimation import lowpass
-from bad_inputs.bad_input import BadInput, rows_of
-from bad_inputs.inputs import simulated_trial
+from bad_inputs.bad_input import rows_of
+from bad_inputs.inputs import changed, simulated_trial
 
 DURATION = 30.0  # s
+RATE = 1000.0
 
 
-def warnings_or_refusal(trial: xr.Dataset, method: str = "riv") -> list[str]:
+def warnings_or_refusal(trial: xr.Dataset | list[xr.Dataset], method: str = "riv") -> list[str]:
     """Warnings of an estimate, or the reason why there is none: either tells the user."""
     try:
-        return list(identify(trial, method).diagnostics["warnings"])
+        return identify(trial, method).diagnostics["warnings"]
     except DataError as refusal:
         return [str(refusal)]
 
 
-def reasons_of(trial: xr.Dataset) -> list[str]:
-    """Reasons of the check of a recording."""
-    return check_trial(trial).reasons
-
-
-identified = partial(rows_of(warnings_or_refusal), error=None)
-checked = partial(rows_of(reasons_of), error=None)
-
-
-def record(change: Callable[[dict[str, np.ndarray]], object], **settings):
-    """A simulated record whose channels a function has changed."""
-
-    def make(folder) -> xr.Dataset:
-        trial = simulated_trial(duration=DURATION, **settings)
-        channels = {name: trial[name].values.copy() for name in ("position", "torque", "reference")}
-        change(channels)
-        return new_trial(**channels, sampling_rate=trial.attrs["sampling_rate"])
-
-    return make
-
-
-def signals(position=None, torque=None, seed: int = 0):
-    """A record of signals that have nothing to do with a joint."""
-
-    def make(folder) -> xr.Dataset:
-        time, rng = np.arange(30_000) / 1000.0, np.random.default_rng(seed)
-        return new_trial(position(time, rng), torque(time, rng), 1000.0, position(time, rng))
-
-    return make
-
-
-def _turn(name: str):
-    return lambda channels: channels.update({name: -channels[name]})
-
-
-def _swap(first: str, second: str):
-    return lambda channels: channels.update({first: channels[second], second: channels[first]})
-
-
-def _clip(name: str, share: float):
-    def change(channels) -> None:
-        limit = share * np.abs(channels[name]).max()
-        channels[name] = channels[name].clip(-limit, limit)
-
-    return change
-
-
-def _stop(name: str, start: float):
-    def change(channels) -> None:
-        first = int(start * channels[name].size)
-        channels[name][first:] = channels[name][first]
-
-    return change
-
-
-def _spike(name: str, size: float):
-    def change(channels) -> None:
-        channels[name][15_000] += size * channels[name].std()
-
-    return change
-
-
-def _shuffle(name: str):
-    """A channel of another trial, as a wrong file gives it."""
-
-    def change(channels) -> None:
-        channels[name] = simulated_trial(duration=DURATION, seed=99)[name].values
-
-    return change
-
-
-def _filter_torque(channels) -> None:
-    """The reference is the torque through the low-pass of an amplifier, in other units."""
-    channels["reference"] = 0.005 * lowpass(channels["torque"], 50)
-
-
-def _drift(channels) -> None:
-    channels["torque"] += np.linspace(0.0, 20.0 * channels["torque"].std(), channels["torque"].size)
-
-
-def _sine(frequency: float):
-    return lambda time, rng: 0.02 * np.sin(2 * np.pi * frequency * time)
-
-
-def _rows_of_faults() -> list[BadInput]:
-    return [
-        identified("torque of the wrong sign", record(_turn("torque")), "sign"),
-        identified("position of the wrong sign", record(_turn("position")), "sign"),
-        identified("clipped torque", record(_clip("torque", 0.3)), "range of the torque"),
-        identified(
-            "a torque that is dead in the second half", record(_stop("torque", 0.5)), "keep one value", "segment"
-        ),
-        identified("a spike in the torque", record(_spike("torque", 50.0)), "torque", "15000"),
-        identified("the torque of another trial", record(_shuffle("torque")), "torque"),
-        identified("the reference of another trial", record(_shuffle("reference")), "reference"),
-        identified(
-            "position and reference exchanged",
-            record(_swap("position", "reference")),
-            "the position is ahead of reference",
-            "exchanged",
-        ),
-        identified(
-            "a filter of the torque as reference",
-            record(_filter_torque),
-            "reference is a filter of the torque",
-            "command of the servo",
-        ),
-        checked("a torque that drifts, checked", record(_drift), "drift"),
-        checked("a sine in place of a perturbation, checked", signals(_sine(2.0), _sine(2.5)), "excit"),
-        identified(
-            "merged: the second trial has the wrong sign", _good_and_turned, "trial 2 of 2", "sign", call=_merged
-        ),
-    ]
-
-
-def _good_and_turned(folder) -> list[xr.Dataset]:
-    return [record(lambda channels: None)(folder), record(_turn("torque"))(folder)]
-
-
-def _merged(trials) -> list[str]:
+def warnings_of_merged(trials: list[xr.Dataset]) -> list[str]:
+    """Warnings of the estimate of merged trials."""
     return identify(trials, "pr-moesp")[0].diagnostics["warnings"]
 
 
-ROWS: list[BadInput] = [
-    BadInput(
-        "position and torque swapped",
-        lambda folder: None,
-        lambda _: record(_swap("position", "torque"))(None),
-        ("position moves at",),
-    ),
-    *_rows_of_faults(),
+def record(change: Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]]):
+    """A simulated record, some channels of which a function replaces."""
+
+    def make(folder) -> xr.Dataset:
+        channels = {name: simulated_trial(duration=DURATION)[name].values for name in NAMES}
+        return new_trial(**channels | change(channels), sampling_rate=RATE)
+
+    return make
+
+
+NAMES = ("position", "torque", "reference")
+
+
+def other(name: str) -> np.ndarray:
+    """A channel of another trial, as a wrong file gives it."""
+    return simulated_trial(duration=DURATION, seed=99)[name].values
+
+
+def good_and_turned(folder) -> list[xr.Dataset]:
+    """Two records, the second of which has the torque turned round."""
+    return [record(lambda channels: {})(folder), TURNED(folder)]
+
+
+def sines(folder) -> xr.Dataset:
+    """A record of two sines."""
+    time = np.arange(30_000) / RATE
+    position, torque = (0.02 * np.sin(2 * np.pi * frequency * time) for frequency in (2.0, 2.5))
+    return new_trial(position, torque, RATE, position)
+
+
+def clip(signal: np.ndarray) -> np.ndarray:
+    """A signal that is cut at a third of its range."""
+    return signal.clip(*(0.3 * np.abs(signal).max() * np.array([-1, 1])))
+
+
+def stop(signal: np.ndarray) -> np.ndarray:
+    """A signal whose second half keeps one value."""
+    half = signal.size // 2
+    return np.where(np.arange(signal.size) < half, signal, signal[half])
+
+
+def add_spike(signal: np.ndarray) -> np.ndarray:
+    """A signal with a spike of fifty standard deviations."""
+    return changed(signal, 15_000, signal[15_000] + 50.0 * signal.std())
+
+
+def drift(signal: np.ndarray) -> np.ndarray:
+    """A signal that drifts by twenty standard deviations."""
+    return signal + np.linspace(0.0, 20.0 * signal.std(), signal.size)
+
+
+TURNED = record(lambda x: {"torque": -x["torque"]})
+EXCHANGED = record(lambda x: {"position": x["reference"], "reference": x["position"]})
+# The reference is the torque through the low-pass of an amplifier, in other units.
+FILTERED = record(lambda x: {"reference": 0.005 * lowpass(x["torque"], 50)})
+
+identified = rows_of(warnings_or_refusal, error=None)
+checked = rows_of(lambda trial: check_trial(trial).reasons, error=None)
+made = rows_of(lambda folder: record(lambda x: {"position": x["torque"], "torque": x["position"]})(folder))
+
+ROWS = [
+    made("position and torque swapped", None, "position moves at"),
+    identified("torque of the wrong sign", TURNED, "sign"),
+    identified("position of the wrong sign", record(lambda x: {"position": -x["position"]}), "sign"),
+    identified("clipped torque", record(lambda x: {"torque": clip(x["torque"])}), "range of the torque"),
+    identified("a dead torque", record(lambda x: {"torque": stop(x["torque"])}), "keep one value", "segment"),
+    identified("a spike in the torque", record(lambda x: {"torque": add_spike(x["torque"])}), "torque", "15000"),
+    identified("the torque of another trial", record(lambda x: {"torque": other("torque")}), "torque"),
+    identified("the reference of another trial", record(lambda x: {"reference": other("reference")}), "reference"),
+    identified("position and reference exchanged", EXCHANGED, "the position is ahead of reference", "exchanged"),
+    identified("a filter of the torque", FILTERED, "reference is a filter of the torque", "command of the servo"),
+    identified("one of two turned round", good_and_turned, "trial 2 of 2", "sign", call=warnings_of_merged),
+    checked("a torque that drifts", record(lambda x: {"torque": drift(x["torque"])}), "drift"),
+    checked("a sine in place of a perturbation", sines, "excit"),
 ]

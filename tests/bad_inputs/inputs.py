@@ -28,9 +28,7 @@ Make = Callable[[Path], Any]
 
 def changed(signal: np.ndarray, sample: int, value: float) -> np.ndarray:
     """A copy of a signal with another value at one sample."""
-    copy = signal.copy()
-    copy[sample] = value
-    return copy
+    return np.where(np.arange(signal.size) == sample, value, signal)
 
 
 def short_trial(**changes: Any) -> xr.Dataset:
@@ -74,64 +72,36 @@ def text_file(name: str, text: str | bytes) -> Make:
     return make
 
 
-def csv_text(columns: Mapping[str, Any] | None = None, **changes: Any) -> str:
-    """Text of a table with the columns time, position and torque, and others that replace or follow them."""
-    table = {**SIGNALS, **changes} if columns is None else columns
-    lines = [
-        ",".join(map(str, cells)) for cells in zip(*(map(_cell, column) for column in table.values()), strict=True)
-    ]
-    return "\n".join([",".join(table), *lines]) + "\n"
-
-
-def _cell(value: Any) -> str:
-    return value if isinstance(value, str) else repr(float(value))
+def csv_text(columns: Mapping[str, Any] = SIGNALS) -> str:
+    """Text of a table with these columns."""
+    lines = [",".join(map(str, cells)) for cells in zip(*columns.values(), strict=True)]
+    return "\n".join([",".join(columns), *lines]) + "\n"
 
 
 def csv_file(name: str = "a.csv", **changes: Any) -> Make:
-    """A table of the signals."""
-    return text_file(name, csv_text(**changes))
+    """A table of the signals, some of which are others."""
+    return text_file(name, csv_text({**SIGNALS, **changes}))
 
 
-def mat_file(name: str = "a.mat", **changes: Any) -> Make:
-    """A MATLAB file, v5, of the signals and their rate; None leaves a variable out."""
+def mat_file(**changes: Any) -> Make:
+    """A MATLAB file, v5, of the signals and their rate."""
 
     def make(folder: Path) -> Path:
-        variables = {"position": POSITION, "torque": TORQUE, "fs": RATE, **changes}
-        scipy.io.savemat(folder / name, {key: value for key, value in variables.items() if value is not None})
-        return folder / name
+        scipy.io.savemat(folder / "a.mat", {"position": POSITION, "torque": TORQUE, "fs": RATE, **changes})
+        return folder / "a.mat"
 
     return make
 
 
-def hdf5_file(name: str = "a.h5", change: Callable[[h5py.File], Any] | None = None, **changes: Any) -> Make:
-    """An HDF5 file of the signals and their rate, which a function then changes; None leaves a variable out."""
+def hdf5_file(unit: str = "rad", **changes: Any) -> Make:
+    """An HDF5 file of the signals and their rate, with a unit of the position."""
 
     def make(folder: Path) -> Path:
-        variables = {"position": POSITION, "torque": TORQUE, "fs": RATE, **changes}
-        with h5py.File(folder / name, "w") as file:
-            for key, value in variables.items():
-                if value is not None:
-                    file[key] = value
-            if change is not None:
-                change(file)
-        return folder / name
-
-    return make
-
-
-def netcdf_file(name: str = "a.nc", engine: str = "h5netcdf", encoding: Any = None, **changes: Any) -> Make:
-    """A NetCDF file of the signals over t, in the classic format with the engine "scipy"; tuples have attributes."""
-
-    def make(folder: Path) -> Path:
-        columns = {"position": POSITION, "torque": TORQUE, **changes}
-        variables = {
-            key: ("t", *value) if isinstance(value, tuple) else ("t", value)
-            for key, value in columns.items()
-            if value is not None
-        }
-        data = xr.Dataset(variables, attrs={"sampling_rate": RATE})
-        data.to_netcdf(folder / name, engine=engine, encoding=encoding)
-        return folder / name
+        with h5py.File(folder / "a.h5", "w") as file:
+            for key, value in {"position": POSITION, "torque": TORQUE, "fs": RATE, **changes}.items():
+                file[key] = value
+            file["position"].attrs["units"] = unit
+        return folder / "a.h5"
 
     return make
 
@@ -157,6 +127,6 @@ def spoiled(make: Make, change: Callable[[bytes], bytes]) -> Make:
     return make_spoiled
 
 
-def cut_off(make: Make, share: float = 0.5) -> Make:
-    """A file whose end is missing."""
-    return spoiled(make, lambda content: content[: int(share * len(content))])
+def cut_off(make: Make) -> Make:
+    """A file whose second half is missing."""
+    return spoiled(make, lambda content: content[: len(content) // 2])

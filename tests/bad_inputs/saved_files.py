@@ -1,45 +1,41 @@
-"""Files of this library that are loaded again: trials and estimates."""
+"""Files of this library that are loaded again, and calls that write a file."""
 
 from functools import partial
 from pathlib import Path
 
 import h5py
+import numpy as np
 
-from ankleloop import load_estimate, load_trial, save_estimate
+from ankleloop import LongRecord, identify_file, load_estimate, load_trial, save_estimate, save_trial
+from ankleloop.recordings.files import export_estimate, load_recording
 from ankleloop.trials.trial_files import load_trials, save_trials
-from bad_inputs.bad_input import BadInput, rows_of
+from bad_inputs.bad_input import rows_of
 from bad_inputs.inputs import (
+    changed,
     cut_off,
     fitted_estimate,
-    netcdf_file,
+    hdf5_file,
+    mat_file,
+    missing,
     short_trial,
+    simulated_trial,
     spoiled,
+    text_file,
     trial_file,
 )
 
-row = rows_of(load_trial)
 
-
-def changed_file(make, change):
-    """A NetCDF-4 file that a function has changed through the HDF5 library."""
-
-    def make_changed(folder: Path) -> Path:
-        path = make(folder)
-        with h5py.File(path, "r+") as file:
-            change(file)
-        return path
-
-    return make_changed
-
-
-def estimate_file(name: str = "e.nc"):
+def estimate_file(folder: Path) -> Path:
     """An estimate that save_estimate wrote."""
+    save_estimate(fitted_estimate(), folder / "e.nc")
+    return folder / "e.nc"
 
-    def make(folder: Path) -> Path:
-        save_estimate(fitted_estimate(), folder / name)
-        return folder / name
 
-    return make
+def newer_file(folder: Path) -> Path:
+    """An estimate of a version that is yet to come."""
+    with h5py.File(estimate_file(folder), "r+") as file:
+        file.attrs["format_version"] = 99
+    return folder / "e.nc"
 
 
 def trials_file(folder: Path) -> Path:
@@ -48,72 +44,50 @@ def trials_file(folder: Path) -> Path:
     return folder / "0.nc"
 
 
-def load_all(path: Path) -> None:
-    """Load all trials of a file."""
-    list(load_trials(path))
+def record_file(folder: Path) -> Path:
+    """A record of 20 s."""
+    save_trial(simulated_trial(), folder / "a.nc")
+    return folder / "a.nc"
 
 
-def _remove(name: str):
-    return lambda file: file.__delitem__(name)
+def nan_record(folder: Path) -> Path:
+    """A record with nan in the torque."""
+    signals = {name: simulated_trial()[name].values for name in ("position", "torque", "reference")}
+    return hdf5_file(**signals | {"torque": changed(signals["torque"], 15_000, np.nan)}, fs=1000.0)(folder)
 
 
-def _attribute(name: str, value, group: str = "/"):
-    return lambda file: file[group].attrs.__setitem__(name, value)
-
-
-def _change_in_the_middle(content: bytes) -> bytes:
-    """One bit."""
+def flip_a_bit(content: bytes) -> bytes:
+    """One bit in the middle."""
     middle = len(content) // 2
     return content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
 
 
-def _rows_of_trials() -> list[BadInput]:
-    damaged = "it is damaged, or of another origin"
-    return [
-        row("trial: the file is cut off", cut_off(trial_file()), "a.nc: not a readable NetCDF-4 file", damaged),
-        row(
-            "trial: a sample has changed",
-            spoiled(trial_file(), _change_in_the_middle),
-            "a.nc: not a readable NetCDF-4 file",
-            "its checksum is wrong",
-            "restore it from a copy",
-        ),
-        row("trial: another program's NetCDF", netcdf_file(), "a.nc: there is no coordinate time"),
-    ]
+def identify_onto(path: Path, output: str = "torques.nc") -> None:
+    """Identify a long record, and write its torques."""
+    identify_file(LongRecord(path), path.with_name(output))
 
 
-def _rows_of_trial_files() -> list[BadInput]:
-    load = partial(rows_of(load_all))
-    return [
-        load(
-            "trials: a sample has changed",
-            spoiled(trials_file, _change_in_the_middle),
-            "0.nc: not a readable trial file",
-            "its checksum is wrong",
-            "run again",
-        ),
-    ]
+row = rows_of(load_trial)
+trials = rows_of(lambda path: list(load_trials(path)))
+estimate = rows_of(load_estimate)
+saved = rows_of(lambda path: save_trial(short_trial(), path))
+identified = rows_of(identify_onto)
+onto_itself = partial(identify_onto, output="a.nc")
+exported = rows_of(lambda path: export_estimate(fitted_estimate(), path))
+loaded = rows_of(lambda path: load_recording(path, {"file": path.name, "start": 5.0, "stop": 9.0}))
 
-
-def _rows_of_estimates() -> list[BadInput]:
-    load = rows_of(load_estimate)
-    newer = _attribute("format_version", 99)
-    return [
-        load("estimate: the NetCDF file is cut off", cut_off(estimate_file()), "e.nc: not a readable", "damaged"),
-        load("estimate: a trial", trial_file("e.nc"), "e.nc: no estimate file", "save_estimate"),
-        load(
-            "estimate: written by a newer version",
-            changed_file(estimate_file(), newer),
-            "e.nc: version 99 of the format",
-            "install the newest ankleloop",
-        ),
-        load(
-            "estimate: a field of the model is removed",
-            changed_file(estimate_file(), _remove("model/A")),
-            "e.nc, group model: there is no 'A'",
-            "damaged",
-        ),
-    ]
-
-
-ROWS = [*_rows_of_trials(), *_rows_of_trial_files(), *_rows_of_estimates()]
+ROWS = [
+    row("trial: cut off", cut_off(trial_file()), "a.nc: not a readable NetCDF-4 file", "it is damaged"),
+    row("trial: a sample has changed", spoiled(trial_file(), flip_a_bit), "a.nc", "checksum is wrong", "a copy"),
+    row("trial: an estimate", estimate_file, "e.nc: there is no variable position", "new_trial"),
+    trials("trials: a sample has changed", spoiled(trials_file, flip_a_bit), "0.nc", "checksum is wrong", "run again"),
+    estimate("estimate: cut off", cut_off(estimate_file), "e.nc: not a readable", "damaged"),
+    estimate("estimate: a trial", trial_file("e.nc"), "e.nc: no estimate file", "save_estimate"),
+    estimate("estimate: a newer version", newer_file, "e.nc: version 99 of the format", "install the newest"),
+    saved("a trial over another file", text_file("a.nc", "irreplaceable"), "a.nc", "exists already", "overwrite=True"),
+    saved("a trial into no folder", missing("results/a.nc"), "there is no folder", "make it first"),
+    identified("the record as output", record_file, "a.nc: the file is being read", "another name", call=onto_itself),
+    identified("nan in a long record", nan_record, "a.h5: torque is not finite at sample 15000"),
+    exported("an export with an unknown suffix", missing("e.txt"), "e.txt", ".mat"),
+    loaded("a part without samples", mat_file(), "a.mat: the segment from 5 to 9 s has no samples", "0 to 0.598 s"),
+]

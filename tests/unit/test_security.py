@@ -13,8 +13,7 @@ from snakemake_interface_common.exceptions import WorkflowError
 
 import ankleloop
 from ankleloop.pages.rendering import render_table
-from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config_files import check_config_file
+from ankleloop.studies.checking import ConfigError, check_config_file
 
 ROOT = Path(__file__).parents[2]
 
@@ -77,7 +76,7 @@ def test_a_template_in_disguise_is_seen_before_it_runs(tmp_path, name):
     """The command that SECURITY.md names says so without running it, and Snakemake would run it."""
     mark, path = tmp_path / "mark", tmp_path / name
     path.write_text(TEMPLATES[name].replace("MARK", str(mark)), encoding="utf-8")
-    command = [sys.executable, "-m", "ankleloop.studies.config_files", path]
+    command = [sys.executable, "-m", "ankleloop.studies.checking", path]
     process = subprocess.run(command, capture_output=True, text=True)
     assert process.returncode == 1
     assert "__use_yte__" in process.stderr

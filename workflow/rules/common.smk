@@ -109,7 +109,7 @@ def trial_file_of(wildcards):
     study = study_of(wildcards)
     if study.settings.keep != "everything":
         return []
-    number = study.trial_chunk_of(int(wildcards.chunk))
+    number = study.trial_chunk_numbers[int(wildcards.chunk)]
     return f"results/trials/{study.name}/{number}.nc"
 
 

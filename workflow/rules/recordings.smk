@@ -21,7 +21,7 @@ rule recordings:
         mem_mb=memory,
         runtime=minutes(lambda w: study_of(w).seconds(int(w.chunk))),
     params:
-        points=lambda w: study_of(w).mappings(int(w.chunk)),
+        points=lambda w: study_of(w).chunks[int(w.chunk)],
         methods=lambda w: study_of(w).analysed_methods,
         figure=lambda w: study_of(w).settings.figure.model_dump(),
         settings=lambda w: study_of(w).hashes[int(w.chunk)],

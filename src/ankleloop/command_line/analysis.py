@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args
@@ -12,15 +12,12 @@ from typing import Any, get_args
 import click
 import pandas as pd
 
-from ankleloop.command_line.outputs import check_outputs
-from ankleloop.command_line.terminal import COLOURS, echo, format_table
+from ankleloop.command_line.terminal import COLOURS, echo, refuse_existing
 from ankleloop.methods.registry import METHODS
-from ankleloop.pages.recordings import FIGURES
 from ankleloop.plotting.recordings import recordings_figure
 from ankleloop.plotting.style import save_figure
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.files import SUFFIXES
-from ankleloop.recordings.recommendation import format_with_interval, select_valid_methods
+from ankleloop.recordings.recommendation import format_with_interval
 from ankleloop.recordings.validity import usual_methods
 from ankleloop.studies.checking import ConfigError, check
 from ankleloop.studies.config import RecordingsStudy
@@ -31,7 +28,6 @@ from ankleloop.trials.files import write_csv
 
 COLUMNS = ("vaf_unseen", "K", "B", "I", "G")  # of the tables on the terminal
 TABLE, FIGURE = "recordings.csv", "recordings-figure"  # of several recordings
-REMEDY = "--overwrite replaces results, --output names another folder."
 
 
 def make_study(
@@ -69,70 +65,66 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
         methods[label].get("select", {}).pop(field, None)
 
 
-def identify_recording(study: RecordedStudy, folder: Path, *, overwrite: bool) -> tuple[pd.DataFrame, Path]:
-    """Analyse the recording of a study; its table, and its page beside which all other results are."""
-    name, inputs = study.name, study.points[study.name]["paths"]
-    overwrite = overwrite or _is_refusal(folder / f"{name}-parameters.csv")
-    estimates = [f"{name}/{key}{suffix}" for key in usual_methods(reference=True, changing=True) for suffix in SUFFIXES]
-    outputs = [f"{name}.html", f"{name}-parameters.csv", *estimates, *(f"{name}/figure-{kind}.csv" for kind in FIGURES)]
-    check_outputs(folder, outputs, REMEDY, overwrite=overwrite, inputs=map(Path, inputs))
+def refuse_results(folder: Path, names: Collection[str]) -> None:
+    """Refuse to replace results of recordings, unless they say no more than why a recording is refused."""
+    tables = {f"{name}-parameters.csv": f"{name}.html" for name in names}
+    if len(names) > 1:
+        tables[TABLE] = f"{FIGURE}.png"
+    for table, other in tables.items():
+        try:
+            verdicts = set(pd.read_csv(folder / table, usecols=["verdict"])["verdict"])
+        except (OSError, ValueError):  # there is none, or it is something else
+            verdicts = set()
+        if verdicts != {"refused"}:
+            refuse_existing([folder / other, folder / table])
+
+
+def identify_recording(study: RecordedStudy, folder: Path) -> pd.DataFrame:
+    """Analyse the recording of a study, and write its results into a folder; its table."""
+    (name,) = study.points
     window = study.settings.figure.model_dump(include={"start", "length"})
+    folder.mkdir(parents=True, exist_ok=True)
     # In the same folder, so that what is complete only takes its name there.
     with tempfile.TemporaryDirectory(prefix=".ankleloop-", dir=folder) as temporary:
-        results = Path(temporary)
-        ((_, table, _),) = analyse_recordings(study.mappings(0), study.analysed_methods, results, window)
-        write_csv(table, results / f"{name}-parameters.csv")
-        for output in outputs:
-            if (results / output).exists():
-                (folder / output).parent.mkdir(exist_ok=True)
-                os.replace(results / output, folder / output)
-            else:  # of an earlier run
-                (folder / output).unlink(missing_ok=True)
-    return table, folder / f"{name}.html"
+        ((_, table, _),) = analyse_recordings(study.chunks[0], study.analysed_methods, Path(temporary), window)
+        write_csv(table, Path(temporary, f"{name}-parameters.csv"))
+        for earlier in (folder / name).glob("*"):
+            if earlier.stem in METHODS or earlier.stem.startswith("figure-"):
+                earlier.unlink()
+        for result in filter(Path.is_file, Path(temporary).rglob("*")):
+            target = folder / result.relative_to(temporary)
+            target.parent.mkdir(exist_ok=True)
+            os.replace(result, target)
+    return table
 
 
-def _is_refusal(table: Path) -> bool:
-    """Whether an earlier run could say no more of a recording than why it is refused."""
-    try:
-        return bool(pd.read_csv(table, usecols=["verdict"])["verdict"].eq("refused").all())
-    except (OSError, ValueError):  # there is none, or it is something else
-        return False
-
-
-def show_results(table: pd.DataFrame, page: Path) -> None:
-    """Show the recommendation, the methods side by side, and where the results are."""
-    first, valid = table.iloc[0], select_valid_methods(table)
+def show_results(table: pd.DataFrame, folder: Path) -> None:
+    """Show the recommendation, the methods side by side, and where the results of a recording are."""
+    first, valid = table.iloc[0], table[table["valid"]]
+    name = first["recording"]
+    echo(f"\n{click.style(name, bold=True)}")
     echo(f"{click.style(first['verdict'], fg=COLOURS[first['verdict']])}: {first['recommendation']}")
     if first["verdict"] == "refused":
         echo(first["reasons"])
     if not valid.empty:
-        rows = [(row["label"], "" if row["trusted"] else "warning", row) for _, row in valid.iterrows()]
-        echo(f"\n{_format_parameters('method', rows)}")
-        for _, row in table[~table.index.isin(valid.index)].iterrows():
-            echo(f"not fitted: {row['label']}: {row['warnings']}")
-    echo(f"\npage       {page}\ntable      {page.with_name(f'{page.stem}-parameters.csv')}")
-    if not valid.empty:
-        echo(f"estimates  {page.with_suffix('')}")
-
-
-def _format_parameters(heading: str, rows: Iterable[tuple[str, str, pd.Series]]) -> str:
-    """Lines with a name, parameters with their intervals, and a remark."""
-    cells = [[name, *(format_with_interval(row, column) for column in COLUMNS), text] for name, text, row in rows]
-    return format_table([[heading, *(QUANTITIES[column].label for column in COLUMNS), ""], *cells])
+        rows = [row for _, row in valid.iterrows()]
+        cells = {QUANTITIES[column].label: [format_with_interval(row, column) for row in rows] for column in COLUMNS}
+        cells |= {"": ["" if row["trusted"] else "warning" for row in rows]}
+        echo(f"\n{pd.DataFrame(cells, index=valid['label']).rename_axis(None).to_string()}")
+    for _, row in table[table["verdict"] != "refused"].drop(valid.index).iterrows():
+        echo(f"not fitted: {row['label']}: {row['warnings']}")
+    echo(f"\npage   {folder / name}.html\ntable  {folder / name}-parameters.csv")
 
 
 def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
-    """Write the table and the figure of all recordings, and show what is recommended for each; the path to look at."""
+    """Write the table and the figure of all recordings; the path to look at."""
     table = pd.concat(tables, ignore_index=True)
     write_csv(table, folder / TABLE, overwrite=True)
-    rows = []
-    for part in tables:
-        row = next((row for _, row in part.iterrows() if row["recommended"]), part.iloc[0])
-        rows.append((row["recording"], row["label"] if row["recommended"] else row["verdict"], row))
-    echo(f"{_format_parameters('recording', rows)}\n\ntable   {folder / TABLE}")
-    valid = select_valid_methods(table)
+    echo(f"\ntable of all recordings  {folder / TABLE}")
+    valid = table[table["valid"]]
     if valid.empty:
         return folder / TABLE
-    save_figure(recordings_figure(valid, [name for name in COLUMNS if name in valid]), folder / FIGURE, overwrite=True)
-    echo(f"figure  {folder / FIGURE}.png")
+    figure = recordings_figure(valid, [name for name in COLUMNS if name in valid])
+    save_figure(figure, folder / FIGURE, overwrite=True)
+    echo(f"figure of all recordings {folder / FIGURE}.png")
     return folder / f"{FIGURE}.png"

@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from ankleloop.command_line.check import check_file, show_reading
-from ankleloop.command_line.reading import map_file, reading_options
+from ankleloop.command_line.check import check_file
+from ankleloop.command_line.reading import FILE, map_file, reading_options
 from ankleloop.command_line.terminal import echo, show_error
 from ankleloop.options import check_number
 
@@ -17,8 +17,6 @@ EPILOG = """\b
 Examples:
   ankleloop plan pilot.csv --width K=5%
   ankleloop plan pilot.mat --torque-sign -1 --width K=5% --width G=20%
-
-Exit status: 0 done; 1 the pilot is refused, or no record reaches a width; 2 wrong usage.
 """
 
 
@@ -36,7 +34,7 @@ def _parse_widths(context: click.Context, option: click.Parameter, texts: tuple[
 
 
 @click.command(epilog=EPILOG)
-@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("file", type=FILE)
 @click.option(
     "--width", "widths", multiple=True, required=True, callback=_parse_widths, metavar="NAME=SHARE", help=HELP
 )
@@ -50,9 +48,7 @@ def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
     from ankleloop.experiments.duration import plan_duration
     from ankleloop.methods.registry import identify
 
-    reading = map_file(file, **values)
-    trial, result = check_file(file, reading)
-    show_reading(file, reading, trial)
+    trial, result = check_file(file, map_file(file, **values))
     if trial is None or result.verdict == "refused" or "riv" not in result.methods:
         text = " ".join(result.reasons) or "riv is not valid for this recording: record the command of the servo."
         show_error(text, click.get_current_context().obj)

@@ -1,110 +1,146 @@
-"""`ankleloop study`: a commented configuration for the user's own recordings, or for a sweep."""
+"""`ankleloop study`: a configuration for the user's own recordings, or for a sweep."""
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import click
 
-from ankleloop.command_line.check import check_file, show_reading
-from ankleloop.command_line.outputs import check_outputs
-from ankleloop.command_line.reading import map_file, name_recordings, reading_options
-from ankleloop.command_line.terminal import echo, show_next
+from ankleloop.command_line.check import check_file
+from ankleloop.command_line.reading import FILE, map_file, name_recording, name_recordings, reading_options
+from ankleloop.command_line.terminal import echo, refuse_existing, show_next
+from ankleloop.options import suggest_name
 
+ALWAYS = {"position", "torque", "reference", "position_unit", "sampling_rate", "torque_sign"}
+FACTORS = (0.5, 1.0, 2.0)  # of the default, for the values of a sweep
+HEADER = """\
+# Written by `ankleloop study`. Look through it, then run it in the folder of the repository:
+#   snakemake --cores 2 --configfile {file}
+# The results begin at results/reports/{name}.html. config/README.md describes every key."""
 EPILOG = """\b
 Examples:
   ankleloop study my-recordings.yaml S1.mat S2.mat
   ankleloop study my-recordings.yaml data/*.csv --position-unit deg --subject S1
   ankleloop study my-sweep.yaml --sweep reflex_gain --sweep voluntary
-
-\b
-Then look through the file, and run it in the folder of the repository:
-  snakemake --cores 2 --configfile my-recordings.yaml
-
-Exit status: 0 done; 1 a file cannot be read; 2 wrong usage.
 """
 
 
 @click.command(epilog=EPILOG)
 @click.argument("new", metavar="NEW.yaml", type=click.Path(dir_okay=False, path_type=Path))
-@click.argument("files", nargs=-1, metavar="[FILE]...", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("files", nargs=-1, metavar="[FILE]...", type=FILE)
 @click.option("--sweep", "varied", multiple=True, metavar="SETTING", help="Setting of the simulation that varies.")
 @click.option("--overwrite", is_flag=True, help="Replace the file NEW.yaml.")
 @reading_options
 def study(new: Path, files: tuple[Path, ...], varied: tuple[str, ...], overwrite: bool, **values: Any) -> int:
-    """Write a commented configuration of a study, for the workflow.
+    """Write a configuration of a study, for the workflow.
 
     With FILEs it is a study of these recordings: each file is read and checked, and the configuration has its names,
-    units and signs, with a remark where they follow from the file. With --sweep it is a sweep over settings of the
+    units and signs, and in comments what the check has found. With --sweep it is a sweep over settings of the
     simulation. Options for reading concern all files.
     """
+    import yaml
+
+    from ankleloop.studies.checking import ConfigError
+    from ankleloop.studies.run_config import read_run
+    from ankleloop.trials.files import atomic_file
+
     if bool(files) == bool(varied):
         raise click.UsageError("name either the files of recordings, or settings by --sweep.")
     if new.suffix not in (".yaml", ".yml"):
         raise click.UsageError(f"{new}: the name of a configuration ends in .yaml.")
-    check_outputs(
-        new.parent, [new.name], "Write to another name; --overwrite replaces it.", overwrite=overwrite, inputs=files
-    )
-    text = _describe_recordings(new, files, values) if files else _describe_sweep(new, varied)
-    _write(new, text, files, overwrite=overwrite)
+    if not overwrite:
+        refuse_existing([new])
+    # The only study of a file has the name of the file, so that no other study has its results.
+    name = name_recording(new).replace(".", "-")
+    settings, remarks = _describe_recordings(files, values) if files else (_describe_sweep(varied), [])
+    config = {"run": [name], "article": [], "studies": {name: settings}}
+    try:
+        read_run(config, [])
+    except ConfigError as error:
+        raise click.UsageError(str(error)) from None
+    lines = [textwrap.fill(remark, 120, initial_indent="# ", subsequent_indent="#   ") for remark in remarks]
+    plain = json.loads(json.dumps(config))  # what stands twice is no alias then
+    text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, width=120)
+    with atomic_file(new, overwrite=overwrite, inputs=files) as partial:
+        partial.write_text("\n".join([HEADER.format(file=new.name, name=name), *lines, text]), encoding="utf-8")
     echo(f"\n{new} is written.")
-    show_next(
-        f"look through {new}, then, in the folder of the repository: "
-        + shlex.join(["snakemake", "--cores", "2", "--configfile", str(new.absolute())])
-    )
+    command = shlex.join(["snakemake", "--cores", "2", "--configfile", str(new.absolute())])
+    show_next(f"look through {new}, then, in the folder of the repository: {command}")
     return 0
 
 
-def _describe_recordings(new: Path, files: Sequence[Path], values: dict[str, Any]) -> str:
-    """Text of a study of recordings, each of which is read and checked."""
-    from ankleloop.command_line.study_texts import RecordedFile, recordings_text
+def _describe_recordings(files: Sequence[Path], values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Settings of a study of recordings, each of which is read and checked, and what was found."""
+    from ankleloop.recordings.validity import usual_methods
 
     folder = Path(os.path.commonpath([file.absolute().parent for file in files]))
-    recorded: dict[str, RecordedFile] = {}
+    recordings, described, remarks = [], {}, []
     for name, file in name_recordings(files).items():
-        reading = map_file(file, **values)
-        trial, check = check_file(file, reading)
-        show_reading(file, reading, trial)
-        relative = file.absolute().relative_to(folder).as_posix()
-        is_turned = values.get("torque_sign") is None and any(
-            finding.name == "sign of the torque" and finding.verdict == "refused" for finding in check.findings
-        )
-        if is_turned:
-            echo("  torque_sign is -1 in the configuration: as the file has it, the torque does not oppose stretch.")
-        recorded[name] = RecordedFile(relative, reading, trial, check, is_turned=is_turned)
-    return recordings_text(new, folder, recorded)
+        recording = map_file(file, **values)
+        _, check = check_file(file, recording)
+        if values.get("torque_sign") is None and "torque_sign: -1" in " ".join(check.reasons):
+            recording = recording.model_copy(update={"torque_sign": -1})
+            remarks.append(f"{name}: torque_sign is -1: as the file has it, the torque does not oppose stretch.")
+            echo(remarks[-1])
+            _, check = check_file(file, recording)
+        remarks += [f"{name}: {f.verdict}, {f.name}: {f.text}" for f in check.findings if f.verdict != "ok"]
+        recordings.append(recording)
+        described[name] = {
+            "file": file.absolute().relative_to(folder).as_posix(),
+            **recording.model_dump(mode="json", include=ALWAYS),
+            **recording.model_dump(mode="json", exclude_defaults=True, exclude={"file"}),
+        }
+    changing = any(recording.changes for recording in recordings)
+    methods: dict[str, Any] = {}
+    for has_reference in sorted({recording.reference is not None for recording in recordings}, reverse=True):
+        for key, method in usual_methods(reference=has_reference, changing=changing).items():
+            stated = {name: value for name, value in method.items() if value}
+            if methods.setdefault(key, stated) != stated:
+                methods[f"{key}-no-reference"] = stated | {"label": f"{method['label']} (no reference)"}
+    settings = {"kind": "recordings", "title": "Recordings", "folder": str(folder).replace("$", "$$")}
+    return {**settings, "files": described, "methods": methods}, remarks
 
 
-def _describe_sweep(new: Path, varied: Sequence[str]) -> str:
-    from ankleloop.command_line.study_texts import sweep_text
-    from ankleloop.options import suggest_name
+def _describe_sweep(varied: Sequence[str]) -> dict[str, Any]:
+    """Settings of a sweep."""
+    is_varying = any(name.endswith("_variation") for name in varied)  # K, B and G vary with something then
+    return {
+        "kind": "simulation",
+        "notebook": "sweep",
+        "title": "Sweep over " + " and ".join(varied).replace("_", " "),
+        "trials": 5,
+        "seed": 1,
+        "keep": "scores",
+        "points": {name: _propose_values(name) for name in varied},
+        "simulation": {"duration": 20.0} | ({"variation": "cycle"} if is_varying else {}),
+        "methods": {
+            "riv": {"label": "Refined instrumental variables", "method": "riv"},
+            "pr-moesp": {"label": "PR-MOESP", "method": "pr-moesp"},
+        },
+    }
+
+
+def _propose_values(name: str) -> list[Any]:
+    """Values of a setting about its default."""
     from ankleloop.simulation.settings import SimulationSettings
 
-    for name in varied:
-        if name not in SimulationSettings.model_fields:
-            known = ", ".join(SimulationSettings.model_fields)
-            close = suggest_name(name, SimulationSettings.model_fields)
-            raise click.UsageError(f"--sweep: there is no setting {name!r}{close}; there are {known}.")
-    return sweep_text(new, list(dict.fromkeys(varied)))
-
-
-def _write(new: Path, text: str, files: Sequence[Path], *, overwrite: bool) -> None:
-    """Write a configuration that the workflow accepts."""
-    import yaml
-
-    from ankleloop.studies.checking import ConfigError
-    from ankleloop.studies.config_files import check_config_file
-    from ankleloop.studies.run_config import read_run
-    from ankleloop.trials.files import atomic_file
-
-    with atomic_file(new, overwrite=overwrite, inputs=files) as partial:
-        partial.write_text(text, encoding="utf-8")
-        try:
-            check_config_file(partial)
-            read_run(yaml.safe_load(text), [partial])
-        except ConfigError as error:
-            raise click.UsageError(str(error).replace(partial.name, new.name)) from None
+    fields = SimulationSettings.model_fields
+    if name not in fields:
+        known = ", ".join(fields)
+        raise click.UsageError(f"--sweep: there is no setting {name!r}{suggest_name(name, fields)}; there are {known}.")
+    default = fields[name].get_default()
+    kinds = (fields[name].annotation, *get_args(fields[name].annotation))
+    choices = [value for kind in kinds if get_origin(kind) is Literal for value in get_args(kind)]
+    if isinstance(default, bool):
+        return [True, False]
+    if choices or default == 0.0:
+        return choices or [0.0, 0.1]
+    if default is None:
+        raise click.UsageError(f"--sweep: {name} has no default to vary: write its values into the file of a sweep.")
+    return [factor * default for factor in FACTORS]

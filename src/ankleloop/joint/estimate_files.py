@@ -23,7 +23,7 @@ from ankleloop.joint.time_varying_course import read_trajectories
 from ankleloop.options import check_flag, check_path, show_value
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.sampling import check_same_rate, compute_rate
-from ankleloop.trials.files import atomic_file, check_readable, parse_precision
+from ankleloop.trials.files import atomic_file, check_readable
 from ankleloop.trials.group_files import Fields, read_groups, write_groups
 from ankleloop.trials.reading_process import name_errors
 
@@ -199,7 +199,7 @@ class EstimateTable:
     """
 
     def __init__(self, precision: str = "double", folder: PathLike | None = None) -> None:
-        torque = pa.list_(pa.from_numpy_dtype(np.dtype(parse_precision(precision))))
+        torque = pa.list_(pa.from_numpy_dtype(np.dtype(precision)))
         self._schema = pa.schema(
             {
                 **dict.fromkeys(("point", "name", "method", "diagnostics", *COLUMNS.values()), pa.string()),

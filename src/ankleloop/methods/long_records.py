@@ -23,7 +23,7 @@ from ankleloop.options import Options, check_path, option
 from ankleloop.signals.decimation import differentiate, differentiation_margin
 from ankleloop.signals.statespace import simulate_states
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
-from ankleloop.trials.files import Sink, atomic_netcdf, check_output
+from ankleloop.trials.files import atomic_netcdf, check_output
 from ankleloop.trials.long_record import LongRecord
 
 if TYPE_CHECKING:
@@ -118,9 +118,9 @@ def identify_file(
     chunks.fit_basis()
     beginning = chunks.regressors(0, min(SEPARATION_SAMPLES, chunks.grid.samples))
     model = moesp_chunks(chunks.signals, **subspace_arguments(chosen, beginning, method))
-    with atomic_netcdf(output, overwrite=reading.overwrite, inputs=[record.path]) as (file, sink):
+    with atomic_netcdf(output, overwrite=reading.overwrite, inputs=[record.path]) as file:
         file.attrs.update({"method": method, "identification_rate": beginning.rate, "source": record.path.name})
-        vaf = chunks.write_torques(model, file, sink)
+        vaf = chunks.write_torques(model, file)
     # An index of the time would take it, and several times its size, into memory.
     torque = xr.open_dataset(output, engine="h5netcdf", decode_times=False, create_default_indexes=False)
     path = separate_reflex(model, [beginning])
@@ -207,7 +207,7 @@ class _Chunks:
             yield part.inputs, torque, None if part.reference is None else part.reference[:, None]
         self.passes += 1
 
-    def write_torques(self, estimate: SubspaceEstimate, file: h5netcdf.File, sink: Sink) -> float:
+    def write_torques(self, estimate: SubspaceEstimate, file: h5netcdf.File) -> float:
         """Last pass: torques of the model, a chunk at a time; returns the VAF of the net torque [%]."""
         count, empty = self.grid.samples, np.empty(0)
         file.dimensions = {"time": count}
@@ -227,7 +227,6 @@ class _Chunks:
             torques = {"time": part.time, "net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
             for name, values in torques.items():
                 file.variables[name][start:stop] = values
-            sink.check()
             measured = part.torque - torque_mean
             error = measured - torques["net"]
             energy, residual, total = energy + measured @ measured, residual + error @ error, total + reflex.sum()

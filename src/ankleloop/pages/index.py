@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
@@ -75,7 +75,6 @@ class Results:
     recording_links: Sequence[str]  # page of each recording; empty where it has none
     run_times: Mapping[str, pd.DataFrame]  # by their headings
     provenance: Sequence[tuple[str, str]]  # terms and texts
-    details: Mapping[str, str] = field(default_factory=dict)  # long texts by their headings, such as the configuration
 
 
 def render_index(results: Results, ledger: pd.DataFrame | None = None, conclusions: Conclusions | None = None) -> str:

@@ -135,9 +135,8 @@ def check_trial(trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | Prepar
         for part in prepared:
             records.append(part.regressors(delay=delay, basis="rectifier", identification_rate=rate, reference=name))
     except DataError as error:
-        findings = [Finding("signals", "ok", "")] * len(prepared)
-        findings[len(records)] = Finding("signals", "refused", str(error))
-        return Check([length, merge_findings(findings)], "undecided", {})
+        place = f"trial {len(records) + 1} of {len(prepared)}: " if len(prepared) > 1 else ""
+        return Check([length, Finding("signals", "refused", f"{place}{error}")], "undecided", {})
     signals = [check_signals(part, record.grid, delay) for part, record in zip(prepared, records, strict=True)]
     usable, strength = check_instrument(prepared, records, delay)
     loop, feedback = check_loop(records, usable)

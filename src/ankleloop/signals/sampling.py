@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from ankleloop.errors import DataError
 from ankleloop.options import describe_limits, show_value
 
-MOST_STEPS = 20_000_000  # whose median is computed
 LOWEST_RATE, HIGHEST_RATE = 0.001, 1e9  # Hz
 RATE_TOLERANCE = 1e-3  # two statements of one sampling rate may differ by this fraction
 
@@ -35,67 +34,42 @@ def compute_rate(time: np.ndarray, *, source: str, name: str = "time") -> float:
 
     Shapes: time (N,).
     """
-    if time.size < 2:
-        raise DataError(f"{source}: {name} has {time.size} sample: a trial needs at least 2.")
-    return compute_rate_of_parts(lambda: [time], time.size, (time[0], time[-1]), source=source, name=name)
+    return compute_rate_of_parts([time], time.size, source=source, name=name)
 
 
-def compute_rate_of_parts(
-    parts: Callable[[], Iterable[np.ndarray]],
-    size: int,
-    ends: tuple[float, float],
-    *,
-    source: str,
-    name: str = "time",
-) -> float:
-    """Compute the sampling rate of regular times that are read in parts: the same rate, and the same faults."""
-    mean = (ends[1] - ends[0]) / (size - 1)
-    faults, first, deviation = 0, -1, 0.0
-    for start, times, steps in _generate_steps(parts()):
-        bad = np.flatnonzero(~np.isfinite(times))
-        first = start + int(bad[0]) if bad.size and not faults else first
-        faults += bad.size
-        if not faults:
-            deviation = max(deviation, float(np.max(np.abs(steps - mean), initial=0.0)))
-    if faults:
-        raise DataError(
-            f"{source}: {name} is not finite at sample {first} ({format_samples(faults)} in all): repair it."
-        )
+def compute_rate_of_parts(parts: Iterable[np.ndarray], size: int, *, source: str, name: str = "time") -> float:
+    """Compute the sampling rate of regular times that are read in parts, of which the first has several samples."""
+    if size < 2:
+        raise DataError(f"{source}: {name} has {size} sample: a trial needs at least 2.")
     # Times in single precision are off by up to N·eps steps; half a step or more is a fault all the same.
     tolerance = min(0.01 + float(np.finfo(np.float32).eps) * size, 0.5)
-    # If all steps are close to their mean, they are close to the median, too.
-    if not (mean > 0 and deviation < 0.49 * tolerance * mean):
-        _check_steps(parts, size, tolerance, source, name)
-    # Nine digits hide the rounding of times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001.
-    return float(f"{1.0 / mean:.9g}")
-
-
-def _generate_steps(parts: Iterable[np.ndarray]) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """Number of the first sample of each part, its times, and its steps with that from the part before."""
-    start, last = 0, np.empty(0)
+    start, first, last, usual = 0, 0.0, np.empty(0), 0.0
+    missing, irregular, sample, fault = 0, 0, 0, ""
     for times in parts:
-        yield start, times, np.diff(times, prepend=last)
-        start, last = start + times.size, times[-1:].copy() if times.size else last
-
-
-def _check_steps(
-    parts: Callable[[], Iterable[np.ndarray]], size: int, tolerance: float, source: str, name: str
-) -> None:
-    """Refuse times of which a step differs from their median by more than a tolerance."""
-    stride = -(-size // MOST_STEPS)
-    median = float(np.median(np.concatenate([steps[::stride] for _, _, steps in _generate_steps(parts())])))
-    faults, first = 0, ""
-    for start, times, steps in _generate_steps(parts()):
-        bad = np.flatnonzero((np.abs(steps - median) > tolerance * abs(median)) | (steps <= 0))
-        if bad.size and not faults:
+        with np.errstate(all="ignore"):  # of what is refused
+            steps = np.diff(times, prepend=last)
+            if not start:
+                first, usual = times[0], float(np.median(steps))
+            bad = np.flatnonzero(~(np.abs(steps - usual) <= tolerance * abs(usual)) | (steps <= 0))
+        lost = np.flatnonzero(~np.isfinite(times))
+        if lost.size and not missing:
+            sample = start + int(lost[0])
+        if bad.size and not irregular:
             k = int(bad[0]) + times.size - steps.size
-            first = f"sample {start + k} ({times[k]:g} s): it steps by {steps[bad[0]]:g} s"
-        faults += bad.size
-    if faults:
+            fault = f"sample {start + k} ({times[k]:g} s): it steps by {steps[bad[0]]:g} s"
+        missing, irregular = missing + lost.size, irregular + bad.size
+        start, last = start + times.size, times[-1:].copy()
+    if missing:
         raise DataError(
-            f"{source}: {name} is irregular at {first} where {median:g} s is usual ({format_samples(faults)} in all): "
-            "cut the trial there or resample it; if the times are only rounded, write them with more digits."
+            f"{source}: {name} is not finite at sample {sample} ({format_samples(missing)} in all): repair it."
         )
+    if irregular:
+        raise DataError(
+            f"{source}: {name} is irregular at {fault} where {usual:g} s is usual ({format_samples(irregular)} in "
+            "all): cut the trial there or resample it; if the times are only rounded, write them with more digits."
+        )
+    # Nine digits hide the rounding of times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001.
+    return float(f"{1.0 / ((last[0] - first) / (size - 1)):.9g}")
 
 
 def check_same_rate(stated_rate: float, measured_rate: float, *, source: str, name: str = "time") -> None:

@@ -25,13 +25,12 @@ from pydantic import (
 
 from ankleloop.methods.registry import METHODS
 from ankleloop.methods.selection import check_selection
-from ankleloop.options import Options, option, show_value, suggest_name
+from ankleloop.options import Options, option, suggest_name
 from ankleloop.paper.trial_tables import SWEEP_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import check_cases
 from ankleloop.studies.points import SETTINGS, Design, PointTable, ValueRange
-from ankleloop.studies.recording_settings import Recording
-from ankleloop.studies.recording_tables import MAX_NAME, RECORDING_NAME
+from ankleloop.studies.recording_settings import MAX_NAME, RECORDING_NAME, Recording
 
 SCHEMA = Path("workflow/schemas/config.schema.json")
 # Figures that each notebook draws beside its page and its table; what each needs is in `studies.run_config`.
@@ -51,10 +50,6 @@ NOTEBOOKS = {
     "sweep": ("sweep",),
     "recordings": ("group",),
 }
-SCORES = {
-    None: ("vaf_net_measured", "vaf_net_true", "vaf_intrinsic_true", "vaf_reflex_true"),
-    "measured": ("vaf_net_measured", "vaf_intrinsic_measured", "vaf_reflex_measured"),
-}  # by `against`
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)]
 RecordingName = Annotated[str, StringConstraints(pattern=RECORDING_NAME, max_length=MAX_NAME)]
@@ -152,17 +147,13 @@ class SweepSettings(Options):
         _check_list("quantities", self.quantities, "quantity", SWEEP_QUANTITIES)
         return self
 
-    def check(self, varied: Collection[str], methods: Collection[str], against: Literal["measured"] | None) -> None:
+    def check(self, varied: Collection[str], methods: Collection[str]) -> None:
         """Refuse pictures of what a study does not have."""
         if not varied:
             raise ValueError("no setting and no option differs between the points: give points more than one value")
         _check_list("methods", self.methods, "method", methods)
         _check_list("difference", self.difference, "method", methods)
         _check_list("axes", self.axes, "varied parameter", varied)
-        for name in self.quantities or ():
-            if name.startswith("vaf_") and name not in SCORES[against]:
-                study = f"a study with against: {against or 'null'}"
-                raise ValueError(f"quantities: {study} has no {name}; it has {', '.join(SCORES[against])}")
 
 
 class FigureSettings(Options):
@@ -188,8 +179,7 @@ class _StudySettings(Options):
         check_cases("methods", self.methods)
         for name, method in self.methods.items():
             if name in METHODS and name != method.method:
-                other = f"another method than {method.method}"
-                raise ValueError(f"methods: {name} is the name of {other}: choose another name")
+                raise ValueError(f"methods: {name} is the name of another method: choose another name")
         label, count = Counter(method.label or name for name, method in self.methods.items()).most_common(1)[0]
         if count > 1:
             raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
@@ -231,18 +221,10 @@ class SimulationStudy(_StudySettings):
     trials_per_chunk: int | None = option(None, "trials of one point that share a job, in place of job_minutes", ge=1)
     sweep: SweepSettings = option(description="what the notebook sweep shows", default_factory=SweepSettings)
 
-    @property
-    def chunk_key(self) -> str:
-        """Key that decides on the size of chunks."""
-        return next(key for key in ("trials_per_chunk", "points_per_chunk", "job_minutes") if getattr(self, key))
-
     @model_validator(mode="after")
     def _check_study(self) -> Self:
         if self.figure.trial >= self.trials:
-            numbers = f"those of {self.trials} trials are 0 to {self.trials - 1}"
-            raise ValueError(f"figure: trial: there is no trial {self.figure.trial}; {numbers}")
-        if self.trials_per_chunk and (self.points_per_chunk or 1) > 1:
-            raise ValueError("a chunk is some points, or part of the trials of one: set points_per_chunk to 1")
+            raise ValueError(f"figure: trial: there is no trial {self.figure.trial}; the last one is {self.trials - 1}")
         return self
 
 
@@ -272,18 +254,13 @@ class RecordingsStudy(_StudySettings):
         complete = {name: {**defaults, **file} if isinstance(file, Mapping) else file for name, file in files.items()}
         return {**values, "files": complete}
 
-    @model_validator(mode="after")
-    def _check_study(self) -> Self:
-        check_cases("files", self.files)
-        return self
-
 
 def _check_list(key: str, names: Sequence[str] | None, kind: str, known: Collection[str]) -> None:
     """Refuse names in a list that are unknown, or stand twice."""
     for name, count in Counter(names or ()).items():
         if name not in known:
-            there = f"there are {', '.join(known)}"
-            raise ValueError(f"{key}: there is no {kind} {show_value(name)}{suggest_name(name, known)}; {there}")
+            close = suggest_name(name, known)
+            raise ValueError(f"{key}: there is no {kind} {name!r}{close}; there are {', '.join(known)}")
         if count > 1:
             raise ValueError(f"{key}: {name!r} is listed twice")
 
@@ -316,28 +293,17 @@ class Config(Options):
             raise ValueError("studies: 'economy' has another table, results/tables/economy.csv: give it another name")
         _check_list("run", self.run, "study", self.studies)
         _check_list("article", self.article, "study", self.studies)
-        for name in self.article_names:
-            study = self.studies[name]
-            if not isinstance(study, SimulationStudy) or study.notebook is None:
-                raise ValueError(f"article: the study {name!r} is not simulated, or has no notebook")
         if self.article_names:
-            self._check_economy()
+            studies = [self.studies[name] for name in self.article]
+            if not all(isinstance(study, SimulationStudy) and study.notebook for study in studies):
+                raise ValueError("article: its studies are simulated and have a notebook")
+            table1 = self.studies["table1"] if "table1" in self.article else None
+            if not isinstance(table1, SimulationStudy) or table1.keep != "everything":
+                raise ValueError(
+                    "article: the economy of the methods is measured on the trials of the study 'table1': name it and "
+                    "set its keep: everything, or set article: [] to make none"
+                )
         return self
-
-    def _check_economy(self) -> None:
-        """Refuse an article for which the economy of the methods cannot be measured."""
-        study = self.studies["table1"] if "table1" in self.article else None
-        if not isinstance(study, SimulationStudy):
-            raise ValueError(
-                "article: needs the study 'table1', on whose trials the economy of the methods is measured; name it, "
-                "or set article: [] to make none"
-            )
-        compared = [method for name, method in study.methods.items() if name in ("pr-moesp", "eiv-moesp")]
-        if study.keep != "everything" or any(method.select for method in compared):
-            raise ValueError(
-                "article: the study 'table1' must have keep: everything, and pr-moesp and eiv-moesp no select: the "
-                "economy of the methods is measured on its trials"
-            )
 
 
 def schema_text() -> str:

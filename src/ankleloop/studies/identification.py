@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
 import os
 from collections.abc import Collection, Iterator, Mapping
@@ -57,24 +56,25 @@ def identify_trials(
     is optional.
     """
     estimates = EstimateTable(precision, Path(files["scores"]).parent) if "estimates" in files else None
-    variants = {condition: _list_variants(part["points"], methods) for condition, part in conditions.items()}
     varied = {name: TYPES[kind] for name, kind in kinds.items()}
     tables, waiting = [], []
     for condition, number, trial in trials:
         prepared = trial if isinstance(trial, FailedTrial) else PreparedTrial(trial, validated=True)
-        results = {}
-        for (name, _), (options, points) in variants[condition].items():
-            with locate_errors(f"study {study}, point {points[0]}, trial {number}, method {name}"):
-                estimate, row = _identify(prepared, methods[name]["method"], options, failures, against)
-            if "failure" in row:
-                log.warning("%s, trial %d, %s failed: %s", ", ".join(points), number, name, row["failure"])
-            for point in points:
-                results[point, name] = {_column(key, varied): value for key, value in row.items()}
+        results: dict[tuple[str, str], tuple[Estimate | None, dict[str, Any]]] = {}  # by method and its options
+        for point, part in conditions[condition]["points"].items():
+            for name, method in methods.items():
+                options = {**method["options"], **part["options"].get(name, {})}
+                key = (name, repr(options))
+                if key not in results:
+                    with locate_errors(f"study {study}, point {point}, trial {number}, method {name}"):
+                        results[key] = _identify(prepared, method["method"], options, failures, against)
+                estimate, row = results[key]
+                if "failure" in row:
+                    log.warning("%s, trial %d, %s failed: %s", point, number, name, row["failure"])
                 if estimate is not None and estimates is not None:
                     estimates.add(estimate, point=point, name=name, number=number)
-        for point, part in conditions[condition]["points"].items():
-            keys = {"study": study, "point": point, **part["values"]}
-            waiting += [{**keys, "method": name, "trial": number, **results[point, name]} for name in methods]
+                keys = {"study": study, "point": point, **part["values"], "method": name, "trial": number}
+                waiting.append(keys | {_column(column, varied): value for column, value in row.items()})
         if len(waiting) >= GROUP_ROWS:
             tables.append(as_table(waiting, varied))
             waiting = []
@@ -86,15 +86,6 @@ def identify_trials(
         estimates.write(files["estimates"], overwrite=True)
     save_table(table, files["scores"], settings)
     return table
-
-
-def _list_variants(points: Points, methods: Points) -> dict[tuple[str, str], tuple[dict[str, Any], list[str]]]:
-    """Options of each method, and the points of a condition at which it has them."""
-    variants: dict[tuple[str, str], tuple[dict[str, Any], list[str]]] = {}
-    for point, (name, method) in itertools.product(points, methods.items()):
-        options = {**method["options"], **points[point]["options"].get(name, {})}
-        variants.setdefault((name, repr(options)), (options, []))[1].append(point)
-    return variants
 
 
 def _identify(

@@ -1,15 +1,25 @@
-"""A recording of the configuration and of the command line: its file, how it is read, and which part of it is used."""
+"""A recording of the configuration and of the command line: its file, how it is read, and which part of it is used.
+
+Recordings are listed in the configuration, or in a CSV table with a row for each of their files.
+"""
 
 from __future__ import annotations
 
+import os
 import re
+from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any, Self
+from pathlib import Path
+from typing import Any, Self, get_args
 
 from pydantic import field_validator, model_validator
 
-from ankleloop.options import option
+from ankleloop.options import option, show_value
+from ankleloop.studies.checking import ConfigError, cast_number, check, read_rows
 from ankleloop.trials.reading_options import ReadingOptions
+
+MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
+RECORDING_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 
 
 class Recording(ReadingOptions):
@@ -53,3 +63,43 @@ class Recording(ReadingOptions):
     def changes(self) -> bool:
         """Whether it says what the parameters of its joint follow."""
         return self.cycle_onsets is not None or self.schedule is not None
+
+
+class _Row(Recording):
+    """A row of a table of recordings: a recording, or one of the trials that are merged into one."""
+
+    name: str | None = option(None, "name of the recording; without one, subject, condition and trial make it")
+    batch: str | None = option(None, "name that rows share whose trials are merged")
+
+    @property
+    def recording_name(self) -> str:
+        """Name of the recording to which the row belongs."""
+        parts = [part for part in (self.subject, self.condition, self.trial) if part]
+        return self.batch or self.name or "-".join(parts) or Path(self.file).name
+
+
+def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -> dict[str, list[Recording]]:
+    """Read a table of recordings: the files of each by its name, of which there are several where they are merged."""
+    recordings: dict[str, list[Recording]] = {}
+    batches: set[str | None] = set()
+    for place, cells in read_rows(path):
+        values = {key: _cast(key, text) for key, text in cells.items() if text}
+        row = check(_Row, {**defaults, **values}, place)
+        name, part = row.recording_name, Recording(**row.model_dump(exclude={"name", "batch"}))
+        if not re.fullmatch(RECORDING_NAME, name) or len(name) > MAX_NAME:
+            raise ConfigError(
+                f"{place}: the name {show_value(name)} must consist of at most {MAX_NAME} letters A-Z a-z, digits and "
+                "_ - ., and begin with a letter or digit: write another one into the column name."
+            )
+        if part in recordings.get(name, ()) or (name in recordings and not (row.batch and name in batches)):
+            raise ConfigError(f"{place}: the name {name!r} is taken; give each row, and each batch, a name of its own.")
+        batches.add(row.batch)
+        recordings.setdefault(name, []).append(part)
+    return recordings
+
+
+def _cast(key: str, text: str) -> Any:
+    """A cell as the type of its column; what is no number stays text, which the model refuses."""
+    field = _Row.model_fields.get(key)
+    kinds = (get_args(field.annotation) or (field.annotation,)) if field else (str,)
+    return text if any(kind is str or isinstance(kind, str) for kind in kinds) else cast_number(text)

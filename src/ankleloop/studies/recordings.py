@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
+import os
 import shutil
-import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from multiprocessing.connection import Connection
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +28,12 @@ from ankleloop.trials.files import atomic_file, write_csv
 log = logging.getLogger(__name__)
 
 Results = tuple[pd.DataFrame, list[str]]
+Methods = Mapping[str, Mapping[str, Any]]
 
 
 def analyse_recordings(
     points: Mapping[str, Mapping[str, Any]],
-    methods: Mapping[str, Mapping[str, Any]],
+    methods: Methods,
     folder: Path,
     window: Mapping[str, Any],
     *,
@@ -38,13 +41,42 @@ def analyse_recordings(
 ) -> Iterator[tuple[str, pd.DataFrame, list[str]]]:
     """Analyse recordings one after the other, and write their pages and estimates.
 
-    A recording that cannot be used, or that fails numerically, has a page that says so; all others go on. A process
-    that is killed says nothing of its recording: that is an error, and the same command tries again.
+    A recording that cannot be used, or that fails numerically, has a page that says so; all others go on. They are
+    analysed in a child process, which the system may kill: that says nothing of the recording, so it is an error, and
+    the same command tries again. Other systems than Linux cannot fork a process safely: there this one analyses them.
     """
-    keys = {method["label"] or key: key for key, method in methods.items()}
-    methods_by_label = {label: methods[key] for label, key in keys.items()}
+    analyse = partial(_analyse, methods=methods, folder=folder, window=window, index=index)
+    if sys.platform != "linux":
+        for name, mapping in points.items():
+            yield (name, *analyse(name, mapping))
+        return
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(1, mp_context=context, initializer=_end_with_parent) as pool:
+        for name, mapping in points.items():
+            with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
+                try:
+                    results = pool.submit(analyse, name, mapping).result()
+                except BrokenProcessPool:
+                    raise ResourceError(
+                        "the process of the analysis was killed: most often memory was short; free memory, or take a "
+                        "shorter part of the recording (start, stop)."
+                    ) from None
+            yield (name, *results)
 
-    def write(name: str, mapping: Mapping[str, Any], trials: Sequence[xr.Dataset], analysis: Analysis) -> Results:
+
+def _end_with_parent() -> None:
+    """End this process where its parent is killed, which cannot say so."""
+    parent: Any = multiprocessing.parent_process()
+    threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+
+
+def _analyse(
+    name: str, mapping: Mapping[str, Any], methods: Methods, folder: Path, window: Mapping[str, Any], index: str | None
+) -> Results:
+    """Table of a recording, and why it is refused; its page and its estimates are written."""
+    keys = {method["label"] or key: key for key, method in methods.items()}
+
+    def write(trials: Sequence[xr.Dataset], analysis: Analysis) -> Results:
         log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
         records = {keys[label]: estimates for label, estimates in analysis.records.items()}
         export_estimates(records, folder / name, overwrite=True)
@@ -58,67 +90,9 @@ def analyse_recordings(
         refusals = [finding.text for finding in analysis.check.findings if finding.verdict == "refused"]
         return tabulate_analysis(name, mapping, analysis, keys), refusals
 
-    def analyse(name: str, mapping: Mapping[str, Any]) -> Results:
-        try:
-            return write(name, mapping, *analyse_files(mapping["paths"], mapping["parts"], methods_by_label))
-        except NUMERICAL_ERRORS as error:  # of a figure or an export
-            shutil.rmtree(folder / name, ignore_errors=True)
-            return write(name, mapping, [], refuse_recording(error))
-
-    with run_in_child(analyse) as call:
-        for name, mapping in points.items():
-            with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
-                results = call(name, mapping)
-            yield (name, *results)
-
-
-@contextmanager
-def run_in_child(function: Callable[..., Any]) -> Iterator[Callable[..., Any]]:
-    """A function that runs in one child process, which the system may kill; its results and errors are pickled.
-
-    Other systems than Linux cannot fork a process safely: there the function runs in the calling process.
-    """
-    if sys.platform != "linux":
-        yield function
-        return
-    context = multiprocessing.get_context("fork")
-    pipe, other = context.Pipe()
-    process = context.Process(target=_serve, args=(function, other, pipe), daemon=True)
-    process.start()
-    other.close()
-
-    def call(*args: Any) -> Any:
-        try:
-            pipe.send(args)
-            succeeded, value = pipe.recv()
-        except (EOFError, ConnectionError):
-            process.join()
-            code = process.exitcode or 0
-            end = f"it was killed by {signal.Signals(-code).name}" if code < 0 else f"it ended with code {code}"
-            raise ResourceError(
-                f"the process of the analysis came to no end ({end}): most often memory was short; free memory, or "
-                "take a shorter part of the recording (start, stop)."
-            ) from None
-        if succeeded:
-            return value
-        raise value
-
-    with pipe:  # closed, it ends the child
-        yield call
-
-
-def _serve(function: Callable[..., Any], pipe: Connection, other: Connection) -> None:
-    """Answer calls until the other end of the pipe is closed."""
-    other.close()
-    while True:
-        try:
-            args = pipe.recv()
-        except EOFError:
-            return
-        try:
-            answer = True, function(*args)
-        except Exception as error:
-            log.exception("failed")
-            portable = isinstance(error, OSError) or error.args == (str(error),)
-            answer = False, error if portable else RuntimeError(f"{type(error).__name__}: {error}")
-        pipe.send(answer)
+    try:
+        named = {label: methods[key] for label, key in keys.items()}
+        return write(*analyse_files(mapping["paths"], mapping["parts"], named))
+    except NUMERICAL_ERRORS as error:  # of a figure or an export
+        shutil.rmtree(folder / name, ignore_errors=True)
+        return write([], refuse_recording(error))

@@ -46,7 +46,7 @@ def fingerprint(*scripts: str | os.PathLike[str]) -> str:
     """
     digest = hashlib.sha256()
     for path in sorted(reached_files(*scripts)):
-        digest.update(f"{path.relative_to(LIBRARY)} {_hash_file(path, path.stat().st_mtime_ns)}\n".encode())
+        digest.update(f"{path.relative_to(LIBRARY)} {hash_file(path, path.stat().st_mtime_ns)}\n".encode())
     return digest.hexdigest()[:16]
 
 
@@ -64,8 +64,10 @@ def reached_files(*scripts: str | os.PathLike[str]) -> set[Path]:
 
 
 @cache
-def _hash_file(path: Path, modified: int) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+def hash_file(path: Path, modified: int) -> str:
+    """Hash of a file by SHA-256, as hexadecimal digits; `modified` is when it was, after which it is another one."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @cache

@@ -5,7 +5,6 @@ Earlier runs may have left other files in the same folders: only those of the st
 
 from __future__ import annotations
 
-import hashlib
 import json
 import mimetypes
 import os
@@ -17,19 +16,17 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 import ankleloop
 from ankleloop.pages.index import Figure, Results
 from ankleloop.paper.ledger import VERDICTS
+from ankleloop.studies.resources import hash_file
 from ankleloop.trials.files import atomic_file
 
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"  # Process Run Crate: one action, from objects to results
 LICENCE = "https://spdx.org/licenses/MIT"
 TITLE = "Results of ankleloop: intrinsic and reflex joint stiffness identified in closed loop"
-# Of suffixes that the tables of most systems do not have.
-FORMATS = {".nc": "application/x-netcdf", ".md": "text/markdown", ".parquet": "application/vnd.apache.parquet"}
 # Pages and files of the whole run, in the order of the list.
 LINKS = {
     "Article: the replication in the order of the paper": "article.html",
@@ -37,6 +34,7 @@ LINKS = {
     "Tables: to sort and search": "tables.html",
     "Ledger as CSV": "verification.csv",
     "Configuration with all defaults": "configuration.json",
+    "Versions of all packages": "provenance.json",
     "Metadata of the run (RO-Crate)": "ro-crate-metadata.json",
 }
 OF_ARTICLE = {"article.html", "ledger.html", "verification.csv"}
@@ -50,11 +48,11 @@ TIMES = {"s": "seconds", "cpu_time": "cpu_seconds", "max_rss": "memory"}  # colu
 COLUMNS = {"title": "title", "study": "study", "kind": "data", "points": "points", "methods": "methods"}
 COLUMNS |= {"trials": "trials per point", "seed": "seed", "minutes": "time of its jobs [min]"}
 SUMS = {
-    "jobs": ("seconds", "size", "{}"),
-    "sum [s]": ("seconds", "sum", "{:.1f}"),
-    "longest job [s]": ("seconds", "max", "{:.1f}"),
-    "processor time [s]": ("cpu_seconds", "sum", "{:.1f}"),
-    "most memory of a job [MB]": ("memory", "max", "{:.0f}"),
+    "jobs": ("seconds", "size"),
+    "sum [s]": ("seconds", "sum"),
+    "longest job [s]": ("seconds", "max"),
+    "processor time [s]": ("cpu_seconds", "sum"),
+    "most memory of a job [MB]": ("memory", "max"),
 }
 
 Provenance = Mapping[str, Any]
@@ -64,14 +62,14 @@ Studies = Mapping[str, Mapping[str, Any]]  # title, kind, points, methods, trial
 def read_provenance(root: str | os.PathLike[str]) -> dict[str, Any]:
     """Read version, commit (empty outside of a working copy of git), whether files differ from it, and packages."""
     commit = _ask_git(root, "rev-parse", "HEAD") if os.path.exists(os.path.join(root, ".git")) else ""
-    names = {d.metadata["Name"]: d.version for d in metadata.distributions() if d.metadata["Name"]}
+    packages = {d.metadata["Name"]: d.version for d in metadata.distributions() if d.metadata["Name"]}
     return {
         "version": ankleloop.__version__,
         "commit": commit,
         "changed": bool(commit) and bool(_ask_git(root, "status", "--porcelain", "--untracked-files=no")),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.release()} on {platform.machine()}",
-        "packages": {name: names[name] for name in sorted(names, key=str.lower)},
+        "packages": dict(sorted(packages.items())),
     }
 
 
@@ -79,10 +77,9 @@ def _ask_git(root: str | os.PathLike[str], *arguments: str) -> str:
     """Answer of git; empty where it has none, or there is no git."""
     command = ["git", "--no-optional-locks", "-C", os.fspath(root), *arguments]
     try:
-        process = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
-    except (OSError, subprocess.TimeoutExpired):
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
         return ""
-    return process.stdout.strip() if process.returncode == 0 else ""
 
 
 def write_crate(
@@ -98,46 +95,31 @@ def write_crate(
 
     def add_file(path: Path, **properties: Any) -> Any:
         relative = path.relative_to(folder).as_posix()
-        kind = FORMATS.get(path.suffix) or mimetypes.guess_type(path.name)[0] or "application/octet-stream"
+        kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
         found = {"name": relative, "encodingFormat": kind, "contentSize": str(path.stat().st_size)}
-        return crate.add_file(path, relative, properties={**found, "sha256": hash_file(path), **properties})
+        return crate.add_file(
+            path, relative, properties={**found, "sha256": hash_file(path, path.stat().st_mtime_ns), **properties}
+        )
 
     version = "+".join(filter(None, [provenance["version"], provenance["commit"]]))
     version += " with changes that are not committed" * provenance["changed"]
     packages = {"Python": provenance["python"], **provenance["packages"]}
-    program = add(
-        "#ankleloop",
-        "SoftwareApplication",
-        name="ankleloop",
-        softwareVersion=version,
-        operatingSystem=provenance["system"],
-        license=LICENCE,
-        softwareRequirements=[
-            add(f"#package-{name}", "SoftwareApplication", name=name, softwareVersion=release)
-            for name, release in packages.items()
-            if name != "ankleloop"
-        ],
-    )
+    details = {"softwareVersion": version, "operatingSystem": provenance["system"], "license": LICENCE}
+    details["softwareRequirements"] = [f"{name} {release}" for name, release in packages.items() if name != "ankleloop"]
+    program = add("#ankleloop", "SoftwareApplication", name="ankleloop", **details)
     named = [
-        add(f"#seed-{name}", "PropertyValue", name=f"seed of the study {name}", value=seed)
-        for name, seed in seeds.items()
+        add(f"#seed-{study}", "PropertyValue", name=f"seed of {study}", value=seed) for study, seed in seeds.items()
     ]
     settings = add_file(configuration, name="Configuration of the run, with all defaults", variableMeasured=named)
-    files = sorted({file for output in map(Path, outputs) for file in [output, *output.rglob("*")] if file.is_file()})
-    ended = datetime.fromtimestamp(max(file.stat().st_mtime for file in [configuration, *files]), UTC).isoformat()
-    made = [add_file(file) for file in files if file != configuration]
+    files = {file for output in map(Path, outputs) for file in [output, *output.rglob("*")] if file.is_file()}
+    made = [add_file(file) for file in sorted(files - {configuration})]
+    ended = datetime.fromtimestamp(max(file.stat().st_mtime for file in files | {configuration}), UTC).isoformat()
     crate.add_action(program, "#run", [settings], made, {"name": "Run of the workflow", "endTime": ended})
     crate.name, crate.license, crate.description = TITLE, LICENCE, f"Made by ankleloop {version}."
     crate.root_dataset["conformsTo"] = add(PROFILE, "CreativeWork", name="Process Run Crate", version="0.5")
     with atomic_file(folder / crate.metadata.id, overwrite=True) as partial:
         text = json.dumps(crate.metadata.generate(), indent=4, sort_keys=True, ensure_ascii=False)
         partial.write_text(text, encoding="utf-8")
-
-
-def hash_file(path: Path) -> str:
-    """Hash of a file by SHA-256, as hexadecimal digits."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def collect_results(
@@ -152,10 +134,6 @@ def collect_results(
     left_out = OF_ARTICLE if ledger is None else set()
     verdicts = {} if ledger is None else ledger["verdict"].value_counts().reindex(list(VERDICTS), fill_value=0)
     recordings = _tabulate_recordings(studies)
-    packages = [f"{name} {version}" for name, version in provenance["packages"].items()]
-    details = {f"Packages ({len(packages)})": "\n".join(packages)}
-    if find("configuration.json"):
-        details["Configuration with all defaults"] = (folder / "configuration.json").read_text(encoding="utf-8")
     return Results(
         links={text: path for text, path in LINKS.items() if path not in left_out and find(path)},
         verdicts={str(verdict): int(count) for verdict, count in verdicts.items()},
@@ -166,7 +144,6 @@ def collect_results(
         recording_links=[find(f"reports/{row.study}/{row.recording}.html") for row in recordings.itertuples()],
         run_times=_tabulate_run_times(times),
         provenance=_describe_provenance(provenance, times, studies),
-        details=details,
     )
 
 
@@ -194,32 +171,21 @@ def read_run_times(folder: Path, jobs: Iterable[str]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["rule", "study", *TIMES.values(), "end"])
 
 
-def measure_span(times: pd.DataFrame) -> tuple[datetime, datetime, float]:
-    """When jobs ran, and how long at least one of them did [s]."""
-    start = (times["end"] - times["seconds"]).sort_values()
-    end = times["end"][start.index]
-    covered = end.cummax().shift(fill_value=start.iloc[0])
-    duration = (end - np.maximum(start, covered)).clip(lower=0.0).sum()
-    return datetime.fromtimestamp(start.iloc[0], UTC), datetime.fromtimestamp(end.max(), UTC), float(duration)
-
-
 def _tabulate_studies(studies: Studies, times: pd.DataFrame) -> pd.DataFrame:
-    minutes = (times.groupby("study")["seconds"].sum() / 60.0).map("{:.2f}".format)
+    minutes = times.groupby("study")["seconds"].sum() / 60.0
     rows = [{**study, "study": name, "minutes": minutes.get(name)} for name, study in studies.items()]
-    table = pd.DataFrame(rows, dtype=object)[list(COLUMNS)]
-    return table.where(table.notna(), NO_NUMBER).rename(columns=COLUMNS)
+    return pd.DataFrame(rows, dtype=object)[list(COLUMNS)].map(_format_cell).rename(columns=COLUMNS)
 
 
 def _collect_figures(folder: Path, studies: Studies) -> dict[str, list[Figure]]:
     """Figures by headings, with the captions that their notebooks give them."""
-    captions = {"Diagrams": DIAGRAM_CAPTIONS}
+    captions = [("Diagrams", DIAGRAM_CAPTIONS)]
     for name, study in studies.items():
         path = folder / "rendered" / name / "captions.json"
         if path.exists():
-            heading = f"{study['title']} ({name})" if study["title"] in captions else study["title"]
-            captions[heading] = json.loads(path.read_text(encoding="utf-8"))
+            captions.append((study["title"], json.loads(path.read_text(encoding="utf-8"))))
     figures: dict[str, list[Figure]] = {}
-    for heading, name, caption in ((heading, *item) for heading, texts in captions.items() for item in texts.items()):
+    for heading, name, caption in ((heading, *item) for heading, texts in captions for item in texts.items()):
         paths = {kind: f"figures/{name}.{kind.lower()}" for kind in ("PNG", "PDF", "SVG", "CSV")}
         files = {kind: path for kind, path in paths.items() if (folder / path).exists()}
         if "PNG" in files:
@@ -241,32 +207,26 @@ def _tabulate_recordings(studies: Studies) -> pd.DataFrame:
 
 
 def _tabulate_run_times(times: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Sums over jobs, as text."""
-    tables = {}
-    for heading, by in {"By rule": "rule", "By study": "study"}.items() if len(times) else ():
-        sums = times.groupby(by).agg(**{name: rule[:2] for name, rule in SUMS.items()})
-        sums = sums.sort_values("sum [s]", ascending=False, kind="stable").reset_index()
-        texts = {name: sums[name].map(form.format) for name, (*_, form) in SUMS.items()}
-        tables[heading] = pd.DataFrame({by: sums[by].replace("", "several studies"), **texts})
-    return tables
+    """Sums over the jobs of each rule, as text; those of studies stand in their table."""
+    if times.empty:
+        return {}
+    sums = times.groupby("rule").agg(**SUMS).sort_values("sum [s]", ascending=False, kind="stable")
+    return {"By rule": sums.reset_index().map(_format_cell)}
 
 
 def _describe_provenance(provenance: Provenance, times: pd.DataFrame, studies: Studies) -> list[tuple[str, str]]:
     commit = provenance["commit"] or "unknown: these files are no working copy of git"
-    seeds: dict[int, list[str]] = {}
-    for name, study in studies.items():
-        if study["seed"] is not None:
-            seeds.setdefault(study["seed"], []).append(name)
+    seeds = [f"{name}: {study['seed']}" for name, study in studies.items() if study["seed"] is not None]
     items = [
         ("Version", f"ankleloop {provenance['version']}"),
         ("Commit", commit + ", with changes that are not committed" * provenance["changed"]),
         ("Python", f"{provenance['python']}, {provenance['system']}"),
-        ("Seeds", "; ".join(f"{seed}: {', '.join(names)}" for seed, names in seeds.items()) or "no simulated study"),
+        ("Seeds", ", ".join(seeds) or "no simulated study"),
     ]
     if len(times):
-        first, last, duration = measure_span(times)
-        days = f"{first:%Y-%m-%d %H:%M} … {last:%Y-%m-%d %H:%M} UTC"
-        items.append(("Jobs", f"{len(times)}, {days}; at least one of them ran during {duration / 60.0:.1f} min"))
+        ends = ((times["end"] - times["seconds"]).min(), times["end"].max())
+        first, last = (f"{datetime.fromtimestamp(end, UTC):%Y-%m-%d %H:%M}" for end in ends)
         seconds, processor = times[["seconds", "cpu_seconds"]].sum() / 60.0
+        items.append(("Jobs", f"{len(times)}, from {first} to {last} UTC"))
         items.append(("Time of all jobs", f"{seconds:.1f} min, processor time {processor:.1f} min"))
     return items

@@ -7,13 +7,11 @@ import zlib
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
-import numpy as np
 import xarray as xr
 from numpy.random import SeedSequence
 
 from ankleloop.errors import NUMERICAL_ERRORS, describe_error, locate_errors
 from ankleloop.simulation.simulate import simulate
-from ankleloop.trials.files import parse_precision
 from ankleloop.trials.trial_files import FailedTrial
 
 log = logging.getLogger(__name__)
@@ -38,7 +36,6 @@ def simulate_trials(
 
     `conditions` have `settings` and the numbers of the trials, from `first` to `stop` without it.
     """
-    kind = parse_precision(precision)
     numbers = (
         (name, part, number) for name, part in conditions.items() for number in range(part["first"], part["stop"])
     )
@@ -47,8 +44,8 @@ def simulate_trials(
         with locate_errors(f"study {study}, point {condition}, trial {number}"):
             try:
                 trial = simulate(seed=SeedSequence(trial_entropy(seed, study, condition, number)), **part["settings"])
-                if kind is not np.float64:
-                    trial = trial.astype(kind).astype(float)
+                if precision != "double":
+                    trial = trial.astype(precision).astype(float)
             except NUMERICAL_ERRORS as error:
                 if failures == "stop":
                     raise

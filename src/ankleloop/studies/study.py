@@ -13,17 +13,14 @@ import os
 import re
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from ankleloop.studies.checking import ConfigError, check, expand_path, key_error
+from ankleloop.studies.checking import check, check_cases, expand_path, key_error
 from ankleloop.studies.config import NOTEBOOKS, Config, RecordingsStudy, SimulationStudy
 from ankleloop.studies.points import Point, list_points
-from ankleloop.studies.recording_settings import Recording
-from ankleloop.studies.recording_tables import read_recordings
+from ankleloop.studies.recording_settings import read_recordings
 from ankleloop.studies.resources import RECORDING_SECONDS, START_SECONDS, identification_seconds, simulation_seconds
 
-MAX_JOBS = 100_000  # of a rule, for one study
 MAX_SAMPLES = 2**25  # of all trials of a trial file, about, which then has 2 GB
 
 
@@ -57,7 +54,12 @@ class Study:
 
 
 class SimulatedStudy(Study):
-    """A study of simulated trials."""
+    """A study of simulated trials.
+
+    Trials of a trial file (`trial_chunks`; none where no trials are kept) have equal length, rate and variables. Their
+    number follows from the simulation alone: another method or option simulates nothing again. Trials of a chunk
+    (`chunks`), which one job identifies, belong to one trial file; without these their length and rate may differ.
+    """
 
     settings: SimulationStudy
 
@@ -66,9 +68,9 @@ class SimulatedStudy(Study):
         points = list_points(name, settings.points, settings.simulation, settings.methods)
         self.point_list, self.conditions, self.parameters = points
         self.varied = list(self.parameters)
+        # All settings and varied options of each point.
+        self.points = {point.name: {**self.conditions[point.condition], **point.values} for point in self.point_list}
         self.rows = len(self.point_list) * len(settings.methods) * settings.trials  # of the table of its trials
-        target = 60.0 * settings.job_minutes
-        self._job_seconds = max(target - START_SECONDS, target / 2)  # of a job without its start
         self._points_of: dict[str, list[Point]] = {condition: [] for condition in self.conditions}
         for point in self.point_list:
             self._points_of[point.condition].append(point)
@@ -76,46 +78,18 @@ class SimulatedStudy(Study):
             name: {"method": method.method, "options": method.identify_options}
             for name, method in settings.methods.items()
         }
-
-    @cached_property
-    def points(self) -> dict[str, dict[str, Any]]:  # type: ignore[override]
-        """All settings and varied options of each point, by its name."""
-        return {point.name: {**self.conditions[point.condition], **point.values} for point in self.point_list}
-
-    @cached_property
-    def trial_chunks(self) -> list[Chunk]:
-        """Trials of each trial file, which have equal length, rate and variables; none where no trials are kept.
-
-        Their size follows from the simulation alone: another method or option simulates nothing again.
-        """
-
-        def cost(condition: str) -> float:
-            samples = self._samples(condition)
-            return max(simulation_seconds(samples), self._job_seconds * samples / MAX_SAMPLES)
-
-        is_kept = self.settings.keep == "everything"
-        return [chunk for _, chunk in self._divide(self._list_trials(), cost)] if is_kept else []
-
-    @cached_property
-    def _labelled_chunks(self) -> list[tuple[Any, Chunk]]:
+        target = 60.0 * settings.job_minutes
+        self._job_seconds = max(target - START_SECONDS, target / 2)  # of a job without its start
         parts = self._list_trials()
-        if self.trial_chunks:  # the number of a trial file is the label
+        self.trial_chunks: list[Chunk] = []
+        if settings.keep == "everything":
+            self.trial_chunks = [chunk for _, chunk in self._divide(parts, self._simulation_cost)]
             ranks = {condition: rank for rank, condition in enumerate(self.conditions)}
             parts = [(number, part) for number, chunk in enumerate(self.trial_chunks) for part in chunk]
             parts.sort(key=lambda row: (ranks[row[1].condition], row[1].first))
-        return self._divide(parts, self._cost)
-
-    @cached_property
-    def chunks(self) -> list[Chunk]:  # type: ignore[override]
-        """Trials of each chunk, which one job identifies: those of some conditions, or part of those of one condition.
-
-        They belong to one trial file. Only without trial files and estimates their length and rate may differ.
-        """
-        return [chunk for _, chunk in self._labelled_chunks]
-
-    def trial_chunk_of(self, chunk: int) -> int:
-        """Number of the trial file that holds the trials of a chunk."""
-        return int(self._labelled_chunks[chunk][0])
+        divided = self._divide(parts, self._cost)
+        self.chunks: list[Chunk] = [chunk for _, chunk in divided]
+        self.trial_chunk_numbers = [label for label, _ in divided]  # of the trial file that holds each chunk
 
     def simulation(self, parts: Chunk) -> dict[str, Any]:
         """Arguments of `simulate_trials` for a chunk or a trial file: conditions with the trials that are simulated."""
@@ -173,6 +147,11 @@ class SimulatedStudy(Study):
         settings = self.conditions[condition]
         return round(settings["duration"] * settings["recording_rate"])
 
+    def _simulation_cost(self, condition: str) -> float:
+        """Time in which a trial is simulated, or more where a trial file would become too large [s]."""
+        samples = self._samples(condition)
+        return max(simulation_seconds(samples), self._job_seconds * samples / MAX_SAMPLES)
+
     def _cost(self, condition: str) -> float:
         """Time in which a trial is identified at all points, and simulated where none is kept [s].
 
@@ -192,7 +171,7 @@ class SimulatedStudy(Study):
             return settings.trials_per_chunk, 1
         if settings.points_per_chunk:
             return settings.trials, settings.points_per_chunk
-        count = _power_of_two(self._job_seconds / seconds)
+        count = 2 ** round(math.log2(max(self._job_seconds / seconds, 1.0)))  # nearest power of two
         if count < settings.trials:
             return count, 1
         return settings.trials, 1 << (count // settings.trials).bit_length() - 1
@@ -212,15 +191,7 @@ class SimulatedStudy(Study):
                     last[key] = []
                     chunks.append((label, last[key]))
                 last[key].append(part)
-            if len(chunks) > MAX_JOBS:
-                message = f"{len(chunks):,} chunks are more than {MAX_JOBS:,}: increase {self.settings.chunk_key}."
-                raise key_error(("studies", self.name), message)
         return chunks
-
-
-def _power_of_two(ratio: float) -> int:
-    """Power of two that is nearest to a ratio, at least 1."""
-    return 2 ** max(0, round(math.log2(max(ratio, 1.0))))
 
 
 def _hash(*values: Any) -> str:
@@ -244,70 +215,48 @@ class RecordedStudy(Study):
     def hashes(self) -> list[str]:
         """Hash of the settings that make the table of each chunk."""
         shared = (self.analysed_methods, self.settings.figure.model_dump())
-        return [_hash(self.mappings(chunk), *shared) for chunk in range(len(self.chunks))]
-
-    @cached_property
-    def recordings(self) -> dict[str, list[Recording]]:
-        """Files of each recording by its name: one, or those of the trials that are merged."""
-        recordings = {name: [recording] for name, recording in self.settings.files.items()}
-        if self.settings.table:
-            path = expand_path(self.settings.table, f"study {self.name}: the table of its recordings")
-            listed = read_recordings(path, self.settings.shared)
-            for name in recordings.keys() & listed.keys():
-                raise self._error(
-                    f"the recording {name!r} is under files ({recordings[name][0].file}) and in the table "
-                    f"{self.settings.table} ({listed[name][0].file}): give one of them another name."
-                )
-            recordings |= listed
-        if not recordings:
-            raise self._error("name its recordings under files, or a table that lists them.")
-        return recordings
-
-    def _error(self, message: str, *keys: str) -> ConfigError:
-        return ConfigError(f"study {self.name}: {message}", ("studies", self.name, *keys))
-
-    @cached_property
-    def _folder(self) -> Path:
-        return expand_path(self.settings.folder, f"study {self.name}: the folder of its recordings")
+        return [_hash(chunk, *shared) for chunk in self.chunks]
 
     @cached_property
     def points(self) -> dict[str, dict[str, Any]]:  # type: ignore[override]
         """Mapping of each recording by its name, with paths and mappings of all its files as `paths` and `parts`."""
+        settings, place = self.settings, ("studies", self.name)
+        recordings = {name: [recording] for name, recording in settings.files.items()}
+        if settings.table:
+            path = expand_path(settings.table, f"study {self.name}: the table of its recordings")
+            for name, parts in read_recordings(path, settings.shared).items():
+                if name in recordings:
+                    raise key_error(place, f"the recording {name!r} is under files and in the table {settings.table}.")
+                recordings[name] = parts
+        if not recordings:
+            raise key_error(place, "name its recordings under files, or a table that lists them.")
+        check_cases("files", recordings)
+        folder = expand_path(settings.folder, f"study {self.name}: the folder of its recordings")
         return {
             name: {
                 **parts[0].model_dump(),
-                "paths": [str(self._folder / part.file) for part in parts],
+                "paths": [str(folder / part.file) for part in parts],
                 "parts": [part.model_dump() for part in parts],
             }
-            for name, parts in self.recordings.items()
+            for name, parts in recordings.items()
         }
 
     @cached_property
-    def chunks(self) -> list[list[str]]:  # type: ignore[override]
-        """Names of the recordings of each chunk."""
-        names, count = list(self.recordings), self.settings.recordings_per_chunk
-        return [names[first : first + count] for first in range(0, len(names), count)]
-
-    def mappings(self, chunk: int) -> dict[str, dict[str, Any]]:
-        """Mapping of each recording of a chunk."""
-        return {name: self.points[name] for name in self.chunks[chunk]}
+    def chunks(self) -> list[dict[str, dict[str, Any]]]:  # type: ignore[override]
+        """Mapping of each recording of each chunk by its name."""
+        items, count = list(self.points.items()), self.settings.recordings_per_chunk
+        return [dict(items[first : first + count]) for first in range(0, len(items), count)]
 
     def check_files(self) -> None:
-        """Refuse a folder that does not exist or has none of the files, and paths that Snakemake cannot use."""
-        place = f"the folder of its recordings, {os.path.abspath(self._folder)},"
-        if not os.path.isdir(self._folder):
-            what = "is a file" if os.path.exists(self._folder) else "does not exist"
-            raise self._error(f"{place} {what}: check the key folder, or the variable that it names.", "folder")
+        """Refuse a folder that has none of the files."""
         paths = [path for point in self.points.values() for path in point["paths"]]
-        for path in paths:
-            if "{" in path or "}" in path:
-                raise self._error(f"the path {path} has braces, which Snakemake takes for a wildcard: rename it.")
         if not any(map(os.path.exists, paths)):
-            raise self._error(f"{place} has none of its {len(paths)} files; the first would be {paths[0]}.", "folder")
+            message = f"none of its {len(paths)} files exists; the first would be {os.path.abspath(paths[0])}."
+            raise key_error(("studies", self.name, "folder"), message)
 
     def existing_paths(self, chunk: int) -> list[str]:
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
-        paths = [path for mapping in self.mappings(chunk).values() for path in mapping["paths"]]
+        paths = [path for mapping in self.chunks[chunk].values() for path in mapping["paths"]]
         return list(filter(os.path.exists, paths))
 
     def seconds(self, chunk: int) -> float:
@@ -316,18 +265,15 @@ class RecordedStudy(Study):
 
 
 def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
-    """Check a configuration, fill in its defaults, and build the studies that are run.
+    """Check a configuration, fill in its defaults, and build its studies.
 
     Those that are not run are checked as well, but for files and tables, which they may lack.
     """
     checked = check(Config, config, "config")
     studies: dict[str, Study] = {}
     for name, settings in checked.studies.items():
-        runs = name in checked.run_names
         if isinstance(settings, RecordingsStudy):
             studies[name] = RecordedStudy(name, settings)
-        elif runs or not (isinstance(settings.points, Mapping) and "table" in settings.points):
+        elif name in checked.run_names or not (isinstance(settings.points, Mapping) and "table" in settings.points):
             studies[name] = SimulatedStudy(name, settings)
-        if runs or isinstance(studies.get(name), SimulatedStudy):
-            studies[name].chunks  # noqa: B018  # it is divided, or refused
     return checked, studies

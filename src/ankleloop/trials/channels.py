@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 
@@ -31,8 +32,8 @@ TRUE_TORQUES = tuple(name for name in VARIABLES if name.startswith("torque_"))
 MAX_SAMPLES = 20_000_000  # 160 MB in double precision
 TORQUE_UNITS = ("nm", "newtonmeter", "newtonmetre", "newtonmeters", "newtonmetres")
 TIME_UNITS = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
-    **dict.fromkeys(("ms", "msec", "msecs", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("s", "sec", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
     **dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds"), 1e-6),
 }
 ANGLES = {
@@ -80,52 +81,34 @@ def find_unit_in_name(name: str, units: tuple[str, ...]) -> str:
     return unit if unit in units else ""
 
 
-def join_units(stated: list[str]) -> str:
-    """One text of what attributes say of a unit: contradictions stay visible, so that the unit is refused."""
-    meanings: dict[object, str] = {}
-    for text in stated:
-        meaning: object = ANGLES.get(text.lower()) or TIME_UNITS.get(text.lower()) or _is_newton_metre(text) or text
-        meanings.setdefault(meaning, text)
-    return " and ".join(meanings.values())
-
-
 def check_unit(role: str, name: str, stated: str, position_unit: str, *, source: str) -> None:
     """Refuse a channel whose unit, as the file states it, is another one than it is read with."""
+    fault = f"{source}: {name} is in {stated!r} according to the file"
     if role.startswith("torque"):
-        if stated and not _is_newton_metre(stated):
-            raise DataError(f"{source}: {name} is in {stated!r} according to the file: convert it to N·m.")
+        if stated and re.sub(r"[\s·.*⋅•×_-]", "", stated).lower() not in TORQUE_UNITS:
+            raise DataError(f"{fault}: convert it to N·m.")
         return
-    unit = stated.lower() or find_unit_in_name(name, tuple(ANGLES))
-    if not unit:
-        return
-    fault = f"{source}: {name} is in {unit!r} according to the file"
-    if unit not in ANGLES:
+    unit = find_position_unit(name, stated)
+    if unit is None and stated:
         raise DataError(f"{fault}: convert it to rad or deg.")
-    unit = ANGLES[unit]
-    if unit != position_unit:
+    if unit not in (None, position_unit):
         raise DataError(
-            f"{fault}, but position_unit is {position_unit!r}: pass position_unit={unit!r}, or correct the file."
+            f"{source}: {name} is in {unit!r} according to the file, but position_unit is {position_unit!r}: pass "
+            f"position_unit={unit!r}, or correct the file."
         )
 
 
-def _is_newton_metre(unit: str) -> bool:
-    return re.sub(r"[\s·.*⋅•×_-]", "", unit).lower() in TORQUE_UNITS
+def find_position_unit(name: str, stated: str) -> str | None:
+    """Unit of a position as the file states it, or else its name."""
+    return ANGLES.get(stated.lower() or find_unit_in_name(name, tuple(ANGLES)))
 
 
 def time_factor(name: str, stated: str, *, source: str) -> float | None:
     """Seconds per unit of a time column; None if neither the file nor the name of the column states its unit."""
-    of_name = find_unit_in_name(name, tuple(TIME_UNITS))
-    unit = stated.lower().split(" since ")[0].strip()
-    if not unit:
-        return TIME_UNITS[of_name] if of_name else None
-    if unit not in TIME_UNITS:
+    unit = stated.lower().split(" since ")[0].strip() or find_unit_in_name(name, tuple(TIME_UNITS))
+    if unit and unit not in TIME_UNITS:
         raise DataError(f"{source}: {name} is in {stated!r} according to the file: write it in seconds, ms or µs.")
-    if of_name and TIME_UNITS[of_name] != TIME_UNITS[unit]:
-        raise DataError(
-            f"{source}: {name} is in {stated!r} according to the file, but its name says {of_name}: correct the one "
-            "that is wrong."
-        )
-    return TIME_UNITS[unit]
+    return TIME_UNITS.get(unit)
 
 
 class AmbiguousNameError(DataError):
@@ -143,18 +126,13 @@ def find_variable(channel: str, variables: Sequence[Channel], *, source: str, ta
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
-        text = f"{len(fitting)} variables may be the {channel}: {_list_names(fitting)}. Name one of them."
+        text = f"{len(fitting)} variables may be the {channel}: {list_names(fitting)}. Name one of them."
         raise AmbiguousNameError(f"{source}: {text}")
     if channel == "reference":
         return None
     text = f"no variable is called {' or '.join(WORDS[channel])}, so that it would be the {channel}; the file has: "
-    names = [variable.name for variable in variables if _is_signal(variable)]
-    raise AmbiguousNameError(f"{source}: {text}{_list_names(names) or 'none'}. Name one of these.")
-
-
-def find_position_unit(variable: Channel) -> str | None:
-    """Unit of a position as the file or the name of the variable states it."""
-    return ANGLES.get(variable.unit.lower() or find_unit_in_name(variable.name, tuple(ANGLES)))
+    names = list_names(variable.name for variable in variables if _is_signal(variable))
+    raise AmbiguousNameError(f"{source}: {text}{names}. Name one of these.")
 
 
 def _is_signal(variable: Channel) -> bool:
@@ -177,6 +155,7 @@ def _channel_of(name: str) -> str | None:
     return channels[0] if len(channels) == 1 else None
 
 
-def _list_names(names: Sequence[str]) -> str:
-    shown = [name if name.isprintable() else repr(name) for name in names[:LISTED]]
-    return ", ".join(shown) + (" and more" if len(names) > LISTED else "")
+def list_names(names: Iterable[str]) -> str:
+    """The first names of variables, for a message."""
+    shown = [name if name.isprintable() else repr(name) for name in islice(names, LISTED + 1)]
+    return (", ".join(shown[:LISTED]) or "none") + " and more" * (len(shown) > LISTED)

@@ -8,27 +8,25 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import AmbiguousNameError, Channel, check_size, find_variable, join_units
+from ankleloop.trials.channels import AmbiguousNameError, Channel, check_size, find_variable, list_names
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
 # Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
 TIME_NAMES = ("time", "time_s", "t", "Time", "time_ms", "t_ms", "time_us")
-RATE_TOLERANCE = 1e-3
-HERTZ = ("hz", "hertz", "1/s", "s-1", "s^-1", "samples/s", "samples per second")
+HERTZ = ("", "hz", "hertz", "1/s", "s-1", "s^-1", "samples/s", "samples per second")
 TIME, RATE = "time", "sampling_rate"  # roles beside the channels of the trial
-LISTED, MOST_VARIABLES = 100, 1000  # names of variables in an error message, and in a list of them
-UNWRITTEN = 9.969209968386869e36  # what NetCDF libraries put where no sample was written
+MOST_VARIABLES = 1000  # in a list of them
 
 
 @dataclass(frozen=True)
@@ -40,6 +38,16 @@ class Variable:
     read: Callable[[slice], Any]  # gives the samples of a slice as an array of any type
     attributes: Mapping[str, Any] = field(default_factory=dict)  # its attributes
 
+    @property
+    def unit(self) -> str:
+        """Unit that the file states, numbers as text, or the empty string."""
+        for name, value in self.attributes.items():
+            if name.lower() in ("units", "unit"):
+                text = str(value) if np.asarray(value).dtype.kind in "iuf" else as_text(value)
+                if text:
+                    return text
+        return ""
+
 
 class Contents(ABC):
     """Variables and attributes of an open file."""
@@ -48,6 +56,7 @@ class Contents(ABC):
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         self.path = path
+        self.warnings: list[str] = []  # for who reads the file
         if case is not None:
             raise DataError(f"{path.name}: case chooses a trial of an .flb file: leave it out.")
 
@@ -56,7 +65,7 @@ class Contents(ABC):
         """Variable of a full name; None if there is none."""
 
     @abstractmethod
-    def names(self) -> Iterator[str]:
+    def names(self) -> Iterable[str]:
         """Full names of the variables."""
 
     def find_attribute(self, owner: str, name: str) -> Any:
@@ -78,10 +87,9 @@ class Contents(ABC):
         if name in ("position", "torque"):  # the default, and perhaps the file has position_rad
             with suppress(AmbiguousNameError):
                 return self.require(str(find_variable(name, [*find_variables(self).values()], source="")))
-        known = [name if name.isprintable() else repr(name) for name in islice(self.names(), LISTED + 1)]
-        listed = ", ".join(known[:LISTED]) + (" and more" if len(known) > LISTED else "")
         raise DataError(
-            f"{self.path.name}: there is no variable {name!r}; the file has: {listed or 'none'}. Name one of these."
+            f"{self.path.name}: there is no variable {name!r}; the file has: {list_names(self.names())}. Name one of "
+            "these."
         )
 
     def find_number(self, owner: str, name: str) -> Variable | None:
@@ -105,11 +113,6 @@ def take_samples(samples: Any, part: slice) -> Any:
     return samples[0, part] if len(samples.shape) == 2 and samples.shape[0] == 1 else samples[part]
 
 
-def raise_type(source: str, name: str, kind: object) -> NoReturn:
-    """Refuse a variable that is not of real numbers."""
-    raise DataError(f"{source}: {name} is of type {kind}, not real numbers: convert it, or choose another variable.")
-
-
 def find_variables(contents: Contents) -> dict[str, Channel]:
     """Variables of an open file by their names."""
     channels = {}
@@ -117,7 +120,7 @@ def find_variables(contents: Contents) -> dict[str, Channel]:
         channels[name] = Channel(name, "", ())
         with suppress(DataError):  # it matters only where this variable is wanted, and is raised there
             if (variable := contents.find(name)) is not None:
-                channels[name] = Channel(name, _find_unit(variable), tuple(map(int, variable.shape)))
+                channels[name] = Channel(name, variable.unit, tuple(map(int, variable.shape)))
     return channels
 
 
@@ -129,7 +132,7 @@ def select_channels(
     part: Sequence[int] | None = None,
     roles: Sequence[str] | None = None,
 ) -> Iterator[tuple[str, Channel]]:
-    """Read the channels of a trial, its times and its sampling rate, each alone, from an open file.
+    """Read the channels of a trial, its times and its sampling rates, each alone, from an open file.
 
     `variables` are names in the file by channel, `extras` channels that are read if the file has them beside the
     torque, `rate` is what the caller states [Hz], `part` the first sample and the one before which reading ends, and
@@ -155,138 +158,75 @@ def select_channels(
     for role, variable in selected.items():
         values = _read_numbers(contents, variable, slice(*part) if part else slice(None))
         shape = values.shape if part is None else variable.shape  # of a struct of MATLAB it is not known before
-        yield role, Channel(variable.name, _find_unit(variable), shape, values)
-    rates = ([v for name in RATE_NAMES if (v := contents.find_number(owner, name)) is not None] for owner in owners)
-    found = next(filter(None, rates), [])
-    if found and roles is None and (number := _choose_rate(source, found, rate)) is not None:
-        yield RATE, Channel(found[0].name, "Hz", (1,), np.array([number]))
-
-
-def _find_unit(variable: Variable) -> str:
-    """Unit that the file states for a variable, numbers as text, or the empty string."""
-    named = [value for name, value in variable.attributes.items() if name.lower() in ("units", "unit")]
-    found = [value for value in map(np.asarray, named) if value.size]
-    stated = [as_text(value) if value.size == 1 and value.dtype.kind in "OSU" else shorten(value) for value in found]
-    return join_units([text for text in stated if text])
+        yield role, Channel(variable.name, variable.unit, shape, values)
+    if roles is None:
+        rates = ([v for name in RATE_NAMES if (v := contents.find_number(owner, name)) is not None] for owner in owners)
+        found = next(filter(None, rates), [])
+        numbers = {variable.name: _read_rate(source, variable, rate) for variable in found}
+        readable = {name: number for name, number in numbers.items() if number is not None}
+        if readable:
+            yield RATE, Channel(" and ".join(readable), "Hz", (1,), np.array([*readable.values()]))
 
 
 def _read_numbers(contents: Contents, variable: Variable, part: slice) -> np.ndarray:
     """Samples of a variable as floating-point numbers, scaled, nan where they are missing."""
-    source, name = contents.path.name, variable.name
+    place = f"{contents.path.name}: {variable.name}"
     values = np.asarray(variable.read(part))
     if values.dtype.kind in "OSU":
-        _refuse_text(contents, name, values)
-    if values.dtype.kind not in "iuf":
-        raise_type(source, name, values.dtype)
-    check_size(values.size, f"{source}: {name}")
-    numbers = np.array(decode(values, variable.attributes, source=source, name=name), dtype="<f8", order="C")
+        for sample, cell in enumerate(values.ravel().tolist()):
+            try:
+                float("nan" if cell is None else cell)
+            except (TypeError, ValueError):
+                raise DataError(
+                    f"{place} is not a number {contents.locate_sample(sample)} but {cell!r:.60}: correct the file, or "
+                    "choose another variable."
+                ) from None
+    elif values.dtype.kind not in "iuf":
+        raise DataError(f"{place} is of type {values.dtype}, not real numbers: convert it, or choose another variable.")
+    check_size(values.size, place)
+    numbers = np.array(decode(values, variable.attributes), dtype="<f8", order="C")
     numbers[np.isnan(numbers)] = np.nan  # damaged files have nan that signal an error wherever they are used
     return numbers
 
 
-def _refuse_text(contents: Contents, name: str, values: np.ndarray) -> None:
-    for sample, cell in enumerate(np.ravel(values)):
-        try:
-            float("nan" if cell is None else cell)
-        except (TypeError, ValueError, OverflowError):
-            raise DataError(
-                f"{contents.path.name}: {name} is not a number {contents.locate_sample(sample)} but "
-                f"{_show(cell)}: correct the file, or choose another variable."
-            ) from None
-
-
-def _show(cell: Any) -> str:
-    return shorten(repr(cell.item() if isinstance(cell, np.generic) else cell))
-
-
-def _choose_rate(source: str, rates: Sequence[Variable], stated: float | None) -> float | None:
-    """Sampling rate of a file [Hz], unless it is stated; refuse rates that contradict each other or the stated one."""
+def _read_rate(source: str, variable: Variable, stated: float | None) -> float | None:
+    """Sampling rate [Hz]; None for what cannot be read, where a rate is stated: it contradicts nothing."""
+    value = np.ravel(np.asarray(variable.read(slice(None))))[0]
     try:
-        numbers = {variable.name: _read_rate(source, variable) for variable in rates}
-    except DataError:
-        if stated is None:
-            raise
-        return None  # what cannot be read contradicts nothing
-    first, number = next(iter(numbers.items()))
-    if stated is None:
-        for name, other in numbers.items():
-            if abs(other - number) > RATE_TOLERANCE * abs(number):
-                raise DataError(
-                    f"{source}: {first} is {number:g} Hz, but {name} is {other:g} Hz: pass sampling_rate, or correct "
-                    "the file."
-                )
-        return number
-    if not any(abs(other - stated) <= RATE_TOLERANCE * stated for other in numbers.values()):
-        texts = " and ".join(f"{name} of the file is {other:g} Hz" for name, other in numbers.items())
-        raise DataError(
-            f"{source}: sampling_rate is stated as {stated:g} Hz, but {texts}: leave sampling_rate out, or correct the "
-            "file."
-        )
-    return None
+        if variable.unit.lower() in HERTZ:
+            return float(value)
+    except (TypeError, ValueError):
+        pass
+    if stated is not None:
+        return None
+    unit = variable.unit and f" {variable.unit}"
+    raise DataError(f"{source}: {variable.name} is {value!s:.60}{unit}, not a number in Hz: pass sampling_rate in Hz.")
 
 
-def _read_rate(source: str, variable: Variable) -> float:
-    """Sampling rate [Hz]."""
-    unit = _find_unit(variable)
-    if unit and unit.lower() not in HERTZ:
-        raise DataError(f"{source}: {variable.name} is in {unit!r} according to the file: write it in Hz.")
-    value = np.ravel(np.asarray(variable.read(slice(None))))
-    text = as_text(value)
-    try:
-        number = np.array([float(text or value[0])])
-    except (TypeError, ValueError, OverflowError, IndexError):
-        raise DataError(
-            f"{source}: sampling_rate is {_show(text or value)} ({variable.name}): pass a single number in Hz."
-        ) from None
-    return float(decode(number, variable.attributes, source=source, name=variable.name)[0])
-
-
-def decode(values: np.ndarray, attributes: Mapping[str, Any], *, source: str, name: str) -> np.ndarray:
+def decode(values: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
     """Apply scale, offset and missing values that the attributes of a variable state, by the conventions of NetCDF.
 
-    A sample is `stored · scale_factor + add_offset`; one that equals `_FillValue` or `missing_value` as stored, or was
-    never written to a NetCDF file, becomes nan. `_Unsigned` turns integers into those without a sign.
+    A sample is `stored · scale_factor + add_offset`; one that equals `_FillValue` or `missing_value` as stored becomes
+    nan. `_Unsigned` turns integers into those without a sign.
     """
-    markers = [np.ravel(attributes[key]) for key in ("_FillValue", "missing_value") if key in attributes]
-    numbers = [number for marker in markers if marker.dtype.kind in "iuf" for number in marker.tolist()]
-    if values.dtype.kind == "f":
-        with np.errstate(over="ignore"):  # libraries round a marker to the type of the samples
-            numbers = [values.dtype.type(number) for number in (*numbers, UNWRITTEN)]
     missing = np.zeros(values.shape, dtype=bool)
-    for number in numbers:
-        missing |= values == number
+    for key in {"_FillValue", "missing_value"} & {*attributes}:  # libraries round them to the type of the samples
+        missing |= np.isin(values, np.asarray(attributes[key]).astype(values.dtype))
     if as_text(attributes.get("_Unsigned", "")).lower() == "true" and values.dtype.kind == "i":
         values = values.view(values.dtype.str.replace("i", "u"))  # the markers have the signed type as stored
-    factor, offset = (
-        _read_number(attributes.get(key, default), key, source, name)
-        for key, default in (("scale_factor", 1.0), ("add_offset", 0.0))
-    )
-    if factor == 0.0:
-        raise DataError(f"{source}: scale_factor of {name} is 0, so that all samples are alike: correct the file.")
-    if (factor, offset) != (1.0, 0.0):
+    if {"scale_factor", "add_offset"} & {*attributes}:
+        factor, offset = (np.asarray(attributes.get(key, default)).item() for key, default in SCALE.items())
         with np.errstate(over="ignore"):  # an infinite sample is refused by its number later on
             values = values.astype(float) * factor + offset
     return np.where(missing, np.nan, values) if missing.any() else values
 
 
-def _read_number(value: Any, key: str, source: str, name: str) -> float:
-    array = np.ravel(np.asarray(value))
-    if array.size != 1 or array.dtype.kind not in "iuf" or not np.isfinite(array[0]):
-        raise DataError(f"{source}: {key} of {name} is no finite number ({shorten(array)}): correct the file.")
-    return float(array[0])
-
-
-def shorten(value: Any) -> str:
-    """Text of a value, of 60 characters at most."""
-    text = str(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+SCALE = {"scale_factor": 1.0, "add_offset": 0.0}
 
 
 def as_text(value: Any) -> str:
     """Text of an attribute, which libraries give as text, bytes or an array of one of them; "" for what is no text."""
     array = np.asarray(value)
-    if array.size != 1 or array.dtype.kind not in "OSU":
-        return ""
-    item = array.item()
+    item = array.item() if array.size == 1 else None
     text = item.decode(errors="replace") if isinstance(item, bytes) else item
     return text.strip("\x00 \t\r\n") if isinstance(text, str) else ""

@@ -20,8 +20,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ankleloop.errors import DataError, ResourceError
 
 if TYPE_CHECKING:
@@ -32,23 +30,15 @@ if TYPE_CHECKING:
 PathLike = str | os.PathLike[str]
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
-
-NAME_BYTES, NODE_CHARACTERS = 180, 32  # in the name of a partial file; file systems allow 255 bytes in all
+NAME, NODE = 40, 30  # characters in the name of a partial file; file systems allow 255 bytes in all
 FORMULA = ("=", "+", "-", "@")  # with which a spreadsheet begins a formula
-
 MARK = b"\nankleloop: SHA-256 of all before this line: "
 LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size + 1
 PIECE = 1 << 20
 
-PRECISIONS: dict[str, type[np.floating]] = {"double": np.float64, "single": np.float32}
 
-
-def parse_precision(precision: str) -> type[np.floating]:
-    """Type of the floating-point numbers on disk."""
-    if precision not in PRECISIONS:
-        raise ValueError(f"unknown precision {precision!r}; known: {', '.join(PRECISIONS)}.")
-    return PRECISIONS[precision]
+class UnreadableError(Exception):
+    """What is wrong with the contents of a file, for a message that names it."""
 
 
 def check_output(path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()) -> Path:
@@ -59,27 +49,16 @@ def check_output(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pa
             raise DataError(f"{path}: there is no folder {path.parent}: make it first.")
         if not os.access(path.parent, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        with suppress(FileNotFoundError):
-            _check_existing(path, path.lstat().st_mode, overwrite, inputs)
+        for source in inputs:
+            if path.exists() and os.path.exists(source) and path.samefile(source):
+                raise DataError(f"{path}: the file is being read ({source}): write to another name.")
+        if path.exists() and not path.is_file():
+            raise DataError(f"{path}: this is a folder or a device, no file: write to a file.")
+        if not overwrite and holds_content(path):
+            raise DataError(f"{path}: the file exists already: write to another name, or replace it by overwrite=True.")
     except OSError as cause:
         raise _write_error(path, cause) from cause
-    except DataError:
-        raise
-    except ValueError as cause:  # a byte 0 in the path
-        raise DataError(f"{path}: the file cannot be written ({cause}): write to another name.") from cause
     return path
-
-
-def _check_existing(path: Path, kind: int, overwrite: bool, inputs: Iterable[PathLike]) -> None:
-    for source in inputs:
-        if path.exists() and os.path.exists(source) and path.samefile(source):
-            raise DataError(f"{path}: the file is being read ({source}): write to another name.")
-    if path.is_dir():
-        raise DataError(f"{path}: this is a folder: write to a file in it.")
-    if not (stat.S_ISREG(kind) or stat.S_ISLNK(kind)):
-        raise DataError(f"{path}: this is a device, no file: write to a file.")
-    if not overwrite and holds_content(path):
-        raise DataError(f"{path}: the file exists already: write to another name, or replace it by overwrite=True.")
 
 
 def holds_content(path: PathLike) -> bool:
@@ -94,36 +73,21 @@ def holds_content(path: PathLike) -> bool:
 def _write_error(path: Path, cause: OSError) -> DataError | ResourceError:
     fault = f"{path}: the file cannot be written ({cause.strerror or cause})"
     if cause.errno in FULL:
-        remedy = f"free space in the folder {path.parent}, or write to another disk"
-        return ResourceError(f"{fault}: {remedy}. Nothing has been changed.")
-    if cause.errno in FORBIDDEN:
-        remedy = f"the folder {path.parent} cannot be written to: allow it, or write to another folder"
-    else:
-        remedy = f"check the folder {path.parent} and the name of the file"
+        return ResourceError(f"{fault}: free space in the folder {path.parent}. Nothing has been changed.")
+    remedy = f"check its name, and that you may write to the folder {path.parent}"
     return DataError(f"{fault}: {remedy}. Nothing has been changed.")
 
 
 def _partial_path(path: Path) -> Path:
-    """Hidden name beside a file under which it is written: it states the computer and the process."""
-    return path.with_name(f"{_partial_start(path)}{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
-
-
-def _partial_start(path: Path) -> str:
-    name = os.fsencode(path.name)[:NAME_BYTES].decode(errors="ignore")
-    return f".{name}.{platform.node()[:NODE_CHARACTERS]}-"
-
-
-def _remove_stale(path: Path) -> None:
-    """Remove the partial files of a file whose process, on this computer, no longer lives."""
-    start = _partial_start(path)
+    """Hidden name beside a file under which this process writes it; removes what killed processes have left there."""
+    start = f".{path.name[:NAME]}.{platform.node()[:NODE]}-"
     for partial in path.parent.glob(f"{glob.escape(start)}*.part"):
-        process = partial.name.removeprefix(start).partition("-")[0]
-        try:
-            os.kill(int(process), 0)
-        except (ProcessLookupError, OverflowError):
-            partial.unlink(missing_ok=True)
-        except (OSError, ValueError):  # it is another user's, or no file of this library
-            continue
+        with suppress(PermissionError):  # the process of another user lives
+            try:
+                os.kill(int(partial.name.removeprefix(start).partition("-")[0]), 0)
+            except ProcessLookupError:
+                partial.unlink(missing_ok=True)
+    return path.with_name(f"{start}{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
 
 
 @contextmanager
@@ -137,7 +101,6 @@ def atomic_file(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pat
     path = check_output(path, overwrite=overwrite, inputs=inputs)
     partial = _partial_path(path)
     try:
-        _remove_stale(path)
         yield partial
         with open(partial, "rb+") as file:  # a power cut must not leave the name without the content
             os.fsync(file.fileno())
@@ -151,34 +114,28 @@ def atomic_file(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pat
         partial.unlink(missing_ok=True)
 
 
-class Sink(io.FileIO):
+class _Sink(io.FileIO):
     """A new binary file for the HDF5 library, which cannot close a file after a failed write, and then crashes at exit.
 
-    After a failure all else that is written is lost; `check` and the end of the block raise the failure.
+    After a failure all else that is written is lost; the end of the block raises the failure.
     """
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, "xb+")
-        self._failure: OSError | None = None
-
-    def check(self) -> None:
-        """Raise the first failure of the disk, if there was any."""
-        if self._failure is not None:
-            raise self._failure
+    failure: OSError | None = None
 
     def __exit__(self, *_: object) -> None:
         self.close()
-        self.check()  # also instead of an error in the block, which follows from it
+        if self.failure is not None:  # also instead of an error in the block, which follows from it
+            raise self.failure
 
     def write(self, data: Any) -> int:
         """Write all bytes, or remember why not."""
         view = memoryview(data).cast("B")
         end, written = self.tell() + len(view), 0
         try:
-            while self._failure is None and written < len(view):
+            while self.failure is None and written < len(view):
                 written += super().write(view[written:])
         except OSError as failure:
-            self._failure = failure
+            self.failure = failure
         self.seek(end)
         return len(view)
 
@@ -187,14 +144,14 @@ class Sink(io.FileIO):
         try:
             return super().truncate(size)
         except OSError as failure:
-            self._failure = self._failure or failure
-            return self.tell() if size is None else size
+            self.failure = self.failure or failure
+            return size or 0
 
 
 @contextmanager
-def _netcdf_sink(path: PathLike, overwrite: bool, inputs: Iterable[PathLike]) -> Iterator[Sink]:
+def _netcdf_sink(path: PathLike, overwrite: bool, inputs: Iterable[PathLike]) -> Iterator[_Sink]:
     with atomic_file(path, overwrite=overwrite, inputs=inputs) as partial:
-        with Sink(partial) as sink:
+        with _Sink(partial, "xb+") as sink:
             yield sink
         append_checksum(partial)
 
@@ -202,12 +159,12 @@ def _netcdf_sink(path: PathLike, overwrite: bool, inputs: Iterable[PathLike]) ->
 @contextmanager
 def atomic_netcdf(
     path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()
-) -> Iterator[tuple[h5netcdf.File, Sink]]:
+) -> Iterator[h5netcdf.File]:
     """Open a NetCDF-4 file to be filled piece by piece, which appears when it is complete, with its checksum."""
     import h5netcdf  # here, with h5py: few jobs write such files
 
     with _netcdf_sink(path, overwrite, inputs) as sink, h5netcdf.File(sink, "w") as file:
-        yield file, sink
+        yield file
 
 
 def write_netcdf(data: xr.Dataset | xr.DataTree, path: PathLike, *, overwrite: bool = False) -> None:
@@ -229,21 +186,15 @@ def source_files(data: xr.Dataset | xr.DataTree) -> set[str]:
 
 def check_readable(path: PathLike) -> None:
     """Refuse a path from which no file can be read."""
-    path = Path(path)
     try:
-        kind = path.stat().st_mode
-        if stat.S_ISREG(kind):
-            path.open("rb").close()
-    except (FileNotFoundError, NotADirectoryError):
-        if path.is_symlink():
-            raise DataError(f"{path}: this is a link that leads to no file: check the path.") from None
+        if not stat.S_ISREG(os.stat(path).st_mode):
+            raise DataError(f"{path}: this is a folder or a device, no file: check the path.")
+        open(path, "rb").close()
+    except FileNotFoundError:
         raise DataError(f"{path}: there is no such file: check the path.") from None
-    except (OSError, ValueError) as cause:  # a ValueError for a byte 0 in the path
-        reason = getattr(cause, "strerror", None) or str(cause)
-        raise DataError(f"{path}: the file cannot be opened ({reason}): check the path and the permission.") from cause
-    if not stat.S_ISREG(kind):
-        name = "a folder" if stat.S_ISDIR(kind) else "a device"
-        raise DataError(f"{path}: this is {name}, no file: check the path.")
+    except OSError as cause:
+        reason = f"the file cannot be opened ({cause.strerror})"
+        raise DataError(f"{path}: {reason}: check the path and the permission.") from cause
 
 
 def stamp_file(path: PathLike) -> tuple[int, ...]:
@@ -262,15 +213,17 @@ def append_checksum(path: PathLike) -> None:
         file.write(line)
 
 
-def has_right_checksum(path: PathLike) -> bool | None:
-    """Whether the content of a file is the one that was written; None for a file without a checksum."""
+def has_checksum(path: PathLike) -> bool:
+    """Whether a file ends with a checksum; one whose content is not the one that was written is unreadable."""
     size = os.stat(path).st_size - LENGTH
     if size < 0:
-        return None
+        return False
     with open(path, "rb") as file:
         file.seek(size)
         line = file.read(LENGTH)
-    return line == _checksum_line(path, size) if line.startswith(MARK) else None
+    if line.startswith(MARK) and line != _checksum_line(path, size):
+        raise UnreadableError("its checksum is wrong: bytes have changed since it was written")
+    return line.startswith(MARK)
 
 
 def _checksum_line(path: PathLike, size: int) -> bytes:

@@ -8,7 +8,7 @@ channel by channel. All is little endian.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -16,11 +16,12 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.containers import Contents, Variable, shorten
+from ankleloop.trials.channels import LISTED
+from ankleloop.trials.containers import Contents, Variable
+from ankleloop.trials.files import UnreadableError
 
 TYPES = {4: "<f4", 2: "<i2", -2: "<u2"}
 LEVELS = 65535  # of format -2, from the lower end of the range to the upper one
-LISTED = 30  # cases in a message
 
 
 @dataclass(frozen=True)
@@ -29,21 +30,15 @@ class _Case:
 
     names: list[str]  # of the channels, of each realization
     length: int  # samples of a channel
-    type: np.dtype[Any]
-    interval: float  # s
+    type: str  # of the samples, a key of numpy
+    rate: float  # Hz
     comment: str
     ranges: np.ndarray  # lowest and highest value of each channel, shape (2, channels)
     start: int  # byte at which the samples begin
 
-    @property
-    def rate(self) -> float:
-        """Sampling rate [Hz]; the interval is rounded to single precision in the file."""
-        rate = 1.0 / self.interval
-        return float(round(rate)) if abs(rate - round(rate)) <= 1e-5 * rate else rate
-
     def describe(self) -> str:
         """Channels, duration and comment."""
-        comment = f", {shorten(self.comment)!r}" if self.comment else ""
+        comment = f", {self.comment[:60]!r}" if self.comment else ""
         return f"{', '.join(self.names)}, {self.length / self.rate:.4g} s at {self.rate:g} Hz{comment}"
 
 
@@ -52,8 +47,11 @@ class FlbContents(Contents):
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path)
+        size = path.stat().st_size
         with open(path, "rb") as file:
-            cases = list(_read_cases(file, path))
+            cases = [_read_case(file, size, 1)]
+            while size - file.tell() >= 4:
+                cases.append(_read_case(file, size, len(cases) + 1))
         if case is None and len(cases) > 1:
             listed = "; ".join(f"case {k}: {other.describe()}" for k, other in enumerate(cases[:LISTED], 1))
             raise DataError(f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.")
@@ -68,46 +66,29 @@ class FlbContents(Contents):
             return None
         if case.names.count(name) > 1:
             raise DataError(f"{self.path.name}: there are several channels {name!r}: give each a name of its own.")
-        channel = case.names.index(name)
-
-        def read(part: slice) -> np.ndarray:
-            start, stop, _ = part.indices(case.length)
-            first = case.start + (channel * case.length + start) * case.type.itemsize
-            samples = np.fromfile(self.path, case.type, stop - start, offset=first)
-            if case.type.str != TYPES[-2]:
-                return samples
+        samples = np.memmap(self.path, case.type, "r", case.start, (len(case.names), case.length))
+        channel, scale = case.names.index(name), {}
+        if case.type == TYPES[-2]:
             low, high = case.ranges[:, channel % case.ranges.shape[1]]
-            return low + samples * ((high - low) / LEVELS)
+            scale = {"scale_factor": (high - low) / LEVELS, "add_offset": low}
+        return Variable(name, (case.length,), lambda part: samples[channel, part], scale)
 
-        return Variable(name, (case.length,), read)
-
-    def names(self) -> Iterator[str]:
+    def names(self) -> Iterable[str]:
         """Names of the channels."""
-        yield from self._case.names
+        return self._case.names
 
     def find_attribute(self, owner: str, name: str) -> Any:
         """The sampling rate, which belongs to the file."""
         return self._case.rate if (owner, name) == ("", "sampling_rate") else None
 
 
-def _read_cases(file: BinaryIO, path: Path) -> Iterator[_Case]:
-    size = path.stat().st_size
-    number = 0
-    while size - file.tell() >= 4:
-        number += 1
-        case = _read_case(file, size, f"{path.name}: cannot be read as .flb (case {number}")
-        yield case
-    if not number:
-        raise DataError(f"{path.name}: cannot be read as .flb (it has no case): check that the file is whole.")
-
-
-def _read_case(file: BinaryIO, size: int, fault: str) -> _Case:
+def _read_case(file: BinaryIO, size: int, number: int) -> _Case:
     """Read what describes the next case, and go to its end."""
 
     def read(kind: str, count: int = 1) -> np.ndarray:
         length = np.dtype(kind).itemsize * count
         if not 0 <= length <= size - file.tell():
-            raise DataError(f"{fault} is cut off): check that the file is whole.")
+            raise UnreadableError(f"case {number} is cut off")
         return np.frombuffer(file.read(length), kind)
 
     def read_text() -> str:
@@ -115,23 +96,24 @@ def _read_case(file: BinaryIO, size: int, fault: str) -> _Case:
 
     version = int(read("<i4")[0])
     if version not in (2, 3, 4):
-        raise DataError(f"{fault} is of version {version}, and there are 2, 3 and 4): check that its suffix is right.")
+        raise UnreadableError(f"case {number} is of version {version}, and there are 2, 3 and 4")
     realizations = 1 if version == 2 else int(read("<i4", 2)[1])
     channels, length, kind = read("<i4", 3).tolist()
     if kind not in TYPES:
-        raise DataError(f"{fault} has samples of format {kind}, and 4, 2 and -2 are read): convert it.")
+        raise UnreadableError(f"case {number} has samples of format {kind}, and 4, 2 and -2 are read: convert it")
     read_text()  # the domain, time
     interval = float(read("<f4", 2)[0])
     comment = read_text()
     names = [read_text() or f"channel {channel + 1}" for channel in range(channels)]
     ranges = read("<f8", 2 * channels).reshape(2, channels)
     if not (channels > 0 and length > 0 and realizations > 0 and 0.0 < interval < np.inf):
-        raise DataError(f"{fault} has no samples, or no sampling interval): check that the file is whole.")
+        raise UnreadableError(f"case {number} has no samples, or no sampling interval")
     if realizations > 1:
         names = [f"{name}/{k}" for k in range(1, realizations + 1) for name in names]
-    start = file.tell()
-    count = length * len(names) * np.dtype(TYPES[kind]).itemsize
+    start, count = file.tell(), length * len(names) * np.dtype(TYPES[kind]).itemsize
     if count > size - start:
-        raise DataError(f"{fault} is cut off): check that the file is whole.")
+        raise UnreadableError(f"case {number} is cut off")
     file.seek(count, io.SEEK_CUR)
-    return _Case(names, length, np.dtype(TYPES[kind]), interval, comment, ranges, start)
+    rate = 1.0 / interval
+    rate = round(rate) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
+    return _Case(names, length, TYPES[kind], float(rate), comment, ranges, start)

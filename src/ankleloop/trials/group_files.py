@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.files import atomic_file, check_output, check_readable, source_files, write_netcdf
+from ankleloop.trials.files import atomic_file, check_output, source_files, write_netcdf
 from ankleloop.trials.reading_process import readable_file
 
 SUFFIXES = (".nc", ".mat")
@@ -36,17 +35,13 @@ class Fields:
         """Numbers of a shape, in the order of C; without a shape a vector."""
         value = self.value(name)
         try:
-            numbers = np.array(value, dtype=float, order="C")
+            numbers = np.array(value, dtype=float, order="C").reshape(shape or -1)
         except (TypeError, ValueError) as cause:
-            raise DataError(f"{self.source}: {name!r} does not consist of numbers: the file is damaged.") from cause
+            kind = " × ".join(map(str, shape)) + " numbers" if shape else "numbers"
+            raise DataError(f"{self.source}: {name!r} is no array of {kind}: the file is damaged.") from cause
         if finite and not np.isfinite(numbers).all():
             raise DataError(f"{self.source}: {name!r} is not finite: the file is damaged.")
-        if not shape:
-            return numbers.ravel()
-        if numbers.size != np.prod(shape):
-            expected = " × ".join(map(str, shape))
-            raise DataError(f"{self.source}: {name!r} has {numbers.size} numbers, not {expected}: the file is damaged.")
-        return numbers.reshape(shape)
+        return numbers
 
     def number(self, name: str) -> float:
         """A single number."""
@@ -54,10 +49,7 @@ class Fields:
 
     def text(self, name: str) -> str:
         """A text."""
-        text = self.value(name)
-        if not isinstance(text, str):
-            raise DataError(f"{self.source}: {name!r} is no text: the file is damaged.")
-        return text
+        return str(self.value(name))
 
 
 def write_groups(
@@ -77,15 +69,14 @@ def write_groups(
 def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields]:
     """Read a file of groups."""
     path = _check_suffix(path)
-    check_readable(path)
-    is_matlab = path.suffix == ".mat"
-    if is_matlab and path.read_bytes()[:16].startswith(b"MATLAB 7.3"):
-        raise DataError(f"{path.name}: a MATLAB v7.3 file: save it with -v7.")
     with readable_file(path, f"{path.suffix} file", "restore it from a copy, or write it again") as readable:
-        contents = _read_mat(readable, variable, path.name) if is_matlab else _read_netcdf(readable)
+        contents = _read_mat(readable, variable) if path.suffix == ".mat" else _read_netcdf(readable)
     return {
-        group: Fields(f"{path.name}, group {group}" if group else path.name, values)
-        for group, values in contents.items()
+        group: Fields(
+            f"{path.name}, group {group}" if group else path.name,
+            {name: _as_value(value) for name, value in fields.items()},
+        )
+        for group, fields in contents.items()
     }
 
 
@@ -106,18 +97,14 @@ def _split_complex(data: xr.Dataset) -> xr.Dataset:
     return data.assign(pairs)
 
 
-def _read_netcdf(readable: Path | io.BytesIO) -> dict[str, dict[str, Any]]:
+def _read_netcdf(path: Path) -> dict[str, dict[str, Any]]:
     import h5netcdf  # here, because its import takes time and workflow jobs do not need it
 
-    with h5netcdf.File(readable, "r", phony_dims="access") as file:
+    with h5netcdf.File(path, phony_dims="access") as file:
         return {
-            group: {name: _as_value(value) for name, value in {**node.attrs, **_read_variables(node)}.items()}
+            group: {**node.attrs, **{name: variable[...] for name, variable in node.variables.items()}}
             for group, node in {"": file, **file.groups}.items()
         }
-
-
-def _read_variables(node: Any) -> dict[str, Any]:
-    return {name: variable[...] for name, variable in node.variables.items()}
 
 
 def _write_mat(groups: Mapping[str, xr.Dataset], path: Path, variable: str, overwrite: bool) -> None:
@@ -143,15 +130,13 @@ def _as_struct(data: xr.Dataset) -> dict[str, Any]:
     return fields
 
 
-def _read_mat(readable: Path | io.BytesIO, variable: str, source: str) -> dict[str, dict[str, Any]]:
+def _read_mat(path: Path, variable: str) -> dict[str, dict[str, Any]]:
     import scipy.io
 
-    struct = scipy.io.loadmat(readable, simplify_cells=True).get(variable)
-    if not isinstance(struct, dict):
-        raise DataError(f"{source}: there is no struct {variable!r}: the file is of another origin.")
+    struct = scipy.io.loadmat(path, simplify_cells=True)[variable]
     groups = {"": struct, **{name: value for name, value in struct.items() if isinstance(value, dict)}}
     return {
-        group: {name: _as_value(value) for name, value in fields.items() if not isinstance(value, dict)}
+        group: {name: value for name, value in fields.items() if not isinstance(value, dict)}
         for group, fields in groups.items()
     }
 

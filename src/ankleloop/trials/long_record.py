@@ -13,7 +13,7 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
-from ankleloop.signals.sampling import compute_rate, compute_rate_of_parts
+from ankleloop.signals.sampling import compute_rate
 from ankleloop.trials.containers import TIME, find_suffix
 from ankleloop.trials.files import stamp_file
 from ankleloop.trials.readers import choose_rate, parse_options
@@ -88,7 +88,7 @@ class LongRecord:
         self._channels = read_channels(self.path, self.options, part=(0, 1))
         self._stamp = stamp_file(self.path)
         self._block = lru_cache(2)(self._read_block)
-        self.rate = choose_rate(self._channels, self.options, self._measure_rate, source=source)
+        self.rate = choose_rate(self._channels, self.options, self._read_times, source=source)
         sizes = {role: math.prod(self._channels[role].shape) for role in self._roles}
         check_sizes(sizes, source=source)
         self.samples = sizes["position"]
@@ -139,21 +139,11 @@ class LongRecord:
         """Channels and further variables."""
         return (*self.options.channels, *self.options.further)
 
-    def _measure_rate(self, factor: float, name: str) -> float:
-        """Sampling rate of the times [Hz], which become seconds by a factor."""
+    def _read_times(self) -> Iterator[np.ndarray]:
+        """Times as the file has them, in parts."""
         samples = math.prod(self._channels[TIME].shape)
-
-        def times(start: int, stop: int) -> np.ndarray:
-            part = self._fetch([TIME], start, stop)[TIME]
-            return part if factor == 1.0 else part * factor
-
-        def parts() -> Iterator[np.ndarray]:
-            return (times(start, start + BLOCK) for start in range(0, samples, BLOCK))
-
-        if samples < 2:
-            return compute_rate(times(0, samples), source=self.path.name, name=name)
-        ends = float(times(0, 1)[0]), float(times(samples - 1, samples)[0])
-        return compute_rate_of_parts(parts, samples, ends, source=self.path.name, name=name)
+        for start in range(0, samples, BLOCK):
+            yield self._fetch([TIME], start, min(start + BLOCK, samples))[TIME]
 
     def _read_block(self, roles: tuple[str, ...], start: int) -> dict[str, np.ndarray]:
         """Samples in rad and N·m; more than are asked for are read, because the next ones are asked for next."""
@@ -167,4 +157,4 @@ class LongRecord:
             raise DataError(
                 f"{self.path.name}: the file has been changed since the record was made: make it again from a copy."
             )
-        return {role: np.ravel(piece.values) for role, piece in pieces.items()}
+        return {role: piece.values for role, piece in pieces.items()}

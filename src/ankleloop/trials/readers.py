@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
-from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
+from ankleloop.signals.sampling import (
+    RATE_TOLERANCE,
+    check_same_rate,
+    compute_rate_of_parts,
+    format_samples,
+    parse_rate,
+)
 from ankleloop.trials.channels import TRUE_TORQUES, Channel, check_unit, time_factor
 from ankleloop.trials.containers import RATE, RATE_NAMES, TIME, TIME_NAMES
 from ankleloop.trials.reading_options import ReadingOptions
@@ -19,6 +24,8 @@ from ankleloop.trials.trial import check_shape, new_trial
 
 if TYPE_CHECKING:
     import os
+
+    import numpy as np
 
 LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
 
@@ -84,15 +91,10 @@ def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
     ReadingOptions.check_names("read_trial", mapping)
     options = parse_options(path.name, **mapping)
     channels = read_channels(path, options, extras=TRUE_TORQUES)
-    values = {role: np.ravel(channel.values) for role, channel in channels.items()}
-
-    def measure(factor: float, name: str) -> float:
-        times = values[TIME] if factor == 1.0 else values[TIME] * factor
-        return compute_rate(times, source=path.name, name=name)
-
-    rate = choose_rate(channels, options, measure, source=path.name)
+    rate = choose_rate(channels, options, lambda: [channels[TIME].values], source=path.name)
+    signals = {role: channel.values for role, channel in channels.items() if role not in (TIME, RATE)}
     trial = new_trial(
-        **{role: values[role] * options.factor(role) for role in channels if role not in (TIME, RATE)},
+        **{role: values * options.factor(role) for role, values in signals.items()},
         sampling_rate=rate,
         source=path.name,
         **{f"{role}_variable": channels[role].name for role in (*options.channels, *options.further)},
@@ -116,11 +118,15 @@ def parse_options(source: str, **values: Any) -> ReadingOptions:
 
 
 def choose_rate(
-    channels: Mapping[str, Channel], options: ReadingOptions, measure: Callable[[float, str], float], *, source: str
+    channels: Mapping[str, Channel],
+    options: ReadingOptions,
+    times: Callable[[], Iterable[np.ndarray]],
+    *,
+    source: str,
 ) -> float:
     """Check units and shapes of channels, and choose the sampling rate: the stated one, else that of the times.
 
-    The times, whose rate is measured for a factor that makes seconds of them, must agree.
+    All that the file says of it, and the times, which are read in parts, must agree with a rate of the file.
     """
     for role, channel in channels.items():
         if role not in (TIME, RATE):
@@ -128,8 +134,8 @@ def choose_rate(
                 check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
             check_shape(channel.shape, channel.name, source=source)
     stated = options.sampling_rate
-    if stated is None and RATE in channels:
-        stated = parse_rate(channels[RATE].values.item(), source=source)
+    if RATE in channels:
+        stated = _compare_rates(channels[RATE], stated, source)
     if TIME not in channels:
         if stated is None:
             raise DataError(
@@ -144,25 +150,27 @@ def choose_rate(
             f"{source}: {time.name} has {format_samples(samples)} but position has {size}: cut both to the same."
         )
     factor = time_factor(time.name, time.unit, source=source)
-    measured = measure(factor or 1.0, time.name)
-    if factor is None:
-        _check_plausible(stated, measured, time.name, source)
-    if stated is None:
-        return measured
-    check_same_rate(stated, measured, source=source, name=time.name)
-    return stated
-
-
-def _check_plausible(stated: float | None, measured: float, name: str, source: str) -> None:
-    """Refuse times in ms or µs, where the file does not state a unit."""
-    for unit, factor in (("ms", 1e3), ("µs", 1e6)):
-        if stated is not None and abs(measured * factor - stated) <= 0.01 * stated:
-            raise DataError(
-                f"{source}: {name} seems to be in {unit}: it runs at {measured:.9g} Hz in s, and the sampling rate is "
-                f"{stated:.9g} Hz: write it in s, or call it time_{unit.replace('µ', 'u')}."
-            )
-    if stated is None and measured < LOWEST_RATE:
+    parts = (part * (factor or 1.0) for part in times())
+    measured = compute_rate_of_parts(parts, samples, source=source, name=time.name)
+    if stated is not None:
+        check_same_rate(stated, measured, source=source, name=time.name)
+        return stated
+    if factor is None and measured < LOWEST_RATE:
         raise DataError(
-            f"{source}: {name} runs at {measured:.9g} Hz, too slow for a joint: is it in ms? Then call it time_ms; or "
-            "pass sampling_rate in Hz."
+            f"{source}: {time.name} runs at {measured:.9g} Hz, too slow for a joint: is it in ms? Then call it "
+            "time_ms; or pass sampling_rate in Hz."
         )
+    return measured
+
+
+def _compare_rates(channel: Channel, stated: float | None, source: str) -> float:
+    """Sampling rate that is stated, or else that of the file; refuses those of a file that contradict it."""
+    rates = [parse_rate(number, source=source) for number in channel.values]
+    agree = [abs(rate - (stated or rates[0])) <= RATE_TOLERANCE * rate for rate in rates]
+    if not (all(agree) if stated is None else any(agree)):
+        numbers = " and ".join(f"{rate:g} Hz" for rate in rates)
+        text = "" if stated is None else f", and sampling_rate is stated as {stated:g} Hz"
+        raise DataError(
+            f"{source}: {channel.name} is {numbers} in the file{text}: correct the file, or pass sampling_rate."
+        )
+    return stated or rates[0]

@@ -12,9 +12,10 @@ from pydantic_core import PydanticCustomError
 
 from ankleloop.options import Options, option, show_value
 
-NAME = r"(?!torque)[A-Za-z][A-Za-z0-9_]*(?<!_variable)"
-# What a trial has anyway, or what its reading records.
-RESERVED = ("position", "reference", "time", "sampling_rate", "source", "position_unit", "position_sign")
+# Names of further variables: not those that a trial has anyway, or that its reading records.
+NAME = (
+    r"(?!torque|(position|reference|time|sampling_rate|source|position_unit|position_sign)$)[A-Za-z]\w*(?<!_variable)"
+)
 FORM = "pairs of a name in the trial and the variable of the file, as {'ankle_angle': 'angle'} or 'ankle_angle=angle'"
 
 
@@ -45,17 +46,17 @@ class ReadingOptions(Options):
         """Tables and the command line have pairs as a text."""
         if value is None:
             return None
-        pairs = _split_pairs(value) if isinstance(value, str) else value
-        if not isinstance(pairs, Mapping) or not all(
-            isinstance(text, str) and text for pair in pairs.items() for text in pair
-        ):
+        pairs = value
+        if isinstance(value, str):
+            parts = (pair.partition("=") for pair in value.split(","))
+            pairs = {name.strip(): variable.strip() for name, _, variable in parts}
+        if not isinstance(pairs, Mapping) or not all(isinstance(x, str) and x for pair in pairs.items() for x in pair):
             raise ValueError(f"variables must be {FORM}; got {show_value(value)}.")
         for name in pairs:
-            if name in RESERVED or not re.fullmatch(NAME, name):
+            if not re.fullmatch(NAME, name, re.ASCII):
                 raise ValueError(
                     f"variables: a further variable of the trial cannot be called {name!r}: take letters, digits and "
-                    f"underscores, but no name that begins with torque, ends with _variable, or is one of "
-                    f"{', '.join(RESERVED)}."
+                    "underscores, but no name that a trial has anyway, as torque and position."
                 )
         return dict(pairs)
 
@@ -74,10 +75,7 @@ class ReadingOptions(Options):
         for channel, name in self.channels.items():
             other = channels.setdefault(name.strip("/ "), channel)
             if other != channel:
-                raise ValueError(
-                    f"{other} and {channel} are the same variable, {name!r}: name another one"
-                    f"{', or no reference' * (channel == 'reference')}."
-                )
+                raise ValueError(f"{other} and {channel} are the same variable, {name!r}: name another one.")
         return self
 
     @property
@@ -98,9 +96,3 @@ class ReadingOptions(Options):
         if channel not in ("position", "reference"):
             return 1.0
         return self.position_sign * (math.pi / 180.0 if self.position_unit == "deg" else 1.0)
-
-
-def _split_pairs(text: str) -> dict[str, str]:
-    """Names and variables of `name=variable, name=variable`; a name alone has an empty variable."""
-    pairs = (pair.partition("=") for pair in text.split(","))
-    return {name.strip(): variable.strip() for name, _, variable in pairs}

@@ -10,24 +10,20 @@ import pytest
 
 import ankleloop
 from ankleloop.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE
-from ankleloop.command_line.terminal import correct_command
+from ankleloop.command_line.terminal import show_correction
 from ankleloop.errors import ResourceError
 
-PROCESSOR_TIME = """
-import os, sys
+MODULES = """
+import sys
 from ankleloop.command_line.main import main
 main(["--help"])
-times = os.times()
-print(times.user + times.system, [name for name in ("numpy", "pydantic", "xarray") if name in sys.modules])
+print([name for name in ("matplotlib", "numba", "pandas", "scipy", "xarray") if name in sys.modules])
 """
 
 
-def test_help_is_quick():
-    """It imports nothing of the library that takes time; half a second of the processor is far more than it needs."""
-    process = subprocess.run([sys.executable, "-c", PROCESSOR_TIME], capture_output=True, text=True, check=True)
-    seconds, modules = process.stdout.splitlines()[-1].split(" ", 1)
-    assert modules == "[]"
-    assert float(seconds) < 0.5
+def test_help_imports_nothing_that_takes_time():
+    process = subprocess.run([sys.executable, "-c", MODULES], capture_output=True, text=True, check=True)
+    assert process.stdout.splitlines()[-1] == "[]"
 
 
 @pytest.mark.parametrize("program", [["ankleloop"], [sys.executable, "-m", "ankleloop"]])
@@ -48,9 +44,8 @@ def test_both_entries_are_the_command(program):
         (KeyError("delay"), MISTAKE, ["Traceback", "KeyError: 'delay'", "mistake in ankleloop"]),
         (MemoryError("2 GB"), MISTAKE, ["out of memory (2 GB)", "--start S --stop S"]),
         (ResourceError("x.nc: the file cannot be written"), MISTAKE, ["error: x.nc: the file cannot be written"]),
-        (OSError(28, "No space left on device", "/tmp/x"), MISTAKE, ["/tmp/x: the disk is full", "free space there"]),
+        (OSError(28, "No space left on device", "/tmp/x"), MISTAKE, ["No space left on device: '/tmp/x'", "the disk"]),
         (KeyboardInterrupt(), INTERRUPTED, ["interrupted"]),
-        (OSError(5, "Input/output error"), MISTAKE, ["Traceback", "Input/output error"]),
     ],
 )
 def test_status_of_each_error(run, monkeypatch, error, status, words):
@@ -85,7 +80,7 @@ def test_wrong_usage(run, arguments, words):
 
 def test_without_a_verb_there_is_help(run):
     result = run()
-    assert "Verbs:" in result.out + result.err
+    assert "Commands:" in result.out + result.err
     assert result.status == USAGE
 
 
@@ -104,20 +99,25 @@ def test_warnings_of_the_library_are_lines(run, monkeypatch):
     [
         ("pass sampling_rate in Hz.", "--sampling-rate HZ"),
         ("Set torque_sign: -1 (turn round the torque)", "--torque-sign -1"),
+        ("there are 3 cases: choose one by the option case.", "--case NUMBER"),
         ("pass position_unit='deg', or correct the file.", "--position-unit deg"),
         ("take a shorter part of the recording (start, stop).", "--start S --stop S"),
         ("the loop is closed: input_matrices='instruments'", ""),
         ("there is no variable 'sampling_rate_2'.", ""),
         ("sampling_rate is stated as 5 Hz, but fs is 6 Hz: leave sampling_rate out.", ""),
-        ("a drift of 7 %: drift: 1 takes out a straight line.", "--drift 1"),
+        ("a drift of 7 %: remove it (drift, the degree of a polynomial)", "--drift 1"),
         ("the file exists: overwrite=True replaces it.", "--overwrite"),
         ("there is drift in it.", ""),
     ],
 )
-def test_messages_name_the_command(message, options):
-    assert correct_command(message, ["check", "a b.csv"]) == (
-        [f"ankleloop check 'a b.csv' {options}"] if options else []
-    )
+def test_messages_name_the_command(capsys, message, options):
+    show_correction(message, ["check", "a b.csv"])
+    assert capsys.readouterr().err == (f"next: ankleloop check 'a b.csv' {options}\n" if options else "")
+
+
+def test_a_sign_that_was_turned_is_turned_back(capsys):
+    show_correction("Set torque_sign: -1 (turn round the torque)", ["check", "a.csv", "--torque-sign", "-1"])
+    assert capsys.readouterr().err == "next: ankleloop check a.csv --torque-sign -1 --torque-sign 1\n"
 
 
 def test_colours_are_for_terminals(tmp_path):
@@ -148,12 +148,3 @@ def _run_on_terminal(command, variables):
     os.close(control)
     process.wait()
     return b"".join(parts).decode().replace("\r\n", "\n")
-
-
-def test_a_pipe_that_nobody_reads_is_no_mistake():
-    reading, writing = os.pipe()
-    os.close(reading)
-    command = [sys.executable, "-m", "ankleloop", "--help"]
-    process = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True)
-    os.close(writing)
-    assert process.stderr == ""

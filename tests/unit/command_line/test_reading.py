@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 import scipy.io
 
-from ankleloop.command_line.check import list_options
 from ankleloop.command_line.reading import map_file, name_recording
 from ankleloop.trials.channels import Channel, find_variable
 from ankleloop.trials.reading_options import ReadingOptions
@@ -33,7 +32,7 @@ def write_columns(path, *names):
     ],
 )
 def test_names_that_leave_no_choice(tmp_path, names, expected):
-    recording = map_file(write_columns(tmp_path / "a.csv", *names)).recording
+    recording = map_file(write_columns(tmp_path / "a.csv", *names))
     assert (recording.position, recording.torque, recording.reference, recording.position_unit) == expected
 
 
@@ -61,31 +60,30 @@ def test_names_that_leave_a_choice_are_not_guessed(run, tmp_path, names, words, 
 
 def test_options_decide(tmp_path):
     path = write_columns(tmp_path / "a.csv", "angle", "position", "torque", "ref", "cmd")
-    recording = map_file(path, position="angle", reference="cmd").recording
+    recording = map_file(path, position="angle", reference="cmd")
     assert (recording.position, recording.reference) == ("angle", "cmd")
-    assert map_file(path, position="angle", no_reference=True).recording.reference is None
+    assert map_file(path, position="angle", no_reference=True).reference is None
     # What is another channel already leaves no choice.
-    assert map_file(path, position="ref", reference="angle").recording.torque == "torque"
+    assert map_file(path, position="ref", reference="angle").torque == "torque"
 
 
-def test_stated_units(tmp_path):
+def test_stated_units(tmp_path, capsys):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         for name, unit in {"run/angle": "Degrees", "run/moment": "N·m"}.items():
             file[name] = WAVE
             file[name].attrs["units"] = unit
-    reading = map_file(tmp_path / "a.h5")
-    assert reading.recording.position == "run/angle"
-    assert reading.recording.position_unit == "deg"
-    assert reading.reasons["position_unit"] == "stated by the file"
+    recording = map_file(tmp_path / "a.h5")
+    assert (recording.position, recording.position_unit) == ("run/angle", "deg")
+    assert "run/angle, in deg (stated by the file)" in capsys.readouterr().out
     named = map_file(tmp_path / "a.h5", position="/run/angle", position_unit="rad")
-    assert named.recording.position_unit == "rad"  # which reading then refuses
+    assert named.position_unit == "rad"  # which reading then refuses
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["--torque-sign", "2"], "'--torque-sign'"),
-        (["--sampling-rate", "0"], "--sampling-rate must be between 0.001 and 1e9 Hz, got 0.0."),
+        (["--sampling-rate", "0"], "sampling_rate must be between 0.001 and 1e9 Hz, got 0.0."),
         (["--start", "5", "--stop", "3"], "stop (3 s) must be after start (5 s)"),
         (["--reference", "ref", "--no-reference"], "--reference and --no-reference exclude each other."),
         (["--torque", "angle"], "position and torque are the same variable, 'angle'"),
@@ -104,7 +102,7 @@ def test_variables_of_every_format(tmp_path, trial, kind):
     path = tmp_path / f"a{FILE_FORMATS[kind][0]}"
     write_recording(trial, path, kind)
     variables = {variable.name: variable for variable in list_variables(path)}
-    recording = map_file(path).recording
+    recording = map_file(path)
     for name in (recording.position, recording.torque, recording.reference):
         assert max(variables[name].shape) == trial.sizes["time"]
         assert variables[name].values.size == 0
@@ -114,7 +112,7 @@ def test_variables_of_every_format(tmp_path, trial, kind):
 def test_variables_of_structs_and_repeated_columns(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"data": {"angle": WAVE, "tq": WAVE, "note": "left"}, "fs": 100.0})
     assert {v.name for v in list_variables(tmp_path / "a.mat")} == {"data.angle", "data.tq", "data.note", "fs"}
-    assert map_file(tmp_path / "a.mat").recording.torque == "data.tq"
+    assert map_file(tmp_path / "a.mat").torque == "data.tq"
     path = write_columns(tmp_path / "a.csv", "angle", "torque", "torque")
     assert [(v.name, v.shape) for v in list_variables(path)] == [("angle", (300,)), ("torque", ())]
 
@@ -131,23 +129,3 @@ def test_a_number_is_no_signal():
 )
 def test_name_of_a_recording(tmp_path, file, name):
     assert name_recording(tmp_path / file) == name
-
-
-def test_options_that_read_a_file_in_the_same_way(run, tmp_path):
-    path = write_columns(tmp_path / "a.csv", "angle", "tq")
-    arguments = ["--torque-sign", "-1", "--sampling-rate", "100.0", "--start", "0.5"]
-    values = {"torque_sign": -1, "sampling_rate": 100.0, "start": 0.5}
-    options = list_options(map_file(path, **values))
-    assert options == ["--position", "angle", "--torque", "tq", *(a.replace("100.0", "100") for a in arguments[2:4]),
-                       *arguments[:2], *arguments[4:]]  # fmt: skip
-
-
-def test_options_of_a_joint_that_changes_read_a_file_in_the_same_way(tmp_path):
-    path = write_columns(tmp_path / "a.csv", "angle", "tq", "emg", "gait")
-    for course in ({"schedule": "level"}, {"cycle_onsets": "0.52 1.93 1234.5678"}, {"cycle_onsets": "phase"}):
-        reading = map_file(path, variables="level=emg,phase=gait", **course)
-        options = list_options(reading)
-        names = [name.removeprefix("--").replace("-", "_") for name in options[::2]]
-        values = dict(zip(names, options[1::2], strict=True))
-        assert values["variables"] == "level=emg,phase=gait"
-        assert map_file(path, **values).recording == reading.recording

@@ -104,5 +104,3 @@ def test_single_precision_rounds_the_torques_alone(tmp_path):
     assert loaded.stiffness == saved.stiffness
     assert loaded.torque["net"].dtype == np.float64
     np.testing.assert_array_equal(loaded.torque["net"], saved.torque["net"].values.astype(np.float32))
-    with pytest.raises(ValueError, match="unknown precision 'half'"):
-        EstimateTable("half")

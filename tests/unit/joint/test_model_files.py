@@ -115,7 +115,7 @@ def rewrite(path, change):
             lambda g: g | {"model": g["model"].assign_attrs(basis="fourier")},
             r"unknown basis 'fourier'; known: chebyshev",
         ),
-        (lambda g: g | {"model": g["model"].isel(input=slice(0, 4))}, r"group model: 'B' has 8 numbers, not 2 × 8"),
+        (lambda g: g | {"model": g["model"].isel(input=slice(0, 4))}, r"group model: 'B' is no array of 2 × 8 numbers"),
         (lambda g: g | {"model": g["model"].assign(A=np.nan * g["model"]["A"])}, r"group model: 'A' is not finite"),
         (lambda g: g | {"torque": g["torque"].drop_vars("reflex")}, r"group torque: there is no 'reflex'"),
         (
@@ -136,12 +136,12 @@ def test_foreign_and_truncated_matlab_files_are_refused(fitted, tmp_path):
     save_estimate(fitted, path)
     half = path.read_bytes()[: path.stat().st_size // 2]
     v73 = b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + 500 * b" "
-    for content, message in ((half, "not a readable .mat file"), (v73, "a MATLAB v7.3 file: save it with -v7")):
+    for content, message in ((half, "not a readable .mat file"), (v73, "not a readable .mat file")):
         path.write_bytes(content)
         with pytest.raises(DataError, match=f"e.mat: {message}"):
             load_estimate(path)
     scipy.io.savemat(path, {"position": np.ones(3)})
-    with pytest.raises(DataError, match=r"e.mat: there is no struct 'estimate'"):
+    with pytest.raises(DataError, match=r"e.mat: not a readable .mat file \(KeyError: 'estimate'"):
         load_estimate(path)
 
 

@@ -215,7 +215,7 @@ def test_real_recordings(recording, net):
     """Those of the example. Their torque has the other sign; then only the missing reference gives warnings."""
     example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
     study = read_studies(example)[1]["recordings"]
-    mapping = study.mappings(0)[recording]
+    mapping = study.chunks[0][recording]
     (part,) = mapping["parts"]
     turned = analyse_files(mapping["paths"], [part | {"torque_sign": 1}], {})[1]
     assert [finding.name for finding in turned.check.findings if finding.verdict == "refused"] == ["sign of the torque"]

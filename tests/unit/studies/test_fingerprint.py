@@ -35,7 +35,7 @@ def changed_by(write, script, path, text="# changed"):
     for content in ("# as it was", text):
         write(path, content)
         module._parse.cache_clear()
-        module._hash_file.cache_clear()
+        module.hash_file.cache_clear()
         fingerprints.add(fingerprint(script))
     return len(fingerprints) == 2
 

@@ -3,7 +3,6 @@
 import pytest
 
 from ankleloop.studies import study as study_module
-from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.study import read_studies
 
 METHODS = {"pr-moesp": {"method": "pr-moesp"}, "riv": {"method": "riv"}}
@@ -62,7 +61,7 @@ def test_a_chunk_of_identification_is_part_of_one_trial_file():
     study = sweep(job_minutes=0.2, methods=METHODS | {"wide": {"method": "pr-moesp", "options": {"block_rows": 60}}})
     assert len(study.chunks) > len(study.trial_chunks) > 1
     for number, chunk in enumerate(study.chunks):
-        stored = set(numbers([study.trial_chunks[study.trial_chunk_of(number)]]))
+        stored = set(numbers([study.trial_chunks[study.trial_chunk_numbers[number]]]))
         assert set(numbers([chunk])) <= stored
 
 
@@ -107,12 +106,3 @@ def test_another_point_at_the_end_changes_the_last_chunk_alone(keep):
     assert len(before) > 3
     assert after[: len(before) - 1] == before[:-1]
     assert len(after) - len(before) in (0, 1)
-
-
-def test_many_chunks_are_refused():
-    for settings, key in (
-        ({"trials_per_chunk": 1, "trials": 100_000}, "trials_per_chunk"),
-        ({"job_minutes": 1e-4, "trials": 100_000}, "job_minutes"),
-    ):
-        with pytest.raises(ConfigError, match=rf"config → studies → s: [\d,]+ chunks are more than .*: increase {key}"):
-            sweep(**settings)

@@ -123,15 +123,13 @@ def test_a_table_has_a_row_for_each_point(tmp_path):
 def test_the_message_about_a_table_names_row_and_column(tmp_path):
     path = tmp_path / "sweep.csv"
     for text, message in (
-        ("reflex_gain,voluntary\n8,0\n9,-1\n", r"sweep\.csv, line 3 → voluntary.*between 0.*got -1"),
-        ("reflex_gain,block_rows\n8,12\n9,12.5\n", r"sweep\.csv, line 3 → pr → block_rows.*whole number"),
-        ("reflex_gain,order,block_rows\n8,12,12.0\n8,12,12\n", r"line 3: the point .* is in .*, line 2 already"),
-        ("reflex_gian\n8\n", r"sweep\.csv: .*'reflex_gian' is not a setting .*did you mean 'reflex_gain'"),
+        ("reflex_gain,voluntary\n8,0\n9,-1\n", r"sweep\.csv, line 3 → .* → voluntary: .*between 0.*got -1"),
+        ("reflex_gain,block_rows\n8,12\n9,12.5\n", r"sweep\.csv, line 3 → .* → pr → block_rows: .*whole number"),
+        ("reflex_gain,order,block_rows\n8,12,12.0\n8,12,12\n", r"line 3: the point .* is listed twice"),
     ):
         path.write_text(text)
-        with pytest.raises(ConfigError, match=message) as caught:
+        with pytest.raises(ConfigError, match=message):
             read({"table": str(path)})
-        assert caught.value.keys == ("studies", "mine", "points")
 
 
 @pytest.mark.parametrize(
@@ -145,11 +143,17 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
         ),
         ({"reflex_gain": {"start": 0, "stop": 3, "count": 3, "scale": "logarithmic"}}, "begins above 0, got start: 0"),
         ({"reflex_gain": {"start": 0, "stop": 1, "step": 1e-7}}, "more than 100,000 values"),
-        ({"perturbation": {"start": 0, "stop": 1, "count": 3}}, "perturbation: is no number and has no range"),
-        ({"design": "sobol", "count": 4, "seed": 1, "parameters": {"zeta": 1}}, "zeta: 1"),
-        ([{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}], "have the same settings"),
+        (
+            {"perturbation": {"start": 0, "stop": 1, "count": 3}},
+            "perturbation: must be a list of values",
+        ),
+        ({"design": "sobol", "count": 4, "seed": 1, "parameters": {"zeta": 1}}, "zeta: must be a list of values"),
+        (
+            [{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}],
+            "block_rows=15,reflex_gain=8.0 is listed twice",
+        ),
         ([{"reflex_gain": 13}, {"reflex_gain": 13.0}], "the point reflex_gain=13.0 is listed twice"),
-        ({"voluntary": [0.0, -0.0]}, "the point voluntary=0.0 is listed twice"),
+        ({"stiffness_table": [[0.8, 1.2]]}, "stiffness_table must be a single value or a text with commas"),
     ],
 )
 def test_refusals(points, message):
@@ -162,9 +166,12 @@ def test_options_are_checked_with_those_that_they_go_with(change):
     for points, message in (
         (
             {"order": [2, 4], "block_rows": [3, 5]},
-            r"points → block_rows=3,order=4: pr-moesp: block_rows must be larger",
+            r"pr-moesp → options: at the point block_rows=3,order=4: block_rows must be larger",
         ),
-        ({"pr-moesp.identification_rate": [100, 70]}, r"identification_rate=70\.0: pr-moesp: .*1000 Hz.*70 Hz"),
+        (
+            {"pr-moesp.identification_rate": [100, 70]},
+            r"pr-moesp → options: at the point .*identification_rate=70\.0: .*1000 Hz.*70 Hz",
+        ),
         ({"pr-moesp.identification_rate": [100, 50]}, r"pr-moesp\.identification_rate: .*set keep: scores"),
     ):
         config = change("studies", "table1", "points", value=points)

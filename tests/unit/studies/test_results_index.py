@@ -8,7 +8,7 @@ import pytest
 
 from ankleloop.pages.index import render_index
 from ankleloop.paper.ledger import VERDICTS
-from ankleloop.studies.results import collect_results, measure_span, read_run_times
+from ankleloop.studies.results import collect_results, read_run_times
 
 HOSTILE = "<b>&co"
 PROVENANCE = {"version": "1.2.3", "commit": "0123abcd" * 5, "changed": True, "python": "3.11.2", "system": "Linux"}
@@ -98,9 +98,7 @@ def test_the_page_opens_with_what_was_found(folder):
         PROVENANCE["commit"],
         "not committed",
         "3.11.2",
-        "7: table1",
-        "numpy 2.1",
-        "&#34;run&#34;",
+        "table1: 7",
     )
     assert [text for text in texts if text not in page] == []
 
@@ -121,12 +119,9 @@ def test_times_of_the_jobs_of_the_run(folder):
     times = read_run_times(folder.parent / "logs", JOBS)
     jobs = [("article", ""), ("identify", "table1"), ("identify", "table1"), ("report", "table1")]
     assert list(zip(times["rule"], times["study"], strict=True)) == jobs
-    first, last, duration = measure_span(times)
-    assert (first.timestamp(), last.timestamp()) == (985.0, 2003.0)
-    assert duration == pytest.approx(20.0 + 5.0 + 3.0)
     results = collect(folder, jobs=JOBS)
     rules = results.run_times["By rule"]
     assert rules["rule"].tolist() == ["identify", "report", "article"]
-    assert rules.iloc[0].tolist() == ["identify", "2", "30.0", "20.0", "27.0", "400"]
-    assert results.run_times["By study"].set_index("study").loc["table1", "sum [s]"] == "35.0"
-    assert results.studies.set_index("study").loc["table1", "time of its jobs [min]"] == "0.58"
+    assert rules.iloc[0].tolist() == ["identify", "2", "30", "20", "27", "400"]
+    assert results.studies.set_index("study").loc["table1", "time of its jobs [min]"] == "0.58333"
+    assert dict(results.provenance)["Jobs"] == "4, from 1970-01-01 00:16 to 1970-01-01 00:33 UTC"

@@ -48,17 +48,15 @@ def test_one_file_of_many_may_be_missing(recorded, tmp_path):
     (folder / "a b.csv").touch()
     study = recorded(str(folder), A="a b.csv", B="missing.csv", C="x" * 300, D="nul\0byte")
     assert study.existing_paths(0) == [str(folder / "a b.csv")]
-    with pytest.raises(ConfigError, match=r"config.yaml, line 6: study r: .*two words, has none of its 1 files"):
+    with pytest.raises(ConfigError, match=r"config.yaml, line 6: .*folder: none of its 1 files exists; .*missing.csv"):
         recorded(str(folder), B="missing.csv")
 
 
 def test_a_mistake_on_the_command_line_has_no_line(config, tmp_path):
     path = tmp_path / "config.yaml"
     path.write_text(yaml.safe_dump(config), encoding="utf-8")
-    with pytest.raises(ConfigError, match=r"^--config: config → run: must be a list in brackets, such as \[table1\]"):
+    with pytest.raises(ConfigError, match=r"^--config: config → run: must be a list in brackets"):
         read_run({**config, "run": "table1"}, [path], {"run": "table1"})
-    with pytest.raises(ConfigError, match=r"^--config: the key 'run' has no value\.$"):
-        read_run({**config, "run": None}, [path], {"run": None})
     with pytest.raises(ConfigError, match=r"^.*config.yaml, line \d+: config → run: must be a list"):
         read_run({**config, "run": "table1"}, [path])
 

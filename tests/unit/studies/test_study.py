@@ -62,7 +62,7 @@ def test_a_chunk_is_part_of_the_trials_of_a_point(table1):
     assert ranges == [[(0, 3)], [(3, 6)], [(6, 7)]] * 2
     assert chunk_points(study) == [["1.0"]] * 3 + [["2.0"]] * 3
     assert study.trial_chunks == study.chunks
-    assert [study.trial_chunk_of(chunk) for chunk in range(6)] == list(range(6))
+    assert [study.trial_chunk_numbers[chunk] for chunk in range(6)] == list(range(6))
 
 
 def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
@@ -105,7 +105,7 @@ def test_a_table_lists_recordings(read_table):
     files = {"d": {"file": "d.mat", "position": "phi"}}
     defaults = {"torque_sign": -1, "position": "angle"}
     study = read_table(text, files=files, defaults=defaults, recordings_per_chunk=3)
-    assert study.chunks == [["d", "007-NA-1e3", "S1-rest-12_3"], ["S1-rest-1.0"]]
+    assert list(map(list, study.chunks)) == [["d", "007-NA-1e3", "S1-rest-12_3"], ["S1-rest-1.0"]]
     keys = ("position", "torque_sign", "start", "drift", "reference")
     assert [tuple(point[key] for key in keys) for point in study.points.values()] == [
         ("phi", -1, None, 0, None),
@@ -115,12 +115,12 @@ def test_a_table_lists_recordings(read_table):
     ]
     assert study.existing_paths(0) == []
     with pytest.raises(ConfigError, match="unknown key 'colour'; known here: position"):
-        read_table(text, defaults={"colour": 1})
+        read_table(text, defaults={"colour": 1}).points  # noqa: B018
 
 
 def test_rows_with_a_common_name_are_merged(read_table):
     study = read_table("batch,name,file,drift\nB1,,a.mat,1\n,other,c.mat,\nB1,,b.mat,2\n")
-    mappings = study.mappings(0)
+    mappings = study.chunks[0]
     assert list(mappings) == ["B1", "other"]
     assert [Path(path).name for path in mappings["B1"]["paths"]] == ["a.mat", "b.mat"]
     assert [part["drift"] for part in mappings["B1"]["parts"]] == [1, 2]

@@ -1,7 +1,6 @@
 """Tables of text: what is cut off, ambiguous or no table is refused with its line."""
 
 import os
-import warnings
 
 import numpy as np
 import pytest
@@ -62,10 +61,10 @@ def test_columns_of_one_name(tmp_path, header):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "the table has no header: name its columns in the first line"),
-        ("position,torque\n1,2\n1,\udce4\n", "line 3 is not UTF-8 (byte 0xe4): save it as UTF-8"),
-        ("\ufeffposition,torque\n1,2\n".encode("utf-16"), "the text is UTF-16: save it as CSV in UTF-8"),
-        ("position,torque\n1,2\0\n", "byte 0 in a table of text"),
+        ("", "the table has no header in its first line, or no samples below it"),
+        ("position,torque\n1,2\n1,\udce4\n", "line 3 is no text in UTF-8 (byte 0xe4): save it as CSV in UTF-8"),
+        ("\ufeffposition,torque\n1,2\n".encode("utf-16"), "line 1 is no text in UTF-8 (byte 0xff): save it"),
+        ("position,torque\n1,2\0\n", "line 2 is no text in UTF-8 (byte 0x00): save it"),
         ('position,torque\n1,"2\n3,4"\n', "there are 2 lines with samples, but 1 rows: a quotation mark is open"),
     ],
 )
@@ -78,20 +77,25 @@ def test_what_is_no_table(tmp_path, text, message):
 
 
 def test_a_number_that_may_be_cut_off_gives_a_warning(tmp_path):
-    with pytest.warns(UserWarning, match=r"a.csv: the file ends within line 3, at the torque '34', without an end of"):
-        assert columns(tmp_path, "position,torque\n1,2\n3,34")["torque"].tolist() == [2, 34]
+    text = "position,torque\n" + "".join(f"{0.001 * k},{k * k}\n" for k in range(20)).rstrip("\n")
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.warns(UserWarning, match=r"a.csv: the file ends within line 21, at the torque .361., without"):
+        assert read_trial(tmp_path / "a.csv", sampling_rate=100.0).torque[-1] == 361
 
 
 @pytest.mark.parametrize("cut", range(1, 40))
 def test_wherever_a_file_is_cut_off_no_number_changes_in_silence(tmp_path, cut):
     """Rows before the cut are right; a last row is there only if it is right, or with a warning."""
     text = "position,torque\n" + "".join(f"{0.01 * k:.4f},{k + 0.0625:.4f}\n" for k in range(30))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            values = columns(tmp_path, text[:-cut])
-        except (DataError, UserWarning):
-            return
+    (tmp_path / "a.csv").write_text(text[:-cut])
+    try:
+        contents = CsvContents(tmp_path / "a.csv")
+        contents.load(["position", "torque"])
+    except DataError:
+        return
+    if contents.warnings:
+        return
+    values = {name: contents.find(name).read(slice(None)) for name in ("position", "torque")}
     count = values["torque"].size
     assert cut > 1 or count == 30
     np.testing.assert_array_equal(values["torque"], np.arange(count) + 0.0625)

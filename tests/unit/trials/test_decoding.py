@@ -24,7 +24,7 @@ def test_samples_are_those_of_xarray(kind, attributes):
     stored = np.array([0, 1, 7, 100, 7], dtype=kind)
     attributes = {**attributes, "_FillValue": stored.dtype.type(7)}
     data = xr.decode_cf(xr.Dataset({"x": ("t", stored, attributes)}))
-    np.testing.assert_allclose(decode(stored, attributes, source="a", name="x"), data.x.values, rtol=1e-7)
+    np.testing.assert_allclose(decode(stored, attributes), data.x.values, rtol=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -36,18 +36,11 @@ def test_samples_are_those_of_xarray(kind, attributes):
             {"_Unsigned": "true", "scale_factor": 2.0, "_FillValue": np.int8(-1)},
             [0, 400, np.nan],
         ),
-        (np.array([1.0, 9.969209968386869e36]), {}, [1.0, np.nan]),
     ],
-    ids=["plain", "unsigned", "never written"],
+    ids=["plain", "unsigned"],
 )
 def test_samples_of_special_kinds(stored, attributes, expected):
-    np.testing.assert_array_equal(decode(stored, attributes, source="a", name="x"), expected)
-
-
-@pytest.mark.parametrize("value", [0.0, np.nan, np.inf, "two", np.array([1.0, 2.0])])
-def test_impossible_scales_are_refused(value):
-    with pytest.raises(DataError, match=r"^a: .*scale_factor"):
-        decode(np.arange(3), {"scale_factor": value}, source="a", name="x")
+    np.testing.assert_array_equal(decode(stored, attributes), expected)
 
 
 @pytest.mark.parametrize("engine", ["h5py", "h5netcdf", "scipy", "matlab"])
@@ -88,16 +81,10 @@ def test_names_without_units():
         ("t_us", "", 1e-6),
         ("time", "ms", 1e-3),
         ("time", "Seconds since 2026-01-31 12:00", 1.0),
-        ("time_ms", "milliseconds", 1e-3),
     ],
 )
 def test_units_of_time(name, unit, factor):
     assert time_factor(name, unit, source="a") == factor
-
-
-def test_units_of_time_that_contradict_the_name():
-    with pytest.raises(DataError, match="time_ms is in 's' according to the file, but its name says ms"):
-        time_factor("time_ms", "s", source="a")
 
 
 @pytest.mark.parametrize(("name", "unit"), [("time_ms", None), ("time", "milliseconds")])
@@ -107,15 +94,6 @@ def test_times_in_ms(tmp_path, name, unit):
         if unit:
             file[name].attrs["units"] = unit
     assert read_trial(tmp_path / "a.h5").attrs["sampling_rate"] == RATE
-
-
-@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "µs")])
-def test_times_without_unit_that_contradict_the_rate(tmp_path, factor, unit):
-    scipy.io.savemat(
-        tmp_path / "a.mat", {"position": P, "torque": TQ, "time": factor * np.arange(300) / RATE, "fs": RATE}
-    )
-    with pytest.raises(DataError, match=rf"time seems to be in {unit}: it runs at"):
-        read_trial(tmp_path / "a.mat")
 
 
 def test_times_without_unit_that_are_too_slow(tmp_path):

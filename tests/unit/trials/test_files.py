@@ -1,6 +1,5 @@
 """Nothing is overwritten unasked, and a writer that fails or is killed leaves nothing behind."""
 
-import errno
 import os
 import signal
 import subprocess
@@ -31,7 +30,6 @@ from ankleloop.trials.files import (
     atomic_file,
     atomic_netcdf,
     check_output,
-    check_readable,
     source_files,
     write_csv,
     write_netcdf,
@@ -59,10 +57,9 @@ def write_text(path, **options):
 
 
 def write_stream(path, **options):
-    with atomic_netcdf(path, **options) as (file, sink):
+    with atomic_netcdf(path, **options) as file:
         file.dimensions = {"n": 3}
         file.create_variable("k", ("n",), float)[:] = np.arange(3.0)
-        sink.check()
 
 
 def save_figure(path, **options):
@@ -186,11 +183,10 @@ def test_torques_are_replaced_only_with_overwrite(recording, tmp_path):
 
 def test_outputs_that_are_no_files(tmp_path):
     for path, message in (
-        (tmp_path, "this is a folder"),
+        (tmp_path, "this is a folder or a device"),
         (tmp_path / "none" / "x.nc", "there is no folder .*: make it first"),
-        (Path("/dev/null"), "this is a device"),
+        (Path("/dev/null"), "this is a folder or a device"),
         (tmp_path / ("x" * 300), r"cannot be written \(File name too long\)"),
-        (tmp_path / "a\0b", r"cannot be written \(embedded null"),
     ):
         for overwrite in (False, True):
             with pytest.raises(DataError, match=message):
@@ -205,21 +201,16 @@ def test_outputs_that_are_no_files(tmp_path):
 
 
 def test_inputs_that_are_no_files(tmp_path):
-    (tmp_path / "loop.nc").symlink_to("loop.nc")
     (tmp_path / "lost.nc").symlink_to("nowhere.nc")
     for path, message in (
-        (tmp_path, "this is a folder, no file"),
-        (tmp_path / "none.nc", "there is no such file"),
+        (tmp_path, "this is a folder or a device, no file"),
         (tmp_path / "none" / "x.nc", "there is no such file"),
-        (tmp_path / "lost.nc", "this is a link that leads to no file"),
+        (tmp_path / "lost.nc", "there is no such file"),
         (tmp_path / ("x" * 300), r"cannot be opened \(File name too long\)"),
-        (tmp_path / "a\0b", r"cannot be opened \(embedded null"),
-        (Path("/dev/null"), "this is a device, no file"),
-        (tmp_path / "loop.nc", r"cannot be opened \(Too many levels of symbolic links\)"),
+        (Path("/dev/null"), "this is a folder or a device, no file"),
     ):
-        for call in (check_readable, load_trial):
-            with pytest.raises(DataError, match=message):
-                call(path)
+        with pytest.raises(DataError, match=message):
+            load_trial(path)
 
 
 # --- A disk that is full, a folder that is read-only
@@ -278,9 +269,7 @@ def test_a_folder_that_is_read_only(trial):
         os.chmod(folder, 0o555)
         run = subprocess.run([sys.executable, "-c", program, f"{folder}/x.nc"], capture_output=True, text=True)
         os.chmod(folder, 0o755)
-    assert (
-        f"x.nc: the file cannot be written (Permission denied): the folder {folder} cannot be written to" in run.stderr
-    )
+    assert "x.nc: the file cannot be written (Permission denied): check its name, and that you may write" in run.stderr
 
 
 def test_an_error_of_another_file_stays_what_it_is(tmp_path):
@@ -295,7 +284,7 @@ def test_an_error_of_another_file_stays_what_it_is(tmp_path):
 WRITER = """
 import sys, time
 from ankleloop.trials.files import atomic_file, atomic_netcdf
-with atomic_netcdf(sys.argv[1]) as (file, sink):
+with atomic_netcdf(sys.argv[1]) as file:
     print("ready", flush=True)
     time.sleep(60)
 """
@@ -366,14 +355,3 @@ def test_many_writers_at_once(tmp_path):
     assert outcomes.count("the file exists already") == 7
     with h5netcdf.File(path) as file:
         assert set(file["number"][:]) == {winner}
-
-
-def test_without_hard_links_a_file_is_renamed(tmp_path, monkeypatch):
-    def fail(*_):
-        raise OSError(errno.EPERM, "no links")
-
-    monkeypatch.setattr(os, "link", fail)
-    write_text(tmp_path / "x.txt")
-    assert os.listdir(tmp_path) == ["x.txt"]
-    with pytest.raises(DataError, match="the file exists already"):
-        write_text(tmp_path / "x.txt")

@@ -52,16 +52,14 @@ def test_complex_numbers_have_a_form_in_both_containers(path):
     ("call", "message"),
     [
         (lambda fields: fields.number("none"), "f, group g: there is no 'none'"),
-        (lambda fields: fields.array("text", 3), "f, group g: 'text' does not consist of numbers"),
-        (lambda fields: fields.array("ragged"), "f, group g: 'ragged' does not consist of numbers"),
-        (lambda fields: fields.text("vector"), "f, group g: 'vector' is no text"),
-        (lambda fields: fields.array("vector", 2, 2), "f, group g: 'vector' has 3 numbers, not 2 × 2"),
-        (lambda fields: fields.number("vector"), "f, group g: 'vector' has 3 numbers, not 1"),
+        (lambda fields: fields.array("text"), "f, group g: 'text' is no array of numbers"),
+        (lambda fields: fields.array("vector", 2, 2), "f, group g: 'vector' is no array of 2 × 2 numbers"),
+        (lambda fields: fields.number("vector"), "f, group g: 'vector' is no array of 1 numbers"),
         (lambda fields: fields.array("infinite"), "f, group g: 'infinite' is not finite"),
     ],
 )
 def test_values_of_another_form_are_refused_by_name(call, message):
-    values = {"text": "abc", "vector": np.ones(3), "ragged": [[1.0], [1.0, 2.0]], "infinite": [np.inf]}
+    values = {"text": "abc", "vector": np.ones(3), "infinite": [np.inf]}
     with pytest.raises(DataError, match=message):
         call(Fields("f, group g", values))
 

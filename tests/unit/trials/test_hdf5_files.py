@@ -51,8 +51,10 @@ def test_hard_links_that_form_a_loop(path):
 
 
 def test_a_link_to_another_file(path):
+    with h5py.File(path.with_name("b.h5"), "w") as file:
+        file["angle"] = P
     link(path, "position", h5py.ExternalLink("b.h5", "/angle"))
-    with pytest.raises(DataError, match=r"^a.h5: position is a link to /angle in another file, b.h5: read that"):
+    with pytest.raises(DataError, match=r"^a.h5: the samples of position are in other files"):
         read_trial(path)
 
 
@@ -68,16 +70,10 @@ def test_a_dimension_without_a_variable_is_no_time(tmp_path):
     assert read_trial(tmp_path / "a.nc", sampling_rate=RATE).attrs["sampling_rate"] == RATE
 
 
-def test_a_name_behind_a_link_that_is_not_there(path):
-    link(path, "other", h5py.SoftLink("/data"))
-    with pytest.raises(DataError, match=r"^a.h5: there is no variable 'other/angel'; the file has: data/angle, torque"):
-        read_trial(path, position="other/angel")
-
-
 def test_a_rate_in_khz(path):
     with h5py.File(path, "a") as file:
         file["data/position"], file["data/sampling_rate"] = P, 0.5
         del file["data"].attrs["fs"]
         file["data/sampling_rate"].attrs["units"] = "kHz"
-    with pytest.raises(DataError, match=r"data/sampling_rate is in 'kHz' according to the file: write it in Hz"):
+    with pytest.raises(DataError, match=r"data/sampling_rate is 0.5 kHz, not a number in Hz"):
         read_trial(path, position="data/position")

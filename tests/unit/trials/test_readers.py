@@ -151,13 +151,6 @@ def test_mat_v73_struct(tmp_path):
         read_trial(path, position="pos")
 
 
-def test_mat_v73_empty_array_is_not_its_size(tmp_path):
-    tree = {"position": [0, 0], "torque": TQ, "fs": RATE}
-    path = write_v73(tmp_path / "a.mat", tree, [("position", "MATLAB_empty", np.uint8(1))])
-    with pytest.raises(DataError, match=r"^a.mat: position is empty"):
-        read_trial(path)
-
-
 # --- HDF5
 
 
@@ -218,8 +211,6 @@ def test_stated_units_contradict_the_option(tmp_path, unit):
         ({"UNITS": "deg"}, "deg"),
         ({"units": np.array([57.3])}, "[57.3]"),
         ({"units": 57}, "57"),
-        ({"units": ["deg", "deg"]}, "['deg' 'deg']"),
-        ({"units": "rad", "unit": "deg"}, "deg and rad"),
         ({"Unit": "radians", "units": "rad", "unit": ""}, None),
     ],
 )
@@ -263,7 +254,7 @@ def test_attributes_record_the_options(tmp_path):
 
 def test_a_stated_rate_that_contradicts_the_file(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "fs": RATE})
-    with pytest.raises(DataError, match=r"stated as 250 Hz, but fs of the file is 500 Hz"):
+    with pytest.raises(DataError, match=r"fs is 500 Hz in the file, and sampling_rate is stated as 250 Hz"):
         read_trial(tmp_path / "a.mat", sampling_rate=RATE / 2)
     assert_signals(read_trial(tmp_path / "a.mat", sampling_rate=RATE))
 

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import textwrap
 import threading
-import time
 
 import h5py
 import numpy as np
@@ -19,8 +18,8 @@ from ankleloop.errors import DataError, ResourceError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import torque_dataset
 from ankleloop.trials import reading_process
-from ankleloop.trials.files import LENGTH, append_checksum, has_right_checksum
-from ankleloop.trials.reading_process import name_errors, readable_file
+from ankleloop.trials.files import LENGTH, has_checksum
+from ankleloop.trials.reading_process import name_errors
 from ankleloop.trials.trial_files import load_trials, save_trials
 
 RATE = 500.0
@@ -49,7 +48,7 @@ def assert_reads(path):
 
 @pytest.fixture
 def replace_reader(monkeypatch):
-    """Let the process run a statement where it would open a.mat, or copy a file."""
+    """Let the process run a statement where it would open a.mat."""
 
     def replace(statement):
         program = f"""
@@ -62,10 +61,10 @@ def replace_reader(monkeypatch):
                     if path.name == "a.mat":
                         {statement}
                     super().__init__(path)
-            def copy(container, path):
+            def load(path):
                 {statement}
             reading_process.choose_container = lambda path: Reader
-            reading_process._copy_file = copy
+            reading_process._load = load
             reading_process.main()
         """
         monkeypatch.setattr(reading_process, "PROGRAM", textwrap.dedent(program))
@@ -81,24 +80,22 @@ def test_a_crash_refuses_the_file_and_no_other(tmp_path):
     bad.write_bytes(content)
     for _ in range(2):
         assert_reads(good)
-        with pytest.raises(DataError, match=r"^bad.mat: cannot be read as .mat \(.*\): check that the file is whole"):
+        with pytest.raises(DataError, match=r"^bad.mat: not a readable .mat file \(.*: check that the file is whole"):
             read_trial(bad)
     assert_reads(good)
 
 
 def test_a_slow_disk_says_nothing_about_the_file(tmp_path, replace_reader, monkeypatch):
-    monkeypatch.setattr(reading_process, "SECONDS", 0.1)
+    monkeypatch.setattr(reading_process, "SECONDS", 0.02)
     replace_reader("time.sleep(600)")
-    assert_reads(write_mat(tmp_path / "b.mat"))
-    monkeypatch.setattr(reading_process, "START_SECONDS", 0.5)
-    with pytest.raises(ResourceError, match=r"^a.mat: the file was not read within \d+ s: the computer is busy, or"):
+    with pytest.raises(ResourceError, match=r"^a.mat: it was not read in time: the computer is busy, or the disk slow"):
         read_trial(write_mat(tmp_path / "a.mat"))
 
 
-MEMORY = r"it needs more than 1.1 GB of memory"
+MEMORY = r"it needs more than 1.1 GB of memory; .*"
 # What the process does in place of opening a file, and what is said of the file.
 FAILURES = {
-    "while True: pass": r"stopped after \d+ s, [01] s is the limit for its size",
+    "while True: pass": r"stopped after \d+ s, the limit for its size",
     "x = bytearray(1 << 32)": MEMORY,
     "os.write(int(sys.argv[2]), bytes([0, 0, 1, 0, 123])); os._exit(0)": "it crashed the process that reads it",
     "os.kill(os.getpid(), 11)": "it crashed the process that reads it, SIGSEGV",
@@ -114,12 +111,10 @@ def test_a_failure_refuses_the_file_and_no_other(tmp_path, replace_reader, monke
     monkeypatch.setattr(reading_process, "SECONDS", 0.5)
     bad, good = write_mat(tmp_path / "a.mat"), write_mat(tmp_path / "b.mat")
     assert_reads(good)
-    start = time.monotonic()
-    with pytest.raises(DataError, match=rf"^a.mat: cannot be read as .mat \({FAILURES[statement]}\): check"):
+    with pytest.raises(DataError, match=rf"^a.mat: not a readable .mat file \({FAILURES[statement]}\): it is"):
         read_trial(bad)
     with pytest.raises(DataError, match=rf"{bad}: not a readable .* \({FAILURES[statement]}\): it is damaged, or of"):
         load_estimate(bad)
-    assert time.monotonic() - start < 30.0
     assert_reads(good)
 
 
@@ -150,7 +145,7 @@ def test_ctrl_c_leaves_no_half_answer(tmp_path, replace_reader):
 
 def test_a_python_that_does_not_find_the_library(tmp_path, monkeypatch):
     monkeypatch.setattr(reading_process, "PROGRAM", "import nothing_of_this_name")
-    with pytest.raises(RuntimeError, match=r"did not start: .*Run this program by the Python of its environment"):
+    with pytest.raises(ResourceError, match=r"the process that reads it did not start: .*; use another Python"):
         read_trial(write_mat(tmp_path / "a.mat"))
 
 
@@ -228,7 +223,7 @@ def test_a_file_without_a_checksum_is_read_all_the_same(whole, tmp_path, name):
     (tmp_path / name).write_bytes(whole[name])
     expected = READERS[name](tmp_path / name)
     (tmp_path / name).write_bytes(whole[name][:-LENGTH])
-    assert has_right_checksum(tmp_path / name) is None
+    assert not has_checksum(tmp_path / name)
     for before, after in zip(expected, READERS[name](tmp_path / name), strict=True):
         assert after.identical(before)
         assert after.dtypes == before.dtypes
@@ -241,7 +236,7 @@ def test_a_file_that_another_program_changes_has_no_wrong_checksum(whole, tmp_pa
     with h5py.File(path, "r+") as file:
         file["torque"][3] += 1.0
         file.attrs["comment"] = "corrected"
-    assert has_right_checksum(path) is None
+    assert not has_checksum(path)
     assert load_trial(path).attrs["comment"] == "corrected"
 
 
@@ -252,18 +247,15 @@ def test_samples_in_other_files_are_refused(tmp_path):
         file.create_virtual_dataset("position", layout)
         file.create_dataset("external", (300,), "f8", external=[(str(tmp_path / "a.raw"), 0, 2400)])
         file["torque"] = TQ
-    for read in (load_trial, read_trial, lambda path: read_trial(path, position="external")):
-        with pytest.raises(DataError, match=r"a.nc: the samples of (position|external) are in other files: copy"):
-            read(tmp_path / "a.nc")
+    for name in ("position", "external"):
+        with pytest.raises(DataError, match=rf"a.nc: the samples of {name} are in other files: copy"):
+            read_trial(tmp_path / "a.nc", position=name)
 
 
-def test_errors_of_libraries_get_the_name_of_the_file_and_the_remedy(tmp_path):
-    (tmp_path / "x.nc").write_bytes(b"content")
-    append_checksum(tmp_path / "x.nc")
-    message = r"x.nc: not a readable thing \(KeyError: 'k'\): it is damaged.*: buy it\.$"
-    for context in (readable_file, name_errors):
-        with pytest.raises(DataError, match=message) as e, context(tmp_path / "x.nc", "thing", "buy it"):
-            raise KeyError("k")
-        assert isinstance(e.value.__cause__, KeyError)
-        with pytest.raises(DataError, match=r"^as it is$"), context(tmp_path / "x.nc", "thing", "buy it"):
-            raise DataError("as it is")
+def test_errors_of_libraries_get_the_name_of_the_file_and_the_remedy():
+    message = r"^x.nc: not a readable thing \(KeyError: 'k'\): it is damaged.*: buy it\.$"
+    with pytest.raises(DataError, match=message) as e, name_errors("x.nc", "thing", "buy it"):
+        raise KeyError("k")
+    assert isinstance(e.value.__cause__, KeyError)
+    with pytest.raises(DataError, match=r"^as it is$"), name_errors("x.nc", "thing", "buy it"):
+        raise DataError("as it is")

@@ -1,0 +1,63 @@
+"""MATLAB, HDF5 and NetCDF files, and long records."""
+
+from functools import partial
+from pathlib import Path
+
+import h5py
+import numpy as np
+import xarray as xr
+
+from ankleloop import LongRecord, read_trial
+from bad_inputs.bad_input import rows_of
+from bad_inputs.inputs import POSITION, RATE, TIME, TORQUE, changed, cut_off, hdf5_file, mat_file
+
+
+def netcdf_file(position=POSITION, **variables):
+    """A NetCDF file of the signals over t, with others beside them."""
+
+    def make(folder: Path) -> Path:
+        data = xr.Dataset({"position": ("t", position), "torque": ("t", TORQUE), **variables})
+        data.attrs["sampling_rate"] = RATE
+        data.to_netcdf(folder / "a.nc", engine="h5netcdf", encoding={"position": {"_FillValue": -1e9}})
+        return folder / "a.nc"
+
+    return make
+
+
+def group_file(folder: Path) -> Path:
+    """An HDF5 file with the position in a group."""
+    with h5py.File(folder / "a.h5", "w") as file:
+        file["position/samples"], file["torque"], file["fs"] = POSITION, TORQUE, RATE
+    return folder / "a.h5"
+
+
+def read_record(path: Path) -> None:
+    """Open a long record of position and torque, and read all of it."""
+    record = LongRecord(path, reference=None, sampling_rate=RATE)
+    record.read(0, record.samples)
+
+
+HOURS = ("t", TIME, {"units": "hours since 2024-01-01"})
+CELLS = np.array([1.0, "b"], dtype=object)
+
+row = rows_of(read_trial)
+record = rows_of(read_record)
+in_degrees = partial(read_trial, position_unit="deg")
+
+ROWS = [
+    row("mat: cut off", cut_off(mat_file()), "a.mat", "ends within a variable", "check that the file is whole"),
+    row("mat: a cell array", mat_file(position=CELLS), "a.mat: position is not a number at sample 1"),
+    row("mat: two channels", mat_file(position=np.zeros((300, 2))), "position has shape (300, 2)", "a single channel"),
+    row("mat: two lengths", mat_file(torque=TORQUE[1:]), "torque has 299 samples but position has 300", "cut all"),
+    row("mat: two rates", mat_file(sample_rate=1000.0), "sample_rate and fs is 1000 Hz and 500 Hz in the file"),
+    row("hdf5: cut off", cut_off(hdf5_file()), "a.h5: not a readable .h5 file", "check that the file is whole"),
+    row("hdf5: a group", group_file, "a.h5: there is no variable 'position'", "position/samples"),
+    row("hdf5: degrees", hdf5_file("deg", position=57 * POSITION), "position is in 'deg'", "pass position_unit='deg'"),
+    row("hdf5: position in V", hdf5_file("V"), "a.h5: position is in 'V'", "convert it to rad or deg"),
+    row("hdf5: radians read as degrees", hdf5_file(), "position is in 'rad'", "position_unit='rad'", call=in_degrees),
+    row("hdf5: two rates", hdf5_file(fs=np.array([500.0, 500.0])), "a.h5: there is no sampling rate"),
+    row("netcdf: no value", netcdf_file(changed(POSITION, 4, np.nan)), "a.nc: position is not finite at sample 4"),
+    row("netcdf: times in hours", netcdf_file(time=HOURS), "a.nc: time is in", "write it in seconds, ms or µs"),
+    record("long: nan", hdf5_file(torque=changed(TORQUE, 250, np.nan)), "torque is not finite at sample 250"),
+    record("long: a gap", hdf5_file(time=TIME + (TIME > 0.3)), "a.h5: time is irregular at sample 151"),
+]
