@@ -42,7 +42,7 @@ NOTEBOOKS = {
     "comparison": ("stiffness", "vaf"),
     "traces": ("traces",),
     "sensitivity": ("map",),
-    "efficiency": ("efficiency", "intervals"),
+    "efficiency": ("efficiency",),
     "choosing": ("choosing",),
     "obstacles": ("obstacles",),
     "time-varying": ("errors", "trajectories"),
