@@ -16,7 +16,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, ClassVar, Literal, NoReturn, Self, TypeVar, Union, get_args, get_origin
+from typing import Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +33,6 @@ BOUNDS = {"greater_than_equal": "ge", "less_than_equal": "le", "greater_than": "
 IS_WITHIN = {"ge": operator.ge, "le": operator.le, "gt": operator.gt, "lt": operator.lt}
 PLAIN = (str, bool, int, NoneType, dict, list, tuple)  # types that need no conversion; floats may be whole numbers
 LARGEST_MEMORY = 64 * 2**30  # bytes, of a machine that does not state its memory
-CONTROL_GROUP = Path("/sys/fs/cgroup/memory.max")  # of a container, or of a job on a cluster
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80
@@ -270,20 +269,13 @@ def suggest_name(name: Any, names: Iterable[str]) -> str:
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
-def describe_limits(
-    unit: str = "1",
-    *,
-    ge: float | None = None,
-    gt: float | None = None,
-    le: float | None = None,
-    lt: float | None = None,
-) -> str:
-    """Limits in words, with their unit; empty where there are none."""
-    if ge is not None and le is not None:
-        words = f"between {_show_limit(ge)} and {_show_limit(le)}"
+def describe_limits(unit: str = "1", **limits: float) -> str:
+    """Limits (`ge`, `gt`, `le`, `lt`) in words, with their unit; empty where there are none."""
+    if "ge" in limits and "le" in limits:
+        words = f"between {_show_limit(limits['ge'])} and {_show_limit(limits['le'])}"
     else:
-        limits = (("at least", ge), ("above", gt), ("at most", le), ("below", lt))
-        words = " and ".join(f"{word} {_show_limit(limit)}" for word, limit in limits if limit is not None)
+        forms = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+        words = " and ".join(f"{form} {_show_limit(limits[key])}" for key, form in forms.items() if key in limits)
     return words and words + ("" if unit == "1" else f" {unit}")
 
 
@@ -301,25 +293,21 @@ def as_plain(value: Any) -> Any:
 def check_number(owner: str, name: str, value: Any, unit: str = "1", **limits: float) -> float:
     """Check that an argument is a finite number within its limits."""
     number = as_plain(value)
-    if type(number) not in (int, float) or not abs(number) <= sys.float_info.max:
-        _refuse(owner, name, value, "a finite number", unit, limits)
-    if not all(IS_WITHIN[bound](number, limit) for bound, limit in limits.items()):
-        _refuse(owner, name, value, "", unit, limits)
-    return float(number)
+    fault = "" if type(number) in (int, float) and abs(number) <= sys.float_info.max else "a finite number"
+    return float(_check_limits(owner, name, number, fault, unit, limits))
 
 
 def check_integer(owner: str, name: str, value: Any, unit: str = "1", **limits: float) -> int:
     """Check that an argument is a whole number within its limits, as `check_number` does."""
     number = as_plain(value)
-    if type(number) not in (int, float) or not (type(number) is int or number.is_integer()):
-        _refuse(owner, name, value, "a whole number", unit, limits)
-    if not all(IS_WITHIN[bound](number, limit) for bound, limit in limits.items()):
-        _refuse(owner, name, value, "", unit, limits)
-    return int(number)
+    is_whole = type(number) is int or (type(number) is float and number.is_integer())
+    return int(_check_limits(owner, name, number, "" if is_whole else "a whole number", unit, limits))
 
 
-def _refuse(owner: str, name: str, value: Any, kind: str, unit: str, limits: dict[str, float]) -> NoReturn:
-    raise ValueError(f"{owner}: {name} must be {describe_kind(kind, unit, limits)}, got {show_value(value)}.")
+def _check_limits(owner: str, name: str, value: Any, fault: str, unit: str, limits: dict[str, float]) -> Any:
+    if fault or not all(IS_WITHIN[bound](value, limit) for bound, limit in limits.items()):
+        raise ValueError(f"{owner}: {name} must be {describe_kind(fault, unit, limits)}, got {show_value(value)}.")
+    return value
 
 
 def describe_kind(kind: str, unit: str, limits: dict[str, float]) -> str:
@@ -362,30 +350,17 @@ def check_memory(owner: str, size: float, remedy: str) -> None:
     """Refuse what needs more memory than the machine has, before anything is allocated."""
     limit = _find_memory()
     if size > limit:
-        raise ValueError(
-            f"{owner}: this would need {_show_bytes(size)} of memory, and the machine has {_show_bytes(limit)}: "
-            f"{remedy}."
-        )
+        needed, there = (f"{round(value / 1e9, 2):,g} GB" for value in (size, limit))
+        raise ValueError(f"{owner}: this would need {needed} of memory, and the machine has {there}: {remedy}.")
 
 
 @cache
 def _find_memory() -> int:
-    """Memory of the machine, or of the container or job that this process belongs to [bytes]."""
+    """Memory of the machine [bytes]."""
     try:
-        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):  # not a POSIX system
         return LARGEST_MEMORY
-    try:
-        return min(memory, int(CONTROL_GROUP.read_text()))
-    except (OSError, ValueError):  # no such file, or no limit
-        return memory
-
-
-def _show_bytes(size: float) -> str:
-    for unit, factor in (("EB", 1e18), ("PB", 1e15), ("TB", 1e12), ("GB", 1e9), ("MB", 1e6)):
-        if size >= factor:
-            return f"{size / factor:.3g} {unit}"
-    return f"{size / 1e3:.3g} kB"
 
 
 def as_real(values: ArrayLike, name: str) -> np.ndarray:

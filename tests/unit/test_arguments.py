@@ -36,25 +36,11 @@ def test_a_long_value_is_cut():
     assert as_plain("no") == "no"
 
 
-def test_memory_beyond_the_machine_is_refused_with_the_numbers(monkeypatch, tmp_path):
+def test_memory_beyond_the_machine_is_refused_with_the_numbers(monkeypatch):
     monkeypatch.setattr(arguments, "_find_memory", lambda: 8 * 10**9)
     check_memory("simulate", 7.9e9, "shorten duration")
     with pytest.raises(ValueError, match="would need") as refusal:
         check_memory("simulate", 3.2e12, "shorten duration")
     assert str(refusal.value) == (
-        "simulate: this would need 3.2 TB of memory, and the machine has 8 GB: shorten duration."
+        "simulate: this would need 3,200 GB of memory, and the machine has 8 GB: shorten duration."
     )
-
-
-def test_the_memory_of_a_job_counts_where_it_is_less_than_that_of_the_machine(monkeypatch, tmp_path):
-    find = arguments._find_memory.__wrapped__
-    limit = tmp_path / "memory.max"
-    monkeypatch.setattr(arguments, "CONTROL_GROUP", limit)
-    machine = find()
-    assert machine > 10**8
-    limit.write_text("max\n")
-    assert find() == machine
-    limit.write_text("100000000\n")
-    assert find() == 10**8
-    monkeypatch.delattr(arguments.os, "sysconf")
-    assert find() == arguments.LARGEST_MEMORY

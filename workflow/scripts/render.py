@@ -10,7 +10,7 @@ import nbformat
 import papermill
 from nbconvert import HTMLExporter
 
-from ankleloop.pages.rendering import find_captions, render_notebook_page
+from ankleloop.pages.rendering import find_captions, render_page
 from ankleloop.paper.results import KEYS, describe_failures
 from ankleloop.paper.trial_tables import read_trial_table
 from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
@@ -83,5 +83,5 @@ with running(snakemake):
     report = next(path for path in snakemake.output if path.endswith(".html"))
     with atomic_file(report, overwrite=True) as path:
         note, title = (describe_failures_of(study), study["title"]) if study else ("", parameters["title"])
-        page = render_notebook_page(title, body, note, index="../index.html" if study else "index.html")
+        page = render_page(title, body, note=note, index="../index.html" if study else "index.html")
         path.write_text(page, encoding="utf-8")

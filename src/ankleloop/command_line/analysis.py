@@ -17,7 +17,7 @@ from ankleloop.methods.registry import METHODS
 from ankleloop.plotting.recordings import recordings_figure
 from ankleloop.plotting.style import save_figure
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.recommendation import format_with_interval, select_valid_methods
+from ankleloop.recordings.recommendation import format_with_interval
 from ankleloop.recordings.validity import usual_methods
 from ankleloop.studies.checking import ConfigError, check
 from ankleloop.studies.config import RecordingsStudy
@@ -100,7 +100,7 @@ def identify_recording(study: RecordedStudy, folder: Path) -> pd.DataFrame:
 
 def show_results(table: pd.DataFrame, folder: Path) -> None:
     """Show the recommendation, the methods side by side, and where the results of a recording are."""
-    first, valid = table.iloc[0], select_valid_methods(table)
+    first, valid = table.iloc[0], table[table["valid"]]
     name = first["recording"]
     echo(f"\n{click.style(name, bold=True)}")
     echo(f"{click.style(first['verdict'], fg=COLOURS[first['verdict']])}: {first['recommendation']}")
@@ -121,7 +121,7 @@ def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
     table = pd.concat(tables, ignore_index=True)
     write_csv(table, folder / TABLE, overwrite=True)
     echo(f"\ntable of all recordings  {folder / TABLE}")
-    valid = select_valid_methods(table)
+    valid = table[table["valid"]]
     if valid.empty:
         return folder / TABLE
     figure = recordings_figure(valid, [name for name in COLUMNS if name in valid])

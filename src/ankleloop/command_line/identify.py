@@ -84,7 +84,7 @@ def identify(
         tables.append(table)
     page = analysis.write_summary(tables, folder) if len(files) > 1 else folder / f"{study.name}.html"
     show_next(f"open {page}")
-    return int(any(analysis.select_valid_methods(table).empty for table in tables))
+    return int(not all(table["valid"].any() for table in tables))
 
 
 def _parse_options(texts: Iterable[str]) -> dict[str, Any]:

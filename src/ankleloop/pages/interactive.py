@@ -38,18 +38,6 @@ class Line:
     torques: Mapping[str, np.ndarray]  # values by panel [N·m]
     opacity: float = 1.0
 
-    def thin(self, width: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Times and values of a record that is too long: the least and the greatest of each bin, so no peak is lost."""
-        if width == 1:
-            return self.time.astype(np.float32), {name: part.astype(np.float32) for name, part in self.torques.items()}
-        starts = np.arange(0, self.time.size, width)
-        ends = {
-            name: np.stack([np.minimum.reduceat(part, starts), np.maximum.reduceat(part, starts)], axis=1)
-            for name, part in self.torques.items()
-        }
-        values = {name: part.ravel().astype(np.float32) for name, part in ends.items()}
-        return np.repeat(self.time[starts], 2).astype(np.float32), values
-
 
 def render_interactive_torques(
     trial: xr.Dataset | PreparedTrial,
@@ -92,6 +80,15 @@ def list_lines(
     return lines + residuals
 
 
+def thin(time: np.ndarray, values: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values of a record that is too long: the least and the greatest of each bin, so no peak is lost."""
+    if width > 1:
+        starts = np.arange(0, time.size, width)
+        values = np.stack([np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)], axis=1).ravel()
+        time = np.repeat(time[starts], 2)
+    return time.astype(np.float32), values.astype(np.float32)
+
+
 def _draw(lines: Sequence[Line], window: Mapping[str, float], width: int) -> Any:
     """Bokeh's description of the figure: panels with one time, a legend that hides, and a strip with the window."""
     from bokeh.embed import json_item  # here: it takes a second, and few jobs need it
@@ -116,9 +113,10 @@ def _draw(lines: Sequence[Line], window: Mapping[str, float], width: int) -> Any
     panels["reflex"].xaxis.axis_label = "time [s]"
     items = []
     for line in lines:
-        time, values = line.thin(width)
         style: dict[str, Any] = {"color": line.colour, "alpha": line.opacity, "visible": line.shown, "name": line.label}
-        drawn: list[Any] = [panels[torque].line(time, ordinate, **style) for torque, ordinate in values.items()]
+        drawn: list[Any] = [
+            panels[torque].line(*thin(line.time, values, width), **style) for torque, values in line.torques.items()
+        ]
         items.append(LegendItem(label=line.label, renderers=drawn))
     legend = Legend(items=items, click_policy="hide", location="top_left", ncols=2, label_text_font_size="11px")
     panels["net"].add_layout(legend, "above")

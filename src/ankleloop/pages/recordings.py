@@ -16,11 +16,7 @@ from ankleloop.plotting.style import method_styles, render_figure
 from ankleloop.plotting.torques import torque_figure
 from ankleloop.plotting.trajectories import trajectories_figure
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.recommendation import (
-    format_with_interval,
-    select_trusted_methods,
-    select_valid_methods,
-)
+from ankleloop.recordings.recommendation import format_with_interval
 from ankleloop.recordings.variation import describe_variations
 
 if TYPE_CHECKING:
@@ -31,14 +27,12 @@ if TYPE_CHECKING:
     from ankleloop.recordings.analysis import Analysis
     from ankleloop.recordings.recommendation import Recommendation
 
-FIGURES = ("spectra", "trajectories", "torques", "models", "residuals")  # of a page
 SCORES = ("vaf_unseen", "vaf_net", "vaf_intrinsic", "vaf_reflex")
 PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 # Rows of the table of methods: columns of `Analysis.table` with their headings.
 ROWS = {name: QUANTITIES[name].label for name in (*SCORES, *PARAMETERS)}
 ROWS |= {"intervals": "intervals of the parameters", "selected": "selected"}
 SUSPECT = "{} (warning)"  # label of a method that is not to be trusted
-LARGEST_WIDTH = 980  # px
 PIXELS_PER_INCH = 137.5  # of the page: a figure of two columns fills it
 DOTS_PER_INCH = 220  # of the picture
 
@@ -55,7 +49,7 @@ class EmbeddedFigure:
 
 def embed_figure(figure: Figure, interactive: str = "") -> EmbeddedFigure:
     """Convert a figure to a picture inside a page."""
-    width = min(LARGEST_WIDTH, round(PIXELS_PER_INCH * figure.get_size_inches()[0]))
+    width = round(PIXELS_PER_INCH * figure.get_size_inches()[0])
     source = f"data:image/png;base64,{base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()}"
     return EmbeddedFigure(source, width, interactive, getattr(figure, "data", None))
 
@@ -93,7 +87,7 @@ def render_recording_page(
     index: str | None = None,
 ) -> str:
     """Page of a recording: recommendation, checks, methods side by side, change of the joint, figures, residuals."""
-    valid, marked = select_valid_methods(analysis.table), _mark_labels(analysis)
+    valid, marked = analysis.table[analysis.table["valid"]], _mark_labels(analysis)
     body = render_template(
         "recording.html.j2",
         title=name,
@@ -120,16 +114,12 @@ def _answer(valid: pd.DataFrame, label: str | None) -> str:
 
 def _select_changing(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
     """Estimates with trajectories over what the first of them has, and riv beside them; none without any."""
-    curves = {label: part.trajectories for label, part in estimates.items() if part.trajectories is not None}
-    sizes = {label: curve.sizes.keys() for label, curve in curves.items()}
-    first = next(iter(sizes.values()), None)
-    if first is None:
-        return {}
-    return {
-        label: part
-        for label, part in estimates.items()
-        if (sizes[label] == first if label in sizes else part.method == "riv")
+    sizes = {
+        label: () if part.trajectories is None else tuple(part.trajectories.sizes) for label, part in estimates.items()
     }
+    first = next(filter(None, sizes.values()), None)
+    shown = [label for label, size in sizes.items() if size == first or (not size and estimates[label].method == "riv")]
+    return {label: estimates[label] for label in shown} if first else {}
 
 
 def _describe(mapping: Mapping[str, Any]) -> list[str]:
@@ -153,18 +143,17 @@ def _format_cell(row: pd.Series, name: str) -> str:
 
 def _mark_labels(analysis: Analysis) -> dict[str, str]:
     """Labels of the methods that were fitted, with a mark on those that have a warning."""
-    trusted = set(select_trusted_methods(analysis.table).get("label", ()))
+    trusted = set(analysis.table[analysis.table["trusted"]].get("label", ()))
     return {label: label if label in trusted else SUSPECT.format(label) for label in analysis.estimates}
 
 
 def _list_remarks(table: pd.DataFrame) -> list[tuple[str, str]]:
     """Labels of methods, with why they were not fitted, their warnings, what to bear in mind, and what they assume."""
-    headings = {"caution": "caution", "unseen_warnings": "fit to the first half", "assumptions": "assumed"}
+    headings = {"warnings": "warning", "caution": "caution", "unseen_warnings": "fit to the first half"}
+    headings["assumptions"] = "assumed"
     remarks = []
-    for _, row in table.iterrows():
-        own = {"warnings": "warning" if row.get("valid") is True else "not fitted", **headings}
-        texts = {heading: row.get(name) for name, heading in own.items()}
-        remarks += [
-            (row["label"], f"{heading}: {text}") for heading, text in texts.items() if isinstance(text, str) and text
-        ]
+    for row in table.to_dict("records"):
+        for name, heading in (headings if row["valid"] else {"warnings": "not fitted"}).items():
+            if isinstance(row.get(name), str) and row[name]:
+                remarks.append((row["label"], f"{heading}: {row[name]}"))
     return remarks

@@ -53,12 +53,16 @@ def render_template(name: str, **values: Any) -> str:
     return _environment().get_template(name).render(**values)
 
 
-def render_page(title: str, body: str, *, index: str | None = None, pictures_of_files: bool = False) -> str:
-    """Page around a body: table of contents, link to the index, style, and the scripts that the body needs."""
-    body, headings = find_headings(body)
-    scripts = [_read("ankleloop.pages", "scripts/tables.js")] if '<table class="sortable' in body else []
+def render_page(
+    title: str, body: str, *, note: str = "", index: str | None = None, pictures_of_files: bool = False
+) -> str:
+    """Page around a body: a note, table of contents, link to the index, style, and the scripts that the body needs."""
+    body, headings = find_headings(f"<p><strong>{html.escape(note)}</strong></p>\n{body}" if note else body)
+    sources = [("ankleloop.pages", "scripts/tables.js")] if '<table class="sortable' in body else []
     if 'class="interactive"' in body:  # without Bokeh's widgets and tables
-        scripts += [_read("bokeh", "server/static/js/bokeh.min.js"), _read("ankleloop.pages", "scripts/figures.js")]
+        sources += [("bokeh", "server/static/js/bokeh.min.js"), ("ankleloop.pages", "scripts/figures.js")]
+    scripts = [_read(*source) for source in sources]
+    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     return render_template(
         "base.html.j2",
         title=title,
@@ -67,7 +71,7 @@ def render_page(title: str, body: str, *, index: str | None = None, pictures_of_
         index=index,
         pictures_of_files=pictures_of_files,
         scripts=scripts,
-        hashes=[_hash_script(script) for script in scripts] or ["'none'"],
+        hashes=[f"'sha256-{digest}'" for digest in digests] or ["'none'"],
         style=_read("ankleloop.pages", "templates/page.css"),
     )
 
@@ -92,18 +96,6 @@ def find_headings(body: str) -> tuple[str, list[tuple[str, str, str]]]:
 @cache
 def _read(package: str, path: str) -> str:
     return files(package).joinpath(path).read_text(encoding="utf-8")
-
-
-@cache
-def _hash_script(text: str) -> str:
-    """A script in the policy of a page."""
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
-
-
-def render_notebook_page(title: str, body_html: str, note: str = "", *, index: str | None = None) -> str:
-    """Page of an executed notebook."""
-    notice = f"<p><strong>{html.escape(note)}</strong></p>\n" if note else ""
-    return render_page(title, notice + body_html, index=index)
 
 
 def find_captions(notebook: Mapping[str, Any]) -> dict[bytes, str]:

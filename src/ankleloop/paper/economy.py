@@ -61,7 +61,8 @@ def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[
 
 def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> tuple[Runs, Regressors]:
     """Subspace identification by each method from its regressors, and those of the last one."""
-    prepared, runs = prepare(trial), {}
+    prepared = prepare(trial)
+    runs: Runs = {}
     for method, model in models.items():
         regressors = prepared.regressors(
             delay=model.delay,

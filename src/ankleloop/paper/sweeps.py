@@ -113,7 +113,7 @@ class SweepStudy:
         difference = " − ".join(methods[name] for name in pair)
         if pair:
             paired = [name for name in quantities if name not in FAULT_SHARES]
-            shown = pd.concat([shown, pair_methods(trials, *pair, paired)], ignore_index=True)
+            shown = pd.concat([shown, pair_methods(trials, pair[0], pair[1], paired)], ignore_index=True)
         return cls(
             shown,
             parameters,

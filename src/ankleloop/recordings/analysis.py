@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -131,7 +132,8 @@ def analyse(
 
 def refused_analysis(check: Check) -> Analysis:
     """Analysis of a recording that its check refuses."""
-    return Analysis(check, {}, {}, pd.DataFrame([{"verdict": "refused", "reasons": " ".join(check.reasons)}]))
+    row = {"verdict": "refused", "reasons": " ".join(check.reasons), "valid": False, "trusted": False}
+    return Analysis(check, {}, {}, pd.DataFrame([row]))
 
 
 def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -224,11 +226,7 @@ def _test_residual(
 
 
 def _describe_estimate(
-    trials: list[PreparedTrial],
-    check: Check,
-    specification: Mapping[str, Any],
-    estimate: Estimate,
-    test: ResidualTest,
+    trials: list[PreparedTrial], check: Check, specification: Mapping[str, Any], estimate: Estimate, test: ResidualTest
 ) -> dict[str, Any]:
     """Columns of the table about the estimate of the first trial."""
     row = {f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")}
@@ -241,10 +239,15 @@ def _describe_estimate(
     about_data = diagnostics.get("data_warnings", ())
     cautions = caution(specification["method"], check.loop, check.reference), *about_data
     texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
-    texts += _compare_assumptions(trials, specification, estimate, any("polynomial" in text for text in texts))
+    if "delay" not in estimate.intervals:
+        longer = specification["options"] | {"delay": estimate.reflex["delay"] + OTHER_DELAY}
+        with suppress(DataError):
+            other = _identify(trials, specification["method"], **longer)[0]
+            shifts = compute_shifts(*({**part.stiffness, **part.reflex} for part in (estimate, other)))
+            texts.append(f"A delay of {1000 * OTHER_DELAY:g} ms more would move {format_shifts(shifts)}.")
     for alternative in diagnostics.get("alternatives", ()):
-        shifts = format_shifts(alternative["shifts"])
-        texts.append(f"With {alternative['effect']} in the model it would move {shifts}.")
+        moved = format_shifts(alternative["shifts"])
+        texts.append(f"With {alternative['effect']} in the model it would move {moved}.")
     return row | {
         "warnings": " ".join(warnings),
         "trusted": not warnings,
@@ -253,22 +256,3 @@ def _describe_estimate(
         "incomplete": bool(test.related or about_data or diagnostics.get("alternatives")),
         "assumptions": " ".join(text[0].upper() + text[1:] for text in texts),
     }
-
-
-def _compare_assumptions(
-    trials: list[PreparedTrial], specification: Mapping[str, Any], estimate: Estimate, polynomial: bool
-) -> Iterator[str]:
-    """What another delay would do, and a rectifier in the place of a polynomial."""
-    delay = estimate.reflex["delay"]
-    others: dict[str, dict[str, Any]] = {}
-    if "delay" not in estimate.intervals:
-        others[f"A delay of {1000 * OTHER_DELAY:g} ms more"] = {"delay": delay + OTHER_DELAY}
-    if polynomial:
-        others["A rectifier in place of the polynomial"] = {"delay": delay, "basis": "rectifier"}
-    for name, changes in others.items():
-        try:
-            other = _identify(trials, specification["method"], **specification["options"] | changes)[0]
-            values = ({**part.stiffness, **part.reflex} for part in (estimate, other))
-            yield f"{name} would move {format_shifts(compute_shifts(*values))}."
-        except DataError as error:
-            yield f"What it would do cannot be told ({name}): {error}"

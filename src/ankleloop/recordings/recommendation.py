@@ -16,7 +16,6 @@ from ankleloop.recordings.validity import VALIDITY
 from ankleloop.recordings.variation import LEVEL
 
 NO_CONCLUSION = "Nothing can be concluded from this recording"
-WIDEST = 5.0  # points of VAF: a difference that may be as large is not called equal
 PREFERENCE = list(VALIDITY)
 # Of `Analysis.table`; those that no method of a recording has are missing there.
 COLUMNS = ("label", "method", "vaf_unseen", "unseen_warnings", "caution", "variation_p", "incomplete")
@@ -58,7 +57,7 @@ def recommend(analysis: Analysis) -> Recommendation:
     take RIV: the loop is closed, and torque that is fed back does not bias it
     """
     check, table = analysis.check, analysis.table.reindex(columns=analysis.table.columns.union(COLUMNS, sort=False))
-    valid, trusted = select_valid_methods(table), select_trusted_methods(table)
+    valid, trusted = table[table["valid"]], table[table["trusted"]]
     # The fit to the first half has no warning either, and a score of the second.
     scored = trusted["vaf_unseen"].notna() & trusted["unseen_warnings"].isin(NOTHING)
     comparable = trusted if check.instrumental else trusted[scored]
@@ -75,12 +74,8 @@ def recommend(analysis: Analysis) -> Recommendation:
         row, reason = _choose_by_vaf(analysis.unseen, comparable)
     condition = "If the loop was open: " if check.loop == "undecided" and not check.reference else ""
     texts = [f"{condition}take {row['label']}: {reason}", _describe_stiffness(row), *_reservations(row, valid)]
-    for start, rows, rest in (
-        ("Left out because of a warning", valid, trusted),
-        ("Not compared, because the unseen half has no score without a warning", trusted, comparable),
-    ):
-        labels = ", ".join(rows.loc[~rows["label"].isin(rest["label"]), "label"])
-        texts += [f"{start}: {labels}"] if labels else []
+    if left_out := ", ".join(valid["label"].drop(comparable.index)):
+        texts.append(f"Left out because of a warning, or without a score of the unseen half: {left_out}")
     return Recommendation(row["label"], " ".join(f"{text}." for text in texts))
 
 
@@ -100,30 +95,24 @@ def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) 
 
 def _choose_by_vaf(unseen: Mapping[str, list[TorqueResidual]], comparable: pd.DataFrame) -> tuple[pd.Series, str]:
     """The method that explains most of the unseen half, or the preferred one of those that cannot be told from it."""
-    pairs = [pair for pair in itertools.permutations(comparable["label"], 2) if unseen.keys() >= set(pair)]
+    pairs = list(itertools.permutations(comparable["label"], 2))
     gains = {pair: compare_unseen(unseen[pair[0]], unseen[pair[1]]) for pair in pairs}
     beaten = {worse for (_, worse), gain in gains.items() if gain and gain.low > 0}
     row = _prefer(comparable[~comparable["label"].isin(beaten)])
-    others = {label: gains.get((label, row["label"])) for label in comparable["label"] if label != row["label"]}
+    others = {label: gain for (label, other), gain in gains.items() if other == row["label"]}
     score = f"{row['vaf_unseen']:.1f} % of the half that was not fitted"
     if not others:
         return row, f"it is the only one that could be scored without a warning ({score})"
-    ends = {label: (gain.low, gain.high) for label, gain in others.items() if gain}
-    unclear = [label for label in others if label not in ends or ends[label][1] >= 0]
+    unclear = {label: gain for label, gain in others.items() if gain is None or gain.high >= 0}
     if not unclear:
-        margin = min(-high for _, high in ends.values())
+        margin = min(-gain.high for gain in others.values() if gain)
         return row, f"it explains most ({score}), by {margin:.2g} points or more (95 % confidence)"
-    rule = "it comes first from few parameters to many (riv, the MOESP family, the parallel cascade)"
-    if row["method"] == "riv":
-        rule = "it is the one whose parameters have intervals"
-    text = f"of the methods that the data do not tell apart {rule}. It explains {score}"
-    equal = [label for label in unclear if label in ends and max(-ends[label][0], ends[label][1]) <= WIDEST]
-    if equal:
-        shown = ", ".join("{} ({:+.2g} … {:+.2g} points)".format(label, *ends[label]) for label in equal)
-        text += f"; as good there, as far as the half can tell (95 % interval of their difference from it): {shown}"
-    if wide := ", ".join(label for label in unclear if label not in equal):
-        text += f"; against {wide} this cannot be judged: the half is too short, or too irregular"
-    return row, text
+    ends = [f"{gain.low:+.2g} … {gain.high:+.2g} points" if gain else "it is too short" for gain in unclear.values()]
+    shown = ", ".join(f"{label} ({text})" for label, text in zip(unclear, ends, strict=True))
+    return row, (
+        "of the methods that the data do not tell apart it comes first (riv, the MOESP family, the parallel cascade). "
+        f"It explains {score}; the others there, with the 95 % interval of their difference from it: {shown}"
+    )
 
 
 def _prefer(rows: pd.DataFrame) -> pd.Series:
@@ -134,11 +123,8 @@ def _prefer(rows: pd.DataFrame) -> pd.Series:
 
 def _describe_stiffness(row: pd.Series) -> str:
     """K with its unit, its interval and the kind of the interval."""
-    text = f"K = {row['K']:.4g} {QUANTITIES['K'].unit}"
-    if pd.isna(row.get("K_low")):
-        return f"{text}, without an interval"
-    kind = f"{row['intervals']} " if pd.notna(row.get("intervals")) else ""
-    return f"{text} ({kind}95 % interval {row['K_low']:.4g} … {row['K_high']:.4g})"
+    kind = "without an interval" if pd.isna(row.get("K_low")) else f"{row['intervals']} 95 % interval"
+    return f"K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}, {kind}"
 
 
 def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
@@ -158,16 +144,6 @@ def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
 def _select_changing(rows: pd.DataFrame) -> pd.DataFrame:
     """Methods whose parameters may change, and whose test says that they do; of an incomplete model it says nothing."""
     return rows[(rows["variation_p"] < LEVEL) & rows["incomplete"].ne(True)]
-
-
-def select_valid_methods(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of the methods that were fitted; none for a recording that was refused."""
-    return table[table["valid"].eq(True)] if "valid" in table else table.iloc[:0]
-
-
-def select_trusted_methods(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of the methods that were fitted without a warning."""
-    return table[table["trusted"].eq(True)] if "trusted" in table else table.iloc[:0]
 
 
 def format_with_interval(row: pd.Series, name: str) -> str:

@@ -59,30 +59,20 @@ def valid_methods(loop: str, reference: bool, path_bias: float, *, merged: bool 
 def describe_validity(loop: str, reference: bool, path_bias: float, *, merged: bool = False) -> str:
     """Which methods are valid for a recording, in sentences."""
     methods = valid_methods(loop, reference, path_bias, merged=merged)
-    invalid = ", ".join(name for name in VALIDITY if name not in methods and (METHODS[name].merges or not merged))
-    free = ", ".join(name for name, options in methods.items() if not options)
-    changed = ", ".join(name for name, options in methods.items() if options)
-    if loop != "open" and reference:
-        text = f"{free}; " if free else ""
+    invalid = [name for name in VALIDITY if name not in methods and (METHODS[name].merges or not merged)]
+    changed = [name for name, options in methods.items() if options]
+    parts = [", ".join(name for name in methods if name not in changed)]
+    if changed:
+        parts.append(f"with {INSTRUMENTS_TEXT if reference else 'the position as reference'} {', '.join(changed)}")
+    parts += [f"not {', '.join(invalid)}"] if invalid else []
+    parts += ["none of them if the loop was closed"] if loop != "open" and not reference else []
+    text = f"{'of those that merge trials, ' if merged else ''}{'; '.join(filter(None, parts))}."
+    if not (loop != "open" and reference) and abs(path_bias) > LARGEST_PATH_BIAS and not merged:
         text += (
-            f"with {INSTRUMENTS_TEXT} {changed}, to be compared with riv, for the instruments do not reach their "
-            f"poles. Least squares and {invalid} take torque that is fed back for stiffness"
+            " Intrinsic and reflex path are correlated here: in one pass (real-time, parallel-cascade with "
+            f"max_passes=1) K would be off by {path_bias:+.0f} %."
         )
-        if loop != "closed":
-            text = f"those that are valid in either loop: {text}"
-    else:
-        text = f"all but {invalid}" if invalid else "all"
-        if loop != "open":
-            text = (
-                f"those that need no reference ({free}), and {changed} with the position for one; none of them if the "
-                "loop was closed"
-            )
-        if abs(path_bias) > LARGEST_PATH_BIAS and not merged:
-            text += (
-                ". Intrinsic and reflex path are correlated here: in one pass (real-time, parallel-cascade with "
-                f"max_passes=1) K would be off by {path_bias:+.0f} %"
-            )
-    return f"{'of those that merge trials, ' if merged else ''}{text}."
+    return text
 
 
 def reason_against(

@@ -45,21 +45,18 @@ def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]
     onsets, schedule = (mapping.get(name) for name in COURSE)
     if onsets is None and schedule is None:
         return []
-    name, verdict, options = "cycles" if schedule is None else "schedule", "ok", RivTvOptions.model_fields
-    prepared = prepare(trial)
+    name, options, prepared = "cycles" if schedule is None else "schedule", RivTvOptions.defaults(), prepare(trial)
     try:
-        grid = prepared.grid(options["identification_rate"].default, options["delay"].default)
+        grid = prepared.grid(options["identification_rate"], options["delay"])
         course = make_course(prepared, grid, onsets, schedule)
-        if schedule is not None:
-            low, high = course.limits
-            text = f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile)."
-        else:
-            durations = np.bincount(course.segment) * grid.factor / prepared.rate
-            ends = dict.fromkeys([f"{durations.min():.3g}", f"{durations.max():.3g}"])
-            text = f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified."
     except DataError as error:
-        verdict, text = "warning", str(error)
-    return [Finding(name, verdict, text)]
+        return [Finding(name, "warning", str(error))]
+    if schedule is not None:
+        low, high = course.limits
+        return [Finding(name, "ok", f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile).")]
+    durations = np.bincount(course.segment) * grid.factor / prepared.rate
+    ends = dict.fromkeys([f"{durations.min():.3g}", f"{durations.max():.3g}"])
+    return [Finding(name, "ok", f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified.")]
 
 
 def describe_variations(analysis: Analysis) -> dict[str, str]:
@@ -67,35 +64,26 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
     rows = {row.get("label"): row for row in analysis.table.to_dict("records")}
     texts = {}
     for label, estimate in analysis.estimates.items():
-        if (curves := estimate.trajectories) is not None:
-            place = curves[str(next(iter(curves.sizes)))]
-            test = _describe_test(estimate.diagnostics["variation_p"], place, rows[label]["incomplete"])
-            texts[label] = f"{test} {_compare_with_constant(analysis, rows, label, DIMENSIONS[str(place.name)][1])}"
+        if estimate.trajectories is not None:
+            words, data = DIMENSIONS[str(next(iter(estimate.trajectories.sizes)))]
+            test = _describe_test(estimate.diagnostics["variation_p"], words, rows[label]["incomplete"])
+            texts[label] = f"{test} {_compare_with_constant(analysis, rows, label, data)}"
     return texts
 
 
-def _describe_test(probabilities: Mapping[str, float], place: xr.DataArray, incomplete: bool) -> str:
+def _describe_test(probabilities: Mapping[str, float], words: str, incomplete: bool) -> str:
     """The test whether a constant joint is refused, and whether the model is complete enough for it."""
-    words = DIMENSIONS[str(place.name)][0]
     p = {name: "less than 0.001" if p < 0.001 else f"{p:.2g}" for name, p in probabilities.items()}
-    probability = f"probability of {p['all']} (test at the level of {100 * LEVEL:g} %)."
-    text = (
-        f"No change of K, B or G {words} is shown: a constant joint gives as large a variation with a {probability} A "
-        "change that is smaller than the bands may be there."
-    )
-    if changes := probabilities["all"] < LEVEL:
-        text = f"K, B or G change {words}: in a constant joint so large a variation has a {probability}"
+    changes = probabilities["all"] < LEVEL
+    text = f"K, B or G change {words}" if changes else f"No change of K, B or G {words} is shown"
+    text += f": a constant joint gives as large a variation with a probability of {p['all']} (level {100 * LEVEL:g} %)."
     text += f" Each of them alone, while the others may change: {', '.join(f'{name} {p[name]}' for name in 'KBG')}."
-    if changes and incomplete:
+    if not changes:
+        text += " A change that is smaller than the bands may be there."
+    elif incomplete:
         text += (
             " But the model is not complete, or the record has a fault, and what a model leaves out may be taken for "
             "a change. So the test decides nothing here."
-        )
-    if place.name == "schedule":
-        unit = f" {place.attrs['units']}" if place.attrs.get("units") else ""
-        text += (
-            f" The trajectories reach from {float(place[0]):.3g} to {float(place[-1]):.3g}{unit}, the 2nd to the 98th "
-            "percentile of the variable; samples beyond count as its ends."
         )
     return text
 
@@ -113,5 +101,4 @@ def _compare_with_constant(analysis: Analysis, rows: Mapping[str, Mapping[str, A
     gain = compare_unseen(analysis.unseen[label], analysis.unseen[constant])
     if gain is None:
         return f"{text}; the difference cannot be judged: the unseen part is too short."
-    verdict = "" if gain.low > 0 or gain.high < 0 else ", so they cannot be told apart by it"
-    return f"{text}: a difference of {gain.difference:.1f} points (95 %: {gain.low:.1f} … {gain.high:.1f}){verdict}."
+    return f"{text}: a difference of {gain.difference:.1f} points (95 %: {gain.low:.1f} … {gain.high:.1f})."

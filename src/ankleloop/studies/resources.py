@@ -21,9 +21,8 @@ LIBRARY = Path(__file__).parents[2]
 # Regular expressions, because the syntax trees of a hundred modules would take longer than Snakemake's own start. They
 # also find what looks like an import in a text: then a job runs once more than it has to, and none is missed.
 IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n;]*)|import[ \t]+([\w.][^\n;]*))", re.MULTILINE
+    r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n;]*)|import[ \t]+([^\n;]*))", re.MULTILINE
 )
-COMMENT = re.compile(r"#[^\n]*")
 
 MEASURED = Path(__file__).with_name("resources.json")
 BLOCK_ROWS = 15  # those of the measured methods
@@ -46,43 +45,44 @@ def fingerprint(*scripts: str | os.PathLike[str]) -> str:
     """
     digest = hashlib.sha256()
     for path in sorted(reached_files(*scripts)):
-        digest.update(f"{path.relative_to(LIBRARY)} {hash_file(path, path.stat().st_mtime_ns)}\n".encode())
+        digest.update(f"{path.relative_to(LIBRARY)} {hash_file(path)}\n".encode())
     return digest.hexdigest()[:16]
 
 
 def reached_files(*scripts: str | os.PathLike[str]) -> set[Path]:
     """Library files that scripts, notebooks or modules reach, directly or through other modules."""
     modules: set[Path] = set()
-    remaining = {file for script in scripts for file in _parse(Path(script), os.stat(script).st_mtime_ns)}
+    remaining = {file for script in scripts for file in _parse(Path(script))}
     while remaining:
         path = remaining.pop()
         modules.add(path)
-        remaining |= _parse(path, path.stat().st_mtime_ns) - modules
+        remaining |= _parse(path) - modules
     folders = {folder for path in modules for folder in path.parent.iterdir() if folder.is_dir()}
     data = [folder for folder in folders if folder.name != "__pycache__" and not any(folder.rglob("*.py"))]
     return modules | {file for folder in data for file in folder.rglob("*") if file.is_file()}
 
 
 @cache
-def hash_file(path: Path, modified: int) -> str:
-    """Hash of a file by SHA-256, as hexadecimal digits; `modified` is when it was, after which it is another one."""
+def hash_file(path: Path) -> str:
+    """Hash of a file by SHA-256, as hexadecimal digits."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @cache
-def _parse(path: Path, modified: int) -> frozenset[Path]:
+def _parse(path: Path) -> frozenset[Path]:
     """Library files that a script, notebook or module refers to."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".ipynb":
         cells = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
         text = "\n".join("".join(cell["source"]) for cell in cells)
-    names = []
-    for source, members, modules in IMPORT.findall(text):
-        names.append(source)
-        for listed, parent in ((members, f"{source}."), (modules, "")):
-            parts = COMMENT.sub("", listed).strip("() \t\n").split(",")
-            names += [parent + part.split()[0] for part in parts if part.strip()]  # without an alias
+    names = set()
+    for source, members, modules in IMPORT.findall(text):  # and aliases, which are no modules
+        names |= {
+            source,
+            *re.findall(r"[\w.]+", modules),
+            *(f"{source}.{name}" for name in re.findall(r"\w+", members)),
+        }
     return frozenset(file for name in names for file in _find_files(name))
 
 

@@ -97,9 +97,7 @@ def write_crate(
         relative = path.relative_to(folder).as_posix()
         kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
         found = {"name": relative, "encodingFormat": kind, "contentSize": str(path.stat().st_size)}
-        return crate.add_file(
-            path, relative, properties={**found, "sha256": hash_file(path, path.stat().st_mtime_ns), **properties}
-        )
+        return crate.add_file(path, relative, properties={**found, "sha256": hash_file(path), **properties})
 
     version = "+".join(filter(None, [provenance["version"], provenance["commit"]]))
     version += " with changes that are not committed" * provenance["changed"]
@@ -143,7 +141,7 @@ def collect_results(
         recordings=recordings,
         recording_links=[find(f"reports/{row.study}/{row.recording}.html") for row in recordings.itertuples()],
         run_times=_tabulate_run_times(times),
-        provenance=_describe_provenance(provenance, times, studies),
+        provenance=_describe_provenance(provenance, times),
     )
 
 
@@ -195,14 +193,15 @@ def _collect_figures(folder: Path, studies: Studies) -> dict[str, list[Figure]]:
 
 def _tabulate_recordings(studies: Studies) -> pd.DataFrame:
     """A row for each recording with its verdict and the method that is recommended."""
-    rows = []
+    groups, rows = ["subject", "condition", "trial", "verdict"], []
     for study, path in ((name, path) for name in studies for path in studies[name].get("recordings", ())):
-        for recording, table in pd.read_parquet(path).groupby("recording", sort=False):
-            first = table.iloc[0]
+        # Where all recordings of a chunk are refused, their table has no methods.
+        tables = pd.read_parquet(path).reindex(columns=["recording", *groups, "label", "recommended"])
+        for recording, table in tables.groupby("recording", sort=False):
             labels = table.loc[table["recommended"].eq(True), "label"]
-            groups = {key: _format_cell(first[key]) for key in ("subject", "condition", "trial", "verdict")}
+            first = {key: _format_cell(table.iloc[0][key]) for key in groups}
             recommended = ", ".join(labels) or NO_NUMBER
-            rows.append({"recording": recording, "study": study, **groups, "recommended method": recommended})
+            rows.append({"recording": recording, "study": study, **first, "recommended method": recommended})
     return pd.DataFrame(rows)
 
 
@@ -214,14 +213,12 @@ def _tabulate_run_times(times: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return {"By rule": sums.reset_index().map(_format_cell)}
 
 
-def _describe_provenance(provenance: Provenance, times: pd.DataFrame, studies: Studies) -> list[tuple[str, str]]:
+def _describe_provenance(provenance: Provenance, times: pd.DataFrame) -> list[tuple[str, str]]:
     commit = provenance["commit"] or "unknown: these files are no working copy of git"
-    seeds = [f"{name}: {study['seed']}" for name, study in studies.items() if study["seed"] is not None]
     items = [
         ("Version", f"ankleloop {provenance['version']}"),
         ("Commit", commit + ", with changes that are not committed" * provenance["changed"]),
         ("Python", f"{provenance['python']}, {provenance['system']}"),
-        ("Seeds", ", ".join(seeds) or "no simulated study"),
     ]
     if len(times):
         ends = ((times["end"] - times["seconds"]).min(), times["end"].max())

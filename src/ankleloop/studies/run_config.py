@@ -63,7 +63,7 @@ def check_uses(study: SimulatedStudy) -> None:
     _check_methods(study)
     start, end = settings.figure.start, min(condition["duration"] for condition in study.conditions.values())
     if start >= end and "start" in settings.figure.model_fields_set:
-        raise key_error((*place, "figure", "start [s]"), f"{start:g} s is after the end of trials of {end:g} s.")
+        raise key_error((*place, "figure", "start"), f"{start:g} s is after the end of trials of {end:g} s.")
     if settings.notebook == "sweep" or "sweep" in settings.model_fields_set:
         try:
             settings.sweep.check(study.varied, study.methods)
@@ -107,6 +107,7 @@ def find_need(study: SimulatedStudy) -> str:
     numbers = axis and all(isinstance(settings[axis], (int, float)) for settings in study.points.values())
     used = [method.method for method in methods.values()]
     searches = any(m.method == "riv" and m.fixed_options.get("delay", 0.0) is None for m in methods.values())
+    has_stop_rule = any(name.startswith("parallel-cascade") for name in methods)
     needs = {
         "trials": (keep == "everything", f"trials on disk, which keep: {keep} leaves out: set keep: everything"),
         "estimates": (keep != "scores", "estimates on disk, which keep: scores leaves out: keep estimates"),
@@ -117,10 +118,7 @@ def find_need(study: SimulatedStudy) -> str:
         "truths": (not study.settings.against, "scores against the true torques: leave out against: measured"),
         "real-time": (used == ["real-time"], f"one method, real-time, got {', '.join(used)}"),
         "cascade": ("parallel-cascade" in used, "a method parallel-cascade"),
-        "stop rule": (
-            any(n.startswith("parallel-cascade") for n in methods),
-            "a name that begins with parallel-cascade",
-        ),
+        "stop rule": (has_stop_rule, "a method whose name begins with parallel-cascade, for its stop rule"),
         "delay": (searches, "a method riv with the option delay: null, whose delay has an interval"),
         "select": (all(method.select for method in methods.values()), "select for every method"),
         "variation": (all(p["variation"] for p in study.points.values()), "variation (of K, B and G) at every point"),

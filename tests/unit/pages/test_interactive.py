@@ -8,7 +8,7 @@ import pytest
 import ankleloop
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
-from ankleloop.pages.interactive import Line, list_lines, render_interactive_torques
+from ankleloop.pages.interactive import list_lines, render_interactive_torques, thin
 from ankleloop.plotting.style import METHOD_STYLES
 
 HOSTILE = '</script><b>riv & "co"'
@@ -69,8 +69,8 @@ def test_estimates_are_centred_and_residuals_are_what_they_leave(lines, estimate
 @pytest.mark.parametrize("size", [1, 400, 1001])
 def test_no_peak_of_a_long_record_is_lost(size):
     samples = np.random.default_rng(1).normal(size=size)
-    time, values = Line("a", "#000000", True, np.arange(size) / 100, {"net": samples}).thin(7)
-    low, high = values["net"].reshape(-1, 2).T
+    time, values = thin(np.arange(size) / 100, samples, 7)
+    low, high = values.reshape(-1, 2).T
     assert time.size == 2 * low.size
     bins = np.arange(size) // 7
     assert low.size == -(-size // 7)

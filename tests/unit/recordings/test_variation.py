@@ -49,7 +49,7 @@ def test_a_change_is_told_with_its_test_and_the_gain_on_unseen_cycles(analysis):
     (text,) = describe_variations(result).values()
     gain = np.subtract(*result.table.set_index("label").loc[["changing", "constant"], "vaf_unseen"])
     assert text.startswith("K, B or G change with the phase of the cycle")
-    assert "test at the level of 5 %" in text
+    assert "(level 5 %)" in text
     stated = float(re.search(r"a difference of ([\d.]+) points", text)[1])
     assert stated == pytest.approx(gain, abs=1.0)  # without the means of the residuals, which a VAF leaves out, too
     assert "Of the torque of unseen cycles the trajectories explain" in text

@@ -14,7 +14,7 @@ from ankleloop.simulation.settings import SimulationSettings
     ("settings", "size"),
     [
         ({"duration": 1e6}, "128 GB"),
-        ({"duration": 1e6, "recording_rate": 1e5, "integration_rate": 1e6}, "12.8 TB"),
+        ({"duration": 1e6, "recording_rate": 1e5, "integration_rate": 1e6}, "12,800.1 GB"),
         ({"duration": 1.0, "settling": 1e5}, "12.8 GB"),
     ],
 )

@@ -1,13 +1,9 @@
 """Files of the configuration: nothing that YAML changes or leaves out passes without a word."""
 
-from pathlib import Path
-
 import pytest
 import yaml
 
 from ankleloop.studies.checking import ConfigError, check_config_file, find_key
-
-FOLDER = Path(__file__).parents[3] / "config"
 
 
 @pytest.fixture
@@ -20,11 +16,6 @@ def check_text(tmp_path):
         check_config_file(path)
 
     return check
-
-
-@pytest.mark.parametrize("name", ["config.yaml", "ci.yaml"])
-def test_the_configurations_of_the_repository_pass(name):
-    check_config_file(FOLDER / name)
 
 
 @pytest.mark.parametrize("written", ["012", "1_2", "1:30", "0x1F"])

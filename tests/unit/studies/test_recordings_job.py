@@ -100,6 +100,14 @@ def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, m
     assert (table["subject"] == "007").all()
 
 
+@pytest.fixture
+def no_pages(monkeypatch):
+    """Pages without content, because figures take long."""
+    monkeypatch.setattr(job_of_recordings, "embed_recording_figures", lambda *args, **options: {})
+    monkeypatch.setattr(job_of_recordings, "render_recording_page", lambda *args, **options: "")
+
+
+@pytest.mark.usefixtures("no_pages")
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere processes cannot be forked safely")
 def test_a_killed_process_stops_the_job(run_job, monkeypatch):
     """As where memory was short: that is no result, and says nothing of the recording."""
@@ -109,6 +117,7 @@ def test_a_killed_process_stops_the_job(run_job, monkeypatch):
         run_job("good", "bad", "after")
 
 
+@pytest.mark.usefixtures("no_pages")
 def test_mistakes_in_the_program_stop_the_job(run_job, monkeypatch):
     monkeypatch.setattr(files, "analyse", fail_on_bad(files.analyse, TypeError("no such option")))
     message = (

@@ -3,11 +3,10 @@
 from pathlib import Path
 
 import pytest
-import yaml
 
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config import NOTEBOOKS, SimulationStudy
-from ankleloop.studies.study import SimulatedStudy, read_studies
+from ankleloop.studies.config import NOTEBOOKS
+from ankleloop.studies.study import read_studies
 
 
 @pytest.fixture
@@ -21,13 +20,6 @@ def table1(change):
         return read_studies(config)[1]["table1"]
 
     return read
-
-
-@pytest.mark.parametrize(("name", "title"), [("a_load-sweep", "A load sweep"), ("PR-MOESP", "PR MOESP"), ("7", "7")])
-def test_a_study_without_a_title_is_called_by_its_name(change, name, title):
-    settings = change("studies", "table1", "title", value="")["studies"]["table1"]
-    assert SimulatedStudy(name, SimulationStudy.model_validate(settings)).title == title
-    assert SimulatedStudy(name, SimulationStudy.model_validate({**settings, "title": "Mine"})).title == "Mine"
 
 
 def test_trials_with_other_variables_are_in_another_file(table1):
@@ -48,12 +40,9 @@ def chunk_points(study):
 
 
 def test_a_chunk_is_some_points(table1):
-    assert chunk_points(table1(points=GAINS, points_per_chunk=1)) == [["1.0"], ["2.0"], ["3.0"], ["4.0"], ["5.0"]]
-    assert chunk_points(table1(points=GAINS, points_per_chunk=2)) == [["1.0", "2.0"], ["3.0", "4.0"], ["5.0"]]
-    more = {"reflex_gain": [*GAINS["reflex_gain"], 6.0]}
-    assert chunk_points(table1(points=more, points_per_chunk=2))[:2] == [["1.0", "2.0"], ["3.0", "4.0"]]
-    for chunk in table1(points=GAINS, points_per_chunk=2, trials=7).chunks:
-        assert all((part.first, part.stop) == (0, 7) for part in chunk)
+    study = table1(points=GAINS, points_per_chunk=2, trials=7)
+    assert chunk_points(study) == [["1.0", "2.0"], ["3.0", "4.0"], ["5.0"]]
+    assert all((part.first, part.stop) == (0, 7) for chunk in study.chunks for part in chunk)
 
 
 def test_a_chunk_is_part_of_the_trials_of_a_point(table1):
@@ -125,15 +114,6 @@ def test_rows_with_a_common_name_are_merged(read_table):
     assert [Path(path).name for path in mappings["B1"]["paths"]] == ["a.mat", "b.mat"]
     assert [part["drift"] for part in mappings["B1"]["parts"]] == [1, 2]
     assert len(mappings["other"]["parts"]) == 1
-
-
-@pytest.mark.parametrize("written", ["007", "12_3", "1:30", "1.0", "no"])
-def test_text_that_yaml_changes_is_refused(read_table, written):
-    """YAML reads the subject 007 as 7; in quotes it is text."""
-    quoted, plain = (yaml.safe_load(f"{{x: {{file: a.mat, subject: {text}}}}}") for text in (f'"{written}"', written))
-    assert read_table("name,file\ny,b.mat\n", files=quoted).points["x"]["subject"] == written
-    with pytest.raises(ConfigError, match=r"files → x → subject: must be text, got .*: put it in quotes"):
-        read_table("name,file\ny,b.mat\n", files=plain)
 
 
 def test_two_methods_with_one_label_are_refused(read_table):

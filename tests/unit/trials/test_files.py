@@ -170,6 +170,13 @@ def test_the_torques_of_a_long_record_are_not_written_over_by_their_estimate(rec
     estimate.torque.close()
 
 
+def test_torques_are_replaced_only_with_overwrite(recording, tmp_path):
+    (tmp_path / "torques.nc").write_text("of another record")
+    with pytest.raises(DataError, match="the file exists already"):
+        identify_file(LongRecord(recording), tmp_path / "torques.nc")
+    identify_file(LongRecord(recording), tmp_path / "torques.nc", overwrite=True).torque.close()
+
+
 # --- What is no file
 
 
