@@ -203,7 +203,7 @@ def test_identify_several_files(run, trial, tmp_path):
         (["--option", "order=[1"], "--option order=[1: write it as NAME=VALUE or METHOD.NAME=VALUE."),
         (["--option", "riv.rder=3"], "--option riv.rder: none of the methods riv, pr-moesp, pi-moesp"),
         (["--option", "riv.order=many"], "riv → options → order: must be one of 2 or 3; got 'many'."),
-        (["--delay", "soon"], "riv → options → delay [s]: must be a finite number"),
+        (["--delay", "soon"], "riv → options → delay: must be a finite number"),
     ],
 )
 def test_options_of_methods_that_are_wrong(run, recording, arguments, words):
