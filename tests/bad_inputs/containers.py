@@ -49,7 +49,7 @@ ROWS = [
     row("mat: a cell array", mat_file(position=CELLS), "a.mat: position is not a number at sample 1"),
     row("mat: two channels", mat_file(position=np.zeros((300, 2))), "position has shape (300, 2)", "a single channel"),
     row("mat: two lengths", mat_file(torque=TORQUE[1:]), "torque has 299 samples but position has 300", "cut all"),
-    row("mat: two rates", mat_file(sample_rate=1000.0), "sample_rate and fs is 1000 Hz and 500 Hz in the file"),
+    row("mat: two rates", mat_file(sample_rate=1000.0), "stated as 1000 Hz, but sample_rate and fs runs at 500 Hz"),
     row("hdf5: cut off", cut_off(hdf5_file()), "a.h5: not a readable .h5 file", "check that the file is whole"),
     row("hdf5: a group", group_file, "a.h5: there is no variable 'position'", "position/samples"),
     row("hdf5: degrees", hdf5_file("deg", position=57 * POSITION), "position is in 'deg'", "pass position_unit='deg'"),

@@ -80,7 +80,7 @@ ROWS = [
     scored("the estimate of another trial", short_segment, "the estimate covers 0.38 to 19.69 s", "score it"),
     row("blocks too long", good_trial, "less than ten blocks of 50 s", "take shorter", call=in_blocks_of_50_s),
     row("no trials", [], "there are no trials to check", call=check_trial),
-    row("a selection on 6 s", trial_of(duration=6.0), "makes 2 folds", "use a longer record", call=select_order),
+    row("a selection on 6 s", trial_of(duration=6.0), "a selection needs 8 s", "Record longer", call=select_order),
     row("a prediction without a model", good_trial, "real-time has no fixed model to predict with", call=predict),
     identified("two lengths", {"y": NOISE[1:]}, "400 samples of inputs, 399 of the output", "cut them to one length"),
     identified("no reference", {"instruments": "past-reference"}, "instruments need a reference"),

@@ -15,10 +15,9 @@ from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.time_varying_course import Splines, make_course
-from ankleloop.methods.riv.covariance import LOGARITHMIC
 from ankleloop.methods.riv.equations import Parameters
+from ankleloop.methods.riv.riv import LOGARITHMIC
 from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
-from ankleloop.methods.riv_tv.inputs import TimeVaryingInputs
 from ankleloop.methods.riv_tv.riv_tv import PLACES, RivTvOptions
 from ankleloop.options import check_flag, check_number
 from ankleloop.quantities import QUANTITIES
@@ -310,7 +309,7 @@ def trajectory_bound(
     if values.snr_db is None and values.voluntary == 0:
         raise ValueError("without a disturbance the bound is 0: set snr_db or voluntary.")
     equations, parameters = linearise(seed, values, counts, rate, known_delay=known_delay)
-    bases, course = equations.bases, equations.inputs.course
+    bases, course = equations.bases, equations.course
     covariance = invert_information(trajectory_information(seed, values, equations, parameters))
     places = np.linspace(0.0, 1.0, PLACES)
     low, high = course.limits
@@ -344,7 +343,7 @@ def linearise(
     course = make_course(clean, grid, *COURSES[str(settings.variation)])
     k, b, g = (Splines(count, course.periodic) for count in knots)
     bases = Bases((k, b, g, CONSTANT))
-    equations = TimeVaryingEquations(TimeVaryingInputs(clean, grid, course, "position"), bases, settings.delay)
+    equations = TimeVaryingEquations(clean, grid, course, "position", bases, settings.delay, "noise")
     linear = np.zeros(bases.size)  # without an inertia, of which nothing else depends
     for name, splines, block in zip(TRAJECTORY_TRUTHS.values(), bases.all, bases.blocks, strict=False):
         truth = clean.channel(name, grid)[course.rows]
@@ -370,6 +369,6 @@ def trajectory_information(
     level = settings.torque_level or float(np.std(still["torque"].values))
     density[inside] = disturbance_spectrum(equations.frequency[inside], level, settings)
     # White noise has the variance of a density up to half of the rate.
-    weight = np.where(inside, 1.0 / np.sqrt(0.5 * equations.inputs.rate * density), 0.0)
+    weight = np.where(inside, 1.0 / np.sqrt(0.5 * equations.rate * density), 0.0)
     whiten = equations.whitener(weight, np.ones(equations.rows.stop - equations.rows.start))
     return equations.system(parameters, whiten).information

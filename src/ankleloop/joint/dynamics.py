@@ -62,16 +62,11 @@ class ReflexDynamics:
 
 
 def respond(grid: Sequence[ReflexDynamics], s: np.ndarray) -> np.ndarray:
-    """Frequency responses of several dynamics of one order in one pass.
+    """Frequency responses of several dynamics.
 
     Shapes: s (F,); returns (size, F).
     """
-    omega, zeta = np.array([(dynamics.omega_n, dynamics.zeta) for dynamics in grid]).T[:, :, None]
-    responses = omega**2 / (s**2 + 2 * zeta * omega * s + omega**2)
-    if grid[0].pole is not None:
-        poles = np.array([dynamics.pole for dynamics in grid], dtype=float)[:, None]
-        responses = responses * poles / (s + poles)
-    return responses
+    return np.array([dynamics.response(s)[0] for dynamics in grid])
 
 
 def fit_dynamics(

@@ -9,13 +9,13 @@ from html import escape
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.joint.models import Model, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.regressors import MEASURED, torque_dataset
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.vaf import vaf
 from ankleloop.subspace.matrices import Matrices
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from control import StateSpace
     from matplotlib.figure import Figure
 
-MEASURED = "measured"  # torque of the trial beside those of an estimate
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
 
 
@@ -217,9 +216,6 @@ class Estimate:
         pairs = [(getattr(self, name), getattr(other, name)) for name in ("method", "stiffness", "reflex", "intervals")]
         return all(mine == theirs for mine, theirs in pairs) and self.torque.identical(other.torque)
 
-    def __hash__(self) -> int:
-        return hash((self.method, *self.stiffness.items()))
-
     def __repr__(self) -> str:
         lines = [f"<Estimate by {self.method}: {self._list_parameters(self.stiffness)}>"]
         lines += [f"reflex: {self._list_parameters(self.reflex)}", *self._list_remarks()]
@@ -249,13 +245,8 @@ class Estimate:
         return ", ".join(texts)
 
 
-def measured_torque(values: np.ndarray) -> xr.Variable:
-    """The measured torque as a variable of the torques of an estimate; shape of values (N,)."""
-    return xr.Variable("time", values, {"units": "N·m", "long_name": "measured torque"})
-
-
 def add_measured(estimate: Estimate, trial: PreparedTrial) -> None:
     """Put the measured torque of a trial, less its mean, beside those of an estimate, at their times."""
-    torque = estimate.torque
-    values = trial.channel_at("torque", torque["time"].values, torque.attrs["identification_rate"])
-    torque[MEASURED] = measured_torque(values - values.mean())
+    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    values = trial.channel_at("torque", time, rate)
+    estimate.torque[MEASURED] = torque_dataset(time, rate, measured=values - values.mean())[MEASURED]

@@ -16,13 +16,12 @@ import xarray as xr
 from pyarrow import parquet
 
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate import MEASURED, Estimate, measured_torque
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import model_dataset, read_model
-from ankleloop.joint.regressors import TORQUES, torque_dataset
+from ankleloop.joint.regressors import MEASURED, TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
 from ankleloop.options import check_flag, check_path, show_value
 from ankleloop.quantities import QUANTITIES
-from ankleloop.signals.sampling import check_same_rate, compute_rate
 from ankleloop.trials.files import atomic_file, check_readable
 from ankleloop.trials.group_files import Fields, read_groups, write_groups
 from ankleloop.trials.reading_process import name_errors
@@ -146,8 +145,7 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
         version = file.number("format_version")
         if version > VERSION:
             raise DataError(
-                f"{file.source}: version {version:g} of the format, and this library knows versions up to "
-                f"{VERSION}: install the newest ankleloop."
+                f"{file.source}: version {version:g} of the format is newer than this library: install the newest one."
             )
         return _read_estimate(groups)
 
@@ -156,19 +154,16 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
     """The estimate whose groups a file or a row of a table holds."""
     torque, trajectories = groups["torque"], groups.get("trajectories")
     time, rate = torque.array("time"), torque.number("identification_rate")
-    check_same_rate(rate, compute_rate(time, source=torque.source), source=torque.source)
-    torques = {name: torque.array(name, time.size, finite=False) for name in TORQUES}
-    attributes = {name: torque.values[name] for name in torque.values.keys() - {"time", MEASURED, *TORQUES}}
+    names = [*TORQUES, MEASURED] if MEASURED in torque.values else TORQUES
+    torques = {name: torque.array(name, time.size, finite=False) for name in names}
     model = read_model(groups["model"]) if "model" in groups else None
     stiffness, reflex, intervals = (
         {name: group.array(name, finite=False).tolist() for name in group.values}
         for group in (groups["stiffness"], groups["reflex"], groups.get("intervals", Fields("", {})))
     )
-    estimate = Estimate(
+    return Estimate(
         method=groups[""].text("method"),
-        torque=torque_dataset(time, rate, **torques).assign_attrs(
-            {name: value if isinstance(value, str) else np.asarray(value).item() for name, value in attributes.items()}
-        ),
+        torque=torque_dataset(time, rate, **torques),
         matrices=None if model is None else model.matrices,
         stiffness={name: value for name, (value,) in stiffness.items()},
         reflex={name: value for name, (value,) in reflex.items()},
@@ -177,9 +172,6 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
         predictor=model,
         trajectories=None if trajectories is None else read_trajectories(trajectories),
     )
-    if MEASURED in torque.values:
-        estimate.torque[MEASURED] = measured_torque(torque.array(MEASURED, time.size, finite=False))
-    return estimate
 
 
 class EstimateTable:

@@ -19,18 +19,21 @@ CANDIDATES = 60  # thresholds on a grid
 LEAST_RAMP = 0.95  # share of the curve that a ramp explains: 0.97 where G is right, 0.04 to 0.75 where it is wrong
 LEAST_BEYOND = 0.1  # share of the velocities that have to exceed the threshold
 LEAST_DYNAMICS = 0.9  # share that one linear system explains of the path, and a low-pass of that system
-BASES = ("chebyshev", "rectifier", "spline")
 QUANTILES = np.linspace(0.005, 0.995, 200)
 
 
 @dataclass(frozen=True)
-class StaticNonlinearity:
-    """Torque against delayed velocity, the dynamics behind it being of unit gain."""
+class ReflexPath:
+    """A static nonlinearity, torque against delayed velocity, and linear dynamics of unit gain behind it."""
 
     basis: Basis  # basis functions
     coefficients: np.ndarray  # shape (k,): torque per basis function
+    dynamics: ReflexDynamics  # Low-pass of unit gain that is closest
+    # Share of the reflex torque's variance that a single linear system explains; 1 for a Hammerstein system.
+    rank_one: float = 1.0
+    low_pass: float = 1.0  # share of that system's response that the low-pass explains
 
-    def __call__(self, velocity: np.ndarray) -> np.ndarray:
+    def torque(self, velocity: np.ndarray) -> np.ndarray:
         """Torque at a velocity, beyond that at rest.
 
         Shapes: velocity (N,); returns (N,).
@@ -40,7 +43,7 @@ class StaticNonlinearity:
     def curve(self) -> dict[str, np.ndarray]:
         """Torque [N·m] over the quantiles of the velocity [rad/s], for a picture."""
         velocity = self.basis.quantiles
-        return {"velocity": velocity, "torque": self(velocity)}
+        return {"velocity": velocity, "torque": self.torque(velocity)}
 
     @cached_property
     def rectifier(self) -> tuple[float, float, float]:
@@ -51,7 +54,7 @@ class StaticNonlinearity:
         if self.basis.kind == "rectifier":
             return float(self.coefficients[0]), 0.0, 1.0
         velocity = self.basis.quantiles
-        torque = self(velocity)
+        torque = self.torque(velocity)
         deviation = torque - torque.mean()
         low, high = velocity[0], velocity[-3]
         for _ in range(3):  # ever finer grids: the criterion has kinks, and may have several minima
@@ -65,40 +68,27 @@ class StaticNonlinearity:
             low, high = grid[max(best - 1, 0)], grid[min(best + 1, CANDIDATES - 1)]
         return float(gains[best]), float(grid[best]), float(explained[best] / (deviation @ deviation))
 
-
-@dataclass(frozen=True)
-class ReflexPath:
-    """One nonlinearity and one linear system that describe a model with many reflex inputs."""
-
-    nonlinearity: StaticNonlinearity  # torque against delayed velocity
-    dynamics: ReflexDynamics  # Low-pass of unit gain that is closest
-    # Share of the reflex torque's variance that a single linear system explains; 1 for a Hammerstein system.
-    rank_one: float = 1.0
-    low_pass: float = 1.0  # share of that system's response that the low-pass explains
-
     @cached_property
     def fault(self) -> str | None:
         """Why the path is no ramp with a low-pass behind it, so that G, ωn and ζ mean nothing; None if it is one."""
-        _, threshold, ramp = self.nonlinearity.rectifier
-        if ramp < LEAST_RAMP:
-            return f"a ramp explains {ramp:.2f} of the curve of torque over velocity ({LEAST_RAMP:g} are needed)"
-        if self.nonlinearity.basis.kind != "rectifier":
-            beyond = float(np.mean(self.nonlinearity.basis.quantiles > threshold))
-            if beyond < LEAST_BEYOND:
-                return f"the ramp begins at {threshold:.2g} rad/s, which only {100 * beyond:.0f} % of the record exceed"
-        if self.rank_one < LEAST_DYNAMICS:
-            return (
-                f"one linear system explains {self.rank_one:.2f} of the reflex torque ({LEAST_DYNAMICS:g} are needed)"
-            )
-        if self.low_pass < LEAST_DYNAMICS:
-            return f"a low-pass explains {self.low_pass:.2f} of the reflex dynamics ({LEAST_DYNAMICS:g} are needed)"
+        _, threshold, ramp = self.rectifier
+        for share, least, text in (
+            (ramp, LEAST_RAMP, "a ramp explains {:.2f} of the curve of torque over velocity"),
+            (self.rank_one, LEAST_DYNAMICS, "one linear system explains {:.2f} of the reflex torque"),
+            (self.low_pass, LEAST_DYNAMICS, "a low-pass explains {:.2f} of the reflex dynamics"),
+        ):
+            if share < least:
+                return f"{text.format(share)} ({least:g} are needed)"
+        beyond = 1.0 if self.basis.kind == "rectifier" else float(np.mean(self.basis.quantiles > threshold))
+        if beyond < LEAST_BEYOND:
+            return f"the ramp begins at {threshold:.2g} rad/s, which only {100 * beyond:.0f} % of the record exceed"
         return None
 
     @property
     def parameters(self) -> dict[str, float]:
         """G [N·m·s/rad], threshold [rad/s] of a basis that can have one, ωn [rad/s], ζ, and the pole p [rad/s]."""
-        gain, threshold, _ = self.nonlinearity.rectifier
-        rectifier = {"G": gain} if self.nonlinearity.basis.kind == "rectifier" else {"G": gain, "threshold": threshold}
+        gain, threshold, _ = self.rectifier
+        rectifier = {"G": gain} if self.basis.kind == "rectifier" else {"G": gain, "threshold": threshold}
         return {**rectifier, **{name: float(value) for name, value in self.dynamics.values.items()}}
 
     @property
@@ -109,9 +99,9 @@ class ReflexPath:
     @property
     def diagnostics(self) -> dict[str, Any]:
         """Curve of the nonlinearity, how well the separation describes the model, and what is therefore missing."""
-        shares = {"ramp": self.nonlinearity.rectifier[2], "rank_one": self.rank_one, "low_pass": self.low_pass}
+        shares = {"ramp": self.rectifier[2], "rank_one": self.rank_one, "low_pass": self.low_pass}
         missing = {"missing": [f"G, ωn and ζ: {self.fault}."]} if self.fault else {}
-        return {"nonlinearity": self.nonlinearity.curve(), "separation": shares, **missing}
+        return {"nonlinearity": self.curve(), "separation": shares, **missing}
 
 
 class DriveSpectra(NamedTuple):
@@ -136,8 +126,7 @@ class DriveSpectra(NamedTuple):
         energy = power.sum(axis=1)
         if not energy.all():
             raise DataError(
-                "an input of the reflex path is zero throughout, as the rectified velocity is where the velocity is "
-                "never positive: check the sign of the position, or record stretches in both directions."
+                "an input of the reflex is zero: the velocity is never positive. Check the sign of the position."
             )
         starts = np.arange(0, spectra.shape[1], max(1, round(BIN * len(drive) / rate)))
         products = np.einsum("if,jf->ijf", spectra.conj(), spectra).real
@@ -176,7 +165,7 @@ def separate_model(matrices: Matrices, spectra: DriveSpectra, basis: Basis, orde
     input_power = np.maximum(power @ coefficients @ coefficients, 0.0)
     gain, dynamics, share = fit_dynamics(response, s, input_power, order)
     rank_one = float(values[0] ** 2 / np.sum(values**2))
-    return ReflexPath(StaticNonlinearity(basis, gain * coefficients), dynamics, rank_one, share)
+    return ReflexPath(basis, gain * coefficients, dynamics, rank_one, share)
 
 
 def separate_response(response: np.ndarray, spectra: DriveSpectra, rate: float, basis: Basis) -> ReflexPath:
@@ -186,14 +175,14 @@ def separate_response(response: np.ndarray, spectra: DriveSpectra, rate: float, 
     """
     frequency_response = np.polyval(response[::-1], np.exp(-spectra.s / rate))
     gain, dynamics, share = fit_dynamics(frequency_response, spectra.s, spectra.power[:, 0, 0])
-    return ReflexPath(StaticNonlinearity(basis, np.array([gain])), dynamics, low_pass=share)
+    return ReflexPath(basis, np.array([gain]), dynamics, low_pass=share)
 
 
 @dataclass(frozen=True, eq=False)
 class Basis:
     """Basis functions with fixed scale or knots, which serve any other record as well."""
 
-    kind: Annotated[str, Stored(name="basis", known=BASES)]
+    kind: Annotated[str, Stored(name="basis")]
     degree: Annotated[int, Stored()]  # number of terms
     # Largest velocity magnitude: the Chebyshev polynomials take the velocity divided by it.
     scale: Annotated[float, Stored(name="basis_scale", unit="rad/s")]

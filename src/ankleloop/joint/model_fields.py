@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection
 from types import NoneType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import xarray as xr
 
-from ankleloop.errors import DataError
 from ankleloop.trials.group_files import Fields
 
 Part = TypeVar("Part")
@@ -21,7 +19,6 @@ class Stored(NamedTuple):
     dimension: str | None = None  # of an array; None for a number or a text
     unit: str = ""
     name: str = ""  # in the file, where it is another one
-    known: Collection[str] = ()  # texts that it may be
 
 
 def as_variable(value: Any, *dimensions: str, unit: str = "") -> xr.Variable:
@@ -70,7 +67,5 @@ def read_fields(kind: type[Part], fields: Fields, **values: Any) -> Part:
         elif expected in (int, float, float | None):
             values[field] = int(fields.number(name)) if expected is int else fields.number(name)
         else:
-            values[field] = text = fields.text(name)
-            if stored.known and text not in stored.known:
-                raise DataError(f"{fields.source}: unknown {name} {text!r}; known: {', '.join(stored.known)}.")
+            values[field] = fields.text(name)
     return kind(**values)

@@ -39,7 +39,7 @@ class ModelInputs:
     # Rate of the record that was fitted; another trial may have another one.
     recording_rate: Annotated[float, Stored(unit="Hz")]
     # Step of the processing that was left out.
-    omitted_step: Annotated[InputStep | None, Stored(known=get_args(InputStep))] = None
+    omitted_step: Annotated[InputStep | None, Stored()] = None
 
     @classmethod
     def of(cls, regressors: Regressors, delay: float | None = None) -> ModelInputs:
@@ -81,8 +81,7 @@ class ModelInputs:
             return []
         return [
             f"the velocity of this trial goes from {velocity.min():.3g} to {velocity.max():.3g} rad/s, and the "
-            f"{self.basis.kind} basis was fitted from {low:.3g} to {high:.3g} rad/s: for {100 * outside.mean():.2g} % "
-            "of the samples the reflex torque is an extrapolation."
+            f"{self.basis.kind} basis was fitted from {low:.3g} to {high:.3g} rad/s: the reflex torque is extrapolated."
         ]
 
     def kernels(self) -> dict[str, xr.Variable]:
@@ -185,8 +184,7 @@ class ResponseModel:
         rows = slice(max(leads, self.reflex.size - 1), regressors.torque.size - leads)
         if rows.stop - rows.start < 2:
             raise DataError(
-                f"the trial has {regressors.torque.size} samples; the impulse responses take {rows.start} before and "
-                f"{leads} after each of them: record longer."
+                f"the trial has {regressors.torque.size} samples, responses take {rows.start + leads}: record longer."
             )
         position, drive = regressors.inputs[:, 0], regressors.inputs[:, -1]
         intrinsic = np.convolve(position - position.mean(), self.intrinsic)[leads:][rows]
@@ -200,7 +198,7 @@ class TimeVaryingModel:
 
     inputs: ModelInputs  # delay and rates of its inputs
     # What K, B and G are functions of, and the variable of a trial that holds it; none where onsets come as numbers.
-    dimension: Annotated[str, Stored(known=("phase", "time", "schedule"))]
+    dimension: Annotated[str, Stored()]
     variable: Annotated[str | None, Stored()]
     # Phase, time from the first sample of a trial [s] or scheduling variable at the first and at the last place.
     limits: Annotated[np.ndarray, Stored("end")]
@@ -266,9 +264,9 @@ class TimeVaryingModel:
         if outside <= BEYOND:
             return []
         name = self.variable if self.dimension == "schedule" else "the time"
+        low, high = self.limits
         return [
-            f"{name} lies beyond the fitted range of {self.limits[0]:.3g} to {self.limits[1]:.3g} for "
-            f"{100 * outside:.2g} % of the samples, which have the parameters of its end."
+            f"{name} lies beyond the fitted range of {low:.3g} to {high:.3g} for {100 * outside:.2g} % of the samples."
         ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
@@ -64,9 +64,8 @@ class PreparedTrial:
     def check_reference(self, name: str) -> None:
         """Refuse a variable that the trial does not have to serve as reference."""
         if name not in self.trial:
-            variables = ", ".join(map(str, self.trial.data_vars))
             raise DataError(
-                f"the trial has no variable {name!r} to serve as reference; it has {variables}."
+                f"the trial has no variable {name!r} to serve as reference; it has {', '.join(map(str, self.trial))}."
                 " Give the command of the servo as reference, or reference='position' for an open-loop record."
             )
 
@@ -178,11 +177,6 @@ def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
     ['riv', 'pr-moesp']
     """
     return trial if isinstance(trial, PreparedTrial) else PreparedTrial(trial)
-
-
-def fit_shared_basis(trials: Sequence[PreparedTrial], delay: float, kind: str, degree: int) -> Basis:
-    """Basis fitted to the velocities of several trials, so that they can share a model."""
-    return fit_basis(np.concatenate([trial.velocity(delay) for trial in trials]), kind, degree)
 
 
 def _take_differences(trial: PreparedTrial, grid: Grid) -> list[np.ndarray]:

@@ -19,6 +19,7 @@ MOTION = len(INTRINSIC_NAMES)
 # decimated position, and basis functions before decimation instead of after it.
 InputStep = Literal["kernel-derivatives", "early-nonlinearity"]
 TORQUES = ("net", "intrinsic", "reflex")
+MEASURED = "measured"  # torque of the trial beside those of an estimate
 
 
 class Grid(NamedTuple):
@@ -36,10 +37,7 @@ def decimation_grid(samples: int, rate: float, identification_rate: float, delay
     first, after = recording_margins(rate, factor, delay)
     count = (samples - 1 - after - first) // factor + 1
     if count < 2:
-        raise DataError(
-            f"the record of {samples / rate:.3g} s is too short: its filters touch "
-            f"{(first + after) / rate:.3g} s at the ends. Record longer."
-        )
+        raise DataError(f"the record of {samples / rate:.3g} s is too short for its filters. Record longer.")
     return Grid(factor, first, count)
 
 
@@ -96,7 +94,7 @@ class Regressors:
 
 
 def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.Dataset:
-    """Net, intrinsic and reflex torque [N·m] over time [s], with units and names.
+    """Net, intrinsic and reflex, or measured, torque [N·m] over time [s], with units and names.
 
     Shapes: time, torques (N,).
 
@@ -105,9 +103,7 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
     >>> torque["net"].attrs["units"], torque.attrs["identification_rate"]
     ('N·m', 100.0)
     """
-    variables = {
-        name: ("time", torque, {"units": "N·m", "long_name": f"estimated {name} torque"})
-        for name, torque in torques.items()
-    }
+    names = {name: f"{'' if name == MEASURED else 'estimated '}{name} torque" for name in torques}
+    variables = {name: ("time", torques[name], {"units": "N·m", "long_name": names[name]}) for name in torques}
     coordinate = ("time", np.asarray(time, dtype=float), {"units": "s", "long_name": "time"})
     return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": float(rate)})

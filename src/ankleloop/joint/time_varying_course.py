@@ -83,12 +83,7 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
         slope = np.median(np.diff(phase)[np.diff(phase) > 0]) * trial.rate if starts.size else 1.0
         values = time[starts] - phase[starts] / slope
     else:
-        try:
-            values = np.asarray(onsets, dtype=float)
-        except (TypeError, ValueError):
-            raise DataError(
-                "the onsets of the cycles are no numbers: give the start of every cycle in seconds."
-            ) from None
+        values = np.asarray(onsets, dtype=float)
     _check_onsets(values, float(time[0]), float(time[-1]))
     return values
 
@@ -97,23 +92,20 @@ def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
     """Refuse onsets that are not those of the record, and a cycle that is far longer or shorter than the others."""
     if onsets.ndim != 1 or onsets.size < 2:
         raise DataError("there are fewer than two onsets of cycles: give the start of every cycle in seconds.")
-    bad = np.flatnonzero(~np.isfinite(onsets))
-    if bad.size:
-        raise DataError(f"onset {bad[0] + 1} of {onsets.size} is {onsets[bad[0]]:g}: leave it out, or give its time.")
     durations = np.diff(onsets)
-    shortest, longest, cycle = int(np.argmin(durations)), int(np.argmax(durations)), float(np.median(durations))
-    if durations[shortest] <= 0:
+    if not (durations > 0).all():
+        k = int(np.argmin(durations > 0))
         raise DataError(
-            f"onset {shortest + 2} of {onsets.size} ({onsets[shortest + 1]:g} s) is not after onset {shortest + 1} "
-            f"({onsets[shortest]:g} s): sort them, and leave out those that are there twice."
+            f"onset {k + 2} of {onsets.size} ({onsets[k + 1]:g} s) is not after onset {k + 1} ({onsets[k]:g} s): sort "
+            "them, and leave out those that are there twice or are no times."
         )
+    shortest, longest, cycle = int(np.argmin(durations)), int(np.argmax(durations)), float(np.median(durations))
     beyond = onsets[0] < start - 1.5 * cycle or onsets[-1] > stop + 1.5 * cycle
     missing = onsets[0] > start + 2.5 * cycle or onsets[-1] < stop - 2.5 * cycle
     if (beyond and missing) or cycle > stop - start:  # those of a whole trial cover its segments
         raise DataError(
-            f"the onsets of the cycles go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {start:g} to "
-            f"{stop:g} s: give them in seconds of the record, neither milliseconds nor samples; a segment keeps the "
-            "times of its trial."
+            f"the onsets go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {start:g} to {stop:g} s: give them "
+            "in seconds of the record, neither milliseconds nor samples; a segment keeps the times of its trial."
         )
     for k, fault in ((longest, "missing"), (shortest, "too many")):
         if not cycle / UNEVEN <= durations[k] <= cycle * UNEVEN:
@@ -142,8 +134,7 @@ def make_course(trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] 
     count = (values.size - 2 * margin) // length
     if count < FEWEST_CYCLES:
         raise DataError(
-            f"the record of {values.size / rate:.3g} s is too short: riv-tv without cycles needs "
-            f"{FEWEST_CYCLES * SEGMENT + 2 * MARGIN:g} s."
+            f"the record is too short: riv-tv without cycles needs {FEWEST_CYCLES * SEGMENT + 2 * MARGIN:g} s."
         )
     number = np.arange(count * length)
     rows = slice(margin, margin + number.size)
@@ -166,8 +157,7 @@ def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cour
     if edges.size - 1 < FEWEST_CYCLES:
         raise DataError(
             f"too few whole cycles lie more than {MARGIN:g} s within the record: {max(edges.size - 1, 0)} with onsets "
-            f"from {onsets[0]:g} to {onsets[-1]:g} s, and riv-tv needs {FEWEST_CYCLES}. Record more cycles; about 20 "
-            "give useful bands."
+            f"from {onsets[0]:g} to {onsets[-1]:g} s, and riv-tv needs {FEWEST_CYCLES}. Record more cycles."
         )
     first, stop = np.searchsorted(time, edges[[0, -1]] - half)
     segment = np.searchsorted(edges, time[first:stop] + half, side="right") - 1
@@ -216,8 +206,7 @@ def _schedule_limits(
         if share > COMMON:
             raise DataError(
                 f"{name} follows the perturbation: {100 * share:.0f} % of its fast changes are those of the {channel}. "
-                "What is a function of it is taken out of the torque, and with it the effect of the perturbation. Give "
-                "its slow part, filtered below about 1 Hz, as the schedule."
+                "It takes their effect out of the torque. Give its slow part, filtered below about 1 Hz."
             )
     return low, high
 
@@ -230,17 +219,12 @@ def _fast_changes(x: np.ndarray) -> np.ndarray:
     return changes / norm if norm > 0 else changes
 
 
-def describe_schedule(trial: xr.Dataset, schedule: str | None) -> dict[str, str]:
-    """Name and unit of the scheduling variable of a trial, as `trajectory_dataset` takes them."""
-    if schedule is None:
-        return {}
-    return {"variable": schedule, "variable_unit": str(trial[schedule].attrs.get("units", ""))}
-
-
 def trajectory_dataset(
     dimension: str, coordinate: np.ndarray, values: Mapping[str, np.ndarray], **schedule: str
 ) -> xr.Dataset:
-    """Trajectories over phase, time or a scheduling variable, with units and names; see `describe_schedule`.
+    """Trajectories over phase, time or a scheduling variable, with units and names.
+
+    `schedule` are `variable` and `variable_unit`, name and unit of the scheduling variable, where they are known.
 
     Shapes: coordinate (places,), values (places,).
     """

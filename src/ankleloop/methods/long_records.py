@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,7 +19,7 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import TORQUES, Regressors, decimation_grid, recording_margins, torque_dataset
 from ankleloop.methods.method import INPUTS, add_warnings, data_use
 from ankleloop.methods.moesp import MEMBERS, MoespModelOptions, describe_model, separate_reflex, subspace_arguments
-from ankleloop.options import Options, check_path, option
+from ankleloop.options import check_flag, check_integer, check_path
 from ankleloop.signals.decimation import differentiate, differentiation_margin
 from ankleloop.signals.statespace import simulate_states
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
@@ -29,19 +29,10 @@ from ankleloop.trials.long_record import LongRecord
 if TYPE_CHECKING:
     import h5netcdf
 
-CHUNK = 50_000  # identified samples
+CHUNK = 50_000  # identified samples that are in memory
 CHECKED_SAMPLES = 100_000  # identified samples whose data are checked at a time
 SEPARATION_SAMPLES = 100_000  # identified samples whose spectrum weighs the separation of the reflex path
 VELOCITIES = 1_000_000  # largest number of velocities, evenly spread, to which the basis is fitted
-
-Progress = Callable[[str, float], object]
-
-
-class _ChunkOptions(Options):
-    """How a long record is read."""
-
-    chunk: int = option(CHUNK, "identified samples that are in memory at a time", unit="samples", ge=1, le=10**9)
-    overwrite: bool = option(False, "whether to replace a file of this name")
 
 
 def identify_file(
@@ -50,7 +41,6 @@ def identify_file(
     method: str = "pr-moesp",
     *,
     chunk: int = CHUNK,
-    progress: Progress | None = None,
     overwrite: bool = False,
     **options: Any,
 ) -> Estimate:
@@ -70,8 +60,6 @@ def identify_file(
         "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp" or "moesp".
     chunk : int
         Identified samples that are in memory at a time.
-    progress : callable, optional
-        Called with the name of the pass and its share that is done.
     overwrite : bool
         Whether to replace a file of this name; without it an existing file is refused.
     **options
@@ -104,21 +92,20 @@ def identify_file(
     if method not in list(MEMBERS):
         raise DataError(f"long records are identified by {', '.join(MEMBERS)}, not by the method {method!r}.")
     chosen = MoespModelOptions.parse(f"method {method!r} of long records", **options)
-    reading = _ChunkOptions.parse("identify_file", chunk=chunk, overwrite=overwrite)
+    check_integer("identify_file", "chunk", chunk, "samples", ge=1)
+    check_flag("identify_file", "overwrite", overwrite)
     if not isinstance(record, LongRecord):
         raise TypeError(f"record must be an ankleloop.LongRecord, got {type(record).__name__}: identify takes trials.")
-    if not (progress is None or callable(progress)):
-        raise TypeError(f"progress must be a function of a name and a share, or None, got {progress!r}.")
-    check_output(output, overwrite=reading.overwrite, inputs=[record.path])
+    check_output(output, overwrite=overwrite, inputs=[record.path])
     reference = "reference" if MEMBERS[method][0] == "past-reference" else None
     if reference and record.reference is None:
         raise DataError(f"{record.path.name}: {method} needs a reference: name its variable.")
-    chunks = _Chunks(record, reference, chosen, reading.chunk, progress or (lambda name, share: None))
+    chunks = _Chunks(record, reference, chosen, chunk)
     data_warnings = chunks.check()
     chunks.fit_basis()
     beginning = chunks.regressors(0, min(SEPARATION_SAMPLES, chunks.grid.samples))
     model = moesp_chunks(chunks.signals, **subspace_arguments(chosen, beginning, method))
-    with atomic_netcdf(output, overwrite=reading.overwrite, inputs=[record.path]) as file:
+    with atomic_netcdf(output, overwrite=overwrite, inputs=[record.path]) as file:
         file.attrs.update({"method": method, "identification_rate": beginning.rate, "source": record.path.name})
         vaf = chunks.write_torques(model, file)
     # An index of the time would take it, and several times its size, into memory.
@@ -133,22 +120,13 @@ def identify_file(
 class _Chunks:
     """Regressors of a record, a chunk at a time: chunks overlap by the margins of the filters, their samples do not."""
 
-    def __init__(
-        self, record: LongRecord, reference: str | None, options: MoespModelOptions, chunk: int, progress: Progress
-    ) -> None:
-        self.record, self.reference, self.options, self.progress = record, reference, options, progress
+    def __init__(self, record: LongRecord, reference: str | None, options: MoespModelOptions, chunk: int) -> None:
+        self.record, self.reference, self.options = record, reference, options
         self.chunk = chunk  # identified samples
         self.grid = decimation_grid(record.samples, record.rate, options.identification_rate, options.delay)
         self.edges = [*range(0, self.grid.samples, chunk), self.grid.samples]
         self._after = recording_margins(record.rate, self.grid.factor, options.delay)[1]
-        self.passes = 0  # complete ones of the subspace method
-        self.sums = np.zeros(1)  # of inputs and torque over the last of these passes
-
-    def parts(self, name: str, edges: Sequence[int]) -> Iterator[tuple[int, int]]:
-        """First sample of each part and that of the next one, with a report of the pass and its share."""
-        for start, stop in pairwise(edges):
-            yield start, stop
-            self.progress(name, stop / edges[-1])
+        self.sums = np.zeros(1)  # of inputs and torque over the last pass of the subspace method
 
     def _read(self, start: int, stop: int) -> PreparedTrial:
         """What the identified samples from `start` to `stop` are made of."""
@@ -166,7 +144,7 @@ class _Chunks:
         use, rate = data_use(self.options, self.reference), self.options.identification_rate
         count = max(1, round(self.grid.samples / CHECKED_SAMPLES))
         warnings: list[str] = []
-        for start, stop in self.parts("checks", np.linspace(0, self.grid.samples, count + 1).astype(int).tolist()):
+        for start, stop in pairwise(np.linspace(0, self.grid.samples, count + 1).astype(int).tolist()):
             try:
                 texts = check_data([self._read(start, stop)], use)
             except DataError as refusal:
@@ -183,7 +161,7 @@ class _Chunks:
         step, velocities, largest = -(-record.samples // VELOCITIES), [], 0.0
         margin = 2 * sum(map(abs, differentiation_margin(record.rate, options.delay)))  # more than the kernel is long
         edges = [*range(0, record.samples, self.grid.factor * self.chunk), record.samples]
-        for start, stop in self.parts("basis", edges):
+        for start, stop in pairwise(edges):
             begin = max(start - margin, 0)
             position = record.read(begin, stop + margin, ["position"])["position"].values
             velocity = differentiate(position, record.rate, options.delay)[start - begin : stop - begin]
@@ -200,12 +178,11 @@ class _Chunks:
     def signals(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
         """Inputs, torque and reference of all chunks; the sums of inputs and torque are kept for their means."""
         self.sums = np.zeros(1)
-        for start, stop in self.parts(f"pass {self.passes + 1}", self.edges):
+        for start, stop in pairwise(self.edges):
             part = self.regressors(start, stop)
             torque = part.torque[:, None]
             self.sums = self.sums + np.hstack([part.inputs, torque]).sum(axis=0)
             yield part.inputs, torque, None if part.reference is None else part.reference[:, None]
-        self.passes += 1
 
     def write_torques(self, estimate: SubspaceEstimate, file: h5netcdf.File) -> float:
         """Last pass: torques of the model, a chunk at a time; returns the VAF of the net torque [%]."""
@@ -218,7 +195,7 @@ class _Chunks:
         *input_means, torque_mean = self.sums / count
         model, state = estimate.matrices, estimate.initial_state.copy()
         energy, residual, total = 0.0, 0.0, 0.0
-        for start, stop in self.parts("torques", self.edges):
+        for start, stop in pairwise(self.edges):
             part = self.regressors(start, stop)
             u, path = part.inputs - input_means, model.select_inputs(part.reflex)
             intrinsic = u[:, ~part.reflex] @ model.D[0, ~part.reflex]

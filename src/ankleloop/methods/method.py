@@ -5,66 +5,62 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import xarray as xr
-from pydantic import model_validator
 
 from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate, add_measured
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.options import Options, describe_limits, option
+from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
 
 Trial = xr.Dataset | PreparedTrial
-MOST_LAGS = 1000  # of an impulse response; the time of a fit grows with the cube of their number
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated
 INPUTS = {"delay", "degree", "identification_rate"}  # options that regressors are made by
 
 
-def delay_option(default: float | None = NOMINAL_DELAY, *, estimated: bool = False) -> Any:
-    """Declare the reflex delay; a method that estimates it takes None."""
-    return option(default, "reflex delay" + ("; null estimates it" if estimated else ""), unit="s", ge=0, le=1)
+class MethodOptions(Options):
+    """Options that all methods have."""
 
-
-def rate_option() -> Any:
-    """Declare the identification rate."""
-    return option(
+    identification_rate: float = option(
         100.0, "rate of the identification; the sampling rate has to be a multiple of it", unit="Hz", ge=1, le=10000
     )
 
 
-def degree_option() -> Any:
-    """Declare the number of basis functions."""
-    return option(5, "number of basis functions (the rectifier has one)", ge=1, le=30)
+class KnownDelayOptions(MethodOptions):
+    """Options of methods that do not estimate the delay."""
+
+    delay: float = option(NOMINAL_DELAY, "reflex delay", unit="s", ge=0, le=1)
 
 
-def rectifier_option() -> Any:
-    """Declare the basis of a method that has the rectifier alone."""
-    return option(None, "static nonlinearity; null for the method's own (rectifier), the only one that it has")
+class BasisOptions(MethodOptions):
+    """Options of methods that have several static nonlinearities."""
+
+    basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
+        None, "basis of the static nonlinearity; null for the method's own: the rectifier in riv, else chebyshev"
+    )
+    degree: int = option(5, "number of basis functions (the rectifier has one)", ge=1, le=30)
 
 
-class ResponseOptions(Options):
-    """Options of methods that estimate impulse responses, that of the reflex behind a rectifier."""
+class RectifierOptions(MethodOptions):
+    """Options of methods that have the rectifier alone."""
 
-    delay: float = delay_option()
-    basis: Literal["rectifier"] | None = rectifier_option()
-    identification_rate: float = rate_option()
+    basis: Literal["rectifier"] | None = option(None, "static nonlinearity; null for the only one, the rectifier")
 
-    @model_validator(mode="after")
-    def _check_lags(self) -> Self:
-        """Refuse responses without a lag, and those of so many that a pass over them would take minutes."""
-        rate = self.identification_rate
-        for name, least in (("intrinsic_lags", 0), ("reflex_lags", 1)):
-            length = getattr(self, name, 1.0 / rate)
-            if not least <= round(length * rate) <= MOST_LAGS:
-                limits = describe_limits("samples", ge=least, le=MOST_LAGS)
-                raise ValueError(
-                    f"{name} must be {limits} long at the identification_rate of {rate:g} Hz, got {length:g} s, which "
-                    f"are {round(length * rate)}."
-                )
-        return self
+
+class RefinedOptions(MethodOptions):
+    """Options of refined instrumental variables, of joints that change or do not."""
+
+    order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
+    delay: float | None = option(None, "reflex delay; null estimates it", unit="s", ge=0, le=1)
+    reference: str = option(
+        "reference", 'variable that the load cannot reach: the command of the servo, or "position" in open loop'
+    )
+    weighting: Literal["noise", "flat"] = option(
+        "noise", "weights of frequencies: inverse of the noise, best where the model holds; or flat, if it simplifies"
+    )
 
 
 @dataclass(frozen=True)
@@ -109,7 +105,7 @@ class Method:
         trials = [prepare(part) for part in parts]
         if merged:
             if not self.merges:
-                raise DataError(f"{self.name} identifies one trial at a time.")
+                raise DataError(f"{self.name} identifies one trial at a time; only the MOESP family merges trials.")
             if not trials:
                 raise DataError("there are no trials to merge.")
             refuse_repeated_trials(trials)

@@ -13,12 +13,12 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.hammerstein import Basis, DriveSpectra, ReflexPath, separate_model
+from ankleloop.joint.hammerstein import Basis, DriveSpectra, ReflexPath, fit_basis, separate_model
 from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
-from ankleloop.joint.prepared import PreparedTrial, fit_shared_basis
+from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, InputStep, Regressors, torque_dataset
-from ankleloop.methods.method import INPUTS, Method, degree_option, delay_option, rate_option
-from ankleloop.options import Options, option
+from ankleloop.methods.method import INPUTS, BasisOptions, KnownDelayOptions, Method
+from ankleloop.options import option
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
@@ -35,14 +35,7 @@ MEMBERS = {
 }
 OmittedStep = Literal["kernel-derivatives", "early-nonlinearity", "rank-policy", "scaling", "mean-removal"]
 
-# What takes the place of each step.
-OMITTED_STEPS: Mapping[OmittedStep, str] = {
-    "kernel-derivatives": "velocity and acceleration are central differences, once and twice, of decimated positions",
-    "early-nonlinearity": "the basis is applied to the decimated velocity",
-    "rank-policy": "all singular values count, however small",
-    "scaling": "channels are not scaled to unit variance",
-    "mean-removal": "means are not removed, and no offset is estimated",
-}
+OMITTED_STEPS: tuple[OmittedStep, ...] = get_args(OmittedStep)
 
 # Options by which `ankleloop.subspace.moesp.moesp` leaves out the steps that are its own.
 SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
@@ -50,34 +43,19 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
     "scaling": {"scaling": False},
     "mean-removal": {"offsets": False},
 }
-POLYNOMIAL = (
-    "the reflex is a polynomial of the velocity. Of a rectified one, five terms make G 13 to 21 % too large, I up to 6 "
-    "% too small, and change K by less than 1 % (without noise)."
-)
+POLYNOMIAL = "the reflex is a polynomial of the velocity: of a rectified one, five terms make G 13 to 21 % too large."
 
 
-class MoespModelOptions(Options):
+class MoespModelOptions(KnownDelayOptions, BasisOptions):
     """Options of the model of the MOESP family, for records of any length."""
 
-    order: int | None = option(
-        2, "order of the reflex dynamics; null takes the largest drop of the singular values", ge=1, le=20
-    )
+    order: int | None = option(2, "order of the reflex; null: largest drop of the singular values", ge=1, le=20)
     block_rows: int = option(15, "block rows of the Hankel matrices", unit="samples", ge=3, le=200)
-    delay: float = delay_option()
-    basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
-        None, "basis of the static nonlinearity; null for the method's own (chebyshev)"
-    )
-    degree: int = degree_option()
-    identification_rate: float = rate_option()
     projection: Literal["ordinary", "correlation"] | None = option(
         None, "form of the projection; null for the method's own (correlation for eiv-moesp, else ordinary)"
     )
     instrument_rows: int | None = option(
-        None,
-        "block rows of the instruments; null for block_rows, or what the correlation form needs",
-        unit="samples",
-        ge=1,
-        le=1000,
+        None, "block rows of the instruments; null for what the form needs", unit="samples", ge=1, le=1000
     )
     instrument_leads: int = option(
         0, "block rows by which the reference of pr-moesp reaches into the future as well", unit="samples", ge=0, le=200
@@ -85,11 +63,7 @@ class MoespModelOptions(Options):
     # A delayed velocity among the basis functions repeats rows of the velocity up to the accuracy of the decimation,
     # which is the default: smaller directions are errors of the filters.
     rank_tolerance: float = option(
-        1e-5,
-        "singular values below this fraction of the largest one count as zero; they are those of the inputs, in the "
-        "correlation form those of the inputs times the instruments",
-        ge=0,
-        lt=1,
+        1e-5, "singular values below this fraction of the largest one count as zero", ge=0, lt=1
     )
 
 
@@ -97,16 +71,10 @@ class MoespOptions(MoespModelOptions):
     """Options of the MOESP family."""
 
     input_matrices: Literal["least-squares", "instruments"] = option(
-        "least-squares",
-        "how B and D are estimated; least squares is biased by torque that is fed back, instruments are rebuilt from "
-        "the position that the reference predicts",
+        "least-squares", "how B and D are estimated; torque that is fed back biases least squares"
     )
     reference: str = option("reference", 'variable that serves as reference; "position" for open-loop records')
-    free_b: bool = option(
-        False,
-        "let position, velocity and acceleration drive the state as well; K, B, I are then those of the second-order "
-        "model that explains the intrinsic torque best",
-    )
+    free_b: bool = option(False, "let position, velocity and acceleration drive the state as well")
     omitted_step: OmittedStep | None = option(
         None, "step of the processing to leave out, to see what it is good for; null for the complete processing"
     )
@@ -152,7 +120,8 @@ def identify_moesp(
     reference, step = _find_reference(member, options), options.omitted_step
     basis: str | Basis = options.basis or "chebyshev"
     if len(trials) > 1:
-        basis = fit_shared_basis(trials, options.delay, options.basis or "chebyshev", options.degree)
+        velocities = np.concatenate([trial.velocity(options.delay) for trial in trials])
+        basis = fit_basis(velocities, options.basis or "chebyshev", options.degree)
     inputs = options.model_dump(include=INPUTS) | {"basis": basis, "reference": reference}
     if step in get_args(InputStep):
         inputs["omitted_step"] = step
@@ -248,4 +217,4 @@ METHODS = tuple(
 
 def describe_omission(step: OmittedStep) -> str:
     """Warning about an estimate whose processing is not complete."""
-    return f"The processing is not complete (omitted_step: {step}): {OMITTED_STEPS[step]}."
+    return f"The processing is not complete (omitted_step: {step})."

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -14,13 +13,14 @@ from ankleloop.joint.hammerstein import DriveSpectra, separate_response
 from ankleloop.joint.models import ModelInputs, ResponseModel
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import INPUTS, Method, ResponseOptions
+from ankleloop.methods.method import INPUTS, KnownDelayOptions, Method, RectifierOptions
 from ankleloop.options import option
 
 PASS_CEILING = 10_000  # beyond any loop that converges at all
+SIGNIFICANT = 1e-6  # of the largest singular value of the lagged inputs: smaller ones count as zero
 
 
-class ParallelCascadeOptions(ResponseOptions):
+class ParallelCascadeOptions(KnownDelayOptions, RectifierOptions):
     """Options of the parallel cascade."""
 
     max_passes: int | None = option(
@@ -33,38 +33,6 @@ class ParallelCascadeOptions(ResponseOptions):
         0.04, "half length of the two-sided intrinsic impulse response", unit="s", ge=0, le=1
     )
     reflex_lags: float = option(0.5, "length of the reflex impulse response", unit="s", ge=0.001, le=5)
-    rank: Literal["full", "mdl"] = option(
-        "full",
-        "rank of the pseudo-inverse, full or of minimum description length (Westwick and Kearney 1997)",
-    )
-    rank_tolerance: float = option(
-        1e-6, "singular values of the lagged inputs below this fraction of the largest count as zero", ge=0, lt=1
-    )
-
-
-class _Path(NamedTuple):
-    """A path by orthonormal directions of its torque, and the impulse response that each of them has."""
-
-    directions: np.ndarray  # shape (columns, rank)
-    responses: np.ndarray  # shape (lags, rank)
-
-    @classmethod
-    def of(cls, lagged: np.ndarray, rank_tolerance: float) -> _Path:
-        """That of lagged inputs, shape (columns, lags); directions below the tolerance are left out."""
-        directions, values, responses = np.linalg.svd(lagged, full_matrices=False)
-        significant = values > rank_tolerance * values[0]
-        return cls(directions[:, significant], responses[significant].T / values[significant])
-
-    def fit(self, target: np.ndarray, samples: int, rank: str) -> tuple[np.ndarray, np.ndarray]:
-        """Torque that best explains a target, and its impulse response; "mdl" takes the shortest description."""
-        projections = self.directions.T @ target
-        if rank == "mdl":
-            order = np.argsort(projections**2)[::-1]
-            residual = np.maximum(target @ target - np.cumsum(projections[order] ** 2), np.finfo(float).tiny)
-            terms = np.arange(1, order.size + 1)
-            shortest = int(np.argmin(residual * (1 + terms * np.log(samples) / samples)))
-            projections[order[shortest + 1 :]] = 0.0
-        return self.directions @ projections, self.responses @ projections
 
 
 @once
@@ -118,13 +86,11 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     unknowns = lags[0].size + lags[1].size
     if rows.size < 2 * unknowns:
         raise DataError(
-            f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer, or shorten "
-            "intrinsic_lags and reflex_lags."
+            f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer or shorten the lags."
         )
 
     *lagged, target = _compress(trial, regressors, leads, longest)
-    paths = [_Path.of(part, options.rank_tolerance) for part in lagged]
-    responses, history, converged = _alternate(paths, target[:, 0], rows.size, options)
+    responses, history, converged = _alternate(lagged, target[:, 0], options)
     model = ResponseModel(ModelInputs.of(regressors), *responses)
     torque = model.simulate(regressors)
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
@@ -152,18 +118,23 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
 
 
 def _alternate(
-    paths: Sequence[_Path], target: np.ndarray, samples: int, options: ParallelCascadeOptions
-) -> tuple[tuple[np.ndarray, np.ndarray], list[float], bool]:
-    """Alternating least squares; the history holds the net VAF after each pass."""
-    reflex, history = np.zeros_like(target), []
-    for _ in range(options.max_passes or PASS_CEILING):
-        intrinsic, intrinsic_response = paths[0].fit(target - reflex, samples, options.rank)
-        reflex, reflex_response = paths[1].fit(target - intrinsic, samples, options.rank)
-        residual = target - intrinsic - reflex
+    lagged: Sequence[np.ndarray], target: np.ndarray, options: ParallelCascadeOptions
+) -> tuple[list[np.ndarray], list[float], bool]:
+    """Impulse responses by alternating least squares; the history holds the net VAF after each pass."""
+    paths = [np.linalg.svd(part, full_matrices=False) for part in lagged]
+    ranks = [np.count_nonzero(values > SIGNIFICANT * values[0]) for _, values, _ in paths]
+    directions = [part[0][:, :rank] for part, rank in zip(paths, ranks, strict=True)]
+    projections, torques, converged = [np.empty(0)] * 2, [np.zeros_like(target)] * 2, False
+    history: list[float] = []
+    while len(history) < (options.max_passes or PASS_CEILING) and not converged:
+        for path, other in ((0, 1), (1, 0)):
+            projections[path] = directions[path].T @ (target - torques[other])
+            torques[path] = directions[path] @ projections[path]
+        residual = target - torques[0] - torques[1]
         history.append(float(100 * (1 - residual @ residual / (target @ target))))
-        if len(history) > 1 and history[-1] - history[-2] < options.tolerance:
-            return (intrinsic_response, reflex_response), history, True
-    return (intrinsic_response, reflex_response), history, False
+        converged = len(history) > 1 and history[-1] - history[-2] < options.tolerance
+    parts = zip(paths, ranks, projections, strict=True)
+    return [(rows[:rank].T / values[:rank]) @ found for (_, values, rows), rank, found in parts], history, converged
 
 
 METHODS = (Method("parallel-cascade", ParallelCascadeOptions, identify_parallel_cascade),)

@@ -10,7 +10,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import sum_paths
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import INTRINSIC_NAMES, torque_dataset
-from ankleloop.methods.method import INPUTS, Method, ResponseOptions
+from ankleloop.methods.method import INPUTS, KnownDelayOptions, Method, RectifierOptions
 from ankleloop.options import option
 
 UPDATE_RATE = 10.0  # Hz at which parameters are solved for and traced
@@ -18,16 +18,12 @@ SHORTEST_LEVEL = 1.0  # s over which position and torque are averaged, at least
 RIDGE = 1e-9  # of the mean information: it only keeps directions solvable that nothing has excited
 
 
-class RealTimeOptions(ResponseOptions):
+class RealTimeOptions(KnownDelayOptions, RectifierOptions):
     """Options of the real-time algorithm."""
 
     memory: float = option(10.0, "time constant of forgetting", unit="s", ge=0.1, le=1e6)
     settling: float | None = option(
-        None,
-        "time until the parameters count, where means of the traces start; null for the memory",
-        unit="s",
-        ge=SHORTEST_LEVEL,
-        le=1e6,
+        None, "time until the parameters count; null for the memory", unit="s", ge=SHORTEST_LEVEL, le=1e6
     )
     reflex_lags: float = option(0.4, "length of the reflex impulse response", unit="s", ge=0.001, le=5)
 
@@ -83,8 +79,7 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     first = round(settling * rate)
     if torque.size < first + 2 * rate:
         raise DataError(
-            f"the record of {torque.size / rate:.3g} s is too short for a settling time of {settling:g} s: record at "
-            "least two seconds more than that, or shorten memory or settling."
+            f"the record of {torque.size / rate:.3g} s is too short for {settling:g} s of settling: record longer."
         )
     chunk = max(1, round(rate / UPDATE_RATE))
     forgetting = float(np.exp(-1.0 / (options.memory * rate)))

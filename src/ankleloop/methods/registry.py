@@ -100,21 +100,16 @@ def identify(
     >>> sorted(estimate.stiffness)
     ['B', 'I', 'K']
     """
-    merged = isinstance(trial, (list, tuple))
-    merging = ", ".join(name for name, candidate in METHODS.items() if candidate.merges)
-    if method is None and merged:
-        raise DataError(f"name the method for trials that are merged: one of {merging}.")
+    if method is None and isinstance(trial, (list, tuple)):
+        raise DataError("name the method for trials that are merged: one of the MOESP family, such as pr-moesp.")
     if method is None and "reference" not in prepare(cast(Trial, trial)).trial:
         raise DataError(NO_DEFAULT)
     entry = find_method(DEFAULT if method is None else method)
-    candidates: dict[str, list[Any]] = {}
-    if not (select is None and criterion is None):  # a wrong candidate is a mistake, not a bad model
-        candidates = check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
-    if merged and (candidates or not entry.merges):
-        verb = "selects options on" if candidates else "identifies"
-        raise DataError(f"{entry.name} {verb} one trial at a time; trials are merged by {merging}.")
-    if not candidates:
+    if select is None and criterion is None:
         return entry(trial, **options)
+    candidates = check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
+    if isinstance(trial, (list, tuple)):
+        raise DataError("options are selected on one trial at a time: set them for trials that are merged.")
     shared = {name: value for name, value in {**entry.options.defaults(), **options}.items() if name in SHARED}
     selection = select_options(cast(Trial, trial), partial(entry, **options), candidates, criterion=criterion, **shared)
     estimate = entry(trial, **options, **selection.chosen)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -27,7 +25,6 @@ SEGMENT = 2.0  # s over which losses are summed before their scatter is computed
 TERMS = 5  # spline terms of the delayed velocity among the instruments
 LAGS = 0.4  # s of these terms
 STEP = 0.02  # s between lags
-MOST_COMBINATIONS = 1000  # of candidates: each is a fit to both halves
 LEADS = 0.05  # s of the position, either way
 
 
@@ -36,14 +33,14 @@ class Selection:
     """Candidates, their scores, and the choice."""
 
     criterion: str  # of the choice
-    # Options of each candidate, its `scores` [%] on the data that it was not fitted to, by every criterion that the
-    # record allows, and the `warnings` of its fits; or the `error` where it could not be fitted.
+    # Options of each candidate, its `scores` [%] on the data that it was not fitted to, by the criterion, and the
+    # `warnings` of its fits; or the `error` where it could not be fitted.
     candidates: list[dict[str, Any]]
     chosen: dict[str, Any]  # options of the chosen candidate
 
 
 # A half of a record to fit to, the other one to test on, and times of the latter with instruments at them.
-Half = tuple[PreparedTrial, PreparedTrial, Any]
+Half = tuple[PreparedTrial, PreparedTrial, tuple[np.ndarray, np.ndarray] | None]
 
 
 def select_options(
@@ -105,19 +102,18 @@ def select_options(
     criterion = criterion or ("instrumental" if has_reference else "cross-validation")
     if criterion == "instrumental" and not has_reference:
         raise DataError(
-            f"the instrumental criterion needs a reference, and the trial has no {reference!r} beside its position: "
-            "use criterion='cross-validation'."
+            f"the instrumental criterion needs a reference, and there is no {reference!r}: use 'cross-validation'."
         )
     inputs = {"delay": NOMINAL_DELAY if delay is None else delay, "identification_rate": identification_rate}
-    halves = _halve(record, reference if has_reference else None, inputs)
+    halves = _halve(record, reference if criterion == "instrumental" else None, inputs)
     rows: list[dict[str, Any]] = []
     losses: dict[int, np.ndarray] = {}  # by the number of the candidate, of those that could be fitted
     for number, values in enumerate(itertools.product(*candidates.values())):
         options = dict(zip(candidates, values, strict=True))
         rows.append({**options, "scores": {}, "warnings": []})
         try:
-            loss, rows[-1]["scores"], rows[-1]["warnings"] = _score(halves, partial(fit, **options), cycle_onsets)
-            losses[number] = loss[criterion]
+            losses[number], score, rows[-1]["warnings"] = _score(halves, partial(fit, **options), cycle_onsets)
+            rows[-1]["scores"] = {criterion: score}
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             rows[-1]["error"] = str(error)
     best = rows[_simplest(losses, rows)]
@@ -129,30 +125,21 @@ def check_selection(
 ) -> dict[str, list[Any]]:
     """Candidates by option; refuses what a method would refuse after other candidates were fitted."""
     select = {} if select is None else select
-    if not isinstance(select, Mapping):
-        raise ValueError(f"select must be a dict of options with lists of values, got {show_value(select)}.")
-    for name, values in select.items():
-        if not isinstance(name, str) or not isinstance(values, (list, tuple, range, np.ndarray)) or not len(values):
-            raise ValueError(
-                "select must have a list with at least one value of each option to choose from, got "
-                f"{show_value(values)} for {name!r}."
-            )
-    combinations = math.prod(len(values) for values in select.values())
-    if combinations > MOST_COMBINATIONS:
-        raise ValueError(f"select must have at most {MOST_COMBINATIONS} combinations, got {combinations}.")
-    if criterion is not None:
-        check_choice(owner, "criterion", criterion, (*CRITERIA, None))
-        if not select:
-            raise ValueError("criterion is that of a selection: name the options to choose from under select.")
+    check_choice(owner, "criterion", criterion, (*CRITERIA, None))
+    kinds = (list, tuple, range, np.ndarray)
+    listed = isinstance(select, Mapping) and all(isinstance(part, kinds) and len(part) for part in select.values())
+    if not listed or (criterion is not None and not select):
+        raise ValueError(
+            f"select must be a dict of options, each with a list of at least one value, got {show_value(select)}."
+        )
     if "identification_rate" in select:
         raise ValueError(
             "identification_rate cannot be selected: residuals at different rates contain different bands of noise."
         )
     for name in sorted(set(options) & set(select)):
         raise TypeError(f"option {name!r} is given, and to be selected as well: choose one of the two.")
-    model.parse(owner, **options)
     for combination in itertools.product(*select.values()):
-        model.parse(f"select: {owner}", **options, **dict(zip(select, combination, strict=True)))
+        model.parse(f"select: {owner}" if select else owner, **options, **dict(zip(select, combination, strict=True)))
     return {name: list(values) for name, values in select.items()}
 
 
@@ -161,13 +148,13 @@ def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, Any])
     edges = np.linspace(time[0], time[-1] + 1.0 / rate, 3)
     shortest = 2.0 * SETTLING + SEGMENT
     if edges[1] - edges[0] < shortest:
+        duration = edges[-1] - edges[0]
         raise DataError(
-            f"the record of {edges[-1] - edges[0]:.3g} s makes 2 folds of {edges[1] - edges[0]:.3g} s, but a selection "
-            f"needs folds of {shortest:g} s: use a longer record, or set the options."
+            f"the record of {duration:.3g} s is too short: a selection needs {2 * shortest:g} s. Record longer."
         )
     first, second = (prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges))
     pairs = ((second, first), (first, second))
-    return [(fitted, test, reference and _instruments(test, reference, inputs)) for fitted, test in pairs]
+    return [(fit, test, None if reference is None else _instruments(test, reference, inputs)) for fit, test in pairs]
 
 
 def _instruments(test: PreparedTrial, reference: str, inputs: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
@@ -194,17 +181,15 @@ def _project(instruments: tuple[np.ndarray, np.ndarray], time: np.ndarray, signa
 
 def _score(
     halves: Sequence[Half], fit: Callable[[PreparedTrial], Estimate], cycle_onsets: str | Sequence[float] | None
-) -> tuple[dict[str, np.ndarray], dict[str, float], list[str]]:
-    """Losses of a candidate in segments of time, and scores [%], by criterion; and warnings of its fits."""
-    losses: dict[str, list[np.ndarray]] = {}
-    totals: Counter[str] = Counter()
+) -> tuple[np.ndarray, float, list[str]]:
+    """Losses of a candidate in segments of time, its score [%], and warnings of its fits."""
+    losses, total = [], 0.0
     warnings: list[str] = []
     for training, test, instruments in halves:
         estimate = fit(training)
         if estimate.trajectories is not None and "time" in estimate.trajectories.sizes:
             raise DataError(
-                "its parameters are functions of time, and those of one half are not those of the other: give "
-                "cycle_onsets or a schedule, or set the options without a selection."
+                "its parameters change with time, and those of one half are not those of the other: set the options."
             )
         warnings += estimate.fit_warnings  # those about the data concern all candidates alike
         torque = estimate.predict(test, cycle_onsets=cycle_onsets).torque
@@ -215,18 +200,15 @@ def _score(
         if not np.isfinite(signals).all():
             raise DataError("the prediction of unseen data is not finite.")
         signals -= signals.mean(axis=1, keepdims=True)
-        explainable = {"cross-validation": signals}
         if instruments is not None:
-            explainable["instrumental"] = _project(instruments, time[scored], signals)
+            signals = _project(instruments, time[scored], signals)
         # Counted from the start of the half, so that all candidates have the same segments.
         start, stop = test.time[[0, -1]]
         segments = ((time[scored] - start) / SEGMENT).astype(int)
-        for name, (residual, target) in explainable.items():
-            losses.setdefault(name, []).append(np.bincount(segments, residual**2, int((stop - start) / SEGMENT) + 1))
-            totals[name] += target @ target
-    joined = {name: np.concatenate(parts) for name, parts in losses.items()}
-    scores = {name: float(100.0 * (1.0 - loss.sum() / totals[name])) for name, loss in joined.items()}
-    return joined, scores, list(dict.fromkeys(warnings))
+        losses.append(np.bincount(segments, signals[0] ** 2, int((stop - start) / SEGMENT) + 1))
+        total += signals[1] @ signals[1]
+    loss = np.concatenate(losses)
+    return loss, float(100.0 * (1.0 - loss.sum() / total)), list(dict.fromkeys(warnings))
 
 
 def _simplest(losses: Mapping[int, np.ndarray], rows: Sequence[Mapping[str, Any]]) -> int:

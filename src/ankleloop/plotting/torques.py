@@ -12,8 +12,8 @@ import pandas as pd
 
 from ankleloop.assessment.scores import evaluate, true_trajectories
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate import MEASURED as MEASURED_TORQUE
 from ankleloop.joint.prepared import prepare
+from ankleloop.joint.regressors import MEASURED as MEASURED_TORQUE
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.plotting.panels import COLUMNS, Panel, Styles, draw_panels, finish
 from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, method_styles

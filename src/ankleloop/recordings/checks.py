@@ -18,8 +18,8 @@ from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import Trial, delay_option, rate_option
-from ankleloop.options import Options, option, show_fields
+from ankleloop.methods.method import KnownDelayOptions, Trial
+from ankleloop.options import option, show_fields
 from ankleloop.recordings.validity import describe_validity, valid_methods
 
 Methods = dict[str, dict[str, Any]]
@@ -72,14 +72,12 @@ class Check:
         return "\n".join(f"{f.verdict:>8}  {f.name}: {f.text}" for f in self.findings)
 
 
-class _CheckOptions(Options):
+class _CheckOptions(KnownDelayOptions):
     """Options of `check_trial`."""
 
     reference: str = option("reference", "variable that serves as reference")
-    delay: float = delay_option()
     order: int = option(2, "largest order that a subspace method will use", ge=1, le=20)
     block_rows: int = option(15, "largest number of its block rows", unit="samples", ge=3, le=200)
-    identification_rate: float = rate_option()
 
 
 @show_fields(_CheckOptions)

@@ -77,7 +77,7 @@ def check_same_rate(stated_rate: float, measured_rate: float, *, source: str, na
     if abs(measured_rate - stated_rate) > RATE_TOLERANCE * stated_rate:
         raise DataError(
             f"{source}: the sampling rate is stated as {stated_rate:.9g} Hz, but {name} runs at {measured_rate:.9g} "
-            "Hz: correct the one that is wrong."
+            "Hz: correct the one that is wrong, or pass sampling_rate."
         )
 
 

@@ -94,7 +94,7 @@ def check_unit(role: str, name: str, stated: str, position_unit: str, *, source:
     if unit not in (None, position_unit):
         raise DataError(
             f"{source}: {name} is in {unit!r} according to the file, but position_unit is {position_unit!r}: pass "
-            f"position_unit={unit!r}, or correct the file."
+            f"position_unit={unit!r} to read_trial, or convert it."
         )
 
 

@@ -72,9 +72,6 @@ class Contents(ABC):
         """Attribute of a variable, a group, or of the file, whose name is empty; None if there is none."""
         return None
 
-    def load(self, names: Sequence[str]) -> None:  # noqa: B027 # most formats have nothing to prepare
-        """Prepare to read variables, where a pass over the file reads several."""
-
     def locate_sample(self, sample: int) -> str:
         """Describe where a sample is in the file."""
         return f"at sample {sample}"
@@ -154,7 +151,6 @@ def select_channels(
     for variable in selected.values():
         if part is None:
             check_size(math.prod(variable.shape), f"{source}: {variable.name}")
-    contents.load([variable.name for variable in selected.values()])
     for role, variable in selected.items():
         values = _read_numbers(contents, variable, slice(*part) if part else slice(None))
         shape = values.shape if part is None else variable.shape  # of a struct of MATLAB it is not known before

@@ -6,7 +6,7 @@ import csv
 import gzip
 import warnings
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +29,8 @@ class CsvContents(Contents):
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
-        self._columns: dict[str, np.ndarray] = {}
         self._header: list[str] = []
         self._header_line, self._rows, self._longest = 0, 0, 0
-        self._shortest = (0, 0)  # cells and number of the line that has the fewest
         self._last: deque[tuple[int, str]] = deque(maxlen=LAST)  # numbered lines
         self._measure()
 
@@ -44,36 +42,23 @@ class CsvContents(Contents):
                 f"{self.path.name}: {len(columns)} columns are called {name!r} (columns {', '.join(columns)}): give "
                 "each a name of its own."
             )
-        return Variable(name, (self._rows,), lambda part: self._columns[name][part]) if columns else None
+        return Variable(name, (self._rows,), lambda part: self._read(name)[part]) if columns else None
 
     def names(self) -> Iterable[str]:
         """Names of the columns."""
         return filter(None, self._header)
 
-    def load(self, names: Sequence[str]) -> None:
-        """Read columns in one pass: numbers, or objects where some are text."""
-        columns = {name: self._header.index(name) for name in names}
-        cells, number = self._shortest
-        for name, column in columns.items():
-            if cells <= column:
-                raise DataError(
-                    f"{self.path.name}: line {number} has {_count(cells)} and the header {len(self._header)}: {name} "
-                    "is missing there; correct the line."
-                )
+    def _read(self, name: str) -> np.ndarray:
+        """Numbers of a column, or objects where some are text."""
+        column = self._header.index(name)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text among numbers is refused by its line
             frame = pd.read_csv(
-                self.path, header=None, skiprows=self._header_line, usecols=sorted(columns.values()),
-                names=range(self._longest), index_col=False, skipinitialspace=True,
+                self.path, header=None, skiprows=self._header_line, usecols=[column], names=range(self._longest),
+                index_col=False, skipinitialspace=True, skip_blank_lines=True,
             )  # fmt: skip
-        if len(frame) != self._rows:
-            raise DataError(
-                f"{self.path.name}: there are {self._rows} lines with samples, but {len(frame)} rows: a quotation "
-                "mark is open; remove it."
-            )
-        for name, column in columns.items():
-            self._check_last_cell(name, column)
-            self._columns[name] = frame[column].to_numpy()
+        self._check_last_cell(name, column)
+        return frame[column].to_numpy()
 
     def locate_sample(self, sample: int) -> str:
         """Describe where a sample is in the file: by its line, the header's among them."""
@@ -96,10 +81,9 @@ class CsvContents(Contents):
                 continue
             if not self._header:
                 self._header, self._header_line = _split(line), number
-                self._shortest = (len(self._header), number)
                 continue
-            if cells != len(self._header) or '"' in line:
-                cells = self._check_cells(number, _split(line))
+            if cells > len(self._header):
+                self._check_cells(number, _split(line))
             self._longest = max(self._longest, cells)
             self._rows += 1
             self._last.append((number, line))
@@ -120,25 +104,25 @@ class CsvContents(Contents):
                 f"{self.path.name}: line {number} is no text in UTF-8 (byte 0x{wrong:02x}): save it as CSV in UTF-8."
             )
 
-    def _check_cells(self, number: int, cells: list[str]) -> int:
-        """Count the cells of a row; refuse more than the header has, unless they are empty."""
-        if any(cells[len(self._header) :]):
+    def _check_cells(self, number: int, cells: list[str]) -> None:
+        """Refuse more cells than the header has, unless they are empty."""
+        width = len(self._header)
+        if any(cells[width:]):
             raise DataError(
-                f"{self.path.name}: line {number} has {_count(len(cells))} and the header {len(self._header)}: correct "
-                "the line; write decimal points, not commas."
+                f"{self.path.name}: line {number} has {len(cells)} cells and the header {width}: correct the line; "
+                "write decimal points, not commas."
             )
-        self._shortest = min(self._shortest, (len(cells), number))
-        return len(cells)
 
     def _check_last_cell(self, name: str, column: int) -> None:
         """Refuse, or warn of, a file that ends within its last number, which therefore may have lost digits."""
-        if self._last[-1][1].endswith("\n") or column != len(_split(self._last[-1][1])) - 1:
+        number, line = self._last[-1]
+        if line.endswith("\n") or column != len(_split(line)) - 1:
             return
-        *usual, last = (_split(line)[column] for _, line in self._last)
+        *usual, last = (_split(row)[column] for _, row in self._last if row.count(",") >= column)
         digits, decimals = {_decimals(cell) for cell in usual}, _decimals(last)
         if digits == {decimals} and decimals:
             return  # as many decimals as in the rows before: it is whole
-        fault = f"{self.path.name}: the file ends within line {self._last[-1][0]}, at the {name} {last!r}"
+        fault = f"{self.path.name}: the file ends within line {number}, at the {name} {last!r}"
         if digits and decimals < min(digits):
             raise DataError(
                 f"{fault}, which has fewer digits than those before: copy the file again, or delete the line."
@@ -157,7 +141,3 @@ def _decimals(text: str) -> int:
     """Digits behind the point."""
     mantissa = text.lower().partition("e")[0]
     return len(mantissa.partition(".")[2])
-
-
-def _count(cells: int) -> str:
-    return f"{cells} cell" + ("s" if cells != 1 else "")

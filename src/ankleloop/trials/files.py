@@ -15,7 +15,7 @@ import os
 import platform
 import stat
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -167,20 +167,21 @@ def atomic_netcdf(
         yield file
 
 
-def write_netcdf(data: xr.Dataset | xr.DataTree, path: PathLike, *, overwrite: bool = False) -> None:
-    """Write a data set or a tree of them as a NetCDF-4 file, which appears when it is complete, with its checksum."""
-    if hasattr(data, "subtree"):
-        encoding: Any = {node.path: {name: {"_FillValue": None} for name in node.variables} for node in data.subtree}
-    else:
-        encoding = {name: {"_FillValue": None} for name in data.variables}  # fill values would change numbers
-    with _netcdf_sink(path, overwrite, source_files(data)) as sink:
-        data.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
+def write_netcdf(groups: Mapping[str, xr.Dataset], path: PathLike, *, overwrite: bool = False) -> None:
+    """Write data sets as groups of a NetCDF-4 file, which appears when it is complete, with its checksum."""
+    import xarray as xr
+
+    # Encodings that are left from another file (packing, fill values) would change the samples.
+    tree = xr.DataTree.from_dict({f"/{name}": data.drop_encoding() for name, data in groups.items()})
+    encoding = {node.path: {name: {"_FillValue": None} for name in node.variables} for node in tree.subtree}
+    with _netcdf_sink(path, overwrite, source_files(*groups.values())) as sink:
+        tree.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
 
 
-def source_files(data: xr.Dataset | xr.DataTree) -> set[str]:
-    """Files from which a data set or a tree of data sets has been opened."""
-    nodes = getattr(data, "subtree", (data,))
-    encodings = [holder.encoding for node in nodes for holder in (node, *node.variables.values())]
+def source_files(*data: xr.Dataset) -> set[str]:
+    """Files from which data sets have been opened."""
+    encodings = [part.encoding for part in data]
+    encodings += [variable.encoding for part in data for variable in part.variables.values()]
     return {encoding["source"] for encoding in encodings if isinstance(encoding.get("source"), str)}
 
 
@@ -198,11 +199,8 @@ def check_readable(path: PathLike) -> None:
 
 
 def stamp_file(path: PathLike) -> tuple[int, ...]:
-    """What changes with a file; nothing of one that is gone."""
-    try:
-        status = os.stat(path)
-    except OSError:
-        return ()
+    """What changes with a file."""
+    status = os.stat(path)
     return status.st_ino, status.st_size, status.st_mtime_ns
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.files import atomic_file, check_output, source_files, write_netcdf
+from ankleloop.trials.files import atomic_file, source_files, write_netcdf
 from ankleloop.trials.reading_process import readable_file
 
 SUFFIXES = (".nc", ".mat")
@@ -57,13 +57,10 @@ def write_groups(
 ) -> None:
     """Write groups of variables to one file; it appears when it is complete."""
     path = _check_suffix(path)
-    inputs = set().union(*(source_files(data) for data in groups.values()))
-    check_output(path, overwrite=overwrite, inputs=inputs)
     if path.suffix == ".mat":
         _write_mat(groups, path, variable, overwrite)
-        return
-    datasets = {f"/{group}": _split_complex(data.drop_encoding()) for group, data in groups.items()}
-    write_netcdf(xr.DataTree.from_dict(datasets), path, overwrite=overwrite)
+    else:
+        write_netcdf({group: _split_complex(data) for group, data in groups.items()}, path, overwrite=overwrite)
 
 
 def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields]:
@@ -112,7 +109,7 @@ def _write_mat(groups: Mapping[str, xr.Dataset], path: Path, variable: str, over
 
     structs = {group: _as_struct(data) for group, data in groups.items()}
     struct = structs.pop("", {}) | {group: fields or np.empty((0, 0)) for group, fields in structs.items()}
-    with atomic_file(path, overwrite=overwrite) as partial:
+    with atomic_file(path, overwrite=overwrite, inputs=source_files(*groups.values())) as partial:
         scipy.io.savemat(partial, {variable: struct}, False, do_compression=True, long_field_names=True)
 
 

@@ -13,7 +13,6 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
-from ankleloop.signals.sampling import compute_rate
 from ankleloop.trials.containers import TIME, find_suffix
 from ankleloop.trials.files import stamp_file
 from ankleloop.trials.readers import choose_rate, parse_options
@@ -92,7 +91,6 @@ class LongRecord:
         sizes = {role: math.prod(self._channels[role].shape) for role in self._roles}
         check_sizes(sizes, source=source)
         self.samples = sizes["position"]
-        compute_rate(np.arange(min(self.samples, 2)) / self.rate, source=source)  # a single sample is no record
         starts = range(0, self.samples, BLOCK)
         check_samples((self._block(self._roles, start) for start in starts), self.rate, source=source)
 

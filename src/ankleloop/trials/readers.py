@@ -10,7 +10,6 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import (
-    RATE_TOLERANCE,
     check_same_rate,
     compute_rate_of_parts,
     format_samples,
@@ -133,9 +132,7 @@ def choose_rate(
             if role not in options.further:
                 check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
             check_shape(channel.shape, channel.name, source=source)
-    stated = options.sampling_rate
-    if RATE in channels:
-        stated = _compare_rates(channels[RATE], stated, source)
+    stated = _find_rate(channels, options.sampling_rate, source)
     if TIME not in channels:
         if stated is None:
             raise DataError(
@@ -152,25 +149,22 @@ def choose_rate(
     factor = time_factor(time.name, time.unit, source=source)
     parts = (part * (factor or 1.0) for part in times())
     measured = compute_rate_of_parts(parts, samples, source=source, name=time.name)
-    if stated is not None:
-        check_same_rate(stated, measured, source=source, name=time.name)
-        return stated
-    if factor is None and measured < LOWEST_RATE:
+    if stated is None and factor is None and measured < LOWEST_RATE:
         raise DataError(
             f"{source}: {time.name} runs at {measured:.9g} Hz, too slow for a joint: is it in ms? Then call it "
             "time_ms; or pass sampling_rate in Hz."
         )
-    return measured
+    check_same_rate(stated or measured, measured, source=source, name=time.name)
+    return stated or measured
 
 
-def _compare_rates(channel: Channel, stated: float | None, source: str) -> float:
+def _find_rate(channels: Mapping[str, Channel], stated: float | None, source: str) -> float | None:
     """Sampling rate that is stated, or else that of the file; refuses those of a file that contradict it."""
-    rates = [parse_rate(number, source=source) for number in channel.values]
-    agree = [abs(rate - (stated or rates[0])) <= RATE_TOLERANCE * rate for rate in rates]
-    if not (all(agree) if stated is None else any(agree)):
-        numbers = " and ".join(f"{rate:g} Hz" for rate in rates)
-        text = "" if stated is None else f", and sampling_rate is stated as {stated:g} Hz"
-        raise DataError(
-            f"{source}: {channel.name} is {numbers} in the file{text}: correct the file, or pass sampling_rate."
-        )
+    if RATE not in channels:
+        return stated
+    rates = [parse_rate(number, source=source) for number in channels[RATE].values]
+    if stated is not None:  # which of several rates is right
+        rates = [min(rates, key=lambda rate: abs(rate - stated))]
+    for rate in rates:
+        check_same_rate(stated or rates[0], rate, source=source, name=channels[RATE].name)
     return stated or rates[0]

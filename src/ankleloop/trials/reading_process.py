@@ -42,13 +42,13 @@ PATIENCE = 20.0  # times as long a busy machine or a slow disk may take
 BYTES, BYTES_PER_BYTE = 1 << 30, 4  # of memory for a file
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_process import main; main()"
-WHOLE = "check that the file is whole and its suffix right"
+WHOLE = "check that the file is whole and its suffix right, or restore it from a copy"
 # How the process may end without an answer, and what that says, which is nothing about the file.
 ENDS = {
     "SIGKILL": "the process that reads it was killed (SIGKILL), most often because memory was short: free memory",
-    "SIGTERM": "the process that reads it was killed (SIGTERM)",
     "SIGALRM": "it was not read in time: the computer is busy, or the disk slow",
 }
+NO_START = f"the process that reads it did not start: {sys.executable} -P -c ... failed; use another Python"
 
 PathLike = str | os.PathLike[str]
 
@@ -110,52 +110,29 @@ def _describe(cause: Exception) -> str:
     return f"{kind}{cause}".partition("\n")[0][:300]
 
 
-class _Reader:
-    """The process that opens files, and the pipe to it."""
-
-    def __init__(self) -> None:
-        self.pipe, end = Pipe()
-        # -P: files of the current folder that have the name of a module are not imported.
-        command = [sys.executable, "-P", "-c", PROGRAM, str(Path(__file__).parents[2]), str(end.fileno())]
-        nothing = subprocess.DEVNULL
-        with end:
-            self.process = subprocess.Popen(
-                command, stdin=nothing, stdout=nothing, stderr=nothing, pass_fds=[end.fileno()], start_new_session=True
-            )
-
-    def exchange(self, request: list[Any]) -> tuple[dict[str, Channel], dict[str, Any]]:
-        """Send a request; the channels of the answer, and its end."""
-        channels = {}
-        try:
-            self.pipe.send_bytes(json.dumps(request).encode())
-            while isinstance(message := json.loads(self.pipe.recv_bytes()), list):
-                role, name, unit, shape = message
-                channels[role] = Channel(name, unit, tuple(shape), np.frombuffer(self.pipe.recv_bytes(), "<f8"))
-            return channels, message
-        except (OSError, EOFError):
-            code = self.process.wait()
-        name = signal.Signals(-code).name if code < 0 else ""
-        if code > 0:
-            python = f"{sys.executable} -P -c ..."
-            return {}, {"lack": f"the process that reads it did not start: {python} failed; use another Python"}
-        if name in ENDS:
-            return {}, {"lack": ENDS[name]}
-        if name == "SIGPROF":
-            return {}, {"reason": f"stopped after {request[3]:.0f} s, the limit for its size"}
-        return {}, {"reason": f"it crashed the process that reads it{name and f', {name}'}"}
-
-
-_reader: _Reader | None = None
+_reader: tuple[subprocess.Popen[bytes], Connection] | None = None  # the process that opens files, and the pipe to it
 _lock = threading.Lock()
 
 
+def _start() -> tuple[subprocess.Popen[bytes], Connection]:
+    pipe, end = Pipe()
+    # -P: files of the current folder that have the name of a module are not imported.
+    command = [sys.executable, "-P", "-c", PROGRAM, str(Path(__file__).parents[2]), str(end.fileno())]
+    nothing = subprocess.DEVNULL
+    with end:
+        process = subprocess.Popen(
+            command, stdin=nothing, stdout=nothing, stderr=nothing, pass_fds=[end.fileno()], start_new_session=True
+        )
+    return process, pipe
+
+
+@atexit.register
 def stop() -> None:
     """End the process that reads files; the next file starts it again."""
     global _reader
     if _reader is not None:
-        _reader.process.kill()
-        _reader.process.wait()
-        _reader.pipe.close()
+        _reader[0].kill()
+        _reader[0].wait()
         _reader = None
 
 
@@ -165,40 +142,53 @@ def _forget() -> None:
     _reader, _lock = None, threading.Lock()
 
 
-atexit.register(stop)
 os.register_at_fork(after_in_child=_forget)
 
 
 def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dict[str, Channel]:
     """What the other process reads of a file."""
     global _reader
-    stamp = stamp_file(path)
-    size = path.stat().st_size
+    stamp, size = stamp_file(path), path.stat().st_size
     if size == 0:
         raise UnreadableError("it is empty, 0 bytes")
     limits = (SECONDS + SECONDS_PER_MEGABYTE * size / 1e6, BYTES + BYTES_PER_BYTE * size)
-    end: dict[str, Any] = {}
     with _lock:
-        if _reader is None or _reader.process.poll() is not None:
-            stop()
-            _reader = _Reader()
+        if _reader is None or _reader[0].poll() is not None:
+            _reader = _start()
         try:
-            channels, end = _reader.exchange([task, str(path.absolute()), case, *limits, wanted])
+            return _exchange(*_reader, [task, str(path.absolute()), case, *limits, wanted], path.name)
+        except DataError:
+            raise
+        except BaseException:  # a library has failed, or the answer may be half read, after Ctrl-C for example
+            stop()
+            raise
         finally:
-            if not end.keys() & {"warnings", "refusal"}:  # the answer may be half read, after Ctrl-C for example
-                stop()
-    if stamp_file(path) != stamp:
-        raise DataError(
-            f"{path.name}: the file has changed while it was read: wait until it is whole, and read it again."
-        )
-    if "refusal" in end:
-        raise DataError(end["refusal"])
-    if "lack" in end:
-        raise ResourceError(f"{path.name}: {end['lack']}; try again.")
-    if "reason" in end:
-        raise UnreadableError(end["reason"])
-    for text in end["warnings"]:
-        warnings.warn(text, UserWarning, stacklevel=6)  # of the caller of read_trial
+            if stamp_file(path) != stamp:
+                raise DataError(f"{path.name}: the file has changed while it was read: wait until it is whole.")
+
+
+def _exchange(process: subprocess.Popen[bytes], pipe: Connection, request: list[Any], name: str) -> dict[str, Channel]:
+    """Send a request about a file, and receive channels."""
+    channels = {}
+    try:
+        pipe.send_bytes(json.dumps(request).encode())
+        while isinstance(message := json.loads(pipe.recv_bytes()), list):
+            role, variable, unit, shape = message
+            channels[role] = Channel(variable, unit, tuple(shape), np.frombuffer(pipe.recv_bytes(), "<f8"))
+    except (OSError, EOFError):
+        code = process.wait()
+        end = signal.Signals(-code).name if code < 0 else ""
+        if code > 0 or end in ENDS:
+            raise ResourceError(f"{name}: {ENDS.get(end) or NO_START}; try again.") from None
+        if end == "SIGPROF":
+            raise UnreadableError(f"stopped after {request[3]:.0f} s, the limit for its size") from None
+        raise UnreadableError(f"it crashed the process that reads it{end and f', {end}'}") from None
+    if "refusal" in message:
+        raise DataError(message["refusal"])
+    if "reason" in message:
+        raise UnreadableError(message["reason"])
+    for text in message["warnings"]:
+        warnings.warn(text, UserWarning, stacklevel=7)  # of the caller of read_trial
     return channels
 
 
@@ -221,12 +211,13 @@ def _answer(
     try:
         container = choose_container(path)  # a library is imported without limits
         _limit(seconds, memory)
-        if task == "try":
-            _load(path)
-            return {"warnings": []}
         if task == "read" and "part" not in wanted:
             has_checksum(path)
         contents = container(path, case)
+        if task == "try":
+            for variable in filter(None, map(contents.find, contents.names())):
+                variable.read(slice(None))
+            return {"warnings": []}
         channels = find_variables(contents).items() if task == "list" else select_channels(contents, **wanted)
         for role, channel in channels:
             pipe.send_bytes(json.dumps([role, channel.name, channel.unit, channel.shape]).encode())
@@ -244,36 +235,19 @@ def _answer(
 
 
 def choose_container(path: Path) -> type[Contents]:
-    """Class that opens a file; its module imports the library of the format."""
-    suffix = find_suffix(path)
+    """Class that opens a file; its module imports the libraries of the format."""
+    suffix = str(find_suffix(path))
     if suffix in (".csv", ".csv.gz"):
         from ankleloop.trials.csv_files import CsvContents
 
         return CsvContents
-    if suffix == ".flb":
-        from ankleloop.trials.flb_files import FlbContents
-
-        return FlbContents
-    from ankleloop.trials.binary_files import ClassicNetcdfContents, Hdf5Contents, MatContents
+    from ankleloop.trials.binary_files import ClassicNetcdfContents, FlbContents, Hdf5Contents, MatContents
 
     with open(path, "rb") as file:
         start = file.read(512 + len(HDF5_SIGNATURE))
     if start.startswith(HDF5_SIGNATURE) or start.endswith(HDF5_SIGNATURE):  # behind the header that MATLAB writes
         return Hdf5Contents
-    return {".mat": MatContents, ".nc": ClassicNetcdfContents}.get(str(suffix), Hdf5Contents)
-
-
-def _load(path: Path) -> None:
-    """Read all of a MATLAB or NetCDF-4 file of this library."""
-    if path.suffix == ".mat":
-        import scipy.io
-
-        scipy.io.loadmat(path, appendmat=False)
-    else:
-        import xarray as xr
-
-        with xr.open_datatree(path, engine="h5netcdf", decode_cf=False) as tree:
-            tree.load()
+    return {".flb": FlbContents, ".mat": MatContents, ".nc": ClassicNetcdfContents}.get(suffix, Hdf5Contents)
 
 
 def _limit(seconds: float, memory: float) -> None:

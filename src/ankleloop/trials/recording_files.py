@@ -3,39 +3,34 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from ankleloop.errors import DataError
+import h5py
+import numpy as np
+import pandas as pd
+import scipy.io
+import xarray as xr
+
 from ankleloop.trials.files import atomic_file
-
-if TYPE_CHECKING:
-    import os
-
-    import numpy as np
-    import xarray as xr
-
-    Channels = dict[str, np.ndarray]
 
 MATLAB_HEADER = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 ."
 USER_BLOCK = 512  # bytes before the HDF5 file, where MATLAB has its header
 UNITS = {"position": "rad", "reference": "rad", "torque": "N·m"}
+
+Channels = dict[str, np.ndarray]
 
 
 def write_recording(
     trial: xr.Dataset, path: str | os.PathLike[str], file_format: str, *, overwrite: bool = False
 ) -> None:
     """Write position, torque and reference of a trial as a recording, without the true torques of a simulation."""
-    if file_format not in FILE_FORMATS:
-        raise DataError(f"there is no file format {file_format!r}; there are {', '.join(FILE_FORMATS)}.")
     channels = {name: trial[name].values for name in UNITS if name in trial}
     with atomic_file(path, overwrite=overwrite) as partial:
         FILE_FORMATS[file_format][1](partial, trial["time"].values, channels, float(trial.attrs["sampling_rate"]))
 
 
 def _write_csv(path: Path, time: np.ndarray, channels: Channels, rate: float) -> None:
-    import pandas as pd  # here, as all libraries of formats: few calls need each
-
     columns = {"time_s": time, "angle_deg": channels["position"] * 180.0 / math.pi, "torque_nm": channels["torque"]}
     if "reference" in channels:
         columns["command_deg"] = channels["reference"] * 180.0 / math.pi
@@ -43,15 +38,10 @@ def _write_csv(path: Path, time: np.ndarray, channels: Channels, rate: float) ->
 
 
 def _write_matlab(path: Path, time: np.ndarray, channels: Channels, rate: float) -> None:
-    import scipy.io
-
     scipy.io.savemat(path, {**channels, "fs": rate}, appendmat=False, do_compression=True, oned_as="column")
 
 
 def _write_matlab_hdf5(path: Path, time: np.ndarray, channels: Channels, rate: float) -> None:
-    import h5py
-    import numpy as np
-
     with h5py.File(path, "w", userblock_size=USER_BLOCK) as file:
         for name, values in {**channels, "fs": np.array([rate])}.items():
             # MATLAB counts dimensions the other way round: a column is a row here.
@@ -62,8 +52,6 @@ def _write_matlab_hdf5(path: Path, time: np.ndarray, channels: Channels, rate: f
 
 
 def _write_hdf5(path: Path, time: np.ndarray, channels: Channels, rate: float) -> None:
-    import h5py
-
     with h5py.File(path, "w") as file:
         file.attrs["sampling_rate"] = rate
         for name, values in channels.items():
@@ -71,8 +59,6 @@ def _write_hdf5(path: Path, time: np.ndarray, channels: Channels, rate: float) -
 
 
 def _write_netcdf(path: Path, time: np.ndarray, channels: Channels, rate: float) -> None:
-    import xarray as xr
-
     variables = {name: ("time", values, {"units": UNITS[name]}) for name, values in channels.items()}
     data = xr.Dataset(variables, coords={"time": ("time", time, {"units": "s"})}, attrs={"sampling_rate": rate})
     data.to_netcdf(path, engine="h5netcdf")

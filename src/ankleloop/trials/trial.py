@@ -14,10 +14,10 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.options import check_flag, check_number, check_path
+from ankleloop.options import check_flag, check_integer, check_number, check_path
 from ankleloop.signals.sampling import format_samples, parse_rate
 from ankleloop.trials.channels import VARIABLES
-from ankleloop.trials.files import check_output, source_files, write_netcdf
+from ankleloop.trials.files import write_netcdf
 from ankleloop.trials.reading_process import readable_file
 from ankleloop.trials.validation import CHANNELS, REQUIRED, validate
 
@@ -78,15 +78,12 @@ def new_trial(
     arrays: dict[str, np.ndarray] = {}
     attributes: dict[str, Any] = {"sampling_rate": rate}
     for name, value in {"position": position, "torque": torque, "reference": reference, **extras}.items():
-        if value is None:
+        if value is None and name not in REQUIRED:
             continue
         if name in CHANNELS or (type(value) not in PLAIN and np.ndim(_as_masked_array(value)) > 0):
             arrays[name] = as_signal(value, name, source=source)
         else:
             attributes[name] = _as_attribute(value, name, source)
-    for name in REQUIRED:
-        if name not in arrays:
-            raise DataError(f"{source}: there is no {name}: pass it as a 1-D array.")
     check_sizes({name: array.size for name, array in arrays.items()}, source=source)
     time = np.arange(arrays["position"].size) / rate
     trial = xr.Dataset(
@@ -123,8 +120,6 @@ def segment(trial: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     >>> segment(trial, 0.2, 0.5).sizes["time"]
     30
     """
-    if not isinstance(trial, xr.Dataset):
-        raise DataError(f"segment: a trial is an xarray.Dataset, not {type(trial).__name__}: make it with new_trial.")
     start, stop = (check_number("segment", *edge, "s") for edge in (("start", start), ("stop", stop)))
     time = trial["time"].values
     inside = (time >= start - 1e-9) & (time < stop - 1e-9)
@@ -143,12 +138,11 @@ def remove_drift(trial: xr.Dataset, degree: int) -> xr.Dataset:
     The torque drifts more slowly than any perturbation, because the muscle tires or the sensor warms up. The position
     stays as it is, because the nonlinearity depends on it.
     """
-    if isinstance(degree, bool) or degree != int(degree) or not 0 <= degree <= MAX_DEGREE:
-        raise ValueError(f"degree must be a whole number between 0 and {MAX_DEGREE}, got {degree!r}.")
+    degree = check_integer("remove_drift", "degree", degree, ge=0, le=MAX_DEGREE)
     torque = trial["torque"].values
     grid = np.linspace(-1.0, 1.0, torque.size)
     legendre = np.polynomial.legendre
-    detrended = torque - legendre.legval(grid, legendre.legfit(grid, torque, int(degree)))
+    detrended = torque - legendre.legval(grid, legendre.legfit(grid, torque, degree))
     if np.ptp(detrended) <= 1e-9 * np.ptp(torque):
         raise DataError(f"a polynomial of degree {degree} takes all of the torque: there is nothing but drift in it.")
     return validate(trial.assign(torque=trial["torque"].copy(data=detrended)))
@@ -185,9 +179,7 @@ def save_trial(trial: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bo
     path = check_path("save_trial", "path", path)
     check_flag("save_trial", "overwrite", overwrite)
     trial = validate(trial, source=path.name)
-    # Encodings left from another file (packing, fill values) would change the samples.
-    check_output(path, overwrite=overwrite, inputs=source_files(trial))
-    write_netcdf(trial.drop_encoding(), path, overwrite=overwrite)
+    write_netcdf({"": trial}, path, overwrite=overwrite)
 
 
 def load_trial(path: str | os.PathLike[str]) -> xr.Dataset:

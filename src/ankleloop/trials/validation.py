@@ -20,8 +20,22 @@ MAX_SPEED = 20.0  # rad/s: no joint moves faster; a position that does is usuall
 
 def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
     """Check that a data set keeps the contract of a trial; it gets the sampling rate of its times if it has none."""
-    _check_form(trial, source)
-    _check_units(trial, source)
+    if not isinstance(trial, xr.Dataset):
+        raise DataError(f"{source}: a trial is an xarray.Dataset, not {type(trial).__name__}: make it with new_trial.")
+    for name in (*REQUIRED, "time"):
+        if name not in trial.variables:
+            raise DataError(
+                f"{source}: there is no variable {name} among {sorted(map(str, trial.variables))}: make the trial with "
+                "new_trial, or name the variable in read_trial."
+            )
+    for name, variable in ((str(name), variable) for name, variable in trial.variables.items()):
+        if variable.dims != ("time",) or variable.dtype != np.float64:
+            raise DataError(
+                f"{source}: {name} is of type {variable.dtype} and of shape {variable.shape} over {variable.dims}, not "
+                "one float64 for each time: make the trial with new_trial; put numbers into attrs."
+            )
+        if name in CHANNELS or name.startswith("torque"):
+            check_unit(name, name, str(variable.attrs.get("units", "")), "rad", source=source)
     time = trial.variables["time"].values
     measured = compute_rate(time, source=source)
     if "sampling_rate" not in trial.attrs:
@@ -30,46 +44,6 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
     check_same_rate(rate, measured, source=source)
     check_samples([{str(name): trial.variables[name].values for name in trial.data_vars}], rate, time[0], source=source)
     return trial
-
-
-def _check_form(trial: xr.Dataset, source: str) -> None:
-    """Refuse what lacks a variable or an attribute, and variables of another shape or type."""
-    if not isinstance(trial, xr.Dataset):
-        raise DataError(f"{source}: a trial is an xarray.Dataset, not {type(trial).__name__}: make it with new_trial.")
-    for name in REQUIRED:
-        if name not in trial.data_vars:
-            raise DataError(
-                f"{source}: there is no variable {name} among {sorted(map(str, trial.data_vars))}: make the trial with "
-                "new_trial, or name the variable in read_trial."
-            )
-    if "time" not in trial.coords:
-        raise DataError(f"{source}: there is no coordinate time: make the trial with new_trial.")
-    for name in (*trial.data_vars, "time"):
-        variable = trial.variables[name]
-        if variable.dims != ("time",):
-            raise DataError(
-                f"{source}: {name} has shape {variable.shape} over {variable.dims}, not one sample per time: cut all "
-                "variables to the same samples over time; put numbers into attrs."
-            )
-        if variable.dtype != np.float64:
-            raise DataError(
-                f"{source}: {name} is of type {variable.dtype}, not float64: make the trial with new_trial."
-            )
-
-
-def _check_units(trial: xr.Dataset, source: str) -> None:
-    """Refuse a channel whose attribute says that it is in another unit than that of the contract."""
-    for name in map(str, trial.data_vars):
-        stated = trial.variables[name].attrs.get("units", "")
-        if stated and (name in CHANNELS or name.startswith("torque")):
-            try:
-                check_unit(name, name, str(stated), "rad", source=source)
-            except DataError:
-                unit = "N·m" if name.startswith("torque") else "rad"
-                raise DataError(
-                    f"{source}: {name} is in {stated!r} by its attribute units, and a trial has {unit}: convert the "
-                    "samples, or correct the attribute."
-                ) from None
 
 
 def check_samples(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start: float = 0.0, *, source: str) -> None:
@@ -134,8 +108,6 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     Speed is the change between the mean of the 3 ms before a sample and the mean of the 3 ms after it: a difference of
     neighbours at 1 kHz would turn a noise of 0.02 rad into 20 rad/s and more.
     """
-    if position.size < 2:
-        return 0, 0.0
     half = min(_speed_margin(rate), (position.size - 1) // 2)
     end = position.size - half
     with np.errstate(over="ignore", invalid="ignore"):  # of what is refused
@@ -148,20 +120,13 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
 
 
 def _check_spread(name: str, channel: _Channel, source: str) -> None:
-    """Refuse a channel that is constant."""
+    """Refuse a channel that is constant, or that computers cannot hold the squares of with all digits."""
     with np.errstate(over="ignore"):
         spread, largest = channel.high - channel.low, max(-channel.low, channel.high)
     # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
-    if spread > 1e-12 * largest:
-        if spread < SMALLEST or largest > LARGEST:  # computers cannot hold squares of these with all digits
-            fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {largest:.3g}"
-            raise DataError(
-                f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale; if the file "
-                "is damaged, copy it again."
-            )
-        return
-    remedy = "check the channel"
-    if name == "reference":
-        remedy = "it carries no information: leave it out, or check the channel"
-    count = format_samples(channel.samples)
-    raise DataError(f"{source}: {name} is constant ({channel.first:g} at all {count}): {remedy}.")
+    if spread <= 1e-12 * largest:
+        count, remedy = format_samples(channel.samples), "leave it out, or " * (name == "reference")
+        raise DataError(f"{source}: {name} is constant ({channel.first:g} at all {count}): {remedy}check the channel.")
+    if spread < SMALLEST or largest > LARGEST:
+        fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {largest:.3g}"
+        raise DataError(f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale.")

@@ -110,7 +110,7 @@ def test_bounds_shrink_with_the_noise_and_grow_with_the_knots(variation):
         ({}, "variation must be 'cycle', 'time' or 'schedule', got None"),
         ({"variation": "cycle", "reflex_threshold": 0.1}, "reflex_threshold must be 0, got 0.1"),
         ({"variation": "cycle", "snr_db": None, "voluntary": 0.0}, "without a disturbance the bound is 0"),
-        ({"variation": "cycle", "knots": (2, 8, 12)}, "trajectory_bound: knots must be between 4 and 200 for K, got 2"),
+        ({"variation": "cycle", "knots": (2, 8, 12)}, "trajectory_bound: knots of cubic splines must be at least 4"),
         ({"variation": "cycle", "known_delay": 1}, "known_delay must be"),
     ],
 )

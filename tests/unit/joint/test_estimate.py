@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from ankleloop import DataError, evaluate, identify, new_trial, simulate
+from ankleloop import evaluate, identify, simulate
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES, torque_dataset
 from ankleloop.subspace.matrices import Matrices
 
@@ -71,15 +70,3 @@ def test_the_model_is_a_state_space_of_control():
     assert (estimate.model.dt, estimate.model.input_labels) == (0.01, ["a", "b"])
     np.testing.assert_array_equal(estimate.model.A, matrices.A)
     assert make_estimate().model is None
-
-
-def test_a_prediction_has_the_torques_of_the_other_trial_and_the_rest_of_the_estimate():
-    trial, other = (simulate(seed=seed, duration=12.0) for seed in (1, 2))
-    estimate = identify(trial, "pr-moesp", basis="rectifier")
-    prediction = estimate.predict(other)
-    assert not prediction.torque.equals(estimate.torque)
-    assert prediction.torque.identical(estimate.predict(prepare(other)).torque)
-    assert prediction.matrices is estimate.matrices
-    assert (prediction.stiffness, prediction.reflex) == (estimate.stiffness, estimate.reflex)
-    with pytest.raises(DataError, match="torque is constant"):
-        estimate.predict(new_trial(other["position"], np.zeros(other.sizes["time"]), 1000.0))

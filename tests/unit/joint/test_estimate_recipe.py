@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from ankleloop import identify, load_estimate, save_estimate, simulate, vaf
-from ankleloop.joint.models import simulate_torques
-from ankleloop.joint.prepared import prepare
+from ankleloop import identify, save_estimate, simulate, vaf
 
 CASES = {
     "moesp": ("pr-moesp", {}),
@@ -109,23 +107,3 @@ def test_the_recipe_gives_the_torques_of_the_estimate(case, container, read, tri
             assert vaf(expected[100:], torque[100:]) > 99.9
         else:
             np.testing.assert_allclose(torque, expected, atol=1e-9 * np.ptp(expected))
-
-
-def test_matrices_of_riv_go_with_the_estimated_delay(tmp_path):
-    trial = prepare(simulate(seed=1, duration=20.0, delay=0.07))
-    estimate = identify(trial, "riv", delay=None, order=3)
-    assert abs(estimate.reflex["delay"] - 0.07) < 0.01
-    save_estimate(estimate, tmp_path / "e.nc")
-    for case in (estimate, load_estimate(tmp_path / "e.nc")):
-        basis = case.predictor.inputs.basis
-        scores = {}
-        for delay in (case.reflex["delay"], 0.04):
-            regressors = trial.regressors(delay=delay, basis=basis, identification_rate=100.0)
-            reflex = simulate_torques(case.matrices, None, regressors)["reflex"]
-            pair = dict(zip(np.round(regressors.time, 6), reflex, strict=True))
-            time = np.round(case.torque["time"].values, 6)[100:]
-            scores[delay] = vaf(case.torque["reflex"].values[100:], np.array([pair[t] for t in time]))
-        assert scores.pop(case.reflex["delay"]) > 99.9
-        assert scores.pop(0.04) < 80.0
-        assert set(case.matrices.input_delays[3:]) == {case.reflex["delay"]}
-        np.testing.assert_array_equal(case.predict(trial).torque["reflex"], estimate.torque["reflex"])

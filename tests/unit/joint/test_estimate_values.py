@@ -8,17 +8,12 @@ from ankleloop.joint.estimate_files import dump_values, load_values
 
 VALUES = {
     "poles": np.array([0.7 + 0.1j, 0.7 - 0.1j]),
-    "single": np.array([1j], dtype=np.complex64),
     "singular_values": np.array([3.0, 0.1 + 0.2, 1e-300, np.nan, np.inf, -0.0]),
     "pole": np.complex128(1 - 2j),
-    "complex_matrix": np.array([[1j], [2.0]]),
-    "counts": np.array([1, 2], dtype=np.uint8),
     "none_at_all": np.empty((0, 3)),
-    "ends": np.array([np.iinfo(np.uint64).max, 0], dtype=np.uint64),
     "rank": np.int64(7),
     "stable": np.bool_(True),
-    "none": None,
-    "warnings": ["σ is 2 × too large", 'a "quoted" one'],
+    "warnings": ["σ is 2 × too large", 'a "quoted" one', None],
     "nested": {"history": [1.0, 2.0], "list": [{"array": np.ones(2)}, {"array": np.zeros(1)}], "empty": {}},
     "json": np.ones(2),
 }
@@ -34,7 +29,6 @@ def test_values_survive_as_text():
     [
         (object(), "object cannot be kept in diagnostics"),
         (np.array(["text"]), "an array of type <U4 cannot be kept in diagnostics"),
-        (np.array([None]), "an array of type object cannot be kept in diagnostics"),
     ],
 )
 def test_values_without_a_form_are_refused(value, message):

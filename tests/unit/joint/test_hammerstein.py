@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from ankleloop import DataError, identify, simulate
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.hammerstein import DriveSpectra, StaticNonlinearity, fit_basis, separate_model
+from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, fit_basis, separate_model
 from ankleloop.subspace.matrices import Matrices
 
 RATE = 100.0
@@ -31,7 +31,7 @@ def test_a_hammerstein_system_is_separated_exactly(terms, seed):
     A, b, C, d = ReflexDynamics(30.0, 0.7).matrices(RATE)
     matrices = Matrices(A, b * truth, C, d * truth, 1 / RATE)
     path = separate_model(matrices, DriveSpectra.of(basis(velocity).T, RATE), basis)
-    np.testing.assert_allclose(path.nonlinearity.coefficients, truth, rtol=0.03)
+    np.testing.assert_allclose(path.coefficients, truth, rtol=0.03)
     assert path.rank_one == pytest.approx(1.0, abs=1e-9)
     assert path.dynamics.omega_n == pytest.approx(30.0, rel=0.05)
 
@@ -57,7 +57,7 @@ def test_gain_and_threshold_of_a_rectifier(threshold, sign):
     torque = sign * 5.0 * np.maximum(velocity - threshold, 0.0)
     design = basis(velocity)
     coefficients = np.linalg.lstsq(design.T - design.mean(axis=1), torque - torque.mean(), rcond=None)[0]
-    gain, fitted, share = StaticNonlinearity(basis, coefficients).rectifier
+    gain, fitted, share = ReflexPath(basis, coefficients, ReflexDynamics(40.0, 1.0)).rectifier
     assert gain == pytest.approx(5.0 * sign, rel=0.02)
     assert fitted == pytest.approx(threshold, abs=0.03)
     assert share > 0.999
@@ -81,10 +81,3 @@ def test_physical_parameters_without_noise(method, options, accuracy):
     # A spline rounds the corner.
     np.testing.assert_allclose(curve["torque"], truth, atol=0.05 * np.ptp(truth))
     assert estimate.diagnostics["separation"]["rank_one"] > 0.9999
-
-
-def test_a_third_pole_is_reported():
-    trial = simulate(seed=1, zeta=0.7, pole=50.0, snr_db=None, voluntary=0.0)
-    reflex = identify(trial, "pr-moesp", basis="rectifier", order=3).reflex
-    assert reflex["pole"] == pytest.approx(50.0, rel=0.05)
-    assert reflex["omega_n"] == pytest.approx(40.0, rel=0.03)

@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 import scipy.io
 import xarray as xr
-from value_comparison import assert_same_estimate, assert_same_values
+from value_comparison import assert_same_estimate
 
 from ankleloop import (
     METHODS,
     DataError,
-    LongRecord,
     identify,
-    identify_file,
     load_estimate,
     save_estimate,
-    save_trial,
     simulate,
 )
 from ankleloop.joint.estimate_files import VERSION
@@ -74,22 +71,6 @@ def test_everything_of_an_estimate_comes_back(estimate, container, other, tmp_pa
     assert_same_estimate(again, estimate)
 
 
-@pytest.mark.parametrize("container", CONTAINERS)
-def test_long_records(trial, other, container, tmp_path):
-    save_trial(trial, tmp_path / "trial.nc")
-    estimate = identify_file(LongRecord(tmp_path / "trial.nc"), tmp_path / "torques.nc", chunk=500)
-    save_estimate(estimate, tmp_path / f"e{container}")
-    loaded = load_estimate(tmp_path / f"e{container}")
-    assert loaded.torque.attrs == estimate.torque.attrs
-    for name in ("time", "net", "intrinsic", "reflex"):
-        np.testing.assert_array_equal(loaded.torque[name], estimate.torque[name])
-    assert_same_values(loaded.diagnostics, estimate.diagnostics)
-    assert loaded.predict(other).torque.identical(estimate.predict(other).torque)
-    # From rest the model gives the same torques, but for the first moments and hence for the mean.
-    difference = (loaded.predict(trial).torque["reflex"].values - estimate.torque["reflex"].values)[300:]
-    np.testing.assert_allclose(difference, difference.mean(), atol=1e-6)
-
-
 def rewrite(path, change):
     """The file with its groups changed."""
     with xr.open_datatree(path, engine="h5netcdf") as tree:
@@ -103,7 +84,7 @@ def rewrite(path, change):
     [
         (
             lambda g: g | {"": g[""].assign_attrs(format_version=VERSION + 1)},
-            r"e.nc: version 2 of the format, .* up to 1: install the newest",
+            r"e.nc: version 2 of the format is newer than this library: install the newest",
         ),
         (lambda g: g | {"": g[""].drop_attrs()}, r"e.nc: no estimate file, which has the format 'ankleloop estimate'"),
         (lambda g: {k: v for k, v in g.items() if k != "stiffness"}, r"e.nc: not a readable .*'stiffness'"),
@@ -111,13 +92,7 @@ def rewrite(path, change):
             lambda g: g | {"model": g["model"].assign_attrs(kind="oracle")},
             r"unknown kind of model 'oracle'; known: state-space, ",
         ),
-        (
-            lambda g: g | {"model": g["model"].assign_attrs(basis="fourier")},
-            r"unknown basis 'fourier'; known: chebyshev",
-        ),
-        (lambda g: g | {"model": g["model"].isel(input=slice(0, 4))}, r"group model: 'B' is no array of 2 × 8 numbers"),
         (lambda g: g | {"model": g["model"].assign(A=np.nan * g["model"]["A"])}, r"group model: 'A' is not finite"),
-        (lambda g: g | {"torque": g["torque"].drop_vars("reflex")}, r"group torque: there is no 'reflex'"),
         (
             lambda g: g | {"diagnostics": g["diagnostics"].assign_attrs(json="{")},
             r"e.nc: not a readable estimate file .*: restore it from a copy",

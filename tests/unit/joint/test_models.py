@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from ankleloop import METHODS, DataError, evaluate, identify, simulate, vaf
-from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
+from ankleloop.joint.models import simulate_torques
 from ankleloop.joint.prepared import prepare
-from ankleloop.subspace.matrices import Matrices
 
 PREDICTING = [name for name in METHODS if name != "real-time"]
 BASES = {"parallel-cascade": ("rectifier",), "riv-tv": ("rectifier",)}
@@ -67,8 +66,6 @@ def test_velocities_beyond_the_fit_are_warned_of(trial, other, method, basis):
         assert len(warnings) == 1
         assert warnings[0].startswith("the velocity of this trial goes from -")
         assert f"the {basis} basis was fitted from -" in warnings[0]
-        assert warnings[0] in repr(fast)
-    assert estimate.diagnostics["warnings"] == identify(trial, method, basis=basis).diagnostics["warnings"]
 
 
 def reflex_score(trial, estimate):
@@ -96,17 +93,5 @@ def test_the_initial_state_belongs_to_the_record(trial, other):
 def test_short_trials_are_refused(trial):
     estimate = identify(trial, "parallel-cascade")
     short = trial.isel(time=slice(0, 1100))
-    with pytest.raises(DataError, match="the impulse responses take 50 before and 4 after each of them: record longer"):
+    with pytest.raises(DataError, match=r"the trial has \d+ samples, responses take 54: record longer"):
         estimate.predict(short)
-
-
-def test_matrices_are_labelled_by_the_inputs(trial):
-    inputs = ModelInputs.of(prepare(trial).regressors(delay=0.05, basis="rectifier", identification_rate=50.0))
-    assert (inputs.identification_rate, inputs.recording_rate, inputs.delay) == (50.0, 1000.0, 0.05)
-    A = np.asfortranarray([[0.5, 0.1], [0.0, 0.2]])
-    matrices = inputs.label(Matrices(A, np.ones((2, 4)), np.ones((1, 2)), np.ones((1, 4)), 0.02))
-    assert matrices.A.flags["C_CONTIGUOUS"]
-    assert matrices.names == (("position", "velocity", "acceleration", "rectified_velocity"), ("torque",))
-    assert matrices.input_delays == (0.0, 0.0, 0.0, 0.05)
-    model = StateSpaceModel(inputs, matrices, np.zeros(2))
-    assert model.predict(prepare(trial)).attrs["identification_rate"] == 50.0

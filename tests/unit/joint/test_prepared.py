@@ -21,16 +21,6 @@ def identify_by(trial, name):
     return identify(trial, name, delay=0.04, **SHORT.get(name, {}))
 
 
-def assert_same_estimate(first, second):
-    assert first.torque.identical(second.torque)
-    assert (first.stiffness, first.reflex, first.intervals) == (second.stiffness, second.reflex, second.intervals)
-    assert (first.matrices is None) == (second.matrices is None)
-    if first.matrices is not None:
-        for name in "ABCD":
-            np.testing.assert_array_equal(getattr(first.matrices, name), getattr(second.matrices, name))
-    np.testing.assert_equal(first.diagnostics, second.diagnostics)
-
-
 @pytest.fixture
 def calls(monkeypatch):
     """Arguments of every derivative and decimation, arrays by their content."""
@@ -67,12 +57,11 @@ def test_options_do_not_mix(trials):
         {"input_matrices": "instruments", "basis": "rectifier", "delay": 0.05},
         {},
     ):
-        assert_same_estimate(identify(shared, "pr-moesp", **options), identify(trials[0], "pr-moesp", **options))
-    lags = ({}, {"reflex_lags": 0.3}, {"intrinsic_lags": 0.02}, {"rank_tolerance": 1e-2}, {"rank": "mdl"}, {})
+        assert identify(shared, "pr-moesp", **options) == identify(trials[0], "pr-moesp", **options)
+    lags = ({}, {"reflex_lags": 0.3}, {"intrinsic_lags": 0.02}, {})
     for options in lags:
         cascade = {"max_passes": 2, **options}
-        expected = identify(trials[0], "parallel-cascade", **cascade)
-        assert_same_estimate(identify(shared, "parallel-cascade", **cascade), expected)
+        assert identify(shared, "parallel-cascade", **cascade) == identify(trials[0], "parallel-cascade", **cascade)
 
 
 def test_every_derivative_and_channel_is_computed_once(trials, calls):

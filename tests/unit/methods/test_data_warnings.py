@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from ankleloop import METHODS, DataError, identify, new_trial, segment, simulate
-from ankleloop.joint.prepared import prepare
+from ankleloop import METHODS, DataError, identify, new_trial, simulate
 from ankleloop.methods.method import Method
-from ankleloop.methods.selection import select_options
 
 WITH_REFERENCE = ("pr-moesp", "riv", "riv-tv")
 
@@ -166,33 +164,3 @@ def test_the_warning_names_the_merged_trial():
     trials = [simulate(seed=seed, duration=16.0) for seed in range(2)]
     with pytest.raises(DataError, match="too weak an instrument"):
         identify([trials[0], trials[1].assign(reference=trials[0]["reference"])], "pr-moesp")
-
-
-def test_a_warning_about_the_data_does_not_hide_one_about_a_fit(trial):
-    """Both candidates have the first one; only the fit without the second one is chosen."""
-
-    def fit(part, order):
-        estimate = identify(part, "eiv-moesp", order=2)
-        if order == 1:
-            estimate.diagnostics["warnings"].append("not converged")
-        return estimate
-
-    selection = select_options(FAULTS["clipped torque"][0](trial), fit, {"order": [1, 2]})
-    assert [row["warnings"] for row in selection.candidates] == [["not converged"], []]
-    assert selection.chosen == {"order": 2}
-
-
-def test_each_check_is_made_once_for_all_methods(trial, monkeypatch):
-    from ankleloop.checks import data as data_checks
-
-    calls = []
-
-    def count(*values, check=data_checks.check_signals):
-        calls.append(1)
-        return check(*values)
-
-    monkeypatch.setattr(data_checks, "check_signals", count)
-    prepared = prepare(segment(trial, 0.0, 10.0))
-    for method in ("pr-moesp", "eiv-moesp", "parallel-cascade", "riv"):
-        identify(prepared, method)
-    assert len(calls) == 1

@@ -12,7 +12,6 @@ VARIANTS = [
     *((method, {"basis": "rectifier"}) for method in METHODS),
     ("pr-moesp", {"basis": "rectifier", "input_matrices": "instruments"}),
     ("pr-moesp", {"free_b": True}),
-    ("parallel-cascade", {"max_passes": 1, "rank": "mdl"}),
 ]
 LINEAR = ("K", "B", "I", "G")
 TOLERANCE = 1e-6  # of the parameters: least squares on nearly dependent Hankel rows multiplies rounding
@@ -77,13 +76,3 @@ def test_constants_and_the_start_of_the_time_change_nothing(trial, estimates, va
         other = simulate(seed=2, duration=5.0)
         moved = change(other, constants=(0.7, -40.0, 2.0)).assign_coords(time=other["time"] + 50.0)
         check_torques(estimate.predict(moved), estimate.predict(other))
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_prepared_trial_gives_what_a_trial_gives(trial, method):
-    shared = prepare(trial)
-    for other in METHODS:  # whatever other methods have computed before
-        identify(shared, other)
-    single, estimate = identify(trial, method), identify(shared, method)
-    assert single == estimate
-    assert single.diagnostics["warnings"] == estimate.diagnostics["warnings"]

@@ -61,15 +61,6 @@ def test_the_third_order_form_of_the_reflex():
     assert third.reflex["G"] == pytest.approx(13.0, rel=0.005)
 
 
-def test_the_order_and_the_delay_are_found_without_noise(clean):
-    assert identify(clean[13.0], "pr-moesp", basis="rectifier", order=None).diagnostics["order"] == 2
-    first, true, last = (
-        evaluate_vaf(clean[13.0], identify(clean[13.0], "pr-moesp", basis="rectifier", delay=delay))["net", "true"]
-        for delay in (0.03, 0.04, 0.05)
-    )
-    assert true > max(first, last)
-
-
 @pytest.mark.parametrize("rate", [50.0, 200.0])
 def test_other_identification_rates(clean, rate):
     estimate = identify(clean[13.0], "pr-moesp", basis="rectifier", identification_rate=rate)
@@ -119,15 +110,6 @@ def test_free_b_still_separates_the_torques(clean, basis):
     assert result["net", "true"] >= 99.9
     assert min(result["intrinsic", "true"], result["reflex", "true"]) >= 99.0
     assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.05)
-
-
-def test_members_differ_in_their_instruments(noisy):
-    instruments = {"pr-moesp": "past-reference", "pi-moesp": "past-input", "moesp": "none"}
-    for method in MEMBERS:
-        diagnostics = identify(noisy, method, basis="rectifier").diagnostics
-        assert diagnostics["instruments"] == instruments.get(method, "past-input-output")
-        assert diagnostics["projection"] == ("correlation" if method == "eiv-moesp" else "ordinary")
-        assert diagnostics.get("reference") == ("reference" if method == "pr-moesp" else None)
 
 
 def test_ranks_and_stability_are_diagnostics(clean, noisy):
@@ -188,16 +170,12 @@ def test_only_methods_that_merge_take_several_trials():
     parts = [simulate(seed=seed, duration=8.0) for seed in range(3)]
     merged = identify(parts, "pr-moesp", basis="chebyshev", input_matrices="instruments")
     assert len({e.matrices.D.tobytes() for e in merged}) == 1
-    with pytest.raises(
-        DataError, match="parallel-cascade identifies one trial at a time; trials are merged by pr-moes"
-    ):
-        identify(parts, "parallel-cascade")
     for name, method in METHODS.items():
         assert method.merges == (name in MEMBERS)
         if not method.merges:
             with pytest.raises(DataError, match=f"^{name} identifies one trial at a time"):
                 method(parts)
-    with pytest.raises(DataError, match="pr-moesp selects options on one trial at a time; trials are merged by pr-mo"):
+    with pytest.raises(DataError, match="options are selected on one trial at a time"):
         identify(parts, "pr-moesp", select={"order": [1, 2]})
     with pytest.raises(DataError, match="no trials"):
         identify([], "pi-moesp")

@@ -6,10 +6,8 @@ from scipy import linalg
 
 from ankleloop import evaluate, identify
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.moesp import OMITTED_STEPS, SUBSPACE_OPTIONS
+from ankleloop.methods.moesp import OMITTED_STEPS
 from ankleloop.signals.decimation import decimate
-from ankleloop.subspace.input_matrices import simulate_response
-from ankleloop.subspace.moesp import moesp
 
 OPTIONS = {"delay": 0.04, "degree": 5, "identification_rate": 100.0, "reference": "reference"}
 ROWS = 15
@@ -48,17 +46,6 @@ def test_without_the_early_nonlinearity_it_acts_on_decimated_velocity(trial, bas
     assert np.abs(late.inputs[:, 3:] - complete.inputs[:, 3:]).max() > 1e-3
 
 
-def test_predicted_inputs_leave_out_the_same_step(trial):
-    steps = (None, "kernel-derivatives", "early-nonlinearity")
-    complete, differences, late = (
-        trial.predict_inputs(trial.regressors(**OPTIONS, basis="rectifier", omitted_step=step)) for step in steps
-    )
-    np.testing.assert_array_equal(differences[:, [0, 3]], complete[:, [0, 3]])
-    np.testing.assert_allclose(differences[1:-1, 1], np.gradient(differences[:, 0], 0.01)[1:-1], rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(late[:, :3], complete[:, :3])
-    assert late[:, 3].min() == 0.0 > complete[:, 3].min()  # no low-pass follows the rectifier
-
-
 def block_rows(signal, first, count):
     """Hankel matrix, written out."""
     columns = len(signal) - 2 * ROWS + 1
@@ -85,20 +72,6 @@ def test_without_the_rank_policy_it_is_an_ordinary_factorisation(trial):
     assert identify(trial, "pr-moesp", basis="rectifier").diagnostics["rank"] < inputs
 
 
-@pytest.mark.parametrize("step", SUBSPACE_OPTIONS)
-def test_steps_of_the_subspace_method_are_its_options(trial, step):
-    part = trial.regressors(**OPTIONS, basis="chebyshev")
-    options = {"dt": 0.01, "dynamic": part.reflex, "rank_tolerance": 1e-5, "regression_tolerance": 1e-3}
-    signals = part.inputs, part.torque, ROWS, 2, "past-reference", "ordinary", part.reference
-    model = moesp(*signals, **(options | SUBSPACE_OPTIONS[step]))
-    estimate, m = identify(trial, "pr-moesp", omitted_step=step), model.matrices
-    for name in "ABCD":
-        np.testing.assert_array_equal(getattr(estimate.matrices, name), getattr(m, name))
-    if step == "mean-removal":  # torques are those of the signals with their means
-        net = simulate_response(m.A, m.B, m.C, m.D, part.inputs, model.initial_state)[:, 0]
-        np.testing.assert_allclose(estimate.torque["net"], net - net.mean(), rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize("step", OMITTED_STEPS)
 @pytest.mark.parametrize("method", ["pr-moesp", "eiv-moesp"])
 def test_estimates_say_so_and_predict_alike(trial, method, step):
@@ -110,13 +83,3 @@ def test_estimates_say_so_and_predict_alike(trial, method, step):
     # The same trial: torques differ by the initial state alone, which dies away within the trim of a second.
     again, first = (evaluate(trial, part)["vaf"].to_numpy() for part in (estimate.predict(trial), estimate))
     np.testing.assert_allclose(again, first, rtol=0, atol=0.05)
-
-
-@pytest.mark.parametrize("step", OMITTED_STEPS)
-def test_steps_are_left_out_of_merged_records_and_with_instruments(clean, step):
-    trials = [clean[13.0].isel(time=slice(0, 15000)), clean[13.0].isel(time=slice(20000, 35000))]
-    first, second = identify(trials, "pr-moesp", basis="rectifier", omitted_step=step)
-    assert first.stiffness == second.stiffness
-    other = identify(clean[13.0], "pr-moesp", basis="rectifier", input_matrices="instruments", omitted_step=step)
-    for estimate in (first, other):
-        assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.06)

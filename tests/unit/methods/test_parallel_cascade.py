@@ -103,29 +103,6 @@ def test_the_first_pass_is_biased_in_closed_loop_and_the_last_one_not(clean):
         assert values[name] == pytest.approx(truth, rel=0.01)
 
 
-def minimum_description_length(lags, target):
-    """Fit in the directions of the lagged inputs that shorten the description most, by a search over their number."""
-    directions = np.linalg.svd(lags, full_matrices=False)[0]
-    strongest = sorted(range(directions.shape[1]), key=lambda k: -abs(directions[:, k] @ target))
-    cost, fits = [], []
-    for terms in range(1, len(strongest) + 1):
-        subset = directions[:, strongest[:terms]]
-        fits.append(subset @ np.linalg.lstsq(subset, target, rcond=None)[0])
-        cost.append(np.sum((target - fits[-1]) ** 2) * (1 + terms * np.log(target.size) / target.size))
-    return fits[int(np.argmin(cost))], int(np.argmin(cost)) + 1
-
-
-def test_rank_by_minimum_description_length(cascades):
-    trial, lagged = cascades["noisy"]
-    intrinsic, intrinsic_rank = minimum_description_length(lagged.intrinsic, lagged.torque)
-    reflex, reflex_rank = minimum_description_length(lagged.reflex, lagged.torque - intrinsic)
-    assert intrinsic_rank <= 2 * LEADS + 1
-    assert reflex_rank < LAGS + 1
-    estimate = identify(trial, "parallel-cascade", max_passes=1, rank="mdl")
-    np.testing.assert_allclose(estimate.torque["intrinsic"], intrinsic, atol=1e-8)
-    np.testing.assert_allclose(estimate.torque["reflex"], reflex, atol=1e-8)
-
-
 def test_responses_longer_than_the_record_are_refused(noisy):
-    with pytest.raises(DataError, match=r"leaves \d+ samples for 510 unknowns: record longer, or shorten"):
+    with pytest.raises(DataError, match=r"leaves \d+ samples for 510 unknowns: record longer or shorten"):
         identify(noisy.isel(time=slice(0, 10_000)), "parallel-cascade", reflex_lags=5.0)

@@ -6,8 +6,6 @@ import pytest
 import ankleloop
 from ankleloop import identify, new_trial, simulate
 from ankleloop.methods.real_time import _track
-from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.simulation.simulate import draw_perturbation
 
 QUIET = {"snr_db": None, "voluntary": 0.0, "closed_loop": False, "duration": 60.0, "reflex_gain": 5.0}
 
@@ -83,18 +81,3 @@ def test_torque_covers_the_record_and_means_exclude_the_settling_time():
     assert estimate.torque.sizes["time"] > 5_900
     scores = ankleloop.evaluate(trial, estimate).set_index(["torque", "against"])["vaf"]
     assert (scores > 95).all()
-
-
-def test_the_start_from_zero_is_never_averaged():
-    with pytest.raises(ValueError, match="settling must be between 1 and 1e6 s"):
-        identify(simulate(seed=1, duration=10.0), "real-time", settling=0.0)
-
-
-def test_pulses_are_symmetric_and_half_of_the_intervals_have_none():
-    settings = SimulationSettings(perturbation="pulses", switching_interval=0.2)
-    x = draw_perturbation(settings, np.random.default_rng(1), 400_000)
-    starts = x[::200]
-    assert set(np.unique(x)) == {-0.02, 0.0, 0.02}
-    assert np.mean(starts == 0) == pytest.approx(0.5, abs=0.05)
-    assert abs(starts.mean()) < 0.002
-    assert not x.reshape(-1, 200)[:, 20:].any()

@@ -56,7 +56,7 @@ TABLE1 = ("studies", "table1")
         (
             METHOD,
             {"method": "parallel-cascade", "options": {"order": 2}},
-            "a → options: unknown key 'order'; known here: d",
+            "a → options: unknown key 'order'; known here: identification_rate",
         ),
         (
             METHOD,

@@ -43,7 +43,7 @@ def test_a_name_is_that_of_a_setting_or_of_an_option_of_every_method_that_has_it
     """The names of conditions are the keys of seeds."""
     three = methods(a="pr-moesp", b="eiv-moesp", c="parallel-cascade")
     for name, value, options in (
-        ("rank_tolerance", 1e-5, {"a", "b", "c"}),
+        ("rank_tolerance", 1e-5, {"a", "b"}),
         ("order", 3, {"a", "b"}),
         ("b.order", 3, {"b"}),
         ("delay", 0.03, set()),

@@ -71,7 +71,6 @@ VARIANTS = {
     "column": ({"variables": {"position": P[:, None], "torque": TQ[None, :]}}, {}),
     "two channels": ({"variables": {"torque": np.stack([TQ, TQ], axis=1)}}, {}),
     "empty": ({"variables": {"torque": np.empty(0)}}, {}),
-    "a single sample": ({"variables": {"position": P[:1], "torque": TQ[:1], "reference": R[:1]}}, {}),
     "another length": ({"variables": {"reference": R[:-1]}}, {}),
     "not finite": ({"variables": {"reference": changed(changed(R, 510, np.nan), 20, np.inf)}}, {}),
     "constant": ({"variables": {"torque": np.full(N, 2.5)}}, {}),

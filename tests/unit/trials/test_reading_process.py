@@ -61,10 +61,7 @@ def replace_reader(monkeypatch):
                     if path.name == "a.mat":
                         {statement}
                     super().__init__(path)
-            def load(path):
-                {statement}
             reading_process.choose_container = lambda path: Reader
-            reading_process._load = load
             reading_process.main()
         """
         monkeypatch.setattr(reading_process, "PROGRAM", textwrap.dedent(program))
@@ -161,7 +158,7 @@ def test_the_process_ends_with_its_program(tmp_path):
     script = f"""
         from ankleloop.trials import reading_process
         reading_process.list_variables({str(good)!r})
-        print(reading_process._reader.process.pid)
+        print(reading_process._reader[0].pid)
     """
     command = [sys.executable, "-W", "error", "-c", textwrap.dedent(script)]
     run = subprocess.run(command, capture_output=True, timeout=60)

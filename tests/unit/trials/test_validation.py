@@ -83,7 +83,10 @@ def test_peak_speed_is_the_largest_difference_of_means(position, rate):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: t.assign(position=t.position.astype("float32")), "position is of type float32, not float64: make"),
+        (
+            lambda t: t.assign(position=t.position.astype("float32")),
+            "position is of type float32 .*, not one float64 for each time: make",
+        ),
         (lambda t: {"position": POSITION}, "a trial is an xarray.Dataset, not dict: make it with new_trial"),
     ],
     ids=["type", "mapping"],

@@ -10,8 +10,7 @@ import numpy as np
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.riv.covariance import LEVEL, asymptotic_covariance, movement_p
-from ankleloop.methods.riv.equations import Equations, Parameters, Point, solve_scaled
+from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point, solve_scaled
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES
 
@@ -27,14 +26,11 @@ EFFECTS = {
     "delay": ("a reflex delay of {:.3g} ms", "give no delay, so that it is estimated"),
     "order": ("a third pole of the reflex at {:.3g} rad/s", "take order=3"),
     "lag": ("a torque recorded {:.2g} ms {} the position", "record both through equal filters"),
-    "high-pass": (
-        "a high-pass of {:.2g} Hz in the torque",
-        "record the torque without AC coupling or removal of drift",
-    ),
+    "high-pass": ("a high-pass of {:.2g} Hz in the torque", "record without AC coupling or removal of drift"),
     "friction": ("a friction of {:.2g} N·m", "measure the friction of the bearing, and subtract it"),
     "direction": (
         "a reflex gain of {:.3g} N·m·s/rad in the other direction",
-        "if position and torque are positive the other way, turn round position, torque and reference",
+        "turn all signs round if they are reversed",
     ),
     "compression": ("a torque that is flat where it is large", "widen the range of the torque sensor"),
 }
@@ -51,12 +47,6 @@ class Alternative:
     shifts: dict[str, float]  # how far K, B, I and G move with it, over what they are without it
 
     @property
-    def text(self) -> str:
-        """The effect with its size."""
-        size = FACTORS.get(self.effect, 1.0) * (abs(self.value) if self.effect == "lag" else self.value)
-        return EFFECTS[self.effect][0].format(size, "after" if self.value > 0.0 else "before")
-
-    @property
     def significant(self) -> bool:
         """Whether the record shows an effect that an instrument or a joint can have."""
         return (self.score if self.effect in ONE_SIDED else abs(self.score)) > SIGNIFICANT
@@ -65,12 +55,6 @@ class Alternative:
     def largest_shift(self) -> float:
         """Largest of the shifts."""
         return max(map(abs, self.shifts.values()))
-
-    @property
-    def large(self) -> bool:
-        """Whether it moves a parameter by more than an interval may take in, or is no delay of a joint."""
-        least, most = QUANTITIES["delay"].plausible
-        return self.largest_shift > LARGEST_SHIFT or (self.effect == "delay" and not least < self.value < most)
 
 
 def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) -> Estimate:
@@ -86,14 +70,20 @@ def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) ->
     for name in shown[0].shifts.keys() & estimate.intervals.keys():
         (low, high), moved = estimate.intervals[name], values[name] * (1.0 + shown[0].shifts[name])
         estimate.intervals[name] = min(low, moved), max(high, moved)
-    rows = [{"effect": a.text, "score": a.score, "shifts": a.shifts} for a in shown]
+    sizes = [FACTORS.get(a.effect, 1.0) * (abs(a.value) if a.effect == "lag" else a.value) for a in shown]
+    order = ["after" if a.value > 0.0 else "before" for a in shown]
+    texts = [EFFECTS[a.effect][0].format(*said) for a, *said in zip(shown, sizes, order, strict=True)]
+    rows = [{"effect": text, "score": a.score, "shifts": a.shifts} for text, a in zip(texts, shown, strict=True)]
     estimate.diagnostics["alternatives"] = rows
-    large = next((alternative for alternative in shown if alternative.large), None)
-    if large is not None:
-        estimate.diagnostics["warnings"].append(
-            f"the model lacks something that depends on the movement. {large.text[0].upper()}{large.text[1:]} explains "
-            f"much of it and moves {format_shifts(large.shifts)}: {EFFECTS[large.effect][1]}."
-        )
+    least, most = QUANTITIES["delay"].plausible
+    wrong_delay = [a.effect == "delay" and not least < a.value < most for a in shown]
+    for text, a, wrong in zip(texts, shown, wrong_delay, strict=True):
+        if wrong or a.largest_shift > LARGEST_SHIFT:
+            estimate.diagnostics["warnings"].append(
+                f"the model lacks something that depends on the movement. {text[0].upper()}{text[1:]} explains much "
+                f"of it and moves {format_shifts(a.shifts)}: {EFFECTS[a.effect][1]}."
+            )
+            break
     return estimate
 
 
@@ -117,7 +107,7 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     if p.linear.size == MOTION + 1:  # other bases answer both directions
         effects.append("direction")
     alternatives = [_free_effect(effect, solution) for effect in effects]
-    if "delay" not in p.delays and movement_p(solution.point) < LEVEL:
+    if "delay" not in p.delays and solution.point.movement_p < INCOMPLETE:
         alternatives += _free_unknown("delay", solution, replace(p, delays=("delay",)))
         if p.dynamics.pole is None:  # a third pole and a free delay are nearly the same
             alternatives += _free_unknown("order", solution, replace(p, dynamics=replace(p.dynamics, pole=POLE)))
@@ -137,7 +127,7 @@ def _free_effect(effect: str, solution: Search) -> Alternative:
         equations = copy(origin)
         shifted = origin.torque * np.exp(origin.band.s * value) if effect == "lag" else origin.torque - value * rows[0]
         equations.torque = shifted
-        freed = solve(equations, freed.point.parameters, solution.max_iterations, solution.tolerance)
+        freed = solve(equations, freed.point.parameters)
     return replace(found, value=value, shifts=compute_shifts(solution.point.values, freed.point.values))
 
 
@@ -171,15 +161,11 @@ def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tu
 
 def _free_unknown(effect: str, solution: Search, start: Parameters) -> list[Alternative]:
     """The solution from a start that has the delay or a third pole as an unknown, where there is one."""
-    freed = solve(solution.equations, start, solution.max_iterations, solution.tolerance)
+    freed = solve(solution.equations, start)
     point, (shortest, longest) = freed.point, STRETCH_DELAY
     values, shift, name = point.values, point.parameters.shift, "delay" if effect == "delay" else "pole"
     if not freed.converged or name in freed.held or not (name == "pole" or shortest < values["delay"] < longest):
         return []
-    score = (shift if name == "delay" else 1.0) / last_error(freed)  # that of the time constant of a pole
+    error = float(np.sqrt(point.covariance(freed.free)[-1, -1]))  # that of the time constant of a pole
+    score = (shift if name == "delay" else 1.0) / error
     return [Alternative(effect, values[name], score, compute_shifts(solution.point.values, values))]
-
-
-def last_error(solution: Search) -> float:
-    """Standard error of the last unknown."""
-    return float(np.sqrt(asymptotic_covariance(solution.point, solution.free)[-1, -1]))

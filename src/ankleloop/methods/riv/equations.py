@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, special
 
 from ankleloop.joint.dynamics import ReflexDynamics, respond
-from ankleloop.joint.hammerstein import ReflexPath, StaticNonlinearity
+from ankleloop.joint.hammerstein import ReflexPath
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.spectra import pass_band
@@ -18,6 +18,9 @@ NOISE_RESOLUTION = 0.4  # Hz
 DELAY_LIMITS = (0.015, 0.15)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity
 FASTEST_POLE = 20.0  # of the highest frequency: a pole beyond [rad/s] acts like a delay of a millisecond
 NO_POLE = 100.0  # of that limit: a third pole that is held there is none
+INCOMPLETE = 0.01  # probability of a residual that depends as much on the movement, if the model were complete
+REACH = 0.5  # s within which a residual may depend on the movement
+WHITENING = 1.0  # Hz
 SINGULAR = 1e-12  # of the largest singular value of scaled equations
 DIFFERENCE = 1e-5  # of a logarithm, or s, for second derivatives
 DELAYS = np.arange(0.02, 0.121, 0.01)  # s: candidates for the start of an unknown delay
@@ -79,7 +82,7 @@ class Point:
         e, p, linear = equations, parameters, parameters.linear
         self.equations, self.parameters = e, p
         self.names = (*"KBI", *(f"c{k}" for k in range(1, linear.size - MOTION + 1)), *p.unknowns)  # of all unknowns
-        self.path = ReflexPath(StaticNonlinearity(e.regressors.basis, linear[MOTION:]), p.dynamics)
+        self.path = ReflexPath(e.regressors.basis, linear[MOTION:], p.dynamics)
         # Whether a pole of the second-order part is so fast that it cannot be told from a delay.
         omega_n, zeta = p.dynamics.omega_n, p.dynamics.zeta
         self.pole_out_of_band = bool(omega_n * (zeta + np.sqrt(max(zeta**2 - 1.0, 0.0))) > e.pole_limit)
@@ -111,6 +114,43 @@ class Point:
         """Size of the left side of some unknowns over its standard deviation, squared: a χ² at the true parameters."""
         side = self.side[free]
         return float(side @ solve_scaled(self.scatter[np.ix_(free, free)], side))
+
+    def covariance(self, free: np.ndarray) -> np.ndarray:
+        """Covariance of some unknowns where the model is complete.
+
+        Weights from the noise are an estimate themselves. To first order in the variance a of a smoothed periodogram
+        over its square the equations scatter by 1 + 3a more than with the true spectrum, where this formula says 1 + a.
+
+        Shapes: returns (free, free).
+        """
+        select, e = np.ix_(free, free), self.equations
+        inverse = solve_scaled(self.normal[select], np.eye(free.size))
+        factor = 1.0 + 2.0 * e.band.smoothing_variance(NOISE_RESOLUTION) if e.weighting == "noise" else 1.0
+        return factor * inverse @ self.scatter[select] @ inverse.T
+
+    @cached_property
+    def movement_p(self) -> float:
+        """Probability of correlations of residual and movement at least as large, if the model were complete.
+
+        The movement is what the instruments are made of: the predicted position, and the predicted drive of the
+        reflex. In closed loop it does not depend on the noise, so that only a model that lacks something correlates
+        the two. All are whitened. Lags within half a second are 1/(2b) apart in a band of width b; there the
+        correlations of white signals are independent. The smaller one of the two probabilities counts, twice.
+        """
+        e, band = self.equations, self.equations.band
+        drive = self.parameters.linear[MOTION:] @ e.predicted[MOTION:]
+        residual = self.residual / np.sqrt(self.noise)
+        first, count = band.first_bin, band.frequency.size
+        size = 2 * (first + count)
+        reach = int(REACH * size * band.rate / band.samples)
+        probabilities = []
+        for signal in (e.predicted[0], drive):
+            cross = np.zeros(first + count + 1, dtype=complex)
+            cross[first:-1] = residual * signal.conj() / np.sqrt(band.smooth(np.abs(signal) ** 2, WHITENING))
+            products = 0.5 * size * np.fft.irfft(cross, size)[np.arange(-reach, reach + 1)]
+            energy = np.sum(products**2) / (0.5 * count * band.correlation)
+            probabilities.append(special.chdtrc(products.size, energy))
+        return float(min(1.0, 2.0 * min(probabilities)))
 
     @cached_property
     def misfit(self) -> float:

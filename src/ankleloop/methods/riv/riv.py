@@ -2,52 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Literal
+
+import numpy as np
+from scipy import special
+from scipy.fft import dct
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.method import INPUTS, NOMINAL_DELAY, Method, degree_option, delay_option, rate_option
-from ankleloop.methods.riv.alternatives import STRETCH_DELAY, add_alternatives, find_alternatives, last_error
-from ankleloop.methods.riv.covariance import choose_covariance, estimate_deviations, estimate_intervals
-from ankleloop.methods.riv.equations import Equations
+from ankleloop.methods.method import INPUTS, NOMINAL_DELAY, BasisOptions, Method, RefinedOptions
+from ankleloop.methods.riv.alternatives import STRETCH_DELAY, add_alternatives, find_alternatives
+from ankleloop.methods.riv.equations import INCOMPLETE, NOISE_RESOLUTION, Equations, Point, solve_scaled
 from ankleloop.methods.riv.search import Search, solve
-from ankleloop.options import Options, option
+from ankleloop.options import option
+from ankleloop.signals.vaf import TWO_SIDED
 
+SEGMENT = 1.0  # s: over this the products of residual and instruments may be correlated
+SLOWEST = 2  # cosines that a drift within the record would fill
+FEWEST = 8  # cosines of a short record
+LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters whose logarithms are normally distributed
+WIDEST = 50.0  # of such a logarithm
 CERTAIN_DELAY = 0.005  # s, standard error
 
 
-class RivOptions(Options):
+class RivOptions(RefinedOptions, BasisOptions):
     """Options of refined instrumental variables."""
 
-    order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
-    delay: float | None = delay_option(None, estimated=True)
-    basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
-        None, "static nonlinearity; null for the method's own (rectifier)"
-    )
-    degree: int = degree_option()
-    identification_rate: float = rate_option()
-    reference: str = option(
-        "reference",
-        'variable of the trial that the load cannot reach: the command of the servo, or "position" in open loop',
-    )
-    weighting: Literal["noise", "flat"] = option(
-        "noise",
-        "weights of frequencies: the inverse of the noise spectrum, which is efficient where the model holds; or flat, "
-        "which fits the torque where it is large and suits a model that is a simplification",
-    )
     intervals: Literal["asymptotic", "robust"] | None = option(
-        None,
-        "asymptotic, for a model that describes all but noise; robust, for one that leaves out something that depends "
-        "on the movement; null: robust where the residual depends on the movement",
-    )
-    max_iterations: int = option(50, "most iterations", ge=1, le=10000)
-    tolerance: float = option(
-        0.01,
-        "the iteration ends when no parameter moves by more than this fraction of its standard error",
-        gt=0,
-        le=1,
+        None, "asymptotic, for a complete model; robust, for an incomplete one; null: as the residual shows"
     )
 
 
@@ -73,7 +59,7 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
 
     Intervals are for the parameters that the same model would have on an infinitely long record. Where the residual
     depends on the movement, the model is incomplete and asymptotic intervals do not hold: they are then robust
-    (`ankleloop.methods.riv.covariance.robust_covariance`). There are none if the search has not converged.
+    (`robust_covariance`). There are none if the search has not converged.
 
     Parameters
     ----------
@@ -89,7 +75,7 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
         of the delay where it is estimated. `diagnostics`: iterations, converged, criterion_start, criterion (size of
         the equations' left side at start and end, in units of its standard deviation, squared), intervals (asymptotic,
         robust or None), movement_p (probability of a residual that depends as much on the movement, if the model were
-        complete), interval_segment (length of the segments that robust intervals count [s]), standard_errors,
+        complete), standard_errors,
         noise_frequency [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint
         that the record shows and the model does not have, with
         their scores (size over standard error) and the relative shifts of K, B, I and G
@@ -114,7 +100,7 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     if options.delay is None:
         values, (shortest, longest) = solution.point.values, STRETCH_DELAY
         plausible = solution.converged and shortest < values["delay"] < longest and values["G"] >= 0.0
-        if not (plausible and last_error(solution) < CERTAIN_DELAY):
+        if not (plausible and solution.point.covariance(solution.free)[-1, -1] < CERTAIN_DELAY**2):
             assumptions = [f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."]
             solution = _solve(trial, options, estimate_delay=False)
     estimate = _estimate(trial, solution, options, assumptions)
@@ -127,7 +113,7 @@ def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -
     regressors = trial.regressors(**inputs)
     equations = Equations(trial, regressors, options.weighting)
     start = equations.find_start(options.order, estimate_delay=estimate_delay)
-    return solve(equations, start, options.max_iterations, options.tolerance)
+    return solve(equations, start)
 
 
 def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]) -> Estimate:
@@ -161,7 +147,7 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
             "standard_errors": errors,
             "noise_frequency": solution.equations.band.frequency,
             "noise_spectrum": point.noise / solution.equations.band.density,
-            "nonlinearity": point.path.nonlinearity.curve(),
+            "nonlinearity": point.path.curve(),
             "assumptions": assumptions,
             "warnings": _warnings(solution),
         },
@@ -180,10 +166,94 @@ def _warnings(solution: Search) -> list[str]:
         names = dict.fromkeys("G" if name.startswith("c") else name for name in solution.flat)
         cause = "" if left_band else f" The record hardly shows a common change of {', '.join(names)}."
         warnings.append(
-            f"not converged after {len(solution.path) - 1} iterations: the parameters are those of the best one, "
-            f"without intervals.{cause}"
+            f"not converged after {len(solution.path) - 1} iterations: the best one is given, without intervals.{cause}"
         )
     return warnings
+
+
+def choose_covariance(point: Point, free: np.ndarray, kind: str | None) -> tuple[np.ndarray, float, dict[str, Any]]:
+    """Covariance of a kind, half of a 95 % interval over its standard error, and how it was computed, as diagnostics.
+
+    By default it is the robust one if the residual depends on the movement.
+    """
+    p = point.movement_p
+    if kind == "asymptotic" or (kind is None and p >= INCOMPLETE):
+        return point.covariance(free), TWO_SIDED, {"intervals": "asymptotic", "movement_p": p}
+    matrix, freedom = robust_covariance(point, free)
+    return matrix, float(special.stdtrit(freedom, 0.975)), {"intervals": "robust", "movement_p": p}
+
+
+def robust_covariance(point: Point, free: np.ndarray) -> tuple[np.ndarray, int]:
+    r"""Covariance of the parameters about those of an infinitely long record, whatever the residual is.
+
+    The solution scatters as :math:`H^{-1} \sum_t s(t)`, H being the slope of the equations with that of weights and
+    instruments, and s(t) the contribution of a time to their left side, see `time_scores`. A residual that depends on
+    the movement correlates these contributions over time. Their spectrum at low frequencies is the variance of their
+    sum: the mean of the squares of their first cosine transforms is it, from as many as there are segments of one
+    second in the record (Müller, Journal of Econometrics 141(2), 1331-1352, 2007; Lazarus, Lewis, Stock and Watson,
+    Journal of Business & Economic Statistics 36(4), 541-559, 2018). The estimate has as many degrees of freedom. The
+    first two cosines are left out: they hold what drifts over the record, which the same record, repeated, would do
+    again.
+
+    Shapes: returns covariance (free, free).
+    """
+    band = point.equations.band
+    scores = time_scores(point)[free]
+    inverse = solve_scaled(point.slope[np.ix_(free, free)], np.eye(free.size))
+    freedom = max(round(band.samples / band.rate / SEGMENT) - SLOWEST, FEWEST)
+    cosines = dct(scores, norm="ortho", axis=1)[:, 1 + SLOWEST : 1 + SLOWEST + freedom]
+    influence = inverse @ cosines
+    independent = 2.0 * point.noise.size / band.correlation
+    factor = band.samples / freedom * independent / (independent - free.size)
+    if point.equations.weighting == "noise":  # the weights follow the residual whose scatter is computed here
+        factor *= 1.0 + band.smoothing_variance(NOISE_RESOLUTION)
+    return factor * influence @ influence.T, freedom
+
+
+def time_scores(point: Point) -> np.ndarray:
+    """Contributions of each time to the left side of the equations, shape (unknowns, samples).
+
+    A sum over frequencies of two spectra is a sum over time of their signals: the weighted residual, and instruments
+    with the same weights. Where the weights are an estimate from the residual, and residual and instruments are
+    correlated at single frequencies though not on the whole, the squares of the residual contribute as well.
+    """
+    e, band = point.equations, point.equations.band
+    root = np.sqrt(point.level)
+    scores = band.signals(point.instruments / root) * band.signals(point.residual / root)
+    if e.weighting == "noise":
+        products = np.real(point.weighted * point.residual) / point.level
+        filters = np.array([band.smooth(row, NOISE_RESOLUTION) for row in products])
+        scores -= band.signals(filters * point.residual) * band.signals(point.residual)
+    return 0.5 * band.samples * scores
+
+
+def estimate_deviations(point: Point, covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
+    """Standard deviations of the physical parameters, or of their logarithms; those of the reflex by differences."""
+    path, reflex, slopes = point.path, slice(MOTION, point.parameters.linear.size), []
+    values, deviations = np.array(path.rectifier[:2]), np.sqrt(np.diag(covariance))
+    for step in np.diag(0.1 * deviations[reflex]):
+        shifted = replace(path, coefficients=path.coefficients + step).rectifier[:2]
+        slopes.append((np.array(shifted) - values) / step.sum())
+    gain, threshold = np.sqrt(np.diag(np.transpose(slopes) @ covariance[reflex, reflex] @ slopes)).tolist()
+    names = np.array(point.names)[free].tolist()
+    return dict(zip(names, deviations.tolist(), strict=True)) | {"G": gain, "threshold": threshold}
+
+
+def estimate_intervals(
+    values: Mapping[str, float], deviations: Mapping[str, float], quantile: float
+) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """Standard errors and intervals of parameters, some of which have the deviations of their logarithms."""
+    errors, intervals = {}, {}
+    for name, value in values.items():
+        if name not in deviations:
+            continue
+        errors[name] = deviations[name] * (value if name in LOGARITHMIC else 1.0)
+        margin = quantile * errors[name]
+        intervals[name] = value - margin, value + margin
+        if name in LOGARITHMIC:
+            ratio = float(np.exp(min(margin / value, WIDEST)))
+            intervals[name] = value / ratio, value * ratio
+    return errors, intervals
 
 
 METHODS = (Method("riv", RivOptions, identify_riv),)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
-from ankleloop.methods.riv.covariance import asymptotic_covariance
 from ankleloop.methods.riv.equations import Equations, Parameters, Point, solve_scaled
 
 LARGEST_STEPS = {"omega_n": 0.4, "zeta": 0.4, "pole": 0.4, "delay": 0.01}  # of a logarithm, or s, in one iteration
+MOST_ITERATIONS = 50
+TOLERANCE = 0.01  # standard errors: the search ends when no parameter moves by more
 GAIN = 1e-3  # least relative gain of the merit, and least gain of the misfit
 REFINED = 10  # iterations without second derivatives
 SOLVED = 10.0  # tolerances: largest left side of a solution, over its standard deviation
@@ -18,7 +17,7 @@ FLAT = 1e-9  # slope in a direction that the record does not show, in the same u
 CONTRIBUTION = 0.3  # of the largest part of a direction: parameters below it are not named
 
 
-def solve(equations: Equations, start: Parameters, max_iterations: int, tolerance: float) -> Search:
+def solve(equations: Equations, start: Parameters) -> Search:
     r"""Solve the equations from a start.
 
     Weights and instruments belong to the parameters, so the left side g(θ) is a function of the parameters alone, and
@@ -35,14 +34,13 @@ def solve(equations: Equations, start: Parameters, max_iterations: int, toleranc
     the directions of its symmetric part. A third pole or a delay that reaches its limit is held there. Of a search that
     does not converge, the point with the smallest merit is returned.
     """
-    search = Search(equations, max_iterations, tolerance)
-    search.accept(Point(equations, start))
-    while len(search.path) <= min(max_iterations, REFINED) and not search.finished and search.refine():
+    search = Search(equations, start)
+    while len(search.path) <= REFINED and not search.finished and search.refine():
         pass
-    if not search.finished and len(search.path) <= max_iterations:
+    if not search.finished:
         search.first = len(search.path)
         search.accept(search.path[int(np.argmin(search.merits))])
-    while len(search.path) <= max_iterations and not search.finished and search.advance():
+    while len(search.path) <= MOST_ITERATIONS and not search.finished and search.advance():
         if search.point.pole_out_of_band:
             break
     if not search.finished:
@@ -50,24 +48,20 @@ def solve(equations: Equations, start: Parameters, max_iterations: int, toleranc
     return search
 
 
-@dataclass
 class Search:
     """A search and its result."""
 
-    equations: Equations
-    max_iterations: int
-    tolerance: float
-    point: Point = field(init=False)  # end of the path; of a search that has ended, its result
-    free: np.ndarray = field(init=False)  # unknowns that are not held
-    path: list[Point] = field(default_factory=list)  # the start, and the point after each iteration
-    merits: list[float] = field(default_factory=list)  # merit of each point of the path
-    # Index of the first point of the filter: the last change of what is held, or where the search began again.
-    first: int = 0
-    held: set[str] = field(default_factory=set)  # names of the unknowns that are held at a limit
-    damping: float = 0.0
-    finished: bool = False  # whether the last step was within the tolerance
-    # Where the search did not converge, the unknowns a common change of which the record shows least.
-    flat: tuple[str, ...] = ()
+    def __init__(self, equations: Equations, start: Parameters) -> None:
+        self.equations = equations
+        self.path: list[Point] = []  # the start, and the point after each iteration
+        self.merits: list[float] = []  # merit of each point of the path
+        self.first = 0  # point of the filter: the last change of what is held, or where the search began again
+        self.held: set[str] = set()  # names of the unknowns that are held at a limit
+        self.damping = 0.0
+        self.finished = False  # whether the last step was within the tolerance
+        # Where the search did not converge, the unknowns a common change of which the record shows least.
+        self.flat: list[str] = []
+        self.accept(Point(equations, start))
 
     @property
     def converged(self) -> bool:
@@ -76,7 +70,8 @@ class Search:
 
     def accept(self, point: Point) -> None:
         """Add a point to the path."""
-        self.point = point
+        self.point = point  # end of the path; of a search that has ended, its result
+        # Unknowns that are not held.
         self.free = np.flatnonzero([name not in self.held for name in point.names])
         self.path.append(point)
         self.merits.append(point.merit(self.free))
@@ -85,7 +80,7 @@ class Search:
         """End a search that has not converged at the point with the smallest merit."""
         directions, curvatures = self._directions()
         parts = np.abs(directions[:, np.argmin(np.abs(curvatures))]) * np.sqrt(np.diag(self.point.information))
-        self.flat = tuple(np.array(self.point.names)[parts > CONTRIBUTION * parts.max()].tolist())
+        self.flat = np.array(self.point.names)[parts > CONTRIBUTION * parts.max()].tolist()
         self.point = min(self.path, key=lambda point: point.merit(self.free))
 
     def refine(self) -> bool:
@@ -150,10 +145,10 @@ class Search:
 
         It is taken unless it is lost in rounding.
         """
-        if self.merits[-1] > self.free.size * (SOLVED * self.tolerance) ** 2:  # singular equations can have short steps
+        if self.merits[-1] > self.free.size * (SOLVED * TOLERANCE) ** 2:  # singular equations can have short steps
             return False
-        errors = np.sqrt(np.diag(asymptotic_covariance(self.point, self.free)))
-        if not np.all(np.abs(step[self.free]) <= self.tolerance * errors):
+        errors = np.sqrt(np.diag(self.point.covariance(self.free)))
+        if not np.all(np.abs(step[self.free]) <= TOLERANCE * errors):
             return False
         # Where the misfit is not smallest the search goes on; in closed loop the equations are not its slope.
         if not self.equations.open_loop or self._directions()[1][0] > FLAT:

@@ -3,20 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.fft import irfft, rfft
+from scipy import linalg
+from scipy.fft import irfft, next_fast_len, rfft
 
-from ankleloop.joint.time_varying_course import Splines
+from ankleloop.errors import DataError
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.regressors import Grid
+from ankleloop.joint.time_varying_course import Course, Splines
 from ankleloop.methods.riv.equations import Parameters
-from ankleloop.methods.riv_tv.inputs import Motion, TimeVaryingInputs
-from ankleloop.signals.spectra import pass_band
+from ankleloop.signals.decimation import PASSBAND, decimate, decimation_margin
+from ankleloop.signals.spectra import pass_band, smooth
 
+LEADS, LAGS = 0.15, 0.60  # s of the response to the reference
+RIDGE = 1e-3  # of the power of the reference: it settles what lies beyond the pass band
+FOLDS = 4
+REFERENCE_RESOLUTION = 0.8  # Hz
+MEAN_SPLINES = 24  # of what repeats with the cycle, or changes slowly
+PADDING = 1.0  # s of zeros behind a record, in which responses end
 RESOLUTION, FEWEST_BINS = 0.4, 20  # Hz, and frequencies, over which the noise spectrum is smoothed
 NOISE_SPLINES = 8  # of the level of the noise
 LOWEST_LEVEL = 0.05  # of the mean level of the noise
 POWER_FLOOR = 1e-10  # of the largest power of the noise
 CONSTANT = Splines(1, periodic=False, degree=0)
+
+
+@dataclass(eq=False)
+class Motion:
+    """Motion of the joint, measured or predicted, and its part of the equations."""
+
+    signals: np.ndarray  # shape (3, N): position less what repeats or changes slowly, velocity and acceleration
+    rectify: Callable[[float], np.ndarray]  # rectified velocity, shape (N,), by its delay
+    # Transforms of the products with splines, of K, B and I, and of G: shapes (splines, frequencies).
+    spectra: np.ndarray = field(init=False)
+    drive: np.ndarray = field(init=False)
 
 
 class Bases:
@@ -55,37 +77,104 @@ class WhitenedSystem:
 
 
 class TimeVaryingEquations:
-    """Spectra of regressors and instruments of a trial for a delay of the reflex; whitened systems are made of them."""
+    """Spectra of regressors and instruments of a trial for a delay of the reflex; whitened systems are made of them.
 
-    def __init__(self, inputs: TimeVaryingInputs, bases: Bases, delay: float, weighting: str = "noise") -> None:
-        self.inputs, self.bases, self.weighting = inputs, bases, weighting
-        self.rows = inputs.course.rows
+    The instruments are made of the position that the reference predicts; the position itself as reference gives least
+    squares.
+    """
+
+    def __init__(
+        self,
+        trial: PreparedTrial,
+        grid: Grid,
+        course: Course,
+        reference: str,
+        bases: Bases,
+        delay: float,
+        weighting: str,
+    ) -> None:
+        self.trial, self.grid, self.course, self.reference_name = trial, grid, course, reference
+        self.bases, self.weighting, self.rows = bases, weighting, course.rows
+        self.rate = trial.rate / grid.factor  # of the decimated samples [Hz]
+        # Length of the padded records that are transformed, and the Laplace variable at their frequencies [rad/s].
+        self.size = int(next_fast_len(grid.samples + round(PADDING * self.rate), real=True))
+        self.s = 2j * np.pi * np.fft.rfftfreq(self.size, 1.0 / self.rate)
+        self.frequency = np.abs(self.s) / (2 * np.pi)
         samples = self.rows.stop - self.rows.start
-        self.band = pass_band(samples, inputs.rate)
-        self.resolution = max(RESOLUTION, FEWEST_BINS * inputs.rate / samples)
+        self.band = pass_band(samples, self.rate)
+        self.resolution = max(RESOLUTION, FEWEST_BINS * self.rate / samples)
         # Variance of the smoothed spectrum over its square; zero for flat weights.
         self.smoothing_variance = self.band.smoothing_variance(self.resolution) if weighting == "noise" else 0.0
-        self.frequency = np.abs(inputs.s) / (2 * np.pi)
         self.inside = (self.frequency >= self.band.lowest) & (self.frequency <= self.band.highest)
         self.share = float(np.mean(self.inside))  # so many independent values a whitened sample has
-        torque = inputs.trial.channel("torque", inputs.grid)
-        self.torque = inputs.spectra(torque - torque.mean())
-        k, b, self._gain, i = (splines(inputs.course.place).T for splines in bases.all)
+        # Splines of what repeats or changes slowly, and the matrix that fits them to the samples that count.
+        self.slow_splines = Splines(MEAN_SPLINES, course.periodic)(course.place)
+        self._fit = linalg.pinv(self.slow_splines[self.rows], rtol=1e-6)
+        self.position = trial.motion(grid)[0]
+        self.slow = self.slow_part(self.position)
+        signal = trial.channel(reference, grid)
+        self.reference = signal - self.slow_part(signal)  # less what repeats or changes slowly, shape (N,)
+        torque = trial.channel("torque", grid)
+        self.torque = self.spectra(torque - torque.mean())
+        k, b, self._gain, i = (splines(course.place).T for splines in bases.all)
         # Weights of the splines of K, B, G and I in their means over the record.
         self.mean_weights = [rows[:, self.rows].mean(axis=1) for rows in (k, b, self._gain, i)]
-        self.measured = inputs.measure()
-        self.predicted = inputs.predict(self.measured)
-        self.own_instruments = self.predicted is self.measured
+        self.measured = self._measure()
+        self.predicted = self._predict()
         for motion in {self.measured, self.predicted}:
             position, velocity, acceleration = motion.signals
-            motion.spectra = inputs.spectra(np.vstack([k * position, b * velocity, i * acceleration]))
+            motion.spectra = self.spectra(np.vstack([k * position, b * velocity, i * acceleration]))
         self.set_delay(delay)
+
+    def _measure(self) -> Motion:
+        """The motion that was measured."""
+        signals = np.stack([self.position - self.slow, *self.trial.motion(self.grid)[1:]])
+        return Motion(signals, lambda delay: decimate(np.maximum(0.0, self.trial.velocity(delay)), *self.grid))
+
+    def _predict(self) -> Motion:
+        """The motion that slow movement and reference explain; the measured one where the position is the reference."""
+        if self.reference_name == "position":
+            return self.measured
+        factor, samples = self.grid.factor, self.grid.samples
+        perturbation = predict_perturbation(self.measured.signals[0], self.reference, self.rate)
+        velocity = self.s * rfft(self.slow - self.slow.mean() + perturbation, self.size)
+        # Beyond the pass band of the decimation a derivative would only amplify.
+        velocity[np.abs(self.s) > 2 * np.pi * 0.5 * (PASSBAND + 0.5) * self.rate] = 0.0
+
+        def rectify(delay: float) -> np.ndarray:
+            recorded = irfft(velocity * np.exp(-self.s * delay), factor * self.size) * factor
+            margin, rectified = decimation_margin(factor), np.maximum(0.0, recorded)
+            extended = np.concatenate([rectified[-margin:], rectified[: factor * samples + margin]])
+            return decimate(extended, factor, margin, samples)
+
+        derivatives = irfft(np.stack([velocity, self.s * velocity]), self.size)[:, :samples]
+        return Motion(np.vstack([perturbation, derivatives]), rectify)
+
+    def slow_part(self, x: np.ndarray) -> np.ndarray:
+        """Part of signals that is a smooth function of the place, shape (..., N)."""
+        return (x[..., self.rows] @ self._fit.T) @ self.slow_splines.T
+
+    def spectra(self, signals: np.ndarray) -> np.ndarray:
+        """Transforms of signals less what repeats with the cycle, or changes slowly.
+
+        What repeats is far larger than what does not. It goes before any filter, whose response to the ends of the
+        record would reach into the samples that count.
+
+        Shapes: signals (..., N); returns (..., frequencies).
+        """
+        rows, length = self.rows, self.course.equal_cycles
+        if length:
+            mean = signals[..., rows].reshape(*signals.shape[:-1], -1, length).mean(axis=-2)
+            repeated = mean[..., (np.arange(signals.shape[-1]) - rows.start) % length]
+        else:
+            repeated = self.slow_part(signals)
+        return rfft(signals - repeated, self.size)
 
     def set_delay(self, delay: float) -> None:
         """Make the inputs of the reflex for a delay: one that acts behind the splines would move G over phase."""
         self.delay = delay
         for motion in {self.measured, self.predicted}:
-            motion.drive = self.inputs.spectra(self._gain * motion.rectify(delay))
+            motion.drive = self.spectra(self._gain * motion.rectify(delay))
 
     def means(self, linear: np.ndarray) -> dict[str, float]:
         """Means of K, B, G and I over the record, of their coefficients."""
@@ -94,21 +183,21 @@ class TimeVaryingEquations:
 
     def predict_torque(self, parameters: Parameters, motion: Motion) -> np.ndarray:
         """Transform of the torque of the model."""
-        return parameters.torque(motion.spectra, motion.drive, self.inputs.s)
+        return parameters.torque(motion.spectra, motion.drive, self.s)
 
     def system(self, parameters: Parameters, whiten: Callable[[np.ndarray], np.ndarray]) -> WhitenedSystem:
         """System at some parameters, whitened by a function of `whitener`."""
 
         def differentiate(motion: Motion) -> np.ndarray:
-            return whiten(parameters.differentiate(motion.spectra, motion.drive, self.inputs.s))
+            return whiten(parameters.differentiate(motion.spectra, motion.drive, self.s))
 
         regressors = differentiate(self.measured)
-        instruments = regressors if self.own_instruments else differentiate(self.predicted)
+        instruments = regressors if self.predicted is self.measured else differentiate(self.predicted)
         return WhitenedSystem(instruments, regressors, whiten(self.lead(parameters)))
 
     def lead(self, parameters: Parameters) -> np.ndarray:
         """Transform of the torque, ahead by its lag."""
-        return self.torque * np.exp(self.inputs.s * parameters.lag) if parameters.lag else self.torque
+        return self.torque * np.exp(self.s * parameters.lag) if parameters.lag else self.torque
 
     def whitener(self, weight: np.ndarray, level: np.ndarray | float = 1.0) -> Callable[[np.ndarray], np.ndarray]:
         """Function that makes signals, shape (..., rows), of spectra, and takes out of them what repeats.
@@ -117,27 +206,23 @@ class TimeVaryingEquations:
 
         Shapes: weight (frequencies,), level (rows,).
         """
-        length, size = self.inputs.course.equal_cycles, self.inputs.size
+        length, size = self.course.equal_cycles, self.size
 
-        def weigh(spectra: np.ndarray) -> np.ndarray:
-            return irfft(weight * spectra, size)[..., self.rows]
-
-        def remove_mean(spectra: np.ndarray) -> np.ndarray:
-            signals = weigh(spectra)
-            cycles = signals.reshape(*signals.shape[:-1], -1, length)
-            return (cycles - cycles.mean(axis=-2, keepdims=True)).reshape(signals.shape) / level
-
-        def project(spectra: np.ndarray) -> np.ndarray:
-            signals = weigh(spectra) / level
+        def whiten(spectra: np.ndarray) -> np.ndarray:
+            signals = irfft(weight * spectra, size)[..., self.rows]
+            if length:
+                cycles = signals.reshape(*signals.shape[:-1], -1, length)
+                return (cycles - cycles.mean(axis=-2, keepdims=True)).reshape(signals.shape) / level
+            signals = signals / level
             return signals - (signals @ directions.T) @ directions
 
-        if length:
-            return remove_mean
-        white = weigh(rfft(self.inputs.splines.T, size)) / level
-        values, vectors = np.linalg.eigh(white @ white.T)
-        large = values > 1e-12 * values[-1]
-        directions = (vectors[:, large] / np.sqrt(values[large])).T @ white
-        return project
+        if not length:
+            directions = np.zeros((1, self.rows.stop - self.rows.start))  # of what repeats or changes slowly
+            white = whiten(rfft(self.slow_splines.T, size))
+            values, vectors = np.linalg.eigh(white @ white.T)
+            large = values > 1e-12 * values[-1]
+            directions = (vectors[:, large] / np.sqrt(values[large])).T @ white
+        return whiten
 
     def noise(self, parameters: Parameters) -> np.ndarray:
         """Residual torque less what repeats with the cycle, shape (rows,)."""
@@ -146,15 +231,15 @@ class TimeVaryingEquations:
 
     def noise_whitener(self, noise: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Function that whitens noise: by the inverse of its spectrum, and of its level as a function of the place."""
-        inputs, spectrum = self.inputs, self.spectrum(noise)
+        spectrum = self.spectrum(noise)
         if self.weighting == "flat":
             return self.whitener(np.where(self.inside, 1.0 / np.sqrt(spectrum.mean()), 0.0))
         weight = 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum))
         weight = np.where(self.inside, weight, 0.0)
-        padded = np.zeros(inputs.grid.samples)
+        padded = np.zeros(self.grid.samples)
         padded[self.rows] = noise
-        power = irfft(weight * rfft(padded, inputs.size), inputs.size)[self.rows] ** 2
-        splines = Splines(NOISE_SPLINES, inputs.course.periodic)(inputs.course.place[self.rows])
+        power = irfft(weight * rfft(padded, self.size), self.size)[self.rows] ** 2
+        splines = Splines(NOISE_SPLINES, self.course.periodic)(self.course.place[self.rows])
         values, mean = splines @ np.linalg.lstsq(splines, power, rcond=1e-6)[0], float(np.mean(power))
         return self.whitener(weight, np.sqrt(np.maximum(values, LOWEST_LEVEL * mean) / mean))
 
@@ -170,6 +255,46 @@ class TimeVaryingEquations:
         Noise weights leave about white noise, flat ones its colour.
         """
         spectrum = self.spectrum(residual)
-        frequency = np.fft.rfftfreq(residual.size, 1.0 / self.inputs.rate)
+        frequency = np.fft.rfftfreq(residual.size, 1.0 / self.rate)
         power = np.interp(frequency, self.band.frequency, spectrum / spectrum.mean(), left=0.0, right=0.0)
         return irfft(np.sqrt(power) * rfft(signals), residual.size)
+
+
+def predict_perturbation(y: np.ndarray, x: np.ndarray, rate: float) -> np.ndarray:
+    """What leads and lags of the reference explain of a signal; each quarter by the response of the other three.
+
+    So no noise of a sample is part of its own instrument. The response is fitted twice, the second time to signals
+    that are whitened, below the pass band, by the residual of the first.
+
+    Shapes: y, x (N,); returns (N,).
+    """
+    padding = round(LAGS * rate), round(LEADS * rate)
+    if y.size < 4 * (sum(padding) + 1):
+        raise DataError(f"the record of {y.size / rate:.3g} s is too short for a response to the reference.")
+    lagged = _shift(x, padding)
+    residual = y - _predict_folds(lagged, y, lagged)
+    size = int(next_fast_len(y.size + round(PADDING * rate), real=True))
+    power = smooth(np.abs(rfft(residual - residual.mean(), size)) ** 2, REFERENCE_RESOLUTION * size / rate)
+    weight = np.where(np.fft.rfftfreq(size) <= PASSBAND, 1.0 / np.sqrt(np.maximum(power, 1e-10 * power.max())), 0.0)
+    x, y = irfft(weight / weight.max() * rfft(np.stack([x, y]), size), size)[:, : y.size]
+    return _predict_folds(_shift(x, padding), y, lagged)
+
+
+def _shift(x: np.ndarray, padding: tuple[int, int]) -> np.ndarray:
+    """Lags and leads of a signal, from the oldest lag to the furthest lead, shape (lags + leads + 1, N)."""
+    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(np.pad(x, padding), x.size))
+
+
+def _predict_folds(lagged: np.ndarray, y: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """Each part of a signal by the leads and lags of a source and the response that the other parts have.
+
+    Shapes: lagged, source (taps, N), y (N,); returns (N,).
+    """
+    edges = -(-y.size * np.arange(1, FOLDS) // FOLDS)
+    parts = [np.split(signals, edges, axis=-1) for signals in (lagged, y, source)]
+    grams = np.array([part @ part.T for part in parts[0]])
+    sides = np.array([part @ target for part, target in zip(*parts[:2], strict=True)])
+    gram, side = grams.sum(axis=0) - grams, sides.sum(axis=0) - sides
+    ridge = RIDGE * np.einsum("fii->f", gram) / gram.shape[1]
+    responses = np.linalg.solve(gram + ridge[:, None, None] * np.eye(gram.shape[1]), side[..., None])[..., 0]
+    return np.concatenate([response @ part for response, part in zip(responses, parts[2], strict=True)])

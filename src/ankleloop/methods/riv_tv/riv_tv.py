@@ -3,119 +3,74 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.time_varying_course import Splines, describe_schedule, make_course, trajectory_dataset
-from ankleloop.methods.method import NOMINAL_DELAY, Method, delay_option, rate_option, rectifier_option
+from ankleloop.joint.time_varying_course import Splines, make_course, trajectory_dataset
+from ankleloop.methods.method import NOMINAL_DELAY, Method, RectifierOptions, RefinedOptions
 from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
-from ankleloop.methods.riv.covariance import estimate_intervals
 from ankleloop.methods.riv.equations import DELAY_LIMITS
+from ankleloop.methods.riv.riv import estimate_intervals
 from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
-from ankleloop.methods.riv_tv.inputs import TimeVaryingInputs, check_course, check_perturbation
 from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_varying
-from ankleloop.options import Options, as_plain, option, show_value
+from ankleloop.options import as_plain, option
 
+Knots = Annotated[int, Field(ge=1, le=200)]
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
+LOCKED = 0.3  # share of the perturbation that has to differ from cycle to cycle
+ROUNDS = 5
+MOVEMENT_BAND, FLOOR_BAND = (0.6, 1.5), (2.0, 6.0)  # frequencies of a cycle, and those of the perturbation beside it
+MOVEMENT_POWER = 8.0  # of a movement over that of the perturbation; by chance up to 5
+SAME_PHASE = 0.9  # length of the mean of unit vectors
+SLOW, LATEST, LATER = 1.0, 1.0, 0.1  # Hz; s; what another time explains more of the movement
+FOLLOWED = 0.3  # of the slow movement, at least, by a schedule that it follows
 WEAK = 10.0  # statistic of weak instruments (Staiger and Stock 1997)
 
 
-class RivTvOptions(Options):
+class RivTvOptions(RefinedOptions, RectifierOptions):
     """Options of refined instrumental variables for joints that change in time."""
 
+    delay: float | None = option(NOMINAL_DELAY, "reflex delay; null estimates it", unit="s", ge=0, le=1)
     cycle_onsets: tuple[float, ...] | str | None = option(
-        None,
-        "start of every cycle, the last one ending the last cycle; or the variable of the trial that holds the phase "
-        "of the cycle, from 0 to 1",
-        unit="s",
+        None, "start of every cycle, and end of the last one; or the variable that holds the phase, 0 to 1", unit="s"
     )
     schedule: str | None = option(
         None, "scheduling variable of the trial: K, B and G are functions of it; null without cycles: of time"
     )
-    knots: tuple[int, int, int] = option((12, 8, 12), "numbers of splines of K, B and G; penalties smooth them")
-    inertia_knots: int = option(
-        1, "number of splines of I, of a posture or a limb that changes; 1 for a constant", ge=1, le=200
-    )
+    knots: tuple[Knots, Knots, Knots] = option((12, 8, 12), "numbers of splines of K, B and G; penalties smooth them")
+    inertia_knots: Knots = option(1, "number of splines of I, of a posture or a limb that changes; 1 for a constant")
     interpolation: Literal["cubic", "constant"] = option(
         "cubic", "cubic splines; or values that are constant over equal intervals, as of short segments"
     )
-    order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
-    delay: float | None = delay_option(estimated=True)
-    basis: Literal["rectifier"] | None = rectifier_option()
     torque_lag: float | None = option(
         0.0, "lag of the torque channel behind the position; null estimates it", unit="s", ge=-0.05, le=0.05
     )
     rest_position: float | None = option(
-        None,
-        "position at which the elastic torque is zero: what K varies times the distance from it repeats with the "
-        "cycle, and no record tells it from other torque that does; null: the mean position",
-        unit="rad",
-        ge=-10,
-        le=10,
-    )
-    identification_rate: float = rate_option()
-    reference: str = option(
-        "reference",
-        'variable of the trial that the load cannot reach: the command of the servo, or "position" in open loop, which '
-        "is least squares",
-    )
-    weighting: Literal["noise", "flat"] = option(
-        "noise", "weights of frequencies and of phases: the inverse of the noise, or flat"
+        None, "position at which the elastic torque is zero; null: the mean position", unit="rad", ge=-10, le=10
     )
 
-    @field_validator("cycle_onsets", mode="before")
+    @field_validator("cycle_onsets", "knots", mode="before")
     @classmethod
-    def _as_onsets(cls, values: Any) -> Any:
-        """Onsets come as lists from YAML, and as arrays from NumPy."""
-        if values is None or isinstance(values, str):
-            return values
-        numbers = _as_tuple(values)
-        if numbers is None:
-            raise ValueError(
-                "cycle_onsets must be times in seconds, or the name of the variable that holds the phase; got "
-                f"{show_value(values)}."
-            )
-        for number, value in enumerate(numbers, 1):
-            if not isinstance(value, (int, float)) or not np.isfinite(value):
-                raise ValueError(
-                    f"cycle_onsets must be finite times in seconds; onset {number} of {len(numbers)} is "
-                    f"{show_value(value)}."
-                )
-        return numbers
-
-    @field_validator("knots", mode="before")
-    @classmethod
-    def _as_knots(cls, values: Any) -> Any:
-        """Knots come as lists from YAML, and as arrays from NumPy."""
-        numbers = _as_tuple(values)
-        if numbers is None or len(numbers) != len("KBG"):
-            raise ValueError(f"knots must be three whole numbers, those of K, B and G; got {show_value(values)}.")
-        return tuple(int(value) if type(value) is float and value.is_integer() else value for value in numbers)
+    def _as_tuple(cls, values: Any) -> Any:
+        """Numbers come as lists from YAML, and as arrays from NumPy."""
+        values = np.asarray(values) if hasattr(values, "__array__") else values
+        return tuple(map(as_plain, values)) if isinstance(values, (list, tuple, np.ndarray)) else values
 
     @model_validator(mode="after")
-    def _check_knots(self) -> Self:
-        least = 4 if self.interpolation == "cubic" else 1
-        for name, count in zip("KBG", self.knots, strict=True):
-            if not least <= count <= 200:
-                raise ValueError(f"knots must be between {least} and 200 for {name}, got {count}.")
-        if 1 < self.inertia_knots < least:
-            raise ValueError(f"inertia_knots must be 1, or between {least} and 200, got {self.inertia_knots}.")
+    def _check(self) -> Self:
+        if self.interpolation == "cubic" and (min(self.knots) < 4 or 1 < self.inertia_knots < 4):
+            raise ValueError(f"knots of cubic splines must be at least 4, got {self.knots} and {self.inertia_knots}.")
         if self.cycle_onsets is not None and self.schedule is not None:
             raise ValueError("cycle_onsets and schedule exclude each other: K, B and G are functions of one of them.")
         return self
-
-
-def _as_tuple(values: Any) -> tuple[Any, ...] | None:
-    """Values of a list, tuple or array; None for anything else."""
-    values = values if isinstance(values, (list, tuple)) else np.asarray(values).tolist()
-    return tuple(map(as_plain, values)) if isinstance(values, (list, tuple)) else None
 
 
 def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
@@ -140,13 +95,12 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     -------
     Estimate
         `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness`
-        and `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: rounds, converged, cycles
+        and `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: converged, cycles
         (or segments that count as independent), intervals (their kind), variation_p (probability of a variation
-        as large, were K, B or G constant), instrument_strength (smallest canonical correlation of instruments
-        and regressors), outside (share of the samples whose scheduling variable lies beyond its fitted range,
-        the 2nd to the 98th percentile; they count as its ends), freedom (effective number of parameters of each
-        trajectory), excitation (information about each over its mean, at the places of the trajectories),
-        torque_lag, and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
+        as large, were K, B or G constant), outside (share of the samples whose scheduling variable lies beyond its
+        fitted range, the 2nd to the 98th percentile; they count as its ends), excitation (information about each
+        trajectory over its mean, at the places of the trajectories), torque_lag, and alternatives as of
+        `ankleloop.methods.riv.riv.identify_riv`.
 
     References
     ----------
@@ -184,56 +138,45 @@ def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
     degree = 3 if options.interpolation == "cubic" else 0
     counts = *options.knots, options.inertia_knots
     k, b, g, i = (CONSTANT if count == 1 else Splines(count, course.periodic, degree) for count in counts)
-    inputs = TimeVaryingInputs(trial, grid, course, options.reference)
-    check_perturbation(inputs)
-    equations = TimeVaryingEquations(inputs, Bases((k, b, g, i)), delay, options.weighting)
+    bases = Bases((k, b, g, i))
+    equations = TimeVaryingEquations(trial, grid, course, options.reference, bases, delay, options.weighting)
+    if course.periodic:
+        _check_perturbation(equations)
     unknowns = ("delay",) * (options.delay is None) + ("torque_lag",) * (options.torque_lag is None)
     return solve_time_varying(equations, options.order, unknowns, options.torque_lag or 0.0)
 
 
 def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions) -> Estimate:
     """Torques, trajectories with their bands, and means over the record."""
-    equations, inputs, parameters = solution.equations, solution.equations.inputs, solution.parameters
-    bases, course = equations.bases, inputs.course
+    equations, parameters = solution.equations, solution.parameters
+    bases, course = equations.bases, equations.course
     places = np.linspace(0.0, 1.0, PLACES)
     curves, excitation = solution.find_trajectories(places)
-    schedule = describe_schedule(trial.trial, options.schedule)
+    unit = str(trial.trial[options.schedule].attrs.get("units", "")) if options.schedule else ""
+    schedule = {"variable": options.schedule or "", "variable_unit": unit}
     coordinate = course.limits[0] + (course.limits[1] - course.limits[0]) * places
     delay, dynamics, means = solution.delay, parameters.dynamics, solution.means
-    stiffness, viscosity, gain, inertia = (parameters.linear[block] for block in bases.blocks)
-    model = TimeVaryingModel(
-        ModelInputs(fit_basis(trial.velocity(delay), "rectifier", 1), delay, inputs.rate, trial.rate),
-        course.dimension,
-        options.schedule or (options.cycle_onsets if isinstance(options.cycle_onsets, str) else None),
-        np.array(course.limits),
-        bases.all[0].degree,
-        stiffness,
-        viscosity,
-        gain,
-        inertia,
-        dynamics,
-        parameters.lag,
-        options.rest_position,
-    )
+    inputs = ModelInputs(fit_basis(trial.velocity(delay), "rectifier", 1), delay, equations.rate, trial.rate)
+    variable = options.schedule or (options.cycle_onsets if isinstance(options.cycle_onsets, str) else None)
+    varied = course.dimension, variable, np.array(course.limits), bases.all[0].degree
+    k, b, g, i = (parameters.linear[block] for block in bases.blocks)
+    model = TimeVaryingModel(inputs, *varied, k, b, g, i, dynamics, parameters.lag, options.rest_position)
     reflex = {"delay": delay, "G": means.pop("G"), **dynamics.values}
     intervals = estimate_intervals(means | reflex, solution.deviations, solution.quantile)[1]
     return Estimate(
         method="riv-tv",
-        torque=model.simulate(trial, inputs.grid, course.place),
+        torque=model.simulate(trial, equations.grid, course.place),
         matrices=None,
         stiffness=means,
         reflex=reflex,
         intervals=intervals if solution.converged else {},
         diagnostics={
             "order": options.order,
-            "rounds": solution.rounds,
             "converged": solution.converged,
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
             "variation_p": solution.variation_p,
-            "instrument_strength": solution.strength,
             "outside": course.outside,
-            "freedom": solution.freedom,
             "excitation": excitation,
             "torque_lag": parameters.lag,
             "reference": options.reference,
@@ -246,8 +189,9 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
 
 def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dict[str, np.ndarray]) -> list[str]:
     """What the record does not show, or the search did not reach."""
-    equations, course, strength = solution.equations, solution.equations.inputs.course, solution.strength
-    warnings = check_course(equations.inputs)
+    equations, course, strength = solution.equations, solution.equations.course, solution.strength
+    checks = {"phase": _check_cycles, "schedule": _check_schedule}
+    warnings = checks[course.dimension](equations) if course.dimension in checks else []
     if course.periodic and course.segments < FEW_CYCLES:
         warnings.append(f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}.")
     for name in equations.bases.names:
@@ -256,8 +200,7 @@ def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dic
         ranges = [f"{coordinate[start]:.3g} to {coordinate[stop - 1]:.3g}" for start, stop in edges.reshape(-1, 2)]
         if ranges:
             warnings.append(
-                f"{name} is not identified at {course.dimension} {', '.join(ranges)}: the perturbation hardly excites "
-                "the joint there."
+                f"{name} is not identified at {course.dimension} {', '.join(ranges)}: it is hardly excited there."
             )
     # The F statistic of the direction that the instruments explain least, which weak instruments have below 10.
     independent = solution.system.torque.size * equations.share / equations.bases.size - 1.0
@@ -269,6 +212,65 @@ def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dic
     if not solution.converged:
         warnings.append(f"not converged after {solution.rounds} rounds: the trajectories have no bands.")
     return warnings
+
+
+def _check_perturbation(equations: TimeVaryingEquations) -> None:
+    """Refuse a perturbation most of whose power repeats with the cycle."""
+    since, rows, signal = equations.course.since, equations.course.rows, equations.reference
+    count, repeated = np.bincount(since), np.zeros(signal.size)
+    # The movement is a function of the phase, and a locked perturbation one of the time since the onset: each is fitted
+    # to what the other leaves.
+    for _ in range(ROUNDS):
+        rest = signal - equations.slow_part(signal - repeated)
+        repeated[rows] = (np.bincount(since, rest[rows]) / count)[since]
+    left = np.sum((rest - repeated)[rows] ** 2)
+    # The mean of n independent cycles takes 1/n of their power.
+    share = float(left / max(np.sum(1.0 - 1.0 / count[since]), 1.0) / np.mean(signal[rows] ** 2))
+    if share < LOCKED:
+        raise DataError(
+            f"{100 * max(1.0 - share, 0.0):.0f} % of the power of {equations.reference_name} repeats with the cycle: "
+            "the perturbation is locked to it. Draw a new pseudorandom sequence for every cycle."
+        )
+
+
+def _check_cycles(equations: TimeVaryingEquations) -> list[str]:
+    """Whether the movement has the same phase at all onsets, where there is one."""
+    position = equations.position - equations.position.mean()
+    starts = equations.course.rows.start + np.flatnonzero(equations.course.since == 0)
+    frequency = np.fft.rfftfreq(position.size) * float(np.median(np.diff(starts)))  # per cycle
+    power = np.abs(np.fft.rfft(position * np.hanning(position.size))) ** 2
+    band, floor = ((frequency > low) & (frequency < high) for low, high in (MOVEMENT_BAND, FLOOR_BAND))
+    if np.mean(power[band]) < MOVEMENT_POWER * np.median(power[floor]):
+        return []
+    movement = np.fft.ifft(np.where(band, np.fft.rfft(position), 0.0), position.size)
+    at_onsets = movement[starts]
+    common = float(np.abs(np.mean(at_onsets / np.abs(at_onsets))))
+    if common > SAME_PHASE:
+        return []
+    return [
+        f"the movement is not the same at all onsets of cycles (its phases agree by {common:.2f}): are they those of "
+        "another trial, or counted from another time? K, B and G over phase are wrong then."
+    ]
+
+
+def _check_schedule(equations: TimeVaryingEquations) -> list[str]:
+    """Whether the slow movement follows the schedule at once, where it follows it."""
+    size = equations.position.size
+    spectra = np.fft.rfft([equations.position, equations.course.place])
+    spectra[:, np.fft.rfftfreq(size, 1.0 / equations.rate) >= SLOW] = 0.0
+    movement, place = np.fft.irfft(spectra, size)
+    reach = round(LATEST * equations.rate)
+    middle = slice(reach, -reach)
+    lags = range(-reach, reach + 1)
+    shares = np.array([np.corrcoef(movement[middle], np.roll(place, lag)[middle])[0, 1] ** 2 for lag in lags])
+    best = int(np.argmax(shares))
+    if shares[best] < FOLLOWED or shares[reach] > shares[best] - LATER:
+        return []
+    late = (reach - best) / equations.rate
+    return [
+        f"the slow movement follows the schedule {abs(late):.2g} s {'earlier' if late > 0 else 'later'} than its "
+        "samples say: is the schedule shifted in time, or that of another trial?"
+    ]
 
 
 METHODS = (Method("riv-tv", RivTvOptions, identify_riv_tv),)

@@ -12,8 +12,7 @@ from scipy.fft import irfft
 from ankleloop.joint.dynamics import ReflexDynamics, respond
 from ankleloop.methods.riv.alternatives import Alternative, compute_shifts
 from ankleloop.methods.riv.equations import Parameters, fit_grid, solve_scaled
-from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
-from ankleloop.methods.riv_tv.inputs import MEAN_SPLINES, Motion
+from ankleloop.methods.riv_tv.equations import MEAN_SPLINES, Motion, TimeVaryingEquations, WhitenedSystem
 from ankleloop.signals.spectra import smooth
 
 INTEGRATION = 2001  # places at which squares of splines are summed
@@ -58,9 +57,9 @@ class TimeVaryingSolution:
         with M the sum over cycles of the outer products of their contributions to the left side of the equations, which
         holds whatever the noise does within a cycle; the second term is what the penalties may have smoothed away, for
         trajectories as rough as they say (Nychka, J. Am. Stat. Assoc. 83(404), 1134-1143, 1988). Weights from the noise
-        are estimates themselves (`ankleloop.methods.riv.covariance.asymptotic_covariance`).
+        are estimates themselves (`ankleloop.methods.riv.equations.Point.covariance`).
         """
-        course = self.equations.inputs.course
+        course = self.equations.course
         starts = np.searchsorted(course.segment, np.arange(course.segments))
         scores = np.add.reduceat(self.system.instruments * self._residual, starts, axis=1)
         scatter = scores @ scores.T + self.variance * self.penalty
@@ -80,14 +79,12 @@ class TimeVaryingSolution:
     @property
     def quantile(self) -> float:
         """Half of a 95 % interval over its standard error."""
-        return float(special.stdtrit(self.equations.inputs.course.segments - 1, 0.975))
+        return float(special.stdtrit(self.equations.course.segments - 1, 0.975))
 
     @cached_property
     def strength(self) -> float:
         """Smallest canonical correlation of instruments and regressors."""
         system, size = self.system, self.equations.bases.size
-        if self.equations.own_instruments:
-            return 1.0
         z, x = (np.linalg.qr(rows[:size].T)[0] for rows in (system.instruments, system.regressors))
         return float(np.linalg.svd(z.T @ x, compute_uv=False)[-1])
 
@@ -123,13 +120,6 @@ class TimeVaryingSolution:
             margin = self.quantile * self._deviate(weights, block) if self.converged else np.nan
             values |= {name: curve, f"{name}_low": curve - margin, f"{name}_high": curve + margin}
         return values, excitation
-
-    @property
-    def freedom(self) -> dict[str, float]:
-        """Effective number of parameters of each trajectory."""
-        bases, information = self.equations.bases, self.system.information
-        hat = np.diag(solve_scaled(information + self.penalty, information))
-        return {name: float(np.sum(hat[block])) for name, block in zip(bases.names, bases.blocks, strict=False)}
 
     @property
     def variation_p(self) -> dict[str, float]:
@@ -182,21 +172,21 @@ class TimeVaryingSolution:
 
     def _respond(self, effect: str, motion: Motion, torque: np.ndarray) -> np.ndarray:
         """Transform of the derivative of the torque with respect to an effect, by a motion and the torque of it."""
-        e, parameters, inputs = self.equations, self.parameters, self.equations.inputs
-        s, velocity = np.where(e.inside, inputs.s, 1.0), motion.signals[1]
+        e, parameters = self.equations, self.parameters
+        s, velocity = np.where(e.inside, e.s, 1.0), motion.signals[1]
         if effect == "lag":
             return -s * torque
         if effect == "high-pass":
             return -torque / s
         if effect == "compression":
-            return -inputs.spectra(irfft(torque, inputs.size)[: inputs.grid.samples] ** 3)
+            return -e.spectra(irfft(torque, e.size)[: e.grid.samples] ** 3)
         if effect == "friction":
-            return inputs.spectra(np.sign(velocity))
-        response = parameters.responses(inputs.s)[0]
+            return e.spectra(np.sign(velocity))
+        response = parameters.responses(e.s)[0]
         if effect == "delay":
             return -s * response * (parameters.linear[e.bases.blocks[2]] @ motion.drive)
-        late = np.exp(-inputs.s * e.delay)
-        return response * (inputs.spectra(motion.rectify(e.delay)) - late * inputs.spectra(velocity))
+        late = np.exp(-e.s * e.delay)
+        return response * (e.spectra(motion.rectify(e.delay)) - late * e.spectra(velocity))
 
 
 def solve_time_varying(
@@ -237,8 +227,8 @@ def _fit_constants(equations: TimeVaryingEquations, order: int) -> tuple[np.ndar
     predicted, inside, (k, b, g, i) = equations.predicted, equations.inside, equations.bases.blocks
     motion = [predicted.spectra[block].sum(axis=0) for block in (k, b, i)]
     inputs = np.stack([*motion, predicted.drive.sum(axis=0)])[:, inside]
-    s, target, grid = equations.inputs.s[inside], equations.torque[inside], ReflexDynamics.grid(order)
-    width, noise = equations.resolution * equations.inputs.size / equations.inputs.rate, np.ones(target.size)
+    s, target, grid = equations.s[inside], equations.torque[inside], ReflexDynamics.grid(order)
+    width, noise = equations.resolution * equations.size / equations.rate, np.ones(target.size)
     for _ in range(2):
         values, best, residual = fit_grid(inputs, target, respond(grid, s), noise)
         noise = smooth(np.abs(residual) ** 2, width)
@@ -263,7 +253,7 @@ def choose_penalties(
 
     Shapes: penalties (4,); returns solution (unknowns,), penalties (4,).
     """
-    bases, unknowns, course = equations.bases, len(system.normal), equations.inputs.course
+    bases, unknowns, course = equations.bases, len(system.normal), equations.course
     parts, information = list(zip(bases.all, bases.blocks, strict=True)), np.diag(system.information)
     typical = np.array([np.sum(information[block]) / max(np.trace(splines.penalty), 1.0) for splines, block in parts])
     penalties, factors = penalties if penalties.size else typical, np.ones(len(parts))
