@@ -88,11 +88,18 @@ def render_recording_page(
 ) -> str:
     """Page of a recording: recommendation, checks, methods side by side, change of the joint, figures, residuals."""
     valid, marked = analysis.table[analysis.table["valid"]], _mark_labels(analysis)
+    description = [
+        f"{key} {mapping[key]}" for key in ("subject", "condition", "trial") if mapping[key] not in (None, "")
+    ]
+    answer = ""
+    if recommendation.label is not None:
+        row = valid.set_index("label").loc[recommendation.label]
+        answer = f"Use {recommendation.label}: K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}"
     body = render_template(
         "recording.html.j2",
         title=name,
-        description=_describe(mapping),
-        answer=_answer(valid, recommendation.label),
+        description=[*description, *(f"file {part['file']}" for part in mapping["parts"])],
+        answer=answer,
         check=analysis.check,
         recommendation=recommendation,
         figures=figures,
@@ -102,14 +109,6 @@ def render_recording_page(
         residuals={marked[label]: test for label, test in analysis.residuals.items()},
     )
     return render_page(name, body, index=index)
-
-
-def _answer(valid: pd.DataFrame, label: str | None) -> str:
-    """The method to take, with the stiffness; empty where none is recommended."""
-    if label is None:
-        return ""
-    row = valid[valid["label"] == label].iloc[0]
-    return f"Use {label}: K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}"
 
 
 def _select_changing(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
@@ -122,23 +121,16 @@ def _select_changing(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
     return {label: estimates[label] for label in shown} if first else {}
 
 
-def _describe(mapping: Mapping[str, Any]) -> list[str]:
-    """Who was recorded, how, and the files."""
-    names = [name for name in ("subject", "condition", "trial") if mapping[name] not in (None, "")]
-    return [*(f"{name} {mapping[name]}" for name in names), *(f"file {part['file']}" for part in mapping["parts"])]
-
-
 def _compare_methods(valid: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
     """A row for each quantity that some method has, a column for each method."""
-    rows = [row for _, row in valid.iterrows()]
-    quantities = [[heading, *(_format_cell(row, name) for row in rows)] for name, heading in ROWS.items()]
-    return pd.DataFrame([cells for cells in quantities if set(cells[1:]) - {"–", ""}], columns=["", *labels])
-
-
-def _format_cell(row: pd.Series, name: str) -> str:
-    cell = format_with_interval(row, name)
-    assumed = name == "delay" and cell != "–" and not row.get("delay_low", float("nan")) < float("inf")
-    return f"{cell} (assumed)" if assumed else cell
+    table = []
+    for name, heading in ROWS.items():
+        cells = [format_with_interval(row, name) for _, row in valid.iterrows()]
+        if name == "delay":  # a delay without an interval was given
+            cells = [cell if cell == "–" or "…" in cell else f"{cell} (assumed)" for cell in cells]
+        if set(cells) - {"–", ""}:
+            table.append([heading, *cells])
+    return pd.DataFrame(table, columns=["", *labels])
 
 
 def _mark_labels(analysis: Analysis) -> dict[str, str]:

@@ -55,18 +55,14 @@ class StudyPage:
     sweep: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
-    def _results(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        return read_results(self.table_file)
-
-    @property
     def results(self) -> pd.DataFrame:
         """Scores: a row for each torque of each estimate."""
-        return self._results[1]
+        return read_results(self.table_file)[1]
 
-    @property
+    @cached_property
     def details(self) -> pd.DataFrame:
         """Scores, parameters and diagnostics: a row for each estimate."""
-        return self._results[0]
+        return read_results(self.table_file)[0]
 
     @cached_property
     def table(self) -> pd.DataFrame:

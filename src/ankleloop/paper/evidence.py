@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import yaml
 
 from ankleloop.paper.captions import label_setting
 from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity
@@ -27,22 +27,12 @@ def parse_settings(text: Any) -> dict[str, list[Any]]:
     settings: dict[str, list[Any]] = {}
     for part in text.split() if isinstance(text, str) else []:
         name, _, values = part.partition("=")
-        if name not in SimulationSettings.model_fields or not values:
-            raise ValueError(f"{part!r} is not a setting of the simulation with its value, such as reflex_gain=13.")
         if ":" in values:
             first, last, step = map(float, values.split(":"))
             settings[name] = [first + step * k for k in range(round((last - first) / step) + 1)]
         else:
-            settings[name] = [_parse_value(value) for value in values.split("|")]
+            settings[name] = [yaml.safe_load(value) for value in values.split("|")]
     return settings
-
-
-def _parse_value(text: str) -> Any:
-    """A number, true, false or null; any other text is itself."""
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
 
 
 @dataclass(frozen=True)

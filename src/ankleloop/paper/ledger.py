@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from ankleloop.paper.checks import CLAIM_CHECKS, Compared, Fact
+from ankleloop.paper.checks import CLAIM_CHECKS, Fact
 from ankleloop.paper.evidence import Case, MissingEvidence, StudyResults
 from ankleloop.paper.judgement import (
     AT_TOLERANCE,
@@ -88,20 +88,12 @@ def _table_claim(name: str, number: Mapping[str, Any], labels: Mapping[str, str]
 
 def _check(case: Case) -> dict[str, Any]:
     """Verdict on a claim, with the numbers that it rests on and its reason."""
-    conditions = case.claim["conditions"]
     try:
         result = CLAIM_CHECKS[case.claim["check"]](case)
     except MissingEvidence as missing:
         return {"verdict": OPEN, "reason": str(missing)}
     if isinstance(result, Fact):
         return {"verdict": result.verdict, "ours": result.value, "reason": f"{result.reason}."}
-    outcome = _judge(result)
-    if outcome["verdict"] == REPRODUCED and isinstance(conditions, str):
-        outcome["verdict"] = CONDITIONAL
-    return outcome
-
-
-def _judge(result: Compared) -> dict[str, Any]:
     judgement = judge(result.comparisons)
     ours = result.ours or judgement.decisive.ours
     difference_low, difference_high = judgement.interval
@@ -111,8 +103,9 @@ def _judge(result: Compared) -> dict[str, Any]:
         texts += f" (of {len(result.comparisons)} results the decisive one)"
     reason = f"{result.what}: {texts}" + (f"; {result.remark}" if result.remark else "")
     explanation = judgement.explanation
+    has_condition = judgement.verdict == REPRODUCED and isinstance(case.claim["conditions"], str)
     return {
-        "verdict": judgement.verdict,
+        "verdict": CONDITIONAL if has_condition else judgement.verdict,
         "ours": ours.value,
         "uncertainty": half_interval(ours),
         "difference": judgement.decisive.difference,
@@ -142,23 +135,15 @@ def count_held(ledger: pd.DataFrame) -> str:
 def format_ledger(ledger: pd.DataFrame) -> str:
     """The ledger as a page."""
     counts = ledger["verdict"].value_counts()
-    summary = [f"- {counts.get(verdict, 0)} × **{verdict}**: {meaning}" for verdict, meaning in VERDICTS.items()]
-    lines = [
-        "# Verification",
-        "",
-        f"{count_held(ledger)}, under the assumptions that are stated. One rule in code judges all rows (column `how` "
-        "of `verification.csv` says what is compared; the claims are in `data/published`):",
-        "",
-        *summary,
-        "",
-        "± is half of the 95 % confidence interval of the result. The difference is that which decides the verdict, "
-        "with its interval: our result less the published one, or less what column `how` names. It is compared with "
-        "the tolerance.",
-        "",
-        tabulate_ledger(ledger).to_markdown(index=False, disable_numparse=True),
-        "",
-    ]
-    return "\n".join(lines)
+    summary = "\n".join(f"- {counts.get(verdict, 0)} × **{verdict}**: {text}" for verdict, text in VERDICTS.items())
+    table = tabulate_ledger(ledger).to_markdown(index=False, disable_numparse=True)
+    return (
+        f"# Verification\n\n{count_held(ledger)}, under the assumptions that are stated. One rule in code judges all "
+        "rows (column `how` of `verification.csv` says what is compared; the claims are in `data/published`):\n\n"
+        f"{summary}\n\n± is half of the 95 % confidence interval of the result. The difference is that which decides "
+        "the verdict, with its interval: our result less the published one, or less what column `how` names. It is "
+        f"compared with the tolerance.\n\n{table}\n"
+    )
 
 
 def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:

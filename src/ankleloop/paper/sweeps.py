@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from os import PathLike
 from typing import Any
 
@@ -13,16 +14,16 @@ from matplotlib.figure import Figure
 
 from ankleloop.errors import DataError
 from ankleloop.paper.results import CONDITIONS, SETTINGS, list_faults, true_values
-from ankleloop.paper.sweep_quantities import (
+from ankleloop.paper.tables import format_pairs
+from ankleloop.paper.trial_tables import (
     FAULT_SHARES,
     SWEEP_QUANTITIES,
     default_quantities,
     desired_value,
     error_source,
     label_parameter,
+    read_trial_table,
 )
-from ankleloop.paper.tables import format_pairs
-from ankleloop.paper.trial_tables import read_trial_table
 from ankleloop.plotting.style import MethodStyle, method_styles
 from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
 from ankleloop.signals.vaf import confidence_margin
@@ -309,31 +310,25 @@ def _list_values(axis: SweepAxis) -> str:
 
 
 def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
-    """Points with the best and the worst mean of each quantity and method; highest and lowest without a goal."""
-    ranked = summary[summary["mean"].notna() & (summary["n"] >= LEAST_SHARE * summary["trials"])]
-    groups = dict(list(ranked.groupby(["quantity", "method"], observed=True)))
+    """Points with the best and the worst mean of each quantity and method; lowest and highest without a goal."""
+    goals = summary["quantity"].map(desired_value)
+    spread = summary["sd"].fillna(0.0) ** 2 * (summary["n"] - 1).clip(lower=0) / summary["n"]
+    size = summary["mean"].mask(goals == "high", -summary["mean"])  # the less, the better
+    size = size.mask(goals == "zero", np.sqrt(summary["mean"] ** 2 + spread))  # bias and spread together
+    warned = summary["warnings"] >= LEAST_SHARE * summary["trials"]
+    ranked = summary.assign(size=size, unwarned=size.mask(goals.notna() & warned))
+    ranked = ranked[size.notna() & (summary["n"] >= LEAST_SHARE * summary["trials"])]
     rows = []
-    for name in sweep.quantities:
-        for method, label in sweep.labels.items():
-            for rank, index in _rank(groups.get((name, method), ranked[:0]), name):
-                point = summary.loc[index]
-                row = {"quantity": SWEEP_QUANTITIES[name].label, "method": label, "rank": rank}
-                row |= {axis.heading: axis.format(point[axis.name]) for axis in sweep.parameters}
-                row["mean ± sd"] = format_pairs([point["mean"]], [point["sd"]], "{:.4g} ± {:.2g}")[0]
-                rows.append(row | {count: str(point[count]) for count in FAULTS})
+    for name, (method, label) in product(sweep.quantities, sweep.labels.items()):
+        part = ranked[(ranked["quantity"] == name) & (ranked["method"] == method)]
+        ends = {"best": part["unwarned"].dropna(), "worst": -part["size"]} if len(part) > 1 else {}
+        for rank, values in ends.items():
+            if values.empty:
+                continue
+            point = summary.loc[values.idxmin()]
+            words = rank if desired_value(name) else {"best": "lowest", "worst": "highest"}[rank]
+            row = {"quantity": SWEEP_QUANTITIES[name].label, "method": label, "rank": words}
+            row |= {axis.heading: axis.format(point[axis.name]) for axis in sweep.parameters}
+            row["mean ± sd"] = format_pairs([point["mean"]], [point["sd"]], "{:.4g} ± {:.2g}")[0]
+            rows.append(row | {count: str(point[count]) for count in FAULTS})
     return pd.DataFrame(rows)
-
-
-def _rank(part: pd.DataFrame, quantity: str) -> list[tuple[str, int]]:
-    """Words and rows of the two ends; nothing for a single point."""
-    if len(part) < 2:
-        return []
-    goal, size = desired_value(quantity), part["mean"]
-    if not goal:
-        return [("lowest", size.idxmin()), ("highest", size.idxmax())]
-    if goal == "zero":  # the root mean square over trials: bias and spread together
-        size = np.sqrt(size**2 + (part["sd"] ** 2 * (part["n"] - 1) / part["n"]).fillna(0.0))
-    elif goal == "high":
-        size = -size
-    plain = size[part["warnings"] < LEAST_SHARE * part["trials"]]
-    return [*([("best", plain.idxmin())] if len(plain) else []), ("worst", size.idxmax())]

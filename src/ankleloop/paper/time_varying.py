@@ -27,7 +27,6 @@ SCORES = {"error": "nrmse", "mean_error": "bias", "covered": "covered"}  # colum
 VARIATIONS = {"cycle": "{:g} cycles", "time": "over {:g} s", "schedule": "scheduling variable, {:g} s"}
 PLACES = 101
 SEED = 0  # of the perturbation, on which the bound hardly depends
-COVERED = (92.0, 97.0)  # % of the places: shares that a 95 % band is taken to hold
 SPREAD = (0.025, 0.975)  # quantiles of the trials
 
 Points = Mapping[str, Mapping[str, Any]]
@@ -160,19 +159,3 @@ def compare_with_bound(details: pd.DataFrame, points: Points, method: str) -> pd
             row |= {"efficiency": efficiency, "mean_efficiency": of_mean, "mean_low": low, "mean_high": high}
             rows.append(row)
     return pd.DataFrame(rows)
-
-
-def count_coverage(table: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFrame:
-    """How many bands hold the truth at 92 to 97 % of the places, for each method and parameter."""
-    rows = []
-    for (method, parameter), part in table.dropna(subset="covered").groupby(["method", "parameter"], sort=False):
-        margin = part["covered_margin"].fillna(np.inf)  # of a single trial
-        low, high = part["covered"] - margin, part["covered"] + margin
-        less, more = high < COVERED[0], low > COVERED[1]
-        inside = (low >= COVERED[0]) & (high <= COVERED[1])
-        least = part.loc[part["covered"].idxmin()]
-        half = "" if np.isnan(least["covered_margin"]) else f" ± {least['covered_margin']:.0f}"
-        row = {"method": method, "parameter": parameter, "settings": len(part), "less": less.sum(), "more": more.sum()}
-        smallest = f"{least['covered']:.0f}{half} ({titles[least['point']]})"
-        rows.append(row | {"open": (~(less | more | inside)).sum(), "smallest": smallest})
-    return pd.DataFrame(rows, columns=["method", "parameter", "settings", "less", "more", "open", "smallest"])

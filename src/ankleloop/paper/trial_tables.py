@@ -9,21 +9,59 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 from pyarrow import dataset, parquet
 
+from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
-from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
-from ankleloop.quantities import QUANTITIES
+from ankleloop.methods.registry import METHODS
+from ankleloop.paper.captions import label_setting
+from ankleloop.paper.results import SETTINGS
+from ankleloop.quantities import QUANTITIES, Quantity
+from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
 
 PathLike = str | os.PathLike[str]
 
+TORQUES = ("net", "intrinsic", "reflex")
+SHOWN = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
+FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}
+DIAGNOSTICS = {  # symbol and unit of each
+    "order": ("order", "1"),
+    "passes": ("passes", "1"),
+    "spectral_radius": ("spectral radius", "1"),
+    "pole_error": ("pole error", "1"),
+    "in_band_snr_db": ("in-band SNR", "dB"),
+    "unseen_instrumental": ("instrumental VAF, unseen", "%"),
+    "unseen_cross_validation": ("net VAF, unseen", "%"),
+    "cycles": ("cycles", "1"),
+    "variation_p": ("p of the variation", "1"),
+}
+TRAJECTORY_SCORES = {
+    "nrmse": ("error of {}(·)", "%"),
+    "bias": ("bias of {}(·)", "%"),
+    "covered": ("covered by the band of {}(·)", "%"),
+    "rise": ("rise time of {}(·)", "s"),
+}
+SYMBOLS = {
+    **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("true", "measured")},
+    **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
+    **{f"{name}_error": (f"error of {QUANTITIES[name].symbol}", "%") for name in SETTINGS},
+    **DIAGNOSTICS,
+    **{
+        f"{name}_{score}": (symbol.format(name), unit)
+        for score, (symbol, unit) in TRAJECTORY_SCORES.items()
+        for name in TRAJECTORY_TRUTHS
+    },
+    **{name: (label, "%") for name, label in FAULT_SHARES.items()},
+}
+# What pictures of a sweep can show: scores, parameters, their errors, and shares of trials with a fault.
+SWEEP_QUANTITIES = {name: Quantity(symbol, symbol, unit) for name, (symbol, unit) in SYMBOLS.items()}
 HASH = b"settings"  # key of the hash of the settings that made a file
 REMEDY = "delete it, and run again"
 TYPES = {
@@ -138,7 +176,7 @@ def read_results(path: PathLike) -> tuple[pd.DataFrame, pd.DataFrame]:
     table = table.astype(dict.fromkeys(table.select_dtypes("category").columns, object))
     keys = table[table.columns[: table.columns.get_loc("trial") + 1]]
     scores = []
-    for torque, against in itertools.product(("net", "intrinsic", "reflex"), ("measured", "true")):
+    for torque, against in itertools.product(TORQUES, ("measured", "true")):
         if (name := f"vaf_{torque}_{against}") in table:
             low, high = (table.pop(f"{name}{end}") for end in ENDS)
             scores.append(keys.assign(torque=torque, against=against, vaf=table[name], low=low, high=high))
@@ -160,3 +198,37 @@ def _order_columns(names: Collection[str], varied: Sequence[str]) -> list[str]:
         return not name.startswith("vaf_"), ORDER.get(base, len(ORDER)), name.replace("_low", "_ends")
 
     return [*first, *sorted(set(names) - {*first, *LAST}, key=place), *LAST]
+
+
+def default_quantities(columns: Collection[str]) -> list[str]:
+    """Quantities that are shown where the configuration names none: against the true torques where there are any."""
+    scores = [[f"vaf_{torque}_{against}" for against in ("true", "measured")] for torque in TORQUES]
+    first = [next((name for name in names if name in columns), "") for names in scores]
+    return [name for name in first if name] + [f"{name}_error" for name in ("K", "G") if name in columns]
+
+
+def error_source(quantity: str) -> str | None:
+    """Parameter of which a quantity is the relative error; None for a quantity that is no error."""
+    name = quantity.removesuffix("_error")
+    return name if name != quantity and name in SETTINGS else None
+
+
+def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
+    """What a method should reach: "high" for a VAF, "zero" for an error or bias, "low" for a share of faults."""
+    if quantity.startswith(("vaf_", "unseen_")):
+        return "high"
+    if error_source(quantity) or quantity.endswith("_bias"):
+        return "zero"
+    return "low" if quantity == "pole_error" or quantity.endswith("_nrmse") or quantity in FAULT_SHARES else None
+
+
+def label_parameter(name: str, labels: Mapping[str, str]) -> str:
+    """Name and unit of a varied setting of the simulation, or option of a method."""
+    if name in SimulationSettings.model_fields:
+        words, unit = label_setting(name)
+    else:
+        method, _, field = name.rpartition(".")
+        words = field.replace("_", " ") + (f" of {labels.get(method, method)}" if method else "")
+        units = [entry.options.unit(field) for entry in METHODS.values() if field in entry.options.model_fields]
+        unit = next(iter(units), "1")
+    return f"{words} [{unit}]"

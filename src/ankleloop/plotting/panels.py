@@ -26,7 +26,6 @@ COLUMNS, HEIGHT = 3, 50.0  # panels side by side, and mm of a row of them
 ROW, SYMBOL = 5.5, 1.3  # mm of a row of symbols, and at least of each symbol in it
 MOST_SYMBOLS = 25  # means of a curve that have a symbol each
 DIGITS = ((1.0, 2.0, 5.0), (1.0, 3.0))  # that have a label in each decade, by the room that there is
-LEGEND: dict[str, Any] = {"handlelength": 2.0, "columnspacing": 1.8, "labelspacing": 0.35, "borderaxespad": 0.1}
 # Columns of a table of series that may be missing: ends of the interval, and what came of the trials.
 OPTIONAL = {"low": np.nan, "high": np.nan, "marked": False, "failed": False}
 
@@ -247,7 +246,7 @@ def add_legend(figure: DataFigure) -> None:
     for rows in range(1, len(names) + 1):
         columns = -(-len(names) // rows)
         handles = [lines[name] for name in names]
-        legend = figure.legend(handles, names, loc="outside lower center", ncols=columns, **LEGEND)
+        legend = figure.legend(handles, names, loc="outside lower center", ncols=columns)
         extent = legend.get_window_extent(renderer)
         if extent.width <= figure.bbox.width or columns == 1:
             figure.set_figheight(figure.get_figheight() + extent.height / figure.dpi)

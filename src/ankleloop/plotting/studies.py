@@ -1,4 +1,4 @@
-"""Charts of many trials: curves of means, means row by row, traces over time, intervals, singular values."""
+"""Charts of many trials: curves of means, means row by row, traces over time, singular values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from ankleloop.plotting.style import ONE_COLUMN, REFERENCE_LINE, TRUE, TWO_COLUM
 from ankleloop.signals.vaf import confidence_margin
 
 UPPER_SHARE = 0.45  # of the ordinate, for what lies above a break
-MISSED = MethodStyle("#D55E00", "s", filled=False)  # intervals that do not hold the truth
 RATIO = "rms error over the bound [1]"
 
 
@@ -111,17 +110,6 @@ def traces_figure(
             parts.append(pd.DataFrame({"panel": f"{name} {condition}", "series": "estimate", **columns}))
     styles = {"estimate": replace(style, more={"lw": 0.9})}
     return finish(draw_panels(pd.concat(parts), panels, styles, columns=len(traces), height=34.0, sharex=True)[0])
-
-
-def interval_figure(table: pd.DataFrame, panels: Mapping[str, tuple[str, float]], style: MethodStyle) -> DataFigure:
-    """Estimates with their intervals, side by side, and the truth; intervals that miss it have another colour."""
-    truth = table["panel"].map({name: value for name, (_, value) in panels.items()})
-    holds = (table["low"] <= truth) & (truth <= table["high"])
-    words = {True: "95 % interval that holds the truth", False: "95 % interval that misses it"}
-    rows = table.assign(x=table.groupby("panel").cumcount() + 1, series=holds.map(words))
-    shown = {name: Panel(label, "", value, None, "trial [1]", joined=False) for name, (label, value) in panels.items()}
-    styles = {words[True]: style, words[False]: MISSED}
-    return finish(draw_panels(rows, shown, styles, columns=1, height=29.0, sharex=True)[0])
 
 
 def order_figure(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import BytesIO
@@ -36,11 +37,6 @@ STYLE: Any = {
     "axes.linewidth": 0.6,
     "lines.linewidth": 1.1,
     "lines.markersize": 3.4,
-    "lines.markeredgewidth": 0.8,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -114,9 +110,6 @@ VARIANTS: tuple[tuple[float, bool, Dashes], ...] = (
     (0.0, False, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5)),
 )
 MOST_VARIANTS = 3  # of a single method that are drawn in its colour
-# Variants that several studies have are drawn alike in all of them: the second of a method, and the third.
-SECOND = {"parallel-cascade-one-pass", "pr-moesp-instruments", "riv-delay", "riv-tv-least-squares"}
-THIRD = {"parallel-cascade-two-passes", "pr-moesp-free-b", "riv-chebyshev", "riv-tv-segments"}
 # From dark to light: values of a parameter, subjects.
 ORDINAL_COLOURS = ("#1B1044", "#3B4A8C", "#2A788E", "#1F9E77", "#62B244", "#DDBE00")
 ORDINAL_MARKERS = "os^Dv<>pX"
@@ -133,15 +126,11 @@ def method_styles(algorithms: Mapping[str, str]) -> dict[str, MethodStyle]:
         return ordinal_styles(algorithms)
     spare = [name for name in dict.fromkeys(algorithms.values()) if name not in METHOD_STYLES]
     base = {**METHOD_STYLES, **{name: SPARE_STYLES[n % len(SPARE_STYLES)] for n, name in enumerate(spare)}}
-    named = dict.fromkeys(algorithms.values(), 0) | dict.fromkeys(SECOND, 1) | dict.fromkeys(THIRD, 2)
-    used = {(method, named[key]) for key, method in algorithms.items() if key in named}
-    styles = {}
+    styles: dict[str, MethodStyle] = {}
+    used: Counter[str] = Counter()
     for key, method in algorithms.items():
-        number = named.get(key)
-        if number is None:
-            number = next(n for n in range(len(algorithms) + len(VARIANTS)) if (method, n) not in used)
-            used.add((method, number))
-        change, filled, dashes = VARIANTS[number % len(VARIANTS)]
+        change, filled, dashes = VARIANTS[used[method] % len(VARIANTS)]
+        used[method] += 1
         colour = _lighten(base[method].colour, change)
         styles[key] = replace(base[method], colour=colour, filled=filled, dashes=dashes)
     return styles
@@ -198,8 +187,6 @@ def save_figure(
     stem, data = Path(stem), getattr(figure, "data", None)
     if suffixes is None:
         suffixes = (".png", ".pdf") if data is None else (".png", ".pdf", ".csv")
-    if ".csv" in suffixes and data is None:
-        raise ValueError(f"{stem.name}: this figure has no table of its numbers: leave .csv out of suffixes.")
     for suffix in suffixes:
         with atomic_file(stem.with_name(stem.name + suffix), overwrite=overwrite) as partial:
             if suffix == ".csv" and data is not None:

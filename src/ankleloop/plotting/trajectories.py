@@ -83,9 +83,8 @@ def _mark_blanks(axis: Axes, place: np.ndarray, blank: np.ndarray) -> None:
     """A grey field where a parameter is not identified."""
     if blank.any():
         half = 0.5 * (place[1] - place[0])
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], blank, [False]]).astype(int)))
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            axis.axvspan(place[start] - half, place[stop - 1] + half, color=BLANK, lw=0, zorder=0)
+        for centre in place[blank]:
+            axis.axvspan(centre - half, centre + half, color=BLANK, lw=0, zorder=0)
         axis.plot([], [], color=BLANK, lw=5.0, label="not identified")
 
 

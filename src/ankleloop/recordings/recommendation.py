@@ -110,7 +110,8 @@ def _choose_by_vaf(unseen: Mapping[str, list[TorqueResidual]], comparable: pd.Da
     ends = [f"{gain.low:+.2g} … {gain.high:+.2g} points" if gain else "it is too short" for gain in unclear.values()]
     shown = ", ".join(f"{label} ({text})" for label, text in zip(unclear, ends, strict=True))
     return row, (
-        "of the methods that the data do not tell apart it comes first (riv, the MOESP family, the parallel cascade). "
+        "of the methods that the data do not tell apart it comes first in the order of "
+        "preference (riv, the MOESP family, the parallel cascade). "
         f"It explains {score}; the others there, with the 95 % interval of their difference from it: {shown}"
     )
 

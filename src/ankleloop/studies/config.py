@@ -26,7 +26,7 @@ from pydantic import (
 from ankleloop.methods.registry import METHODS
 from ankleloop.methods.selection import check_selection
 from ankleloop.options import Options, option, suggest_name
-from ankleloop.paper.sweep_quantities import SWEEP_QUANTITIES
+from ankleloop.paper.trial_tables import SWEEP_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import check_cases
 from ankleloop.studies.points import SETTINGS, Design, PointTable, ValueRange
@@ -42,7 +42,7 @@ NOTEBOOKS = {
     "comparison": ("stiffness", "vaf"),
     "traces": ("traces",),
     "sensitivity": ("map",),
-    "efficiency": ("efficiency", "intervals"),
+    "efficiency": ("efficiency",),
     "choosing": ("choosing",),
     "obstacles": ("obstacles",),
     "time-varying": ("errors", "trajectories"),

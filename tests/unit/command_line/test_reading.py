@@ -6,7 +6,6 @@ import pytest
 import scipy.io
 
 from ankleloop.command_line.reading import map_file, name_recording
-from ankleloop.trials.channels import Channel, find_variable
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import list_variables
 from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
@@ -115,12 +114,6 @@ def test_variables_of_structs_and_repeated_columns(tmp_path):
     assert map_file(tmp_path / "a.mat").torque == "data.tq"
     path = write_columns(tmp_path / "a.csv", "angle", "torque", "torque")
     assert [(v.name, v.shape) for v in list_variables(path)] == [("angle", (300,)), ("torque", ())]
-
-
-def test_a_number_is_no_signal():
-    assert (
-        find_variable("torque", [Channel("torque", "", (1, 1)), Channel("moment", "", (5, 1))], source="a") == "moment"
-    )
 
 
 @pytest.mark.parametrize(

@@ -92,10 +92,3 @@ def test_a_change_of_a_slider_of_the_notebook_is_shown(controls, monkeypatch):
         (20.0, None),
         (20.0, "rectifier"),
     ]
-
-
-def test_a_trial_is_simulated_again_only_when_its_settings_change(show, monkeypatch):
-    show(voluntary=0.3)
-    monkeypatch.setattr(explorer, "simulate", lambda **settings: pytest.fail("simulated again"))
-    (_, table), _ = show(A__method="eiv-moesp")
-    assert "A: eiv-moesp" in table

@@ -10,13 +10,12 @@ from pathlib import Path
 import bokeh
 import pandas as pd
 import pytest
-from jinja2 import UndefinedError
 
 import ankleloop
 from ankleloop import DataError
 from ankleloop.pages import rendering
 from ankleloop.pages.recordings import EmbeddedFigure, embed_recording_figures, render_recording_page
-from ankleloop.pages.rendering import render_table, render_template
+from ankleloop.pages.rendering import render_table
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.files import refuse_recording
@@ -94,11 +93,6 @@ def recording():
 def placeholder_figures():
     names = ("spectra", "torques", "models", "residuals")
     return dict.fromkeys(names, EmbeddedFigure("data:image/png;base64,", 400))
-
-
-def test_templates_refuse_missing_values():
-    with pytest.raises(UndefinedError, match="items"):
-        render_template("paragraphs.html.j2")
 
 
 def test_links_are_of_the_first_column_only():

@@ -5,7 +5,7 @@ import pytest
 from synthetic_results import PUBLISHED, build_ledger
 
 from ankleloop.paper.judgement import CONDITIONAL, NOT_REPRODUCED
-from ankleloop.paper.ledger import VERDICTS, conclude, count_held, read_conclusions, summarise, tabulate_table1
+from ankleloop.paper.ledger import conclude, read_conclusions, summarise, tabulate_table1
 
 CONCLUSIONS = read_conclusions(PUBLISHED.parent / "conclusions.yaml")
 
@@ -13,13 +13,6 @@ CONCLUSIONS = read_conclusions(PUBLISHED.parent / "conclusions.yaml")
 @pytest.fixture(scope="module")
 def ledger():
     return build_ledger(spread=0.01).reset_index()
-
-
-def test_every_conclusion_names_a_claim_and_a_verdict(ledger):
-    assert set(CONCLUSIONS) <= set(ledger["id"])
-    for conclusion in CONCLUSIONS.values():
-        assert conclusion["verdict"] in VERDICTS
-        assert set(conclusion) <= {"verdict", "sentence", "paragraph"}
 
 
 def test_a_paragraph_stands_for_its_verdict_alone(ledger):
@@ -48,10 +41,3 @@ def test_table_1_stands_as_the_paper_prints_it(ledger):
     assert set(verdicts) == set(cells.iloc[:, 1:].to_numpy().ravel())
     nothing = pd.DataFrame(ledger).assign(ours=float("nan"))
     assert tabulate_table1(nothing)[0]["net [% VAF]"].iloc[0] == "92 → –"
-
-
-def test_what_holds_is_counted_among_what_can_be_decided(ledger):
-    verdicts = ledger.loc[ledger["source"] == "paper", "verdict"]
-    held = verdicts.str.startswith("reproduced").sum()
-    decided = held + (verdicts == NOT_REPRODUCED).sum()
-    assert count_held(ledger).startswith(f"{held} of the {decided} numbers and claims")

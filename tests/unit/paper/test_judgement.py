@@ -56,13 +56,6 @@ def test_verdict_of_one_comparison(comparison, verdict):
     assert judgement.decisive is comparison
 
 
-@pytest.mark.parametrize("value", [0.0, 60.0, 1e6])
-def test_one_trial_is_never_judged(value):
-    comparison = Comparison("", Mean.of([value]), (-2.0, 2.0))
-    assert judge([comparison]).verdict == OPEN
-    assert "two trials" in judge([comparison]).explanation
-
-
 def test_a_trial_without_result_is_never_judged():
     judgement = judge([Comparison("", Mean.of([1.0, np.nan, 1.0]), (-2.0, 2.0))])
     assert judgement.verdict == OPEN

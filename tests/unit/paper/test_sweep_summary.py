@@ -60,15 +60,6 @@ def test_summary_equals_numpy_on_each_group(trials):
         assert row.warnings == int(part["warned"].sum()) == 1
 
 
-def test_empty_values_are_a_group_of_their_own():
-    table = make_trials(grid(snr_db=[10.0, np.nan], closed_loop=[True, False]))
-    trials = measure_trials(table, ["snr_db", "closed_loop"], ["K"], SETTINGS)
-    summary = summarise_sweep(trials, ["snr_db", "closed_loop", "method"], ["K"])
-    assert len(summary) == 8
-    assert summary["snr_db"].isna().sum() == 4
-    assert (summary["trials"] == 3).all()
-
-
 def test_differences_are_those_of_the_same_trial(trials):
     pairs = pair_methods(trials.sample(frac=1.0, random_state=0), "riv", "moesp", ["K_error"])
     by_trial = trials.pivot(index=["point", "trial"], columns="method", values="K_error")

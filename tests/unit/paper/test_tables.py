@@ -77,16 +77,6 @@ def test_a_table_beside_the_paper_says_how_many_trials_failed(partly_failed):
     assert shown["ours [%]"].iloc[0].startswith("91.5 ± ")
 
 
-def test_errors_beside_the_bound_say_how_many_trials_failed(partly_failed):
-    places = [(point, method) for point in ("p", "q") for method in ("a", "b")]
-    truths, bounds = {point: {"K": 151.0} for point in ("p", "q")}, {place: {"K": 1.0} for place in places}
-    table = compare_with_bound(partly_failed[0], truths, bounds)
-    counts = table.set_index(["point", "method"])[["n", "trials", "failures", "warnings"]]
-    assert counts.values.tolist() == [[4, 4, 0, 1], [3, 4, 1, 1], [4, 4, 0, 1], [0, 4, 4, 0]]
-    assert table["bias"].tolist()[:3] == [0.5, 0.0, 0.5]
-    assert table[["mean", "sd", "rmse", "ratio", "covered"]].iloc[3].isna().all()
-
-
 def test_numbers_become_text():
     assert format_pairs([1.25, -3.0], [0.5, 1.0], "{:+.1f} ± {:.1f}") == ["+1.2 ± 0.5", "-3.0 ± 1.0"]
     assert format_pairs([150.0, np.nan], [np.nan, np.nan]) == ["150.0 ± –", "–"]

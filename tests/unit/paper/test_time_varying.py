@@ -17,7 +17,6 @@ from ankleloop.paper.time_varying import (
     average_study,
     average_trajectories,
     compare_with_bound,
-    count_coverage,
     measure_trajectories,
     profile_trajectories,
     title_setting,
@@ -122,22 +121,3 @@ def test_efficiency_of_estimates_that_scatter_as_the_bound_says():
     assert compare_with_bound(details.assign(point="p", method="m"), {"p": POINT}, "other").empty
     square = {"p": POINT | {"variation_shape": "square"}}
     assert compare_with_bound(details.assign(point="p", method="m"), square, "m").empty
-
-
-def test_bands_are_counted_by_the_interval_of_their_share():
-    table = pd.DataFrame(
-        {
-            "point": list("abcde"),
-            "method": "m",
-            "parameter": "K",
-            "covered": [80.0, 94.0, 99.0, 91.0, np.nan],
-            "covered_margin": [5.0, 1.0, 1.0, 4.0, np.nan],
-        }
-    )
-    (row,) = count_coverage(table, {name: name.upper() for name in "abcde"}).to_dict("records")
-    assert {name: row[name] for name in ("settings", "less", "more", "open")} == {
-        "settings": 4, "less": 1, "more": 1, "open": 1
-    }  # fmt: skip
-    assert row["smallest"] == "80 ± 5 (A)"
-    single = count_coverage(table.iloc[:1].assign(covered_margin=np.nan), {"a": "A"}).iloc[0]
-    assert (single["open"], single["smallest"]) == (1, "80 (A)")

@@ -76,7 +76,6 @@ def test_the_notebook_shows_every_study(run_notebook, name):
     assert ("rise time [ms]" in shown) == (name == "square-wave")
     assert table["rise"].notna().any() == (name == "square-wave")
     assert shown.startswith("# ")
-    assert "## What the bands hold" in shown
     assert ("our joint has a reflex" in shown) == (name == "open-loop-cycles")
     assert ("## How small errors can be" in shown) == (name != "square-wave")
     if name != "square-wave":

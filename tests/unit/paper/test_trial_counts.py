@@ -10,7 +10,6 @@ from ankleloop.paper.results import (
     count_trials,
     describe_failures,
     describe_faults,
-    list_outcomes,
     summarise_scores,
 )
 
@@ -48,12 +47,6 @@ def test_counts_of_each_method_at_each_point(parameters):
 def test_a_trial_of_several_methods_is_one_trial(parameters):
     assert count_outcomes(parameters, ["gain"]).values.tolist() == [[2.0, 3, 1, 2, 1], [5.0, 3, 0, 0, 0]]
     assert count_outcomes(parameters, ["method"]).values.tolist() == [["riv", 6, 1, 1, 1], ["pr", 6, 0, 1, 0]]
-
-
-def test_a_failure_counts_as_no_warning(parameters):
-    parameters.loc[0, "warnings"] = "a warning before the failure"
-    assert count_outcomes(parameters, ["point", "method"]).iloc[0].tolist() == ["p", "riv", 3, 1, 1, 1]
-    assert list_outcomes(parameters).tolist()[:4] == ["failure", "warning", "estimate", "warning"]
 
 
 def test_means_of_scores_keep_their_order_and_say_what_they_leave_out(parameters):

@@ -13,7 +13,7 @@ from matplotlib.text import Text
 from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
 from ankleloop.plotting.panels import Panel, estimates_figure
 from ankleloop.plotting.recordings import recordings_figure, residual_figure, spectra_figure
-from ankleloop.plotting.studies import curves_figure, interval_figure, order_figure, ratio_figure, traces_figure
+from ankleloop.plotting.studies import curves_figure, order_figure, ratio_figure, traces_figure
 from ankleloop.plotting.style import METHOD_STYLES, ONE_COLUMN, STYLE, TWO_COLUMNS, ordinal_styles
 from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
 from ankleloop.plotting.trajectories import mean_trajectories_figure, trajectories_figure
@@ -81,7 +81,6 @@ FIGURES = {
     ),
     "estimates": lambda: estimates_figure(rows_of(value=1.0, margin=0.1), {"p": Panel("K [N·m/rad]")}),
     "ratios": lambda: ratio_figure(rows_of(ratio=2.0), limit=1.5),
-    "intervals": lambda: interval_figure(rows_of(value=1.0, low=0.0, high=2.0), TRUTHS, RIV),
     "traces": lambda: traces_figure({"open loop": {"time": LINE, "p": LINE}}, TRUTHS, 0.0, RIV),
     "orders": lambda: order_figure({name: [LINE[::-1]] for name in METHODS}, order=2, styles=ordinal_styles(METHODS)),
     "spectra": lambda: spectra_figure(dict.fromkeys(("frequency", "position", "torque", "coherence"), LINE)),

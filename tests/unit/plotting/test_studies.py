@@ -5,7 +5,7 @@ from matplotlib.markers import CARETRIGHTBASE
 from scipy import stats
 
 from ankleloop.plotting.panels import Panel, estimates_figure
-from ankleloop.plotting.studies import curves_figure, interval_figure, ratio_figure, traces_figure
+from ankleloop.plotting.studies import curves_figure, traces_figure
 from ankleloop.plotting.style import METHOD_STYLES
 
 
@@ -86,38 +86,6 @@ def test_traces_have_units_and_true_values():
     assert {axis.get_xlabel() for axis in figure.axes} == {"time [s]"}
     assert figure.axes[0].get_lines()[1].get_ydata()[0] == 150.0
     assert legend(figure) == ["estimate", "true value"]
-
-
-def test_ratios_beyond_the_largest_are_arrow_heads_at_it():
-    table = pd.DataFrame(
-        {
-            "panel": ["soft"] * 4,
-            "row": ["K", "K", "G", "G"],
-            "series": ["riv", "PR-MOESP", "riv", "PR-MOESP"],
-            "ratio": [1.1, 400.0, 1.3, 3.0],
-        }
-    )
-    figure = ratio_figure(table, limit=1.5, largest=20.0)
-    axis = figure.axes[0]
-    assert legend(figure) == ["riv", "PR-MOESP", "the bound", "1.5 times the bound"]
-    assert [label.get_text() for label in axis.get_yticklabels()] == ["K", "G"]
-    markers = [line for line in axis.get_lines() if line.get_marker() not in (None, "None", "")]
-    inside, beyond = markers[1], markers[2]
-    np.testing.assert_allclose(inside.get_xdata(), [np.nan, 3.0])
-    np.testing.assert_allclose(beyond.get_xdata(), [20.0])
-    assert beyond.get_marker() == CARETRIGHTBASE
-    assert figure.data["value"].tolist() == [1.1, 400.0, 1.3, 3.0]
-    assert "bound" in axis.get_xlabel()
-
-
-def test_intervals_that_miss_the_truth_have_another_colour():
-    table = pd.DataFrame({"panel": "K", "value": [150.0, 160.0], "low": [145.0, 155.0], "high": [155.0, 165.0]})
-    figure = interval_figure(table, {"K": ("K [N·m/rad]", 150.0)}, METHOD_STYLES["riv"])
-    assert legend(figure) == ["95 % interval that holds the truth", "95 % interval that misses it", "true value"]
-    hits, misses = figure.axes[0].get_lines()[:2]
-    assert hits.get_xydata().tolist() == [[1.0, 150.0]]
-    assert misses.get_xydata().tolist() == [[2.0, 160.0]]
-    assert (hits.get_color(), hits.get_marker()) != (misses.get_color(), misses.get_marker())
 
 
 def test_estimates_have_a_row_for_each_condition_and_arrow_heads_beyond_the_limits():

@@ -23,14 +23,6 @@ def test_panels_of_one_quantity_share_it_and_label_it_once_in_a_row():
     assert [axis.get_ylabel() for axis in axes] == ["VAF [%]", "", "K [N·m/rad]"]
 
 
-def test_labels_of_shared_axes_stand_at_the_outer_panels():
-    figure, axes = panel_grid(5, 3, 40.0, sharex=True)
-    for axis in axes:
-        axis.set_xlabel("gain [1]")
-    finish(figure)
-    assert [axis.get_xlabel() for axis in axes] == ["", "", "gain [1]", "gain [1]", "gain [1]"]
-
-
 def test_legend_has_each_label_once_and_marks_at_its_end():
     figure, axes = panel_grid(2, 2, 40.0)
     for axis in axes:
@@ -58,8 +50,6 @@ def test_the_numbers_of_a_figure_are_written_beside_it(tmp_path):
     save_figure(figure, tmp_path / "torque")
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".pdf", ".png"]
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "torque.csv"), figure.data, check_exact=True)
-    with pytest.raises(ValueError, match="no table of its numbers"):
-        save_figure(Figure(), tmp_path / "diagram", suffixes=[".csv"])
 
 
 def test_notebooks_show_figures_without_a_command():

@@ -6,7 +6,7 @@ import pytest
 
 import ankleloop
 from ankleloop.joint.prepared import prepare
-from ankleloop.plotting.style import TWO_COLUMNS, save_figure
+from ankleloop.plotting.style import save_figure
 from ankleloop.plotting.torques import centre_torques, torque_figure
 
 
@@ -56,15 +56,6 @@ def test_the_table_has_what_is_drawn(identified, tmp_path):
                 drawn = rows.loc[rows["series"] == line.get_label(), ["x", "value"]]
                 np.testing.assert_array_equal(line.get_xydata(), drawn)
     assert table["x"].between(3.0, 7.0).all()
-
-
-def test_methods_beyond_the_width_of_a_figure_are_drawn_below(identified):
-    trial, estimates = identified
-    many = {f"{label} {number}": estimate for number in range(2) for label, estimate in estimates.items()}
-    figure = torque_figure(trial, many)
-    visible = [axis for axis in figure.axes if axis.get_visible()]
-    assert len(visible) == 3 * len(many)
-    assert figure.get_figwidth() == pytest.approx(TWO_COLUMNS / 25.4)
 
 
 def test_torques_have_no_mean_and_are_those_of_the_trial(identified):

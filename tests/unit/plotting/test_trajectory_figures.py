@@ -35,9 +35,9 @@ def test_what_is_not_identified_is_blank_and_grey():
     figure = trajectories_figure({"riv-tv": make_estimate(blank=slice(20, 41))})
     upper, lower = figure.axes[0], figure.axes[3]
     for axis in (upper, lower):
-        (field,) = grey_fields(axis)
-        assert field.get_x() == pytest.approx(0.195)
-        assert field.get_x() + field.get_width() == pytest.approx(0.405)
+        fields = grey_fields(axis)
+        assert fields[0].get_x() == pytest.approx(0.195)
+        assert fields[-1].get_x() + fields[-1].get_width() == pytest.approx(0.405)
     line = next(line for line in upper.get_lines() if line.get_label() == "riv-tv")
     assert np.isnan(line.get_ydata()[20:41]).all()
     assert np.isfinite(line.get_ydata()[:20]).all()
@@ -54,15 +54,6 @@ def test_the_table_has_trajectories_bands_excitation_and_truth():
     np.testing.assert_allclose(data.query("quantity == 'G' and series == 'true value'")["value"], truths["G"])
     excitation = data[data["quantity"] == "excitation"]
     np.testing.assert_allclose(excitation["value"][:10], 0.001)
-
-
-def test_an_estimate_without_trajectories_is_a_line():
-    constant = SimpleNamespace(
-        method="riv", trajectories=None, diagnostics={}, stiffness={"K": 90.0, "B": 1.0}, reflex={"G": 9.0}
-    )
-    figure = trajectories_figure({"riv-tv": make_estimate(), "riv": constant})
-    line = next(line for line in figure.axes[0].get_lines() if line.get_label() == "riv")
-    assert set(line.get_ydata()) == {90.0}
 
 
 def test_inertia_has_a_panel_where_it_varies():

@@ -107,12 +107,6 @@ def test_a_constant_method_says_what_the_test_says():
     assert "Its parameters are constant, and the test of changing says that they change" in recommend(result).text
 
 
-def test_without_riv_there_is_nothing_to_compare_with():
-    trial = simulate(seed=1, duration=50.0, variation="cycle", **CHANGE)
-    methods = add_course({"changing": METHODS["changing"]}, {"cycle_onsets": "phase"})
-    assert "name riv among the methods" in describe_variations(analyse(trial, methods))["changing"]
-
-
 def test_the_course_of_a_recording_goes_to_methods_that_take_one_and_set_none():
     mapping = {"schedule": "ankle_angle", "cycle_onsets": None}
     methods = METHODS | {"own": {"method": "riv-tv", "options": {"cycle_onsets": "phase"}}}
@@ -133,15 +127,6 @@ def test_files_are_analysed_over_their_scheduling_variable(tmp_path):
     assert "level" in trials[0]
     assert list(result.estimates["changing"].trajectories.sizes) == ["schedule"]
     assert describe_variations(result)["changing"].startswith("K, B or G change with the scheduling variable")
-
-
-def test_a_variable_that_is_missing_is_a_reason_for_its_method_alone(tmp_path):
-    save_trial(simulate(seed=1, duration=30.0), tmp_path / "a.nc")
-    mapping = Recording(file="a.nc", reference="reference", cycle_onsets="phase").model_dump()
-    _, result = analyse_files([tmp_path / "a.nc"], [mapping], METHODS)
-    table = result.table.set_index("label")
-    assert table["valid"].tolist() == [False, True]
-    assert "no variable 'phase'" in table.loc["changing", "warnings"]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import scipy.io
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import check_unit, find_unit_in_name, time_factor
+from ankleloop.trials.channels import check_unit, time_factor
 from ankleloop.trials.containers import decode
 from ankleloop.trials.readers import read_trial
 
@@ -66,10 +66,6 @@ def test_packed_positions_of_every_format(tmp_path, engine):
 def test_a_unit_in_the_name_counts(name, unit):
     with pytest.raises(DataError, match="according to the file, but position_unit is"):
         check_unit("position", name, "", unit, source="a")
-
-
-def test_names_without_units():
-    assert [find_unit_in_name(name, ("s", "ms", "deg")) for name in ("torques", "ms", "arms", "a_s_b")] == [""] * 4
 
 
 @pytest.mark.parametrize(

@@ -271,13 +271,6 @@ def test_a_folder_that_is_read_only(trial):
     assert "x.nc: the file cannot be written (Permission denied): check its name, and that you may write" in run.stderr
 
 
-def test_an_error_of_another_file_stays_what_it_is(tmp_path):
-    with pytest.raises(FileNotFoundError, match="elsewhere"), atomic_file(tmp_path / "x.txt") as partial:  # noqa: PT012
-        partial.write_text("new")
-        (tmp_path / "elsewhere").read_text()
-    assert os.listdir(tmp_path) == []
-
-
 # --- Processes that are killed, and several writers
 
 WRITER = """
@@ -318,19 +311,6 @@ def test_partial_files_of_unusual_names(tmp_path, name):
     write_text(tmp_path / name)
     assert os.listdir(tmp_path) == [name]
     assert len(os.fsencode(_partial_path(tmp_path / name).name)) <= 255
-
-
-def test_of_two_writers_the_second_is_refused_or_replaces_the_file_as_a_whole(tmp_path):
-    path = tmp_path / "x.txt"
-    with pytest.raises(DataError, match="the file exists already"), atomic_file(path) as partial:  # noqa: PT012
-        partial.write_text("second")
-        write_text(path)
-    assert path.read_text() == "new"
-    with atomic_file(path, overwrite=True) as partial:
-        partial.write_text("second")
-        write_text(path, overwrite=True)
-    assert path.read_text() == "second"
-    assert os.listdir(tmp_path) == ["x.txt"]
 
 
 def test_many_writers_at_once(tmp_path):

@@ -42,14 +42,6 @@ def test_soft_links_are_followed(path, name, links):
     np.testing.assert_array_equal(read_trial(path, position=name).position, P)
 
 
-def test_hard_links_that_form_a_loop(path):
-    with h5py.File(path, "a") as file:
-        file["data/data"] = file["data"]
-    np.testing.assert_array_equal(read_trial(path, position="data/data/data/angle").position, P)
-    with pytest.raises(DataError, match=r"there is no variable 'angle'; the file has: data/angle, torque\. Name one"):
-        read_trial(path, position="angle")
-
-
 def test_a_link_to_another_file(path):
     with h5py.File(path.with_name("b.h5"), "w") as file:
         file["angle"] = P

@@ -177,17 +177,6 @@ def test_pieces_in_any_order(tmp_path, monkeypatch):
         piece["torque"][:] = 0.0  # a piece is a copy
 
 
-def test_pieces_have_further_variables_as_the_file_has_them(tmp_path):
-    write(tmp_path / "rec.h5", {"emg": R + 1.0})
-    record = LongRecord(tmp_path / "rec.h5", position_sign=-1, variables={"activity": "emg"})
-    piece = record.read(10, 20)
-    np.testing.assert_array_equal(piece["activity"], R[10:20] + 1.0)
-    np.testing.assert_array_equal(piece["position"], -P[10:20])
-    assert list(record.read(0, 5, ["activity"]).data_vars) == ["activity"]
-    with pytest.raises(ValueError, match="has no channel 'emg'; it has position, torque, reference, activity"):
-        record.read(0, 5, ["emg"])
-
-
 _values = st.sampled_from([0.0, 0.01, -0.01, 0.5, np.nan, np.inf, 1e308, -1e308])
 
 

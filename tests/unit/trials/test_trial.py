@@ -76,11 +76,6 @@ def test_masked_samples_count_as_missing():
         new_trial(np.ma.masked_array(POSITION, np.arange(500) == 40), TORQUE, RATE)
 
 
-def test_variable_time_is_refused():
-    with pytest.raises(DataError, match="time is made from sampling_rate: do not pass it"):
-        new_trial(POSITION, TORQUE, RATE, time=T)
-
-
 # --- segment
 
 
@@ -131,12 +126,6 @@ def test_packed_encoding_does_not_change_samples(trial, tmp_path):
     trial.torque.encoding = {"dtype": "int16", "scale_factor": 0.01, "_FillValue": -1}
     save_trial(trial, tmp_path / "trial.nc")
     assert load_trial(tmp_path / "trial.nc").identical(trial)
-
-
-def test_file_does_not_contain_its_path(trial, tmp_path):
-    save_trial(trial, str(tmp_path / "trial.nc"))
-    assert load_trial(str(tmp_path / "trial.nc")).encoding == {}
-    assert str(tmp_path).encode() not in (tmp_path / "trial.nc").read_bytes()
 
 
 def test_file_is_reproducible(trial, tmp_path):

@@ -69,19 +69,6 @@ def test_constant_signals_take_a_number_for_each_trial(tmp_path):
         assert after["torque_noise"].sizes == before["torque_noise"].sizes
 
 
-def test_quiet_and_loud_trials_share_a_file_in_single_precision(tmp_path):
-    trials = [simulate(seed=0, duration=10.0, snr_db=None), simulate(seed=1, duration=10.0)]
-    save_trials(trials, tmp_path / "trials.nc", precision="single")
-    save_trials(trials[1:], tmp_path / "loud.nc", precision="single")
-    assert (tmp_path / "trials.nc").stat().st_size < 2.1 * (tmp_path / "loud.nc").stat().st_size
-    assert not load_trial_of([tmp_path / "trials.nc"], "only", 0)["torque_noise"].any()
-
-
-def test_more_trials_than_are_read_at_a_time(tmp_path):
-    save_trials(make_trials(37), tmp_path / "trials.nc")
-    assert [trial.attrs["number"] for trial in load_trials(tmp_path / "trials.nc")] == list(range(37))
-
-
 def test_attributes_in_which_trials_differ_keep_their_values_and_types(tmp_path):
     trials = [trial.assign_attrs(gain=gain) for trial, gain in zip(make_trials(3), (2, 2.0, 3), strict=True)]
     trials[2].attrs.pop("subject")
