@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import signal
 import sys
 import traceback
 import warnings
@@ -38,10 +39,7 @@ Exit status:
 """
 
 
-@click.group(
-    epilog=EPILOG,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
-)
+@click.group(epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(ankleloop.__version__, "--version", message="ankleloop %(version)s")
 def commands() -> None:
     """Separate the torque of a joint into its intrinsic and reflex parts.
@@ -59,6 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command."""
     # What the library logs is for the files of the workflow; here messages say it.
     logging.getLogger("ankleloop").addHandler(logging.NullHandler())
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # temporary files are removed then
     words = list(sys.argv[1:] if arguments is None else arguments)
     with warnings.catch_warnings():
         warnings.showwarning = show_warning

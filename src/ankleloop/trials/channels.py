@@ -81,11 +81,17 @@ def find_unit_in_name(name: str, units: tuple[str, ...]) -> str:
     return unit if unit in units else ""
 
 
+def normalise_unit(text: str) -> str:
+    """Unit in one of its spellings, where it is one of a channel."""
+    plain = re.sub(r"[\s·.*⋅•×_-]", "", text).lower()
+    return "N·m" if plain in TORQUE_UNITS else ANGLES.get(plain, text)
+
+
 def check_unit(role: str, name: str, stated: str, position_unit: str, *, source: str) -> None:
     """Refuse a channel whose unit, as the file states it, is another one than it is read with."""
     fault = f"{source}: {name} is in {stated!r} according to the file"
     if role.startswith("torque"):
-        if stated and re.sub(r"[\s·.*⋅•×_-]", "", stated).lower() not in TORQUE_UNITS:
+        if stated and normalise_unit(stated) != "N·m":
             raise DataError(f"{fault}: convert it to N·m.")
         return
     unit = find_position_unit(name, stated)

@@ -18,7 +18,14 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import AmbiguousNameError, Channel, check_size, find_variable, list_names
+from ankleloop.trials.channels import (
+    AmbiguousNameError,
+    Channel,
+    check_size,
+    find_variable,
+    list_names,
+    normalise_unit,
+)
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
 # Upper and lower case count: T is often the torque, not the time.
@@ -40,13 +47,10 @@ class Variable:
 
     @property
     def unit(self) -> str:
-        """Unit that the file states, numbers as text, or the empty string."""
-        for name, value in self.attributes.items():
-            if name.lower() in ("units", "unit"):
-                text = str(value) if np.asarray(value).dtype.kind in "iuf" else as_text(value)
-                if text:
-                    return text
-        return ""
+        """Unit that the file states, numbers as text; texts that differ are joined, so that they are refused."""
+        values = [value for name, value in self.attributes.items() if name.lower() in ("units", "unit")]
+        texts = [str(value) if np.asarray(value).dtype.kind in "iuf" else as_text(value) for value in values]
+        return " and ".join({normalise_unit(text): text for text in texts if text}.values())
 
 
 class Contents(ABC):

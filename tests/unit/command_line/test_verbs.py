@@ -4,6 +4,9 @@ import logging
 import os
 import re
 import runpy
+import signal
+import subprocess
+import sys
 from multiprocessing import get_context
 from pathlib import Path
 from types import SimpleNamespace
@@ -336,6 +339,26 @@ def test_a_full_disk_leaves_the_results_of_an_earlier_run(run, recording, tmp_pa
     assert "No space left on device" in result.err
     assert "mistake in ankleloop" not in result.err
     assert [(folder / name).read_text() for name in ("S1-pre.html", "S1-pre/riv.csv")] == ["earlier"] * 2
+
+
+def test_a_program_that_is_ended_leaves_no_temporary_folder(recording, tmp_path):
+    program = """
+import sys, time
+import ankleloop.recordings.files as files
+from ankleloop.command_line.main import main
+def wait(*_):
+    print("ready", file=sys.stderr, flush=True)
+    time.sleep(300)
+files.analyse = wait
+main(["identify", sys.argv[1], "--output", sys.argv[2]])
+"""
+    command = [sys.executable, "-c", program, str(recording), str(tmp_path / "results")]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert any(line == "ready\n" for line in process.stderr)
+        assert os.listdir(tmp_path / "results")
+        process.terminate()
+        assert process.wait(60) == 128 + signal.SIGTERM
+    assert os.listdir(tmp_path / "results") == []
 
 
 # --- demo

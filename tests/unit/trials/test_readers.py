@@ -198,6 +198,7 @@ def test_stated_units_contradict_the_option(tmp_path, unit):
         ({"units": np.array([57.3])}, "[57.3]"),
         ({"units": 57}, "57"),
         ({"Unit": "radians", "units": "rad", "unit": ""}, None),
+        ({"unit": "deg", "units": "rad"}, "deg and rad"),
     ],
 )
 def test_units_in_unusual_forms_are_not_taken_for_rad(tmp_path, attributes, shown):
