@@ -22,7 +22,6 @@ EPILOG = """\b
 Examples:
   ankleloop check S1.mat
   ankleloop check S1.csv --position angle --torque moment --position-unit deg
-  ankleloop check S1.h5 --position /run1/position --torque /run1/torque --start 5 --stop 65
 """
 
 

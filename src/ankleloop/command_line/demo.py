@@ -16,7 +16,6 @@ PARAMETERS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_g
 EPILOG = """\b
 Examples:
   ankleloop demo
-  ankleloop demo --output my-demo --seed 7 --no-open
 """
 
 

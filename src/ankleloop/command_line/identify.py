@@ -19,7 +19,6 @@ Examples:
   ankleloop identify *.mat --torque-sign -1 --output results
   ankleloop identify S1.csv --position angle --torque moment --position-unit deg --delay estimate
   ankleloop identify S1.h5 --method riv --method pi-moesp --option riv.order=3
-  ankleloop identify S1.mat --variables phase=gait_phase --cycle-onsets phase
 
 \b
 Results, in the folder of --output:

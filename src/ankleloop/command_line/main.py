@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import signal
 import sys
 import traceback
@@ -57,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command."""
     # What the library logs is for the files of the workflow; here messages say it.
     logging.getLogger("ankleloop").addHandler(logging.NullHandler())
-    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # temporary files are removed then
+    signal.signal(signal.SIGTERM, _end)
     words = list(sys.argv[1:] if arguments is None else arguments)
     with warnings.catch_warnings():
         warnings.showwarning = show_warning
@@ -85,3 +86,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:
             return status if isinstance(status, int) else DONE
     return MISTAKE
+
+
+def _end(number: int, _: Any) -> None:
+    """End the program as an error does, so that its temporary files are removed."""
+    for child in multiprocessing.active_children():
+        child.kill()
+    sys.exit(128 + number)

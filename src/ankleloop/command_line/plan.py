@@ -15,7 +15,6 @@ from ankleloop.options import check_number
 HELP = "Half-width of a 95 % interval over the value: of K, B, I, G, omega_n or zeta; several times for several."
 EPILOG = """\b
 Examples:
-  ankleloop plan pilot.csv --width K=5%
   ankleloop plan pilot.mat --torque-sign -1 --width K=5% --width G=20%
 """
 

@@ -357,7 +357,7 @@ main(["identify", sys.argv[1], "--output", sys.argv[2]])
         assert any(line == "ready\n" for line in process.stderr)
         assert os.listdir(tmp_path / "results")
         process.terminate()
-        assert process.wait(60) == 128 + signal.SIGTERM
+        assert process.wait(20) == 128 + signal.SIGTERM
     assert os.listdir(tmp_path / "results") == []
 
 
