@@ -94,12 +94,12 @@ def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
         raise DataError("there are fewer than two onsets of cycles: give the start of every cycle in seconds.")
     durations = np.diff(onsets)
     if not (durations > 0).all():
-        k = int(np.argmin(durations > 0))
+        k = int(np.argmin(durations > 0)) + 1
         raise DataError(
-            f"onset {k + 2} of {onsets.size} ({onsets[k + 1]:g} s) is not after onset {k + 1} ({onsets[k]:g} s): sort "
-            "them, and leave out those that are there twice or are no times."
+            f"onset {k + 1} of {onsets.size} ({onsets[k]:g} s) is not after the one before: sort them, and leave out "
+            "those that are there twice or are no times."
         )
-    shortest, longest, cycle = int(np.argmin(durations)), int(np.argmax(durations)), float(np.median(durations))
+    cycle = float(np.median(durations))
     beyond = onsets[0] < start - 1.5 * cycle or onsets[-1] > stop + 1.5 * cycle
     missing = onsets[0] > start + 2.5 * cycle or onsets[-1] < stop - 2.5 * cycle
     if (beyond and missing) or cycle > stop - start:  # those of a whole trial cover its segments
@@ -107,12 +107,12 @@ def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
             f"the onsets go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {start:g} to {stop:g} s: give them "
             "in seconds of the record, neither milliseconds nor samples; a segment keeps the times of its trial."
         )
-    for k, fault in ((longest, "missing"), (shortest, "too many")):
-        if not cycle / UNEVEN <= durations[k] <= cycle * UNEVEN:
-            raise DataError(
-                f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the median one {cycle:.3g} "
-                f"s: is an onset {fault} there? Mend the onsets, or cut the record to cycles of one kind."
-            )
+    k = int(np.argmax(np.abs(np.log(durations / cycle))))
+    if not cycle / UNEVEN <= durations[k] <= cycle * UNEVEN:
+        raise DataError(
+            f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the median one {cycle:.3g} s: "
+            "is an onset missing there, or one too many? Mend the onsets, or cut the record to cycles of one kind."
+        )
 
 
 def _variable(trial: PreparedTrial, name: str, option: str) -> np.ndarray:
