@@ -23,6 +23,9 @@ UNEVEN = 1.8  # ratio of a cycle to the median one, or of that to a cycle: an on
 SAME_PHASE = 1e-4
 COMMON = 0.5  # share of its fast changes that a scheduling variable may have in common with the position
 FALL = -0.5  # of a phase from 0 to 1, where a cycle begins
+NO_VARIABLE = (
+    "Name one of these, or read another one with the trial: variables of read_trial, a further array of new_trial."
+)
 COORDINATES = {
     "phase": ("1", "phase of the cycle"),
     "time": ("s", "time from the first sample"),
@@ -72,7 +75,8 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
     """
     time = trial.time
     if isinstance(onsets, str):
-        phase = _variable(trial, onsets, "cycle_onsets")
+        trial.check_variable(onsets, "for cycle_onsets", NO_VARIABLE)
+        phase = trial.samples(onsets)
         if phase.min() < -1e-6 or phase.max() > 1 + 1e-6:
             raise DataError(
                 f"{onsets} goes from {phase.min():.3g} to {phase.max():.3g}, and the phase of a cycle goes from 0 to "
@@ -113,16 +117,6 @@ def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
             f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the median one {cycle:.3g} s: "
             "is an onset missing there, or one too many? Mend the onsets, or cut the record to cycles of one kind."
         )
-
-
-def _variable(trial: PreparedTrial, name: str, option: str) -> np.ndarray:
-    if name not in trial.trial:
-        variables = ", ".join(map(str, trial.trial.data_vars))
-        raise DataError(
-            f"the trial has no variable {name!r} for {option}; it has {variables}. Name one of these, or read another "
-            "one with the trial: variables of read_trial, a further array of new_trial."
-        )
-    return trial.samples(name)
 
 
 def make_course(trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] | None, schedule: str | None) -> Course:
@@ -182,7 +176,7 @@ def course_values(trial: PreparedTrial, grid: Grid, schedule: str | None) -> np.
     """Scheduling variable at the decimated samples, or, without one, their time from the first sample [s]."""
     if schedule is None:
         return trial.grid_times(grid) - float(trial.time[0])
-    _variable(trial, schedule, "schedule")
+    trial.check_variable(schedule, "for schedule", NO_VARIABLE)
     return trial.channel(schedule, grid)
 
 
@@ -199,24 +193,15 @@ def _schedule_limits(
             f"{name} does not vary between its 2nd and 98th percentile: a scheduling variable has to. Name another "
             "one, or leave out schedule for changes over time."
         )
-    for channel in ("position", "reference"):
-        if channel not in trial.trial:
-            continue
-        share = float(_fast_changes(values) @ _fast_changes(trial.channel(channel, grid))) ** 2
+    for channel in (name for name in ("position", "reference") if name in trial.trial):
+        with np.errstate(invalid="ignore"):  # a signal without such changes has no correlation
+            share = np.corrcoef(np.diff(values, 2), np.diff(trial.channel(channel, grid), 2))[0, 1] ** 2
         if share > COMMON:
             raise DataError(
                 f"{name} follows the perturbation: {100 * share:.0f} % of its fast changes are those of the {channel}. "
                 "It takes their effect out of the torque. Give its slow part, filtered below about 1 Hz."
             )
     return low, high
-
-
-def _fast_changes(x: np.ndarray) -> np.ndarray:
-    """Second differences of a signal, of unit norm; zeros for one without any."""
-    changes = np.diff(x, 2)
-    changes -= changes.mean()
-    norm = float(np.linalg.norm(changes))
-    return changes / norm if norm > 0 else changes
 
 
 def trajectory_dataset(

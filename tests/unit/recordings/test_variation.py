@@ -153,7 +153,7 @@ def test_tables_of_recordings_have_onsets_and_schedules(tmp_path):
     [
         ({}, None, ""),
         ({"cycle_onsets": "phase"}, "ok", "12 whole cycles of 1.4 s can be identified."),
-        ({"cycle_onsets": (5.0, 3.0, 2.0)}, "warning", r"onset 2 of 3 \(3 s\) is not after onset 1"),
+        ({"cycle_onsets": (5.0, 3.0, 2.0)}, "warning", r"onset 2 of 3 \(3 s\) is not after the one before"),
         ({"cycle_onsets": (5.0, 6.4, 7.8)}, "warning", "too few whole cycles"),
         ({"cycle_onsets": "gait"}, "warning", "no variable 'gait' for cycle_onsets; .* variables of read_trial"),
         ({"schedule": "emg"}, "warning", "no variable 'emg' for schedule"),
