@@ -10,9 +10,8 @@ import pytest
 from ankleloop import save_trial, simulate
 from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
 from ankleloop.recordings.analysis import analyse
-from ankleloop.recordings.files import analyse_files
-from ankleloop.recordings.recommendation import recommend
-from ankleloop.recordings.variation import add_course, check_course, describe_variations
+from ankleloop.recordings.files import add_course, analyse_files, check_course
+from ankleloop.recordings.recommendation import describe_variations, recommend
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.recording_settings import Recording, read_recordings
 
