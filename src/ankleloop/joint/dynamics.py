@@ -101,5 +101,4 @@ def fit_dynamics(
     found = least_squares(
         error, start, slopes, (np.negative(most), most), x_scale="jac", xtol=1e-12, ftol=1e-14, gtol=1e-14
     )
-    gain, *values = found.x[0], *np.exp(found.x[1:])
-    return float(gain), ReflexDynamics(*map(float, values)), float(1.0 - 2.0 * found.cost)
+    return float(found.x[0]), ReflexDynamics(*np.exp(found.x[1:]).tolist()), float(1.0 - 2.0 * found.cost)

@@ -133,14 +133,10 @@ class Estimate:
         prepared, predictor = prepare(trial), self.predictor
         if isinstance(predictor, TimeVaryingModel):
             torque, warnings = predictor.predict(prepared, cycle_onsets), predictor.check_range(prepared)
-        elif cycle_onsets is not None:
-            raise DataError(f"the model of {self.method} does not change with a cycle: leave out cycle_onsets.")
         else:
             torque, warnings = predictor.predict(prepared), predictor.inputs.check_range(prepared)
-        diagnostics = self.diagnostics
-        if warnings:
-            diagnostics = {**diagnostics, "warnings": [*diagnostics.get("warnings", ()), *warnings]}
-        prediction = replace(self, torque=torque, diagnostics=diagnostics)
+        warnings = [*self.diagnostics.get("warnings", ()), *warnings]
+        prediction = replace(self, torque=torque, diagnostics={**self.diagnostics, "warnings": warnings})
         add_measured(prediction, prepared)
         return prediction
 

@@ -249,18 +249,14 @@ class Splines:
 
     def __call__(self, place: np.ndarray) -> np.ndarray:
         """Values of the splines at places within 0 … 1, shape (N, size)."""
+        from scipy.interpolate import BSpline  # here, because its import takes time and only such joints need it
+
         intervals = self.size if self.periodic or self.degree == 0 else self.size - 3
+        knots = np.arange(-self.degree, intervals + self.degree + 1.0)
         scaled = np.clip(place, 0.0, 1.0) * intervals
-        first = np.minimum(scaled.astype(int), intervals - 1)
-        values, rows = np.zeros((place.size, self.size)), np.arange(place.size)
-        if self.degree == 0:
-            values[rows, first] = 1.0
-            return values
-        u = scaled - first
-        pieces = ((1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3)
-        for k, piece in enumerate(pieces):
-            values[rows, (first + k) % self.size] += piece / 6.0  # of four splines at least: each place has others
-        return values
+        values = BSpline.design_matrix(scaled, knots, self.degree).toarray()
+        values[:, : values.shape[1] - self.size] += values[:, self.size :]  # those beyond the end of a period
+        return values[:, : self.size]
 
     @cached_property
     def penalty(self) -> np.ndarray:

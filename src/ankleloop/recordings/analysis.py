@@ -120,9 +120,9 @@ def analyse(
     trials = [trial] if isinstance(trial, (xr.Dataset, PreparedTrial)) else list(trial)
     methods = {label: {**DEFAULTS, **specification} for label, specification in methods.items()}
     for specification in methods.values():  # wrong options are refused before anything is fitted
-        method, options = find_method(specification["method"]), specification["options"]
-        select, criterion = specification["select"], specification["criterion"]
-        check_selection(f"method {method.name!r}", method.options, options, select, criterion)
+        options, select, criterion = (specification[name] for name in DEFAULTS)
+        entry = find_method(specification["method"])
+        check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
     check = check_trial(trials, reference=reference, **largest_options(methods))
     if check.verdict == "refused":
         return refused_analysis(check)
@@ -130,23 +130,27 @@ def analyse(
     analysis, rows = Analysis(check, {}, {}, pd.DataFrame()), []
     for number, (label, specification) in enumerate(methods.items(), start=1):
         log.info("method %d of %d: %s", number, len(methods), label)
-        row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": specification["method"]}
+        method = specification["method"]
+        row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": method, "valid": True}
         rows.append(row)
-        row["valid"] = True
         try:
             estimates, unseen, scores = _fit(prepared, check, specification)
             test = _test_residual(prepared, estimates, check.instrumental, reference)
-            row |= scores | _describe_estimate(prepared[0], check, specification["method"], estimates[0], test)
+            row |= scores | _describe_estimate(prepared[0], check, method, estimates[0], test)
             analysis.records[label], analysis.residuals[label] = estimates, test
             if unseen:
                 analysis.unseen[label] = unseen
         except NUMERICAL_ERRORS as error:
-            reason = str(error)
-            if not isinstance(error, DataError):
-                log.warning("%s failed", label, exc_info=True)
-                reason = f"it failed numerically ({type(error).__name__}: {error})"
-            row |= {"valid": False, "trusted": False, "warnings": reason}
+            row |= {"valid": False, "trusted": False, "warnings": describe_failure(error)}
     return replace(analysis, table=pd.DataFrame(rows))
+
+
+def describe_failure(error: Exception) -> str:
+    """Why something could not be computed; what is no fault of the data goes to the log with its trace."""
+    if isinstance(error, DataError):
+        return str(error)
+    log.warning("failed", exc_info=error)
+    return f"it failed numerically ({type(error).__name__}: {error})."
 
 
 def refused_analysis(check: Check) -> Analysis:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,7 +19,7 @@ from ankleloop.joint.regressors import TORQUES
 from ankleloop.joint.time_varying_course import make_course
 from ankleloop.methods.registry import find_method
 from ankleloop.methods.riv_tv.riv_tv import RivTvOptions
-from ankleloop.recordings.analysis import Analysis, analyse, refused_analysis
+from ankleloop.recordings.analysis import Analysis, analyse, describe_failure, refused_analysis
 from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.trials.files import atomic_file, source_files
@@ -33,8 +32,6 @@ GROUPS = ("subject", "condition", "trial")
 
 # Options that say what parameters are functions of.
 COURSE = ("cycle_onsets", "schedule")
-
-log = logging.getLogger(__name__)
 
 
 def load_recording(path: str | os.PathLike[str], mapping: Mapping[str, Any]) -> xr.Dataset:
@@ -92,11 +89,7 @@ def analyse_files(
 
 def refuse_recording(error: Exception) -> Analysis:
     """Analysis of a recording that cannot be used."""
-    log.warning("refused", exc_info=error)
-    reason = str(error)
-    if not isinstance(error, DataError):
-        reason = f"the analysis failed numerically ({type(error).__name__}: {error})."
-    return refused_analysis(Check([Finding("file", "refused", reason)], "undecided", {}))
+    return refused_analysis(Check([Finding("file", "refused", describe_failure(error))], "undecided", {}))
 
 
 def tabulate_analysis(

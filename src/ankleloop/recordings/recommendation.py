@@ -192,11 +192,8 @@ def _compare_with_constant(analysis: Analysis, rows: Mapping[str, Mapping[str, A
     if np.isnan(score):
         return f"There is no VAF of {data}: {row['unseen_warnings'].removeprefix('there is none: ')}"
     text = f"Of the torque of {data} the trajectories explain {score:.1f} %"
-    constant = next((name for name in analysis.unseen if rows[name]["method"] == "riv"), None)
-    if constant is None:
-        return f"{text}. To compare it with a time-invariant fit, name riv among the methods."
-    text += f", the time-invariant fit ({constant}) {rows[constant]['vaf_unseen']:.1f} %"
-    gain = compare_unseen(analysis.unseen[label], analysis.unseen[constant])
-    if gain is None:
-        return f"{text}; the difference cannot be judged: the unseen part is too short."
-    return f"{text}: a difference of {gain.difference:.1f} points (95 %: {gain.low:.1f} … {gain.high:.1f})."
+    for constant in (name for name in analysis.unseen if rows[name]["method"] == "riv"):
+        text += f", the time-invariant fit ({constant}) {rows[constant]['vaf_unseen']:.1f} %"
+        if gain := compare_unseen(analysis.unseen[label], analysis.unseen[constant]):
+            text += f": a difference of {gain.difference:.1f} points (95 %: {gain.low:.1f} … {gain.high:.1f})"
+    return f"{text}."
