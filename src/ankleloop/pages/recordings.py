@@ -16,8 +16,7 @@ from ankleloop.plotting.style import method_styles, render_figure
 from ankleloop.plotting.torques import torque_figure
 from ankleloop.plotting.trajectories import trajectories_figure
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.recommendation import format_with_interval
-from ankleloop.recordings.variation import describe_variations
+from ankleloop.recordings.recommendation import describe_variations, format_with_interval
 
 if TYPE_CHECKING:
     import xarray as xr

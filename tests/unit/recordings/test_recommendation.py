@@ -4,9 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop.recordings.analysis import Analysis, refused_analysis
+from ankleloop.recordings.analysis import Analysis, TorqueResidual, refused_analysis
 from ankleloop.recordings.checks import Check, Finding
-from ankleloop.recordings.comparison import TorqueResidual
 from ankleloop.recordings.recommendation import Recommendation, format_with_interval, recommend
 
 FED_BACK = "the loop is closed, and torque that is fed back does not bias it"
