@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 import pyarrow as pa
-import xarray as xr
 
 from ankleloop.assessment.scores import parameter_row, score_rows
 from ankleloop.errors import NUMERICAL_ERRORS, describe_error, locate_errors
@@ -18,7 +17,7 @@ from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.registry import identify
 from ankleloop.paper.trial_tables import ENDS, ESTIMATED, as_table, save_table
-from ankleloop.trials.trial_files import FailedTrial, load_rows
+from ankleloop.trials.trial_files import Trials, load_rows
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +26,6 @@ TYPES = {"number": pa.float64(), "count": pa.int64(), "flag": pa.bool_(), "text"
 
 PathLike = str | os.PathLike[str]
 Points = Mapping[str, Mapping[str, Any]]
-Trials = Iterator[tuple[str, int, xr.Dataset | FailedTrial]]  # condition and number of each
 
 
 def read_trials(path: PathLike, conditions: Points) -> Trials:
@@ -59,7 +57,7 @@ def identify_trials(
     varied = {name: TYPES[kind] for name, kind in kinds.items()}
     tables, waiting = [], []
     for condition, number, trial in trials:
-        prepared = trial if isinstance(trial, FailedTrial) else PreparedTrial(trial, validated=True)
+        prepared = trial if isinstance(trial, str) else PreparedTrial(trial, validated=True)
         results: dict[tuple[str, str], tuple[Estimate | None, dict[str, Any]]] = {}  # by method and its options
         for point, part in conditions[condition]["points"].items():
             for name, method in methods.items():
@@ -89,11 +87,11 @@ def identify_trials(
 
 
 def _identify(
-    trial: PreparedTrial | FailedTrial, method: str, options: Mapping[str, Any], failures: str, against: Any
+    trial: PreparedTrial | str, method: str, options: Mapping[str, Any], failures: str, against: Any
 ) -> tuple[Estimate | None, dict[str, Any]]:
     """Estimate of a trial with its scores and parameters as a row, or without it the reason of the failure."""
-    if isinstance(trial, FailedTrial):
-        return None, {"failure": f"the trial could not be simulated: {trial.reason}"}
+    if isinstance(trial, str):
+        return None, {"failure": f"the trial could not be simulated: {trial}"}
     try:
         estimate = identify(trial, method, **options)
         scores = score_rows(trial, estimate, against=against, intervals=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import xarray as xr
@@ -12,11 +12,9 @@ from numpy.random import SeedSequence
 
 from ankleloop.errors import NUMERICAL_ERRORS, describe_error, locate_errors
 from ankleloop.simulation.simulate import simulate
-from ankleloop.trials.trial_files import FailedTrial
+from ankleloop.trials.trial_files import Trials
 
 log = logging.getLogger(__name__)
-
-Trials = Iterator[tuple[str, int, xr.Dataset | FailedTrial]]  # condition and number of each
 
 
 def trial_entropy(seed: int, study: str, point: str, number: int) -> list[int]:
@@ -40,7 +38,7 @@ def simulate_trials(
         (name, part, number) for name, part in conditions.items() for number in range(part["first"], part["stop"])
     )
     for condition, part, number in numbers:
-        trial: xr.Dataset | FailedTrial
+        trial: xr.Dataset | str
         with locate_errors(f"study {study}, point {condition}, trial {number}"):
             try:
                 trial = simulate(seed=SeedSequence(trial_entropy(seed, study, condition, number)), **part["settings"])
@@ -49,7 +47,7 @@ def simulate_trials(
             except NUMERICAL_ERRORS as error:
                 if failures == "stop":
                     raise
-                trial = FailedTrial(condition, number, describe_error(error))
-                log.warning("%s: trial %d failed: %s", condition, number, trial.reason)
+                trial = describe_error(error)
+                log.warning("%s: trial %d failed: %s", condition, number, trial)
         yield condition, number, trial
         log.info("%s: simulated trial %d", condition, number)
