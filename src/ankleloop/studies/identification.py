@@ -45,7 +45,6 @@ def identify_trials(
     settings: str = "",
     against: Literal["measured"] | None = None,
     precision: str = "double",
-    failures: Literal["stop", "count"] = "count",
 ) -> pa.Table:
     """Identify trials by every method, score the estimates, and write the rows of all trials to `files["scores"]`.
 
@@ -65,7 +64,7 @@ def identify_trials(
                 key = (name, repr(options))
                 if key not in results:
                     with locate_errors(f"study {study}, point {point}, trial {number}, method {name}"):
-                        results[key] = _identify(prepared, method["method"], options, failures, against)
+                        results[key] = _identify(prepared, method["method"], options, against)
                 estimate, row = results[key]
                 if "failure" in row:
                     log.warning("%s, trial %d, %s failed: %s", point, number, name, row["failure"])
@@ -87,7 +86,7 @@ def identify_trials(
 
 
 def _identify(
-    trial: PreparedTrial | str, method: str, options: Mapping[str, Any], failures: str, against: Any
+    trial: PreparedTrial | str, method: str, options: Mapping[str, Any], against: Any
 ) -> tuple[Estimate | None, dict[str, Any]]:
     """Estimate of a trial with its scores and parameters as a row, or without it the reason of the failure."""
     if isinstance(trial, str):
@@ -97,8 +96,6 @@ def _identify(
         scores = score_rows(trial, estimate, against=against, intervals=True)
         parameters = parameter_row(trial, estimate)
     except NUMERICAL_ERRORS as error:
-        if failures == "stop":
-            raise
         return None, {"failure": describe_error(error)}
     names = [f"vaf_{torque}_{target}{end}" for torque, target, *_ in scores for end in ("", *ENDS)]
     return estimate, dict(zip(names, (value for _, _, *row in scores for value in row), strict=True)) | parameters

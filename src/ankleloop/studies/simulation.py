@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import zlib
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any
 
 import xarray as xr
 from numpy.random import SeedSequence
@@ -27,7 +27,6 @@ def simulate_trials(
     seed: int,
     conditions: Mapping[str, Mapping[str, Any]],
     *,
-    failures: Literal["stop", "count"] = "count",
     precision: str = "double",
 ) -> Trials:
     """Simulate trials one after the other, with the samples that they would have in a trial file.
@@ -45,8 +44,6 @@ def simulate_trials(
                 if precision != "double":
                     trial = trial.astype(precision).astype(float)
             except NUMERICAL_ERRORS as error:
-                if failures == "stop":
-                    raise
                 trial = describe_error(error)
                 log.warning("%s: trial %d failed: %s", condition, number, trial)
         yield condition, number, trial
