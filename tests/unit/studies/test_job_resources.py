@@ -13,7 +13,7 @@ def make_study(**changes):
         "notebook": None,
         "trials": 40,
         "seed": 1,
-        "points_per_chunk": 1,
+        "trials_per_chunk": 1000,
         "simulation": {"duration": 20.0},
         "points": {"reflex_gain": [13.0]},
         "methods": {"pr-moesp": {"method": "pr-moesp"}, "riv": {"method": "riv"}},
