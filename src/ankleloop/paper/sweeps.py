@@ -244,8 +244,9 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
         return draw_map(sweep)
     binned = len(sweep.axes) > 1
     effects = [summarise_effects(sweep.trials, axis, sweep.quantities, binned=binned) for axis in sweep.axes]
-    rows = sweep.label_rows(_add_ends(pd.concat(effects)))
-    figure = lines_figure(rows, sweep.axes, list(sweep.panels.values()), sweep.styles)
+    table = _add_ends(pd.concat(effects))
+    table.loc[table["quantity"].isin(FAULT_SHARES), ["low", "high"]] = np.nan  # counts have no band
+    figure = lines_figure(sweep.label_rows(table), sweep.axes, list(sweep.panels.values()), sweep.styles)
     return figure, f"{_describe(sweep, sweep.axes)}; {BANDS}.{MARKS}"
 
 
