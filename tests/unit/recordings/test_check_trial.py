@@ -79,15 +79,6 @@ def test_without_a_reference_the_loop_cannot_be_decided(closed):
     assert swapped.loop == "undecided"
 
 
-@pytest.mark.parametrize(("share", "verdict"), [(0.003, "warning"), (0.05, "refused")])
-def test_clipping(closed, share, verdict):
-    top = np.quantile(closed["torque"], 1 - share)
-    check = check_trial(closed.assign(torque=closed["torque"].clip(max=top)))
-    assert find(check, "clipping of the torque").verdict == verdict
-    assert "widen the range" in find(check, "clipping of the torque").text
-    assert find(check, "clipping of the position").verdict == "ok"
-
-
 def test_drift_is_detected_and_can_be_removed(closed):
     t = closed["time"].values / 50.0
     drifting = closed.assign(torque=closed["torque"] + 30.0 * t**2 - 8.0 * t)
