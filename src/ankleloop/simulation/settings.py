@@ -50,9 +50,6 @@ class SimulationSettings(Options):
 
     # Intrinsic stiffness: TQ_I = K·P + B·Ṗ + I·P̈.
     stiffness: float = option(150.0, "intrinsic elastic stiffness K", unit="N·m/rad", ge=0, le=1e6)
-    stiffness_drift: float = option(
-        0.0, "relative change of K over the record, a straight line about `stiffness` in the middle", ge=-2, le=2
-    )
     viscosity: float = option(0.8, "intrinsic viscosity B", unit="N·m·s/rad", ge=0, le=1e5)
     inertia: float = option(0.015, "intrinsic inertia I", unit="kg·m²", ge=0, le=1e4)
 
@@ -204,8 +201,6 @@ class SimulationSettings(Options):
                 raise ValueError(f"{name}_table must hold values of at least 0, got {min(table):g}.")
             if self.variation is None and (table is not None or share > 0):
                 raise ValueError(f"{name}_table and {name}_variation need `variation`: cycle, time or schedule.")
-        if self.variation is not None and self.stiffness_drift != 0:
-            raise ValueError(f"stiffness_drift must be 0 where `variation` is set, got {self.stiffness_drift:g}.")
         return self
 
     @model_validator(mode="after")
