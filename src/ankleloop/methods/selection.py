@@ -74,9 +74,14 @@ def select_options(
     Returns
     -------
     dict
-        "criterion"; "candidates", each with its options, its `scores` [%] on the data that it was not fitted to and the
-        `warnings` of its fits, or the `error` where it could not be fitted; and the "chosen" options. A record whose
-        halves are too short, or of which no candidate can be fitted, raises a `DataError`.
+        "criterion"; "candidates", each with its options, its `scores` [%] on the data that it was not fitted to, by
+        every criterion that the record allows, and the `warnings` of its fits, or the `error` where it could not be
+        fitted; and the "chosen" options.
+
+    Raises
+    ------
+    DataError
+        If the halves of the record are too short, or no candidate can be fitted.
 
     Examples
     --------
@@ -95,15 +100,15 @@ def select_options(
             f"the instrumental criterion needs a reference, and there is no {reference!r}: use 'cross-validation'."
         )
     inputs = {"delay": NOMINAL_DELAY if delay is None else delay, "identification_rate": identification_rate}
-    halves = _halve(record, reference if criterion == "instrumental" else None, inputs)
+    halves = _halve(record, reference if has_reference else None, inputs)
     rows: list[dict[str, Any]] = []
     losses: dict[int, np.ndarray] = {}  # by the number of the candidate, of those that could be fitted
     for number, values in enumerate(itertools.product(*candidates.values())):
         options = dict(zip(candidates, values, strict=True))
         rows.append({**options, "scores": {}, "warnings": []})
         try:
-            losses[number], score, rows[-1]["warnings"] = _score(halves, partial(fit, **options), cycle_onsets)
-            rows[-1]["scores"] = {criterion: score}
+            loss, rows[-1]["scores"], rows[-1]["warnings"] = _score(halves, partial(fit, **options), cycle_onsets)
+            losses[number] = loss[criterion]
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             rows[-1]["error"] = str(error)
     best = rows[_simplest(losses, rows)]
@@ -168,9 +173,10 @@ def _project(instruments: tuple[np.ndarray, np.ndarray], time: np.ndarray, signa
 
 def _score(
     halves: Sequence[Half], fit: Callable[[PreparedTrial], Estimate], cycle_onsets: str | Sequence[float] | None
-) -> tuple[np.ndarray, float, list[str]]:
-    """Losses of a candidate in segments of time, its score [%], and warnings of its fits."""
-    losses, total = [], 0.0
+) -> tuple[dict[str, np.ndarray], dict[str, float], list[str]]:
+    """Losses of a candidate in segments of time, and scores [%], by criterion; and warnings of its fits."""
+    losses: dict[str, list[np.ndarray]] = {}
+    totals: dict[str, float] = {}
     warnings: list[str] = []
     for training, test, instruments in halves:
         estimate = fit(training)
@@ -187,15 +193,18 @@ def _score(
         if not np.isfinite(signals).all():
             raise DataError("the prediction of unseen data is not finite.")
         signals -= signals.mean(axis=1, keepdims=True)
+        explainable = {"cross-validation": signals}
         if instruments is not None:
-            signals = _project(instruments, time[scored], signals)
+            explainable["instrumental"] = _project(instruments, time[scored], signals)
         # Counted from the start of the half, so that all candidates have the same segments.
         start, stop = test.time[[0, -1]]
         segments = ((time[scored] - start) / SEGMENT).astype(int)
-        losses.append(np.bincount(segments, signals[0] ** 2, int((stop - start) / SEGMENT) + 1))
-        total += signals[1] @ signals[1]
-    loss = np.concatenate(losses)
-    return loss, float(100.0 * (1.0 - loss.sum() / total)), list(dict.fromkeys(warnings))
+        for name, (residual, target) in explainable.items():
+            losses.setdefault(name, []).append(np.bincount(segments, residual**2, int((stop - start) / SEGMENT) + 1))
+            totals[name] = totals.get(name, 0.0) + target @ target
+    joined = {name: np.concatenate(parts) for name, parts in losses.items()}
+    scores = {name: float(100.0 * (1.0 - loss.sum() / totals[name])) for name, loss in joined.items()}
+    return joined, scores, list(dict.fromkeys(warnings))
 
 
 def _simplest(losses: Mapping[int, np.ndarray], rows: Sequence[Mapping[str, Any]]) -> int:
