@@ -123,7 +123,8 @@ def _alternate(
 ) -> tuple[list[np.ndarray], list[float], bool]:
     """Impulse responses by alternating least squares; the history holds the net VAF after each pass."""
     directions = [linalg.orth(part, SIGNIFICANT) for part in lagged]
-    torques, history, converged = [np.zeros_like(target)] * 2, [], False
+    torques, converged = [np.zeros_like(target)] * 2, False
+    history: list[float] = []
     while len(history) < (options.max_passes or PASS_CEILING) and not converged:
         for path, other in ((0, 1), (1, 0)):
             torques[path] = directions[path] @ (directions[path].T @ (target - torques[other]))
