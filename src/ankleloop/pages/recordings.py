@@ -20,7 +20,6 @@ from ankleloop.recordings.recommendation import describe_variations, format_with
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
 
     from ankleloop.joint.estimate import Estimate
     from ankleloop.recordings.analysis import Analysis
@@ -46,13 +45,6 @@ class EmbeddedFigure:
     data: pd.DataFrame | None = field(default=None, compare=False, repr=False)  # numbers that the figure draws
 
 
-def embed_figure(figure: Figure, interactive: str = "") -> EmbeddedFigure:
-    """Convert a figure to a picture inside a page."""
-    width = round(PIXELS_PER_INCH * figure.get_size_inches()[0])
-    source = f"data:image/png;base64,{base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()}"
-    return EmbeddedFigure(source, width, interactive, getattr(figure, "data", None))
-
-
 def embed_recording_figures(
     trial: xr.Dataset | None, analysis: Analysis, *, start: float = 10.0, length: float = 5.0
 ) -> dict[str, EmbeddedFigure]:
@@ -73,7 +65,12 @@ def embed_recording_figures(
             figures["trajectories"] = trajectories_figure(changing, styles=styles)
         tests = {marked[label]: test for label, test in analysis.residuals.items()}
         figures["residuals"] = residual_figure(tests, styles=styles)
-    return {name: embed_figure(figure, interactive.get(name, "")) for name, figure in figures.items()}
+    embedded = {}
+    for name, figure in figures.items():
+        width = round(PIXELS_PER_INCH * figure.get_size_inches()[0])
+        source = f"data:image/png;base64,{base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()}"
+        embedded[name] = EmbeddedFigure(source, width, interactive.get(name, ""), figure.data)
+    return embedded
 
 
 def render_recording_page(

@@ -22,7 +22,7 @@ from ankleloop.methods.riv_tv.riv_tv import RivTvOptions
 from ankleloop.recordings.analysis import Analysis, analyse, describe_failure, refused_analysis
 from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.trials.files import atomic_file, source_files
+from ankleloop.trials.files import atomic_file
 from ankleloop.trials.readers import read_trial
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.trial import remove_drift, segment
@@ -154,5 +154,5 @@ def export_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwri
         return
     columns = {"time_s": estimate.torque["time"].values}
     columns |= {f"torque_{name}_nm": estimate.torque[name].values for name in TORQUES}
-    with atomic_file(path, overwrite=overwrite, inputs=source_files(estimate.torque)) as partial:
+    with atomic_file(path, overwrite=overwrite) as partial:
         pd.DataFrame(columns).to_csv(partial, index=False)

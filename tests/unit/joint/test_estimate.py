@@ -46,14 +46,6 @@ def test_the_summary_has_a_row_for_each_parameter():
     assert table.loc["B", ["low", "high"]].isna().all()
 
 
-def test_notebooks_show_parameters_and_remarks_as_html():
-    page = make_estimate(diagnostics={"warnings": ["K < 0"], "assumptions": ["the loop is open"]})._repr_html_()
-    for text in ("<b>Estimate by pr-moesp</b>", "<th>K</th>", "<td>150.1</td>", "<td>–</td>", "<td>N·m/rad</td>"):
-        assert text in page
-    for remark in ("reflex delay: assumed", "assumed: the loop is open", "warning: K &lt; 0"):
-        assert f"<li>{remark}</li>" in page
-
-
 def test_the_measured_torque_stands_beside_the_estimated_ones():
     trial, other = (simulate(seed=seed, duration=12.0) for seed in (1, 2))
     estimate = identify(trial, "riv")

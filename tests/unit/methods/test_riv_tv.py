@@ -315,11 +315,6 @@ def test_options_that_are_refused(options, message):
         RivTvOptions.parse("riv-tv", **options)
 
 
-def test_onsets_of_any_array():
-    for onsets in ([0, 1.5], np.array([0, 1.5]), xr.DataArray([0, 1.5]), (np.float64(0), 1.5)):
-        assert RivTvOptions.parse("riv-tv", cycle_onsets=onsets).cycle_onsets == (0.0, 1.5)
-
-
 MOVING = {"variation": "cycle", "stiffness_variation": 0.4, "movement": 0.2, "cycle_jitter": 0.1, "duration": 42.0}
 
 
