@@ -113,13 +113,9 @@ class LongRecord:
         DataError
             If the file has been changed since the record was made, or cannot be read any more.
         ValueError
-            For a channel that the record does not have, or a piece without samples.
+            For a piece without samples.
         """
         roles = tuple(channels or self._roles)
-        missing = [role for role in roles if role not in self._roles]
-        if missing:
-            known = ", ".join(self._roles)
-            raise ValueError(f"{self.path.name}: the record has no channel {missing[0]!r}; it has {known}.")
         if not 0 <= start < min(stop, self.samples):
             raise ValueError(
                 f"{self.path.name}: there are no samples {start} to {stop}: the record has {self.samples} samples."

@@ -108,8 +108,6 @@ def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
 
 def parse_options(source: str, **values: Any) -> ReadingOptions:
     """Check the options of reading."""
-    if values.get("sampling_rate") is not None:
-        values["sampling_rate"] = parse_rate(values["sampling_rate"], source=source)
     try:
         return ReadingOptions.parse(source, **values)
     except ValueError as error:
