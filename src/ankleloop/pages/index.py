@@ -73,7 +73,6 @@ class Results:
     figures: Mapping[str, Sequence[Figure]]  # by the titles of their studies
     recordings: pd.DataFrame  # a row for each recording
     recording_links: Sequence[str]  # page of each recording; empty where it has none
-    run_times: Mapping[str, pd.DataFrame]  # by their headings
     provenance: Sequence[tuple[str, str]]  # terms and texts
 
 
@@ -90,7 +89,6 @@ def render_index(results: Results, ledger: pd.DataFrame | None = None, conclusio
         verdicts=_explain(results.verdicts),
         studies=describe_table(results.studies, results.study_links),
         recordings=describe_table(results.recordings, results.recording_links),
-        run_times={heading: describe_table(table) for heading, table in results.run_times.items()},
     )
     return render_page("Results", body, pictures_of_files=True)
 
