@@ -181,7 +181,7 @@ def test_recordings_of_a_laboratory(reproduction):
     assert good.loc["pr-moesp-position", "reference"] == "position"
     refused = table[table["verdict"] == "refused"].set_index("recording")["reasons"]
     assert "777" in refused["A2"]  # the sample
-    assert "there is no file nowhere.csv" in refused["A3"]
+    assert "nowhere.csv: there is no such file" in refused["A3"]
     assert "A2 refused" in (reproduction / "run.log").read_text(encoding="utf-8")
     summary = page(reproduction / "results/reports/recordings.html")
     assert "position as reference" in summary

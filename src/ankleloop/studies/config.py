@@ -123,9 +123,6 @@ class SweepSettings(Options):
     axes: Names | None = option(
         None, "varied parameters: one gives lines, two give maps, more a matrix of effects; null for all in their order"
     )
-    band: Literal["mean", "trials"] = option(
-        "mean", "bands of lines: the 95 % confidence interval of the mean, or 80 % of the trials (quantiles 10 to 90 %)"
-    )
 
     @model_validator(mode="after")
     def _check_quantities(self) -> Self:

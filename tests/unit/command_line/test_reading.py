@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from ankleloop.command_line.reading import map_file, name_recording
+from ankleloop.command_line.reading import map_file
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import list_variables
 from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
@@ -114,11 +114,3 @@ def test_variables_of_structs_and_repeated_columns(tmp_path):
     assert map_file(tmp_path / "a.mat").torque == "data.tq"
     path = write_columns(tmp_path / "a.csv", "angle", "torque", "torque")
     assert [(v.name, v.shape) for v in list_variables(path)] == [("angle", (300,)), ("torque", ())]
-
-
-@pytest.mark.parametrize(
-    ("file", "name"),
-    [("S1.mat", "S1"), ("a b/S1 trial.3.csv.gz", "S1-trial.3"), ("_x.H5", "x"), ("...nc", "recording")],
-)
-def test_name_of_a_recording(tmp_path, file, name):
-    assert name_recording(tmp_path / file) == name

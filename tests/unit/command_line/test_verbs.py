@@ -318,11 +318,6 @@ def test_study_of_a_sweep(run, tmp_path, setting):
     assert 2 <= len(study.points) <= 3
 
 
-def test_a_setting_without_a_default_has_no_values_to_propose(run, tmp_path):
-    assert "pole has no default to vary" in " ".join(run("study", tmp_path / "a.yaml", "--sweep", "pole").err.split())
-    assert os.listdir(tmp_path) == []
-
-
 def test_a_full_disk_leaves_the_results_of_an_earlier_run(run, recording, tmp_path, monkeypatch):
     """A lack of space in the folder of temporary files is no verdict on the recording."""
     folder = tmp_path / "results"

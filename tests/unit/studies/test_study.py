@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config import NOTEBOOKS
 from ankleloop.studies.study import read_studies
 
 
@@ -52,12 +51,6 @@ def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
     assert [len(chunk) for chunk in study.chunks] == [1, 1, 1, 2]
     assert [len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="estimates").chunks] == [1, 1, 1, 2]
     assert [len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="scores").chunks] == [5]
-
-
-def test_figures_of_a_study(table1):
-    assert table1().figures == NOTEBOOKS["table1"] == ("figure3", "order")
-    assert table1(notebook=None).figures == ()
-    assert table1(methods={"riv": {"method": "riv"}}, figure={}).figures == ("figure3",)
 
 
 # --- recordings
