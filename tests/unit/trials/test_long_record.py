@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.io import netcdf_file
 
 from ankleloop import DataError, LongRecord, read_trial
-from ankleloop.trials import long_record
+from ankleloop.trials import readers
 from ankleloop.trials.validation import check_samples, validate
 
 RATE = 1000.0
@@ -113,7 +113,7 @@ def compare(path, **options):
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_each_variant_is_read_or_refused_as_by_read_trial(tmp_path, monkeypatch, variant):
-    monkeypatch.setattr(long_record, "BLOCK", 128)
+    monkeypatch.setattr(readers, "BLOCK", 128)
     contents, options = VARIANTS[variant]
     write(tmp_path / "rec.h5", **contents)
     compare(tmp_path / "rec.h5", **options)
@@ -165,7 +165,7 @@ def test_a_file_that_is_changed_later_is_refused(tmp_path):
 
 
 def test_pieces_in_any_order(tmp_path, monkeypatch):
-    monkeypatch.setattr(long_record, "BLOCK", 100)
+    monkeypatch.setattr(readers, "BLOCK", 100)
     write(tmp_path / "rec.h5")
     record = LongRecord(tmp_path / "rec.h5")
     rng = np.random.default_rng(0)
