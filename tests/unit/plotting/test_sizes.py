@@ -76,8 +76,8 @@ def mean_trajectories():
 
 FIGURES = {
     "curves": lambda: curves_figure(trials(panel="p"), {"p": Panel("VAF [%]", "net torque")}, xlabel="gain [1]"),
-    "broken curves": lambda: curves_figure(
-        trials(panel="p"), {"p": Panel("VAF [%]")} | {"q": Panel("VAF [%]")}, xlabel="gain [1]", break_at=92.0
+    "curves in two rows": lambda: curves_figure(
+        trials(panel="p"), {"p": Panel("VAF [%]")} | {"q": Panel("VAF [%]")}, xlabel="gain [1]", above=92.0
     ),
     "estimates": lambda: estimates_figure(rows_of(value=1.0, margin=0.1), {"p": Panel("K [N·m/rad]")}),
     "ratios": lambda: ratio_figure(rows_of(ratio=2.0), limit=1.5),

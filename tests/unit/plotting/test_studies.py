@@ -115,15 +115,14 @@ def test_estimates_have_a_row_for_each_condition_and_arrow_heads_beyond_the_limi
     assert axis.get_xlim() == (-10.0, 20.0)
 
 
-def test_a_broken_ordinate_shows_the_fall_and_the_values_near_the_top(results):
+def test_what_lies_above_a_level_has_panels_of_its_own(results):
     rows = results.assign(value=np.where(results["series"] == "PR-MOESP", 99.0, -50.0) + 0.1 * results["value"])
     panels = {name: Panel("VAF [%]", f"{name} torque", limits=(-200.0, 105.0)) for name in ("K", "B")}
-    figure = curves_figure(rows, panels, xlabel="gain [1]", break_at=90.0)
-    first, second = figure.axes
-    assert first.get_ylim() == second.get_ylim() == (-200.0, 105.0)
-    heights = first.transAxes.inverted().transform(first.transData.transform([(1, -200), (1, 90), (1, 105)]))[:, 1]
-    np.testing.assert_allclose(heights, [0.0, 0.55, 1.0], atol=1e-9)
-    assert {-200.0, -100.0, 0.0, 90.0, 95.0, 100.0} <= set(first.get_yticks())
+    figure = curves_figure(rows, panels, xlabel="gain [1]", above=90.0)
+    assert [axis.get_ylim() for axis in figure.axes] == [(90.0, 105.0)] * 2 + [(-200.0, 105.0)] * 2
+    first, last = figure.axes[0].get_lines(), figure.axes[2].get_lines()
+    assert [line.get_ydata().tolist() for line in first] == [line.get_ydata().tolist() for line in last]
+    assert figure.data["quantity"].unique().tolist() == ["VAF above 90", "VAF"]
 
 
 def test_the_table_of_a_figure_has_what_its_lines_have(results):
