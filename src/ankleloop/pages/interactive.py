@@ -11,8 +11,8 @@ import numpy as np
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.pages.rendering import render_template
+from ankleloop.plotting.estimates import centre_torques, find_window
 from ankleloop.plotting.style import MEASURED, TRUE, MethodStyle, method_styles
-from ankleloop.plotting.torques import centre_torques, find_window
 
 if TYPE_CHECKING:
     import xarray as xr

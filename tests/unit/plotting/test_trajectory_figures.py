@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from matplotlib.patches import Rectangle
 
-from ankleloop.plotting.trajectories import mean_trajectories_figure, trajectories_figure
+from ankleloop.plotting.estimates import mean_trajectories_figure, trajectories_figure
 
 PLACES = np.linspace(0.0, 1.0, 101)
 
