@@ -15,8 +15,7 @@ from ankleloop.plotting.estimates import torque_figure, trajectories_figure
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
 from ankleloop.plotting.style import method_styles, render_figure
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.recommendation import format_with_interval
-from ankleloop.recordings.variation import describe_variations
+from ankleloop.recordings.recommendation import describe_variations, format_with_interval
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,7 +1,6 @@
 """The command: help, exit statuses, messages, colours."""
 
 import os
-import pty
 import subprocess
 import sys
 import warnings
@@ -78,12 +77,6 @@ def test_wrong_usage(run, arguments, words):
         assert word in result.err
 
 
-def test_without_a_verb_there_is_help(run):
-    result = run()
-    assert "Commands:" in result.out + result.err
-    assert result.status == USAGE
-
-
 def test_warnings_of_the_library_are_lines(run, monkeypatch):
     def warn(**options):
         warnings.warn("a.csv: the file ends within line 3.", UserWarning, stacklevel=2)
@@ -118,33 +111,3 @@ def test_messages_name_the_command(capsys, message, options):
 def test_a_sign_that_was_turned_is_turned_back(capsys):
     show_correction("Set torque_sign: -1 (turn round the torque)", ["check", "a.csv", "--torque-sign", "-1"])
     assert capsys.readouterr().err == "next: ankleloop check a.csv --torque-sign -1 --torque-sign 1\n"
-
-
-def test_colours_are_for_terminals(tmp_path):
-    (tmp_path / "notes.txt").write_text("angle,torque\n")
-    command = [sys.executable, "-m", "ankleloop", "check", str(tmp_path / "notes.txt")]
-    plain = subprocess.run(command, capture_output=True, text=True)
-    assert plain.returncode == DATA
-    assert plain.stderr.startswith("error: notes.txt: unknown kind of file")
-    assert _run_on_terminal(command, {"NO_COLOR": "1"}) == plain.stderr
-    assert _run_on_terminal(command, {}).startswith("\x1b[31m\x1b[1merror\x1b[0m: notes.txt")
-
-
-def _run_on_terminal(command, variables):
-    """Output of a command that writes to a terminal."""
-    control, terminal = pty.openpty()
-    inherited = {name: value for name, value in os.environ.items() if name != "NO_COLOR"}
-    process = subprocess.Popen(command, stdout=terminal, stderr=terminal, env={**inherited, **variables})
-    os.close(terminal)
-    parts = []
-    while True:
-        try:
-            part = os.read(control, 4096)
-        except OSError:  # the other end is closed
-            break
-        if not part:
-            break
-        parts.append(part)
-    os.close(control)
-    process.wait()
-    return b"".join(parts).decode().replace("\r\n", "\n")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from ankleloop.command_line.reading import map_file, name_recording
+from ankleloop.command_line.reading import map_file
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import list_variables
 from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
@@ -98,7 +98,7 @@ def test_wrong_options(run, tmp_path, arguments, words):
 
 @pytest.mark.parametrize("kind", FILE_FORMATS)
 def test_variables_of_every_format(tmp_path, trial, kind):
-    path = tmp_path / f"a{FILE_FORMATS[kind][0]}"
+    path = tmp_path / f"a{FILE_FORMATS[kind]}"
     write_recording(trial, path, kind)
     variables = {variable.name: variable for variable in list_variables(path)}
     recording = map_file(path)
@@ -114,11 +114,3 @@ def test_variables_of_structs_and_repeated_columns(tmp_path):
     assert map_file(tmp_path / "a.mat").torque == "data.tq"
     path = write_columns(tmp_path / "a.csv", "angle", "torque", "torque")
     assert [(v.name, v.shape) for v in list_variables(path)] == [("angle", (300,)), ("torque", ())]
-
-
-@pytest.mark.parametrize(
-    ("file", "name"),
-    [("S1.mat", "S1"), ("a b/S1 trial.3.csv.gz", "S1-trial.3"), ("_x.H5", "x"), ("...nc", "recording")],
-)
-def test_name_of_a_recording(tmp_path, file, name):
-    assert name_recording(tmp_path / file) == name

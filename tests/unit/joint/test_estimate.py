@@ -27,10 +27,15 @@ def test_torques_have_units_and_names():
 
 def test_repr_has_intervals_and_warnings():
     intervals, warnings = {"K": (140.0, 160.25), "G": (12.0, 14.0)}, ["unstable", "short"]
-    first, *rest = repr(make_estimate(intervals=intervals, diagnostics={"warnings": warnings})).splitlines()
-    assert first == "<Estimate by pr-moesp: K = 150.1 (140 … 160.2) N·m/rad, B = 0.8 N·m·s/rad, I = 0.3 kg·m²>"
-    remarks = ["  reflex delay: assumed", "  warning: unstable", "  warning: short"]
-    assert rest == ["  reflex: delay = 0.04 s", *remarks]
+    lines = repr(make_estimate(intervals=intervals, diagnostics={"warnings": warnings})).splitlines()
+    assert lines[0] == "<Estimate by pr-moesp>"
+    rows = [line.split() for line in lines[1:6]]
+    assert rows[:3] == [
+        ["value", "low", "high", "unit"],
+        ["K", "150.1", "140", "160.2", "N·m/rad"],
+        ["B", "0.8", "–", "–", "N·m·s/rad"],
+    ]
+    assert lines[6:] == ["  reflex delay: assumed", "  warning: unstable", "  warning: short"]
 
 
 def test_the_summary_has_a_row_for_each_parameter():
@@ -39,14 +44,6 @@ def test_the_summary_has_a_row_for_each_parameter():
     assert table.loc["K"].tolist() == [150.125, 140.0, 160.25, "N·m/rad"]
     assert table.loc["delay", ["value", "unit"]].tolist() == [0.04, "s"]
     assert table.loc["B", ["low", "high"]].isna().all()
-
-
-def test_notebooks_show_parameters_and_remarks_as_html():
-    page = make_estimate(diagnostics={"warnings": ["K < 0"], "assumptions": ["the loop is open"]})._repr_html_()
-    for text in ("<b>Estimate by pr-moesp</b>", "<th>K</th>", "<td>150.1</td>", "<td>–</td>", "<td>N·m/rad</td>"):
-        assert text in page
-    for remark in ("reflex delay: assumed", "assumed: the loop is open", "warning: K &lt; 0"):
-        assert f"<li>{remark}</li>" in page
 
 
 def test_the_measured_torque_stands_beside_the_estimated_ones():

@@ -28,13 +28,3 @@ def test_periodic_splines_go_on_behind_the_cycle(size):
     folded = open_splines[:, :size].copy()
     folded[:, :3] += open_splines[:, size:]
     np.testing.assert_allclose(values, folded, atol=1e-10)
-
-
-@pytest.mark.parametrize("periodic", [True, False])
-def test_what_costs_nothing(periodic):
-    splines = Splines(9, periodic)
-    values = np.linalg.eigvalsh(splines.penalty)
-    assert np.sum(values > 1e-10) == splines.rank
-    np.testing.assert_allclose(splines.penalty @ np.ones(9), 0.0, atol=1e-12)
-    line = np.arange(9.0)
-    assert (abs(splines.penalty @ line).max() < 1e-12) == (not periodic)

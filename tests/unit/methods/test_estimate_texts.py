@@ -34,25 +34,6 @@ def test_the_default_is_the_method_that_feedback_does_not_bias(noisy):
         identify([noisy, simulate(seed=2, duration=20.0)])
 
 
-@pytest.mark.parametrize(
-    ("method", "options", "texts"),
-    [
-        ("riv", {"delay": 0.04}, ["the reflex delay is 40 ms."]),
-        ("riv", {"reference": "position"}, ["the loop is open: the position"]),
-        ("pr-moesp", {}, ["the reflex is a polynomial", "little torque is fed back", "the reflex delay"]),
-        ("parallel-cascade", {}, ["the loop is open: no reference", "the reflex delay"]),
-    ],
-)
-def test_assumptions_are_said_and_are_no_warnings(noisy, method, options, texts):
-    estimate = identify(noisy, method, **options)
-    assumptions = estimate.diagnostics["assumptions"]
-    assert len(assumptions) == len(texts)
-    for assumption, text in zip(assumptions, texts, strict=True):
-        assert assumption.startswith(text)
-        assert f"assumed: {assumption}" in repr(estimate)
-        assert assumption not in estimate.diagnostics["warnings"]
-
-
 def test_an_estimate_shows_all_of_its_parameters_and_compares(noisy):
     estimate, other = identify(noisy, "riv"), identify(noisy, "pr-moesp")
     for symbol in ("K = ", "B = ", "I = ", "G = ", "ωn = ", "ζ = ", "delay = 0.04"):

@@ -45,12 +45,6 @@ def test_every_method_returns_a_valid_estimate(noisy, method):
         assert model.ninputs == len(model.input_labels) > 3
 
 
-def test_defaults_of_the_method_of_the_paper(noisy):
-    values = {"instruments": "past-reference", "projection": "ordinary", "input_matrices": "least-squares"}
-    values |= {"order": 2, "instrument_rows": 15}
-    assert values.items() <= identify(noisy, "pr-moesp").diagnostics.items()
-
-
 @pytest.mark.parametrize("method", WITHOUT_REFERENCE)
 def test_other_methods_need_no_reference(noisy, method):
     without = identify(noisy.drop_vars("reference"), method)

@@ -5,22 +5,11 @@ import re
 from ankleloop.pages.rendering import find_headings, render_page
 
 
-def test_anchors_of_an_exporter_are_taken():
-    body = '<h2 id="Table-1">Table 1<a class="anchor-link" href="#Table-1">¶</a></h2>'
-    assert find_headings(body) == (body, [("2", "Table 1", "Table-1")])
-
-
 def test_headings_of_one_text_have_different_anchors():
     body, headings = find_headings("<h2>Trials</h2>" * 3 + '<h3 id="Trials">Trials</h3>')
     anchors = [anchor for *_, anchor in headings]
     assert anchors == re.findall(r'id="([^"]*)"', body)
     assert len(set(anchors)) == 4
-
-
-def test_other_headings_and_attributes_stay():
-    body, headings = find_headings('<h1>Title</h1><h2 class="wide">K &lt; B</h2><h4>Small</h4>')
-    assert [text for _, text, _ in headings] == ["K < B"]
-    assert body == '<h1>Title</h1><h2 id="K-B" class="wide">K &lt; B</h2><h4>Small</h4>'
 
 
 def test_contents_are_escaped_and_a_page_without_headings_has_none():

@@ -72,10 +72,3 @@ def test_a_long_record_says_what_is_drawn_and_stays_small(trial, estimates, monk
     page = render_interactive_torques(trial, estimates, window=WINDOW)
     assert "of every 2 samples one is drawn" in page
     assert len(page) < len(whole)
-
-
-def test_a_recording_says_that_its_parts_are_not_known(trial, estimates):
-    recording = trial.drop_vars([name for name in trial.data_vars if str(name).startswith("torque_")])
-    page = render_interactive_torques(recording, estimates, window=WINDOW)
-    assert "true (simulated)" not in page
-    assert "are not known" in page

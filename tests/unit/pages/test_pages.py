@@ -8,14 +8,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import bokeh
-import pandas as pd
 import pytest
 
 import ankleloop
 from ankleloop import DataError
 from ankleloop.pages import rendering
 from ankleloop.pages.recordings import EmbeddedFigure, embed_recording_figures, render_recording_page
-from ankleloop.pages.rendering import render_table
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.files import refuse_recording
@@ -93,11 +91,6 @@ def recording():
 def placeholder_figures():
     names = ("spectra", "torques", "models", "residuals")
     return dict.fromkeys(names, EmbeddedFigure("data:image/png;base64,", 400))
-
-
-def test_links_are_of_the_first_column_only():
-    page = Reader(render_table(pd.DataFrame({"recording": ["A1"], "reason": ["A1"]}), ["A1.html"]))
-    assert page.elements.count("a") == 1
 
 
 def test_recording_page_has_checks_methods_figures_and_tests(recording):

@@ -7,7 +7,7 @@ from synthetic_results import CASCADES, CLAIMS, FINDINGS, MEASUREMENTS, PAPER, P
 
 from ankleloop.paper.checks import CLAIM_CHECKS, parse_settings
 from ankleloop.paper.judgement import BY_CONSTRUCTION, CONTRADICTION, NOT_REPRODUCED, OPEN
-from ankleloop.paper.ledger import CONDITIONAL, VERDICTS, format_ledger
+from ankleloop.paper.ledger import CONDITIONAL, VERDICTS
 
 ROWS = {name: [f"{name}/{n.method}/{n.torque}" for n in TABLES[name].itertuples()] for name in TABLES}
 CHECKS = {row.check: row.id for row in [*CLAIMS.itertuples(), *FINDINGS.itertuples()]}
@@ -51,7 +51,6 @@ def edit_claims(check, **values):
     return {"claims": claims}
 
 
-T1 = {"reflex_gain": 13.0}
 TORQUES = ("net", "intrinsic", "reflex")
 ONE_PASS = CASCADES[:1]
 CASES = {
@@ -197,12 +196,10 @@ def test_a_missing_study_or_measurement_leaves_the_claim_open(check):
 
 
 def test_a_missing_point_leaves_the_claim_open():
-    """Without a point of each study a claim keeps its verdict or is open; each claim on trials needs at least one."""
+    """Without half of the points of each study a claim keeps its verdict or is open; each claim on trials needs one."""
     complete, needed = build_ledger()["verdict"], set()
-    for number in (-1, *range(8)):
-        fewer = {study: points[:] for study, points in POINTS.items()}
-        for points in fewer.values():
-            del points[number % len(points)]
+    for half in range(2):
+        fewer = {study: points[half::2] for study, points in POINTS.items()}
         ledger = build_ledger(points={study: points for study, points in fewer.items() if points})
         changed = ledger[ledger["verdict"] != complete]
         assert set(changed["verdict"]) <= {OPEN}
@@ -275,22 +272,7 @@ def test_neither_a_simulated_stand_in_nor_a_table_without_tolerance_has_a_verdic
     assert rows["reason"].str.contains("the table sets no tolerance").all()
 
 
-def test_unexplained_variance_stands_beside_vafs_near_100():
-    ledger = build_ledger(**vaf_at("table1", 99.9, ["pr-moesp"], ["intrinsic"], **T1))
-    assert "0.05 times the unexplained variance" in ledger.loc["table1/pr-moesp/intrinsic", "reason"]
-    assert "unexplained" not in ledger.loc["table1/parallel-cascade-one-pass/intrinsic", "reason"]
-
-
 def test_settings_of_claims():
     assert parse_settings("reflex_gain=10:30:1")["reflex_gain"] == [float(gain) for gain in range(10, 31)]
     assert parse_settings("snr_db=null perturbation=pulses") == {"snr_db": [None], "perturbation": ["pulses"]}
     assert parse_settings(np.nan) == {}
-
-
-def test_the_page_counts_and_explains_the_verdicts():
-    table = build_ledger().reset_index()
-    page = format_ledger(table)
-    for verdict, meaning in VERDICTS.items():
-        assert f"- {(table['verdict'] == verdict).sum()} × **{verdict}**: {meaning}" in page
-    assert page.count("\n| ") == len(table) + 1
-    assert "Condition: one pass" in page

@@ -2,8 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop.paper.results import summarise_columns, true_spectral_radius, true_values
-from ankleloop.quantities import QUANTITIES
+from ankleloop.paper.results import summarise_columns, true_spectral_radius
 from ankleloop.simulation.settings import SimulationSettings
 
 
@@ -27,13 +26,6 @@ def test_summary_has_the_order_of_the_rows_and_leaves_out_missing_values(paramet
     assert summary.loc[0, "K_std"] == pytest.approx(np.sqrt(0.5))
     assert np.isnan(summary.loc[0, "G_mean"])
     assert summary[["trials", "failures", "warnings"]].values.tolist() == [[2, 0, 0]] * 4
-
-
-def test_every_true_value_is_that_of_the_simulation():
-    values = true_values(SimulationSettings.defaults())
-    assert values == {"K": 150.0, "B": 0.8, "I": 0.015, "G": 13.0, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
-    assert set(values) <= set(QUANTITIES)
-    assert list(true_values(SimulationSettings.defaults(), ["B", "K"])) == ["B", "K"]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, sweep_options, 
 
 from ankleloop.errors import DataError
 from ankleloop.paper.sweeps import SweepStudy, describe_design, draw_map, draw_sweep, list_extremes
-from ankleloop.paper.trial_tables import label_parameter
 
 NOTEBOOK = Path(__file__).parents[3] / "notebooks" / "sweep.ipynb"
 POINTS = grid(reflex_gain=[5.0, 10.0, 20.0], voluntary=[0.0, 0.5])
@@ -31,13 +30,6 @@ def sweep(read):
     return read(table, ["reflex_gain", "voluntary"], difference=["riv", "moesp"])
 
 
-def test_standard_quantities_and_axes_are_those_of_the_table(sweep):
-    assert sweep.quantities == ["vaf_net_true", "vaf_intrinsic_true", "vaf_reflex_true", "K_error", "G_error"]
-    assert [axis.name for axis in sweep.axes] == ["reflex_gain", "voluntary"]
-    assert sweep.difference == "Refined instrumental variables − PR-MOESP"
-    assert set(sweep.trials["method"]) == {"riv", "moesp", "riv − moesp"}
-
-
 def test_quantities_without_a_value_are_named_and_left_out(read):
     table = make_trials(POINTS).assign(zeta=np.nan)
     sweep = read(table, ["reflex_gain", "voluntary"], quantities=["K", "zeta", "passes"])
@@ -45,17 +37,6 @@ def test_quantities_without_a_value_are_named_and_left_out(read):
     assert "No method of this study gives ζ, passes." in describe_design(sweep)
     with pytest.raises(DataError, match="no method has a value of zeta"):
         read(table, ["reflex_gain", "voluntary"], quantities=["zeta"])
-
-
-def test_design_is_described_from_the_table(sweep, read):
-    text = describe_design(sweep)
-    assert "reflex gain [N·m·s/rad]: 5, 10, 20; relative voluntary torque: 0, 0.5" in text
-    assert (
-        "Points: 6; conditions (points that differ in options alone share their trials): 6; trials at each point: 3. "
-        "Identifications: 36; failed: 6; with a warning: 0." in text
-    )
-    options = read(make_trials(grid(block_rows=[10, 12])), ["block_rows"])
-    assert "share their trials): 1;" in describe_design(options)
 
 
 def test_axes_choose_the_picture(read):
@@ -103,12 +84,6 @@ def test_error_with_the_smallest_root_mean_square_is_the_best(read):
     sweep = read(table, ["voluntary"], quantities=["K_error"])
     best = list_extremes(sweep, sweep.summarise()).set_index(["method", "rank"]).loc[("PR-MOESP", "best")]
     assert best["relative voluntary torque"] == "0.2"  # a bias of 2 %, against none with a spread of 33 %
-
-
-def test_options_of_one_method_have_its_name_and_unit():
-    assert label_parameter("moesp.block_rows", LABELS) == "block rows of PR-MOESP [samples]"
-    assert label_parameter("block_rows", LABELS) == "block rows [samples]"
-    assert label_parameter("reflex_gain", LABELS) == "reflex gain [N·m·s/rad]"
 
 
 def run_notebook(**study):

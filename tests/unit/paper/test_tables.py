@@ -9,9 +9,7 @@ from ankleloop.paper.results import COUNTS
 from ankleloop.paper.tables import (
     compare_with_bound,
     compare_with_published,
-    format_columns,
     format_means,
-    format_pairs,
     format_table,
 )
 
@@ -75,10 +73,3 @@ def test_a_table_beside_the_paper_says_how_many_trials_failed(partly_failed):
     assert shown[["trials", "failures", "warnings"]].values.tolist()[3] == ["4", "4", "0"]
     assert shown["ours [%]"].iloc[3] == "–"
     assert shown["ours [%]"].iloc[0].startswith("91.5 ± ")
-
-
-def test_numbers_become_text():
-    assert format_pairs([1.25, -3.0], [0.5, 1.0], "{:+.1f} ± {:.1f}") == ["+1.2 ± 0.5", "-3.0 ± 1.0"]
-    assert format_pairs([150.0, np.nan], [np.nan, np.nan]) == ["150.0 ± –", "–"]
-    table = pd.DataFrame({"method": ["riv", "pr"], "K": [150.25, np.nan]})
-    assert format_columns(table, ["K"], "{:.4g}")["K"].tolist() == ["150.2", "–"]

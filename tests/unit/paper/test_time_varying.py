@@ -1,7 +1,5 @@
 """Summaries of studies of joints that change in time."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,12 +17,9 @@ from ankleloop.paper.time_varying import (
     compare_with_bound,
     measure_trajectories,
     profile_trajectories,
-    title_setting,
-    typical_points,
 )
 from ankleloop.simulation.settings import SimulationSettings
 
-ROOT = Path(__file__).parents[3]
 PLACES = np.linspace(0.0, 1.0, 101)
 SETTINGS = SimulationSettings.defaults() | {"variation": "cycle", "stiffness_variation": 0.4, "duration": 20.0}
 
@@ -87,18 +82,6 @@ def test_a_study_without_trajectories_is_refused(tmp_path):
     table.write(tmp_path / "e.parquet")
     with pytest.raises(DataError, match="no estimate of the study has trajectories"):
         average_study([tmp_path / "e.parquet"], {"only": SETTINGS}, ["riv"])
-
-
-def test_settings_are_told_by_what_differs():
-    points = {
-        "a": SETTINGS | {"cycle_jitter": 0.06, "duration": 56.0},
-        "b": SETTINGS | {"variation": "schedule", "duration": 120.0, "voluntary": 0.3},
-    }
-    assert title_setting(points["a"], ["variation"]) == "40 cycles, durations ± 6 %"
-    assert title_setting(points["b"], ["variation"]) == "scheduling variable, 120 s"
-    assert title_setting(points["b"], ["voluntary", "load_inertia"]).startswith("load 1.1/7.1/250, voluntary 30 %")
-    assert typical_points(points) == ["a", "b"]
-    assert len(typical_points({str(number): {} for number in range(18)})) == 4
 
 
 POINT = {"variation": "cycle", "duration": 42.0, "stiffness_variation": 0.4, "cycle_onsets": "phase"}

@@ -8,8 +8,6 @@ from ankleloop.paper.results import (
     COUNTS,
     count_outcomes,
     count_trials,
-    describe_failures,
-    describe_faults,
     summarise_scores,
 )
 
@@ -65,25 +63,3 @@ def test_means_of_scores_keep_their_order_and_say_what_they_leave_out(parameters
     assert table["mean"].isna().tolist() == [False] * 6 + [True] * 2
     assert table[["n", *COUNTS]].values.tolist()[:2] == [[2, 3, 1, 1, 1]] * 2
     assert table[["n", *COUNTS]].values.tolist()[-1] == [0, 3, 3, 0, 0]
-
-
-def test_failures_and_warnings_are_counted_by_method():
-    table = pd.DataFrame({"method": ["a", "b", "b", "b"], "warnings": [None, "unstable", "unstable", None]})
-    text = describe_faults(table, {"b": "B"})
-    assert (
-        text == "Identifications without an estimate: 0 of 4; with a warning: 2 of 4 (B 2). In figures they have rings."
-    )
-    failed = describe_faults(table.assign(failure=["no order fits", None, None, None]), {})
-    assert failed.startswith("Identifications without an estimate: 1 of 4 (a 1);")
-
-
-def test_reasons_of_failures_are_counted_whatever_their_numbers():
-    reasons = [f"the loop is unstable after {number / 7:.3g} s." for number in range(50)] + ["no pole."] * 3
-    points = [f"gain={number}" for number in range(53)]
-    table = pd.DataFrame({"point": points, "method": "riv", "trial": 0, "failure": reasons})
-    table = pd.concat([table, table.assign(trial=1, failure=None)])
-    for rows in (table, table.astype(dict.fromkeys(("point", "method", "failure"), "category"))):
-        assert describe_failures(rows) == (
-            "53 of 106 identifications failed; means leave them out. 50 of them, such as riv at gain=0: the loop is "
-            "unstable after 0 s. 3 of them, such as riv at gain=50: no pole"
-        )

@@ -7,10 +7,7 @@ import yaml
 
 from ankleloop.plotting.style import (
     METHOD_STYLES,
-    VARIANTS,
     label_styles,
-    method_styles,
-    ordinal_styles,
 )
 from ankleloop.studies.study import read_studies
 
@@ -53,22 +50,6 @@ def test_colours_can_be_told_apart_by_readers_without_red_or_green_receptors(vis
         assert difference >= LEAST_DIFFERENCE, (first, second)
 
 
-@pytest.mark.parametrize("vision", VISION)
-def test_ordinal_colours_go_from_dark_to_light_for_all_readers(vision):
-    for count in range(2, 7):
-        styles = ordinal_styles(map(str, range(count))).values()
-        lightness = [perceive(style.colour, VISION[vision])[0] for style in styles]
-        assert np.all(np.diff(lightness) > 3.0)
-
-
-def test_variants_keep_colour_family_and_symbol_and_differ_otherwise():
-    keys = [f"variant {number}" for number in range(len(VARIANTS))]
-    styles = list(method_styles({**dict.fromkeys(keys, "riv"), "pi-moesp": "pi-moesp"}).values())[:-1]
-    assert {style.marker for style in styles} == {METHOD_STYLES["riv"].marker}
-    assert len({(style.colour, style.filled, style.dashes) for style in styles}) == len(VARIANTS)
-    assert len({style.dashes for style in styles}) == len(VARIANTS)  # in grey print
-
-
 def test_no_two_methods_of_a_study_look_alike(article_studies):
     for name, study in article_studies.items():
         styles = list(
@@ -76,14 +57,3 @@ def test_no_two_methods_of_a_study_look_alike(article_studies):
         )
         if name != "obstacles":  # draws four of its methods
             assert len(set(styles)) == len(styles), name
-
-
-def test_a_new_method_has_a_style_too():
-    styles = method_styles({"mine": "mine", "riv": "riv"})
-    assert styles["mine"].colour not in {style.colour for style in METHOD_STYLES.values()}
-    assert styles["mine"].marker not in {style.marker for style in METHOD_STYLES.values()}
-
-
-def test_many_variants_of_a_single_method_have_colours_of_their_own():
-    styles = method_styles({f"form {number}": "pr-moesp" for number in range(6)}).values()
-    assert len({style.colour for style in styles}) == len({style.marker for style in styles}) == 6

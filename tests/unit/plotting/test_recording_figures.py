@@ -40,19 +40,6 @@ def test_parametric_models_have_a_gain_and_a_phase():
     assert legend(figure) == ["riv", "PI-MOESP"]
 
 
-def test_impulse_responses_take_the_place_of_the_phase():
-    lags = np.arange(-4, 5) / 100
-    responses = {"intrinsic_lags": lags, "intrinsic_response": lags**2}
-    responses |= {"reflex_lags": np.arange(60) / 100, "reflex_response": np.ones(60)}
-    figure = model_figure({"riv": estimate(), "parallel cascade": estimate(**responses)})
-    response, _, _, reflex = figure.axes[:4]
-    assert response.get_ylabel() == "intrinsic response [N·m/rad]"
-    assert len(response.get_lines()) == 1  # of the parallel cascade
-    samples = reflex.get_lines()[-1].get_ydata()
-    np.testing.assert_allclose(samples, 1.0 / 10.0 / 0.01)  # of unit gain
-    assert len(samples) == 40  # none later than 0.4 s after the delay
-
-
 def test_reflex_responses_begin_after_the_delay_of_their_estimate():
     """Methods with different delays are compared at the same time after the movement."""
     slow = estimate(reflex_lags=np.arange(60) / 100, reflex_response=np.ones(60))
@@ -97,8 +84,3 @@ def test_recordings_have_a_row_each_with_their_intervals():
     assert 80.0 < low < 90.0 < 125.0 < high < 135.0  # of those to be trusted; the other one is an arrow head
     assert legend(figure) == ["riv", "with failures or warnings"]
     assert figure.data["marked"].tolist() == [False, False, True]
-
-
-def test_subjects_and_conditions_are_named_where_the_table_names_them():
-    figure = recordings_figure(recordings(subject=["S1", "–", ""], condition=["rest", "rest", "–"]), ["K"])
-    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == ["A1 (S1, rest)", "A2 (rest)", "A3"]

@@ -5,8 +5,7 @@ from matplotlib.markers import CARETRIGHTBASE
 from scipy import stats
 
 from ankleloop.plotting.panels import Panel, estimates_figure
-from ankleloop.plotting.studies import curves_figure, traces_figure
-from ankleloop.plotting.style import METHOD_STYLES
+from ankleloop.plotting.studies import curves_figure
 
 
 @pytest.fixture
@@ -77,17 +76,6 @@ def test_rings_mark_means_with_failures_or_warnings(results):
     assert legend(figure) == ["PR-MOESP", "with failures or warnings", "every trial failed"]
 
 
-def test_traces_have_units_and_true_values():
-    time = np.linspace(0, 5, 20)
-    traces = {"open": {"time": time, "K": time}, "closed": {"time": time, "K": -time}}
-    figure = traces_figure(traces, {"K": ("K [N·m/rad]", 150.0)}, 0.0, METHOD_STYLES["riv"])
-    assert [axis.get_title() for axis in figure.axes] == ["open", "closed"]
-    assert figure.axes[0].get_ylabel() == "K [N·m/rad]"
-    assert {axis.get_xlabel() for axis in figure.axes} == {"time [s]"}
-    assert figure.axes[0].get_lines()[1].get_ydata()[0] == 150.0
-    assert legend(figure) == ["estimate", "true value"]
-
-
 def test_estimates_have_a_row_for_each_condition_and_arrow_heads_beyond_the_limits():
     table = pd.DataFrame(
         {
@@ -113,6 +101,7 @@ def test_estimates_have_a_row_for_each_condition_and_arrow_heads_beyond_the_limi
     ends = [segment[:, 0].tolist() for segment in axis.collections[0].get_segments()]
     assert ends == [[1.5, 2.5], [3.0, 5.0]]
     assert axis.get_xlim() == (-10.0, 20.0)
+<<<<<<< HEAD
 
 
 def test_what_lies_above_a_level_has_panels_of_its_own(results):
@@ -134,3 +123,5 @@ def test_the_table_of_a_figure_has_what_its_lines_have(results):
             np.testing.assert_array_equal(line.get_xydata(), rows[["x", "value"]])
             edges = band.get_paths()[0].vertices
             assert {*rows["low"], *rows["high"]} <= set(edges[:, 1])
+=======
+>>>>>>> main

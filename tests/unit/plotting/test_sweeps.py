@@ -73,14 +73,6 @@ def test_marks_stand_where_trials_failed_or_warned():
     assert lines["every trial failed"].get_xdata().tolist() == [20.0]
 
 
-def test_values_that_are_no_numbers_stand_side_by_side_without_a_line():
-    axis = SweepAxis.of("loop", "loop [1]", [True, None], {True: "closed loop"})
-    (cell,) = panels_of(draw(lines_figure(effects(axis), [axis], [VAF], STYLES)))
-    assert [label.get_text() for label in cell.get_xticklabels()] == ["closed loop", "none"]
-    assert {line.get_linestyle() for line in cell.get_lines()} == {"None"}
-    assert cell.get_xlabel() == "loop"
-
-
 def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
     figure = draw(maps_figure(cells(), (GAIN, NOISE), PANELS))
     panels = panels_of(figure)
@@ -112,13 +104,6 @@ def test_cells_have_their_numbers_and_marks():
     assert len(second.texts) == 11
 
 
-def test_small_cells_have_no_numbers():
-    axis = SweepAxis.of("reflex_gain", "reflex gain [N·m·s/rad]", np.arange(40.0))
-    table = rows_of([{"x": x, "y": x} for x in axis.values]).assign(marked=lambda rows: rows["x"] == 3.0)
-    first = panels_of(draw(maps_figure(table, (axis, axis), [VAF])))[0]
-    assert [text.get_text() for text in first.texts if text.get_text()] == ["*"]
-
-
 @pytest.mark.parametrize(
     ("values", "goal", "limits"),
     [
@@ -133,19 +118,3 @@ def test_small_cells_have_no_numbers():
 )
 def test_lost_values_do_not_set_the_limits(values, goal, limits):
     assert value_limits(pd.Series(values, dtype=float), goal) == limits
-
-
-@pytest.mark.parametrize(
-    ("values", "ordered", "logarithmic"),
-    [
-        ([1.0, 2.0, 3.0], True, False),
-        ([1.0, 2.0, 5.0, 10.0], True, True),
-        ([0.0, 0.1, 1.0, 10.0], True, False),
-        ([10.0, None, 20.0], False, False),
-        ([True, False], False, False),
-        ([1.0, 10.0], True, False),
-    ],
-)
-def test_scale_of_an_axis_follows_its_values(values, ordered, logarithmic):
-    axis = SweepAxis.of("x", "x", values)
-    assert (axis.ordered, axis.is_logarithmic) == (ordered, logarithmic)

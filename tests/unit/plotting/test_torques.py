@@ -19,20 +19,6 @@ def identified():
     }
 
 
-def test_panels_have_labels_titles_and_scores(identified):
-    trial, estimates = identified
-    figure = torque_figure(trial, estimates, start=3.0, length=4.0, title="a title")
-    axes = np.array(figure.axes).reshape(3, 2)
-    assert [axis.get_ylabel() for axis in axes[:, 0]] == [f"{t} torque [N·m]" for t in ("net", "intrinsic", "reflex")]
-    assert {axis.get_xlabel() for axis in axes[-1]} == {"time [s]"}
-    assert {axis.get_xlim() for axis in axes.flat} == {(3.0, 7.0)}
-    assert axes[0, 0].get_title().startswith("PR-MOESP\nnet: VAF ")
-    legend = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    assert legend == ["PR-MOESP (estimated)", "one pass (estimated)", "measured", "true (simulated)"]
-    scores = ankleloop.evaluate(trial, estimates["PR-MOESP"]).set_index(["torque", "against"])["vaf"]
-    assert axes[2, 0].get_title() == f"reflex: VAF {scores['reflex', 'true']:.1f} % (true)"
-
-
 def test_estimates_of_a_recording_are_drawn_over_its_measured_torque(identified):
     trial, estimates = identified
     recording = trial[["position", "torque", "reference"]]

@@ -3,12 +3,11 @@
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 import xarray as xr
 from matplotlib.patches import Rectangle
 
-from ankleloop.plotting.estimates import mean_trajectories_figure, trajectories_figure
+from ankleloop.plotting.estimates import trajectories_figure
 
 PLACES = np.linspace(0.0, 1.0, 101)
 
@@ -56,26 +55,6 @@ def test_the_table_has_trajectories_bands_excitation_and_truth():
     np.testing.assert_allclose(excitation["value"][:10], 0.001)
 
 
-def test_inertia_has_a_panel_where_it_varies():
-    constant, varying = make_estimate(), make_estimate()
-    constant.stiffness, constant.reflex = {"I": 0.015}, {}
-    curves = varying.trajectories
-    varying.trajectories = curves.assign({f"I{end}": curves[f"K{end}"] for end in ("", "_low", "_high")})
-    varying.diagnostics["excitation"]["I"] = np.ones(101)
-    figure = trajectories_figure({"a": constant, "b": varying}, curves)
-    assert [axis.get_ylabel() for axis in figure.axes[:4]][-1] == "I [kg·m²]"
-    assert len(trajectories_figure({"a": constant}).axes) == 6
-
-
 def test_trajectories_over_different_things_are_refused():
     with pytest.raises(ValueError, match="functions of one thing, got phase, time"):
         trajectories_figure({"a": make_estimate(), "b": make_estimate("time")})
-
-
-def test_ordinates_of_means_follow_truth_and_means_and_not_the_spread():
-    table = pd.DataFrame({"place": PLACES, "truth": 100.0, "mean": 100.0 + 10.0 * PLACES, "n": 5})
-    table = table.assign(low=-1e4, high=1e4, parameter="K", dimension="phase", row="40 cycles", series="riv-tv")
-    figure = mean_trajectories_figure(table)
-    low, high = figure.axes[0].get_ylim()
-    assert 95.0 < low < 100.0 < 110.0 < high < 115.0
-    assert figure.data["high"].max() == 1e4

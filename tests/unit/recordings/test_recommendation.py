@@ -4,10 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop.recordings.analysis import Analysis, refused_analysis
+from ankleloop.recordings.analysis import Analysis, TorqueResidual
 from ankleloop.recordings.checks import Check, Finding
-from ankleloop.recordings.comparison import TorqueResidual
-from ankleloop.recordings.recommendation import Recommendation, format_with_interval, recommend
+from ankleloop.recordings.recommendation import Recommendation, recommend
 
 FED_BACK = "the loop is closed, and torque that is fed back does not bias it"
 RIV = {"label": "RIV", "method": "riv", "valid": True, "trusted": True, "vaf_unseen": 90.0, "K": 151.23}
@@ -88,11 +87,6 @@ def test_no_recommendation_without_a_method_to_be_trusted(loop, rows, reason):
     assert recommendation == Recommendation(None, f"Nothing can be concluded from this recording: {reason}.")
 
 
-def test_a_refused_recording_has_no_recommendation():
-    check = Check([Finding("length", "refused", "too short.")], "undecided", {})
-    assert recommend(refused_analysis(check)).text.endswith(": it was refused.")
-
-
 def test_a_warning_keeps_the_best_score_from_being_recommended():
     unseen = {"PR": residual(1.0, 1), "RIV": residual(10.0, 2)}
     for row in (warned(PR), {**PR, "unseen_warnings": "not converged"}, {**PR, "vaf_unseen": np.nan}):
@@ -113,17 +107,3 @@ def test_no_recommendation_without_a_score_of_the_unseen_half():
     assert recommendation.label is None
     assert "not fitted" in recommendation.text
     assert recommend(make_analysis("closed", [row])).label == "PR"
-
-
-def test_an_incomplete_model_is_named():
-    text = recommend(make_analysis("closed", [{**RIV, "residual_related": True}])).text
-    assert "Its residual still depends on the movement" in text
-    assert "depends" not in recommend(make_analysis("closed", [{**RIV, "residual_related": False}])).text
-
-
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [("K", "151.2 (149.5 … 153)"), ("vaf_unseen", "90"), ("label", "RIV"), ("B", "–"), ("zeta", "–")],
-)
-def test_values_with_intervals(name, text):
-    assert format_with_interval(pd.Series({**RIV, "zeta": np.nan}), name) == text

@@ -62,17 +62,6 @@ def test_every_form_of_import(library, text):
     assert changed_by(library, script, "ankleloop/a/x.py")
 
 
-def test_package_data_go_with_the_modules_beside_them(library):
-    library("ankleloop/a/x.py", "from importlib.resources import files")
-    library("ankleloop/a/templates/page.html.j2", "<html>")
-    library("ankleloop/b/y.py")
-    script, other = library("script.py", "import ankleloop.a.x"), library("other.py", "import ankleloop.b.y")
-    assert changed_by(library, script, "ankleloop/a/templates/page.html.j2", "<body>")
-    assert changed_by(library, script, "ankleloop/a/templates/deep/new.css", "p {}")
-    assert not changed_by(library, other, "ankleloop/a/templates/page.html.j2", "<body>")
-    assert not changed_by(library, script, "ankleloop/a/__pycache__/x.cpython-311.pyc", "code")
-
-
 def test_code_of_notebooks_counts(library):
     library("ankleloop/a/x.py")
     library("ankleloop/b/y.py")

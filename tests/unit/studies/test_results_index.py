@@ -70,26 +70,6 @@ def test_the_article_of_an_earlier_run_is_left_out(folder):
     assert "There are no benchmark files" in page
 
 
-def test_the_page_opens_with_what_was_found(folder):
-    rows = [
-        {"id": "cause", "verdict": "not reproduced", "ours": 99.9, "statement": "the cause"},
-        {"id": "table1/pr-moesp/net", "verdict": "reproduced", "ours": 92.1, "statement": "net torque by PR-MOESP"},
-    ]
-    ledger = pd.DataFrame(rows).assign(paper=92.0, uncertainty=0.1, reason="It fell.", source="paper")
-    sentence = f"**Not the loop.** `riv` {HOSTILE} {{ours:.1f}} %"
-    page = render_index(collect(folder), ledger, {"cause": {"verdict": "not reproduced", "sentence": sentence}})
-    assert "<b>Not the loop.</b> <code>riv</code> &lt;b&gt;&amp;co 99.9 %" in page
-    assert "1 of the 2 numbers and claims of the paper that can be decided hold" in page
-    assert page.index("92 → 92.1 ± 0.1") < page.index("article.html")
-    texts = (
-        "ankleloop 1.2.3",
-        PROVENANCE["commit"],
-        "not committed",
-        "3.11.2",
-    )
-    assert [text for text in texts if text not in page] == []
-
-
 def test_times_of_the_jobs_of_the_run(folder):
     """From benchmark files of Snakemake; time without a job, and a chunk of an earlier run, do not count."""
     for name, row, end in (

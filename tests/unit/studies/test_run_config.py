@@ -22,11 +22,6 @@ def recorded(tmp_path):
     return read
 
 
-def test_notebooks_show_every_study_of_the_repository(config):
-    """Also those that are not part of the run."""
-    read_run({**config, "run": None}, [])
-
-
 def test_paths_may_have_variables_dollar_signs_and_a_home(monkeypatch):
     monkeypatch.setenv("FOLDER", "/data/a$b")  # what a variable holds is not expanded again
     monkeypatch.setenv("HOME", "/home/me")
@@ -50,15 +45,6 @@ def test_one_file_of_many_may_be_missing(recorded, tmp_path):
     assert study.existing_paths(0) == [str(folder / "a b.csv")]
     with pytest.raises(ConfigError, match=r"config.yaml, line 6: .*folder: none of its 1 files exists; .*missing.csv"):
         recorded(str(folder), B="missing.csv")
-
-
-def test_a_mistake_on_the_command_line_has_no_line(config, tmp_path):
-    path = tmp_path / "config.yaml"
-    path.write_text(yaml.safe_dump(config), encoding="utf-8")
-    with pytest.raises(ConfigError, match=r"^--config: config → run: must be a list in brackets"):
-        read_run({**config, "run": "table1"}, [path], {"run": "table1"})
-    with pytest.raises(ConfigError, match=r"^.*config.yaml, line \d+: config → run: must be a list"):
-        read_run({**config, "run": "table1"}, [path])
 
 
 def test_a_run_without_the_article_says_so(config):

@@ -27,7 +27,6 @@ def test_the_schema_refuses_what_the_models_refuse(change):
     for keys, value in (
         (["studies", "table1", "trails"], 3),
         (["studies", "table1", "trials"], 0),
-        (["studies", "table1", "points"], {"gain": [1.0]}),
         (["studies", "table1", "methods", "a"], {"method": "parallel-cascade", "options": {"order": 2}}),
     ):
         with pytest.raises(jsonschema.ValidationError):
