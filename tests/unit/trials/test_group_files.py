@@ -62,7 +62,3 @@ def test_values_of_another_form_are_refused_by_name(call, message):
     values = {"text": "abc", "vector": np.ones(3), "infinite": [np.inf]}
     with pytest.raises(DataError, match=message):
         call(Fields("f, group g", values))
-
-
-def test_values_that_are_not_finite_can_be_allowed():
-    assert np.isnan(Fields("f", {"x": [np.nan]}).array("x", 1, finite=False)[0])
